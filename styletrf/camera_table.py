@@ -1,0 +1,74 @@
+"""Cameras in Parquet: one row an image, readable by any tool.
+
+Columns: name, width, height, model, fx, fy, cx, cy, distortion (list), registered, and
+world_from_camera (12 numbers, row-major 3x4; null where the image is not registered).
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from styletrf.cameras import Camera
+
+_SCHEMA = pa.schema(
+    [
+        ("name", pa.string()),
+        ("width", pa.int32()),
+        ("height", pa.int32()),
+        ("model", pa.string()),
+        ("fx", pa.float64()),
+        ("fy", pa.float64()),
+        ("cx", pa.float64()),
+        ("cy", pa.float64()),
+        ("distortion", pa.list_(pa.float64())),
+        ("registered", pa.bool_()),
+        ("world_from_camera", pa.list_(pa.float64())),
+    ]
+)
+
+
+def write_cameras(path: Path, cameras: Sequence[Camera], unregistered: Sequence[str] = ()) -> None:
+    """Writes pinhole cameras in the order given, then the names of the unregistered images."""
+    rows = [_row(camera) for camera in cameras]
+    rows += [{"name": name, "registered": False} for name in unregistered]
+    pq.write_table(pa.Table.from_pylist(rows, schema=_SCHEMA), path)
+
+
+def read_cameras(path: Path) -> list[Camera]:
+    """Returns the registered cameras, in the order of the table."""
+    return [_camera(row) for row in pq.read_table(path).to_pylist() if row["registered"]]
+
+
+def read_unregistered(path: Path) -> list[str]:
+    """Returns the names of the images that have no camera."""
+    return [row["name"] for row in pq.read_table(path).to_pylist() if not row["registered"]]
+
+
+def _row(camera: Camera) -> dict[str, object]:
+    return {
+        "name": camera.name,
+        "width": camera.width,
+        "height": camera.height,
+        "model": "PINHOLE",
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "distortion": [],
+        "registered": True,
+        "world_from_camera": camera.world_from_camera.reshape(-1).tolist(),
+    }
+
+
+def _camera(row: dict[str, object]) -> Camera:
+    intrinsics = {name: float(str(row[name])) for name in ("fx", "fy", "cx", "cy")}
+    return Camera(
+        name=str(row["name"]),
+        width=int(str(row["width"])),
+        height=int(str(row["height"])),
+        world_from_camera=np.asarray(row["world_from_camera"], dtype=np.float64).reshape(3, 4),
+        **intrinsics,
+    )

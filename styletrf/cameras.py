@@ -1,0 +1,110 @@
+"""A pinhole camera, the rays through its pixels, and projection.
+
+Letters: `fx fy cx cy` in pixels; conventions in `docs/conventions.md`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """One undistorted photograph's camera, or one of a trajectory.
+
+    `world_from_camera` is 3x4 (float64): the columns of the rotation are the camera's x, y, z axes
+    in the world, the last column its centre.
+    """
+
+    name: str
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    world_from_camera: Float[np.ndarray, "3 4"]
+
+    @property
+    def center_world(self) -> Float[np.ndarray, " 3"]:
+        """The centre of projection."""
+        return self.world_from_camera[:, 3]
+
+    @property
+    def forward_world(self) -> Float[np.ndarray, " 3"]:
+        """The unit vector along the optical axis."""
+        return self.world_from_camera[:, 2]
+
+
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """Rays in the world; directions have z = 1 in their camera, so a ray's parameter is depth Z."""
+
+    origins: Float[Tensor, "rays 3"]
+    directions: Float[Tensor, "rays 3"]
+
+
+def resized(camera: Camera, width: int, height: int) -> Camera:
+    """Returns the camera of the same photograph resampled to `width` x `height`."""
+    sx, sy = width / camera.width, height / camera.height
+    return replace(
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx * sx,
+        fy=camera.fy * sy,
+        cx=camera.cx * sx,
+        cy=camera.cy * sy,
+    )
+
+
+def fitted_to(camera: Camera, long_side: int) -> Camera:
+    """Returns the camera resized so that its longer side is at most `long_side` pixels."""
+    scale = min(1.0, long_side / max(camera.width, camera.height))
+    return resized(
+        camera, max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+    )
+
+
+def moved(camera: Camera, new_from_world: Float[np.ndarray, "4 4"]) -> Camera:
+    """Returns the camera in a new world, reached by the similarity `new_from_world`.
+
+    The scale of the similarity moves the centre and leaves the axes orthonormal.
+    """
+    linear, offset = new_from_world[:3, :3], new_from_world[:3, 3]
+    scale = np.cbrt(np.linalg.det(linear))
+    rotation = linear / scale @ camera.world_from_camera[:, :3]
+    center = linear @ camera.center_world + offset
+    return replace(camera, world_from_camera=np.column_stack([rotation, center]))
+
+
+def pixel_centers(width: int, height: int) -> Float[np.ndarray, "pixels 2"]:
+    """Returns the centres (x, y) of all pixels, row by row."""
+    y, x = np.mgrid[0:height, 0:width]
+    return np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5
+
+
+def rays_through(camera: Camera, pixels: Float[Tensor, "rays 2"]) -> Rays:
+    """Returns the world rays through `pixels`, in the dtype and on the device of `pixels`."""
+    x = (pixels[:, 0] - camera.cx) / camera.fx
+    y = (pixels[:, 1] - camera.cy) / camera.fy
+    directions_camera = torch.stack([x, y, torch.ones_like(x)], dim=-1)
+    pose = torch.as_tensor(camera.world_from_camera, dtype=pixels.dtype, device=pixels.device)
+    directions = directions_camera @ pose[:, :3].T
+    return Rays(pose[:, 3].expand_as(directions), directions)
+
+
+def project(
+    camera: Camera, points_world: Float[np.ndarray, "points 3"]
+) -> tuple[Float[np.ndarray, "points 2"], Float[np.ndarray, " points"]]:
+    """Returns the pixels of world points and their depth Z (negative behind the camera)."""
+    rotation, center = camera.world_from_camera[:, :3], camera.center_world
+    points_camera = (points_world - center) @ rotation
+    depth = points_camera[:, 2]
+    safe = np.where(depth == 0, np.finfo(depth.dtype).tiny, depth)
+    x = camera.fx * points_camera[:, 0] / safe + camera.cx
+    y = camera.fy * points_camera[:, 1] / safe + camera.cy
+    return np.stack([x, y], axis=-1), depth
