@@ -16,3 +16,10 @@ class InputError(Exception):
 
     def __str__(self) -> str:
         return f"{self.subject}: {self.problem}. {self.remedy}."
+
+
+class NotFiniteError(Exception):
+    """A number stopped being finite; names the stage, the tensor and when."""
+
+    def __init__(self, stage: str, tensor: str, when: str) -> None:
+        super().__init__(f"{stage}: {tensor} is not finite at {when}")

@@ -1,8 +1,9 @@
 """How a long computation tells its caller where it stands."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
+@runtime_checkable
 class Progress(Protocol):
     """Called with the work done so far, the whole of it, and the quality reached (psnr, loss)."""
 

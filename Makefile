@@ -1,0 +1,36 @@
+# Two commands on a fresh machine with Python 3.11, make and gcc: `make demo` and `make test`.
+PYTHON ?= python3.11
+VENV := .venv
+RUN := $(VENV)/bin
+SCENE ?= courtyard
+STYLE ?= stained_glass
+TEST_ARGS ?=
+
+.PHONY: demo test lint install clean
+
+install: $(VENV)/installed
+
+# torch from pip is the CPU build at this version; see pyproject.toml.
+$(VENV)/installed: pyproject.toml
+	@command -v $(PYTHON) >/dev/null || { echo "Python 3.11 is needed: set PYTHON=/path/to/python3.11"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+# The main job on the embedded scene, whose photographs the project makes itself.
+demo: install
+	$(RUN)/python -m styletrf.courtyard data/scenes/courtyard
+	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory \
+		--scene $(SCENE) --style $(STYLE) --quality draft
+
+test: install
+	$(RUN)/python -m pytest $(TEST_ARGS)
+
+lint: install
+	$(RUN)/ruff format --check .
+	$(RUN)/ruff check .
+	$(RUN)/mypy
+	$(RUN)/lint-imports
+
+clean:
+	rm -rf $(VENV) store out data/scenes/courtyard

@@ -1,0 +1,84 @@
+"""SHA-256 over typed parts, and over directories."""
+
+import hashlib
+import os
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.canonical import canonical_json
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """A directory by its content.
+
+    Attributes:
+        digest: 64 hexadecimal digits over the names, sizes and bytes of all it holds.
+        size: Bytes in its files.
+        files: Number of its files.
+    """
+
+    digest: str
+    size: int
+    files: int
+
+
+def typed_digest(kind: str, *parts: bytes) -> str:
+    """SHA-256 of `parts`, each preceded by its length, in the name space `kind`.
+
+    No two different sequences of parts, and no two kinds, share a preimage.
+    """
+    hasher = hashlib.sha256()
+    for part in (kind.encode(), *parts):
+        hasher.update(len(part).to_bytes(8, "big"))
+        hasher.update(part)
+    return hasher.hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of the bytes of one file."""
+    with path.open("rb", buffering=0) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def tree_digest(root: Path) -> Tree:
+    """What the directory `root` holds: names, sizes and bytes; no times, owners or modes.
+
+    Raises:
+        ValueError: When it holds a symbolic link, a device, a socket or a pipe.
+    """
+    listing: list[tuple[str, int, str]] = []
+    size = files = 0
+    for path, status in walk(root):
+        name = path.relative_to(root).as_posix()
+        if stat.S_ISDIR(status.st_mode):
+            listing.append((f"{name}/", 0, ""))
+            continue
+        listing.append((name, status.st_size, file_digest(path)))
+        size, files = size + status.st_size, files + 1
+    return Tree(typed_digest("pipeline-tree-v1", canonical_json(listing)), size, files)
+
+
+def measure(root: Path) -> tuple[int, int]:
+    """Bytes and number of the files below `root`, without reading them (see `Tree`)."""
+    sizes = [status.st_size for _, status in walk(root) if stat.S_ISREG(status.st_mode)]
+    return sum(sizes), len(sizes)
+
+
+def walk(root: Path) -> Iterator[tuple[Path, os.stat_result]]:
+    """Every file and directory below `root`, parents first, in the order of their names.
+
+    Raises:
+        ValueError: When it meets what is neither a regular file nor a directory.
+    """
+    with os.scandir(root) as entries:
+        ordered = sorted(entries, key=lambda entry: entry.name)
+    for entry in ordered:
+        status, path = entry.stat(follow_symlinks=False), Path(entry.path)
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            raise ValueError(f"{path} is neither a file nor a directory")
+        yield path, status
+        if stat.S_ISDIR(status.st_mode):
+            yield from walk(path)

@@ -1,0 +1,48 @@
+"""What can go wrong, in the words its user reads."""
+
+import errno
+from pathlib import Path
+from typing import Literal
+
+
+class StoreError(Exception):
+    """The store cannot be used as it is, or does not hold what was asked of it."""
+
+
+class NotBuiltError(StoreError):
+    """The artifact is not in the store."""
+
+
+class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is elsewhere
+    """A task that failed for a reason worth one line; the trace, if there is one, is in a log.
+
+    Args:
+        kind: "user": what the user gave cannot be used. "crash": a defect. "killed": by a signal.
+            "timeout": it took too long. "changed": what it read is damaged or was altered.
+        task: The task as Luigi prints it.
+        reason: What happened and what to do.
+    """
+
+    def __init__(
+        self, kind: Literal["user", "crash", "killed", "timeout", "changed"], task: str, reason: str
+    ) -> None:
+        super().__init__(kind, task, reason)
+        self.kind, self.task, self.reason = kind, task, reason
+
+    def __str__(self) -> str:
+        return f"{self.task}: {self.reason}"
+
+
+def explain(
+    error: Exception, user_errors: tuple[type[Exception], ...], log: Path
+) -> tuple[Literal["user", "crash"], str]:
+    """Whose an error is, and its line on the screen; `log` lies in the store and has the trace."""
+    if isinstance(error, (*user_errors, StoreError)):
+        return "user", str(error)
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return "user", (
+            f"no space left on the disk of {error.filename or log.parent}. Nothing half-made was"
+            " kept: free some space, or set STYLETRF_STORE to a folder on another disk, and run"
+            " the same command again."
+        )
+    return "crash", f"{type(error).__name__}: {error}. The trace is in {log}"

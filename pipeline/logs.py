@@ -1,0 +1,54 @@
+"""What of all that is logged the screen shows; `logging.cfg` names the handler here."""
+
+import logging
+import sys
+from types import TracebackType
+
+from luigi.parameter import ParameterException
+
+from pipeline.errors import StoreError, TaskFailure
+
+_PLAIN = (TaskFailure, StoreError, ParameterException)
+
+
+class Screen(logging.StreamHandler):  # type: ignore[type-arg]
+    """Standard error, with our lines, warnings and the summary; without Luigi's small talk."""
+
+    def __init__(self) -> None:
+        super().__init__(sys.stderr)
+        self.addFilter(is_worth_reading)
+        self.setFormatter(WithoutTrace())
+        sys.excepthook = _report_interrupt
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write the record, over a progress bar that was left there."""
+        if self.stream.isatty():
+            self.stream.write("\r\x1b[K")
+        super().emit(record)
+
+
+class WithoutTrace(logging.Formatter):
+    """The message alone; and of a failure that explains itself, its explanation alone."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The text for the screen."""
+        error = record.exc_info[1] if record.exc_info else None
+        if isinstance(error, _PLAIN):
+            return str(error)
+        return super().format(record)
+
+
+def is_worth_reading(record: logging.LogRecord) -> bool:
+    """Whether a person wants to see it: Luigi's own talk only from warnings on, and its summary."""
+    if record.levelno >= logging.WARNING or record.name.startswith("pipeline"):
+        return True
+    return "Luigi Execution Summary" in record.getMessage()
+
+
+def _report_interrupt(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    if issubclass(kind, KeyboardInterrupt):
+        sys.stderr.write("\nInterrupted. The same command goes on from here.\n")
+    else:
+        sys.__excepthook__(kind, error, trace)

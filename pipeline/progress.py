@@ -1,0 +1,70 @@
+"""How a build tells the person at the terminal where it stands."""
+
+import io
+import time
+from typing import Protocol, TextIO
+
+from tqdm import tqdm
+
+tqdm.monitor_interval = 0  # no thread of its own
+SECONDS_BETWEEN_LINES = 15.0
+
+
+class Progress(Protocol):
+    """Called with the work done so far, the whole of it, and the quality reached (psnr, loss)."""
+
+    def __call__(self, done: int, total: int, **quality: float) -> None:
+        """Report `done` of `total` units of work; both may restart for a further phase."""
+
+
+class ProgressBar:
+    """A bar on a terminal; elsewhere (a file, a pipe) the same text, a line now and then.
+
+    Args:
+        label: What is being built.
+        stream: Where to draw.
+        interactive: Whether the stream is a terminal that nobody else draws on.
+    """
+
+    def __init__(self, label: str, stream: TextIO, *, interactive: bool) -> None:
+        self._label, self._stream = label, stream
+        self._canvas: TextIO = stream if interactive else io.StringIO()
+        self._bar: tqdm | None = None
+        self._written = time.monotonic()
+
+    def __call__(self, done: int, total: int, **quality: float) -> None:
+        """Draw `done` of `total`, the rate, the time that remains and the quality."""
+        if self._bar is None or done < self._bar.n or total != self._bar.total:
+            self.close()
+            self._bar = self._begin(done, total)
+        self._bar.set_postfix(
+            {name: f"{value:.4g}" for name, value in quality.items()}, refresh=False
+        )
+        self._bar.update(done - self._bar.n)
+        if self._canvas is not self._stream:
+            self._write_line(self._bar)
+
+    def close(self) -> None:
+        """Take the bar off the terminal."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+    def _begin(self, done: int, total: int) -> tqdm:
+        return tqdm(
+            total=total,
+            initial=done,
+            desc=self._label,
+            file=self._canvas,
+            leave=False,
+            dynamic_ncols=True,
+            mininterval=0.2,
+        )
+
+    def _write_line(self, bar: tqdm) -> None:
+        now = time.monotonic()
+        if now - self._written >= SECONDS_BETWEEN_LINES:
+            self._written = now
+            text = tqdm.format_meter(**{**bar.format_dict, "ncols": 0})
+            self._stream.write(f"{text.strip()}\n")
+            self._stream.flush()

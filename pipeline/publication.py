@@ -1,0 +1,111 @@
+"""Publishing: from a finished directory to an artifact that the whole world may believe.
+
+    hash -> fsync -> rename to objects/ -> read-only -> fsync the record -> link to actions/
+
+A record is written only after the object it names is durable, and never replaces a good one; so
+at every instant an artifact is whole and recorded, or invisible.
+"""
+
+import errno
+import os
+import uuid
+from collections.abc import Mapping
+from pathlib import Path
+
+from pipeline.canonical import Json
+from pipeline.digest import Tree, tree_digest, walk
+from pipeline.record import Action, ActionRecord
+from pipeline.store import Store
+
+
+def publish(
+    store: Store, out: Path, action: Action, provenance: Mapping[str, Json]
+) -> ActionRecord:
+    """Make the directory `out` (on the store's file system) the artifact of `action`.
+
+    Returns:
+        The record now in force: ours, or that of whoever was first with the same key.
+
+    Raises:
+        ValueError: When `out` holds no file, or what is not a file.
+        OSError: When the disk fails or is full; nothing became visible.
+    """
+    tree = tree_digest(out)
+    if not tree.files:
+        raise ValueError("it made no file")
+    store.reached("hashed")
+    _sync_tree(out)
+    store.reached("synced")
+    _place(store, out, tree)
+    store.reached("placed")
+    record = _commit(store, ActionRecord(action, tree, provenance))
+    store.reached("committed")
+    return record
+
+
+def _place(store: Store, out: Path, tree: Tree) -> None:
+    """Rename `out` into the store; leave it where it is if its content is already there."""
+    target = store.object(tree.digest)
+    target.parent.mkdir(exist_ok=True)
+    try:
+        out.rename(target)
+    except OSError as error:
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            raise
+        if _is(target, tree):
+            return
+        store.quarantine(target)
+        out.rename(target)
+    store.reached("renamed")
+    _sync(target.parent)
+    _protect(target)
+
+
+def _commit(store: Store, record: ActionRecord) -> ActionRecord:
+    """Link the record into place; adopt a valid one that is there, set an invalid one aside."""
+    key, target = record.action.key, store.action(record.action.key)
+    target.parent.mkdir(exist_ok=True)
+    temporary = store.root / "tmp" / f"{key}.{uuid.uuid4().hex}.json"
+    try:
+        temporary.write_bytes(record.to_json())
+        temporary.chmod(0o444)
+        _sync(temporary)
+        store.reached("record-written")
+        try:
+            target.hardlink_to(temporary)
+        except FileExistsError:
+            if winner := store.find(key):
+                return winner
+            store.quarantine(target)
+            temporary.replace(target)
+        store.reached("linked")
+        _sync(target.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return record
+
+
+def _is(path: Path, tree: Tree) -> bool:
+    try:
+        return tree_digest(path) == tree
+    except (OSError, ValueError):
+        return False
+
+
+def _sync_tree(root: Path) -> None:
+    for path in [root, *(path for path, _ in walk(root))]:
+        _sync(path)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _protect(root: Path) -> None:
+    """Make all read-only: a guard against accidents, never taken for a proof of integrity."""
+    for path in [root, *(path for path, _ in walk(root))]:
+        path.chmod(0o555 if path.is_dir() else 0o444)

@@ -1,0 +1,83 @@
+"""The action record: which object a task made, from what, and how it went."""
+
+import dataclasses
+import functools
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pipeline.canonical import Json, canonical_json
+from pipeline.digest import Tree, typed_digest
+
+FORMAT = 1
+"""Of the JSON below. A reader takes a record of any other format for absent."""
+
+
+@dataclass(frozen=True)
+class Action:
+    """Everything that decides an artifact; two equal actions are one artifact.
+
+    Attributes:
+        family: The task's name.
+        code: Digest of the code the task depends on, or the revision it pins.
+        parameters: The identity parameters in canonical form.
+        inputs: Digest of each upstream artifact, by the name the task gives it.
+        sources: Digest of each thing read from outside the store, by name.
+        tools: Version of each distribution the task declares.
+        salt: A word that disowns all earlier artifacts when it changes.
+    """
+
+    family: str
+    code: str
+    parameters: Json
+    inputs: Mapping[str, str]
+    sources: Mapping[str, str]
+    tools: Mapping[str, str]
+    salt: str = ""
+
+    @functools.cached_property
+    def key(self) -> str:
+        """The action's address: 64 hexadecimal digits over all its fields."""
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return typed_digest("pipeline-action-v1", canonical_json(fields))
+
+
+@dataclass(frozen=True, slots=True)
+class ActionRecord:
+    """The statement "this action made this object": the only commit point of the store.
+
+    Attributes:
+        action: What was asked.
+        output: What came out.
+        provenance: How, told and never keyed: `task` and `label` (as shown), `host`, `started`
+            (UTC), `seconds`, `peak_memory_bytes` and `log` (relative to the store).
+    """
+
+    action: Action
+    output: Tree
+    provenance: Mapping[str, Json]
+
+    def to_json(self) -> bytes:
+        """The record as indented JSON with sorted keys."""
+        fields = {"format": FORMAT, "key": self.action.key, **dataclasses.asdict(self)}
+        return json.dumps(fields, sort_keys=True, indent=1).encode()
+
+    @classmethod
+    def from_json(cls, text: bytes) -> "ActionRecord":
+        """The record that `to_json` wrote.
+
+        Raises:
+            ValueError: For anything else: truncated, of another format, with a wrong key.
+        """
+        try:
+            fields = json.loads(text)
+            record = cls(
+                Action(**fields["action"]), Tree(**fields["output"]), dict(fields["provenance"])
+            )
+            is_whole = (fields["format"], fields["key"]) == (FORMAT, record.action.key)
+            if not is_whole or not re.fullmatch("[0-9a-f]{64}", record.output.digest):
+                raise ValueError("another format, or its key is not the digest of its action")
+        except (KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise ValueError(f"not an action record: {error!r}") from error
+        return record

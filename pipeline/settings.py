@@ -1,0 +1,53 @@
+"""What the user sets: `luigi.cfg`, and the two environment variables that win over it."""
+
+import os
+from pathlib import Path
+
+import luigi
+from luigi.cmdline_parser import CmdlineParser
+
+from pipeline.store import Store, open_store
+
+_DEFAULTS = {
+    ("store", "root"): "store",  # STYLETRF_STORE wins
+    ("store", "salt"): "",  # another word disowns all artifacts
+    ("store", "executor"): "subprocess",  # "inline" builds in this process, for tests
+    ("store", "locks"): "true",  # whether one process at a time builds a key
+    ("data", "root"): "data",  # STYLETRF_DATA wins
+    ("out", "root"): "out",  # STYLETRF_OUT wins
+}
+
+
+def setting(section: str, name: str) -> str:
+    """A word from `luigi.cfg`, or the default."""
+    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
+    return str(config.get(section, name, _DEFAULTS[section, name]))
+
+
+def current_store() -> Store:
+    """The store in STYLETRF_STORE, or in [store] root of `luigi.cfg`, or in ./store."""
+    return open_store(Path(os.environ.get("STYLETRF_STORE") or setting("store", "root")).absolute())
+
+
+def data_root() -> Path:
+    """The user's data: STYLETRF_DATA, or [data] root of `luigi.cfg`, or ./data."""
+    return Path(os.environ.get("STYLETRF_DATA") or setting("data", "root")).absolute()
+
+
+def out_root() -> Path:
+    """Where results are shown: STYLETRF_OUT, or [out] root of `luigi.cfg`, or ./out."""
+    return Path(os.environ.get("STYLETRF_OUT") or setting("out", "root")).absolute()
+
+
+def require_configuration() -> None:
+    """Stop a command line without settings, before Luigi goes looking for a scheduler.
+
+    Luigi reads `luigi.cfg` in the working directory only, and falls back in silence.
+    """
+    is_command = CmdlineParser.get_instance() is not None  # type: ignore[no-untyped-call]
+    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
+    if is_command and not config.has_section("store"):
+        raise SystemExit(
+            f"There is no luigi.cfg with a section [store] in {Path.cwd()}."
+            " Run from the folder of the repository."
+        )

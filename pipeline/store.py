@@ -1,0 +1,148 @@
+"""The store on disk: where things lie, and whether what lies there may be believed."""
+
+import contextlib
+import functools
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.digest import measure
+from pipeline.errors import StoreError
+from pipeline.locks import locked, try_lock
+from pipeline.record import ActionRecord
+
+FORMAT = "styletrf store 1\n"
+_FOLDERS = ("objects", "actions", "tmp", "locks", "resume", "logs", "quarantine")
+
+
+def nothing(_point: str) -> None:
+    """Do nothing at a named point of a publication."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """A directory of artifacts by content (`objects`) and of records by key (`actions`).
+
+    Attributes:
+        root: The absolute directory.
+        reached: Called with the name of each point a publication reaches; tests kill there.
+    """
+
+    root: Path
+    reached: Callable[[str], None] = nothing
+
+    @classmethod
+    def open(cls, root: Path) -> "Store":
+        """The store in `root`, made where there is none.
+
+        Raises:
+            StoreError: When `root` cannot be written, or a newer program made it.
+        """
+        try:
+            for folder in _FOLDERS:
+                (root / folder).mkdir(parents=True, exist_ok=True)
+            with contextlib.suppress(FileExistsError), (root / "format").open("x") as file:
+                file.write(FORMAT)
+            found = (root / "format").read_text()
+        except OSError as error:
+            raise StoreError(f"{root} cannot hold the store: {error.strerror}") from error
+        if found not in (FORMAT, ""):
+            raise StoreError(
+                f"{root} is a {found.strip()!r}; this program reads {FORMAT.strip()!r}"
+            )
+        return cls(root)
+
+    def object(self, digest: str) -> Path:
+        """Where the artifact with this content lies, if it does."""
+        return self.root / "objects" / digest[:2] / digest
+
+    def action(self, key: str) -> Path:
+        """Where the record of the action with this key lies, if it does."""
+        return self.root / "actions" / key[:2] / f"{key}.json"
+
+    def resume(self, key: str) -> Path:
+        """A directory private to the key, for the checkpoints of a build; survives kills."""
+        path = self.root / "resume" / key
+        path.mkdir(exist_ok=True)
+        return path
+
+    def new_log(self, family: str, key: str) -> Path:
+        """A new, empty log file for one more attempt at the key."""
+        folder = self.root / "logs" / family
+        folder.mkdir(exist_ok=True)
+        for attempt in range(1, 1_000_000):
+            path = folder / f"{key[:16]}.{attempt}.log"
+            with contextlib.suppress(FileExistsError):
+                path.touch(exist_ok=False)
+                return path
+        raise StoreError(f"{folder} is full of logs of {key}")
+
+    def record(self, key: str) -> ActionRecord | None:
+        """The record of the key; what cannot be read as one counts as none."""
+        try:
+            record = ActionRecord.from_json(self.action(key).read_bytes())
+        except (OSError, ValueError):
+            return None
+        return record if record.action.key == key else None
+
+    def find(self, key: str) -> ActionRecord | None:
+        """The record of the key if the object it names is there, too."""
+        record = self.record(key)
+        return record if record and self.object(record.output.digest).is_dir() else None
+
+    def intact(self, record: ActionRecord) -> bool:
+        """Whether the object has the number of files and bytes it was published with."""
+        try:
+            size, files = measure(self.object(record.output.digest))
+        except (OSError, ValueError):
+            return False
+        return (size, files) == (record.output.size, record.output.files)
+
+    def quarantine(self, path: Path) -> None:
+        """Set something damaged aside, where nothing looks for it."""
+        aside = Path(tempfile.mkdtemp(dir=self.root / "quarantine"))
+        with contextlib.suppress(FileNotFoundError):  # somebody else was faster
+            if path.is_dir():
+                path.chmod(0o755)  # moving a directory writes to its ".."
+            path.rename(aside / path.name)
+
+    @contextlib.contextmanager
+    def lock(self, key: str, on_wait: Callable[[], None]) -> Iterator[None]:
+        """Hold the key's lock; call `on_wait` first where another process holds it."""
+        path = self.root / "locks" / key[:2] / f"{key}.lock"
+        path.parent.mkdir(exist_ok=True)
+        with locked(path, on_wait):
+            yield
+
+    @contextlib.contextmanager
+    def workspace(self, key: str) -> Iterator[Path]:
+        """An empty directory on the store's file system, removed afterwards.
+
+        Its flock tells that its maker lives; those that died at the same key leave theirs to us.
+        """
+        self._sweep(key)
+        path = Path(tempfile.mkdtemp(prefix=f"{key}-", dir=self.root / "tmp"))
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            try_lock(descriptor)
+            yield path
+        finally:
+            os.close(descriptor)
+            shutil.rmtree(path, ignore_errors=True)
+
+    def _sweep(self, key: str) -> None:
+        for path in (self.root / "tmp").glob(f"{key}-*"):
+            with contextlib.suppress(FileNotFoundError):
+                descriptor = os.open(path, os.O_RDONLY)
+                try:
+                    if try_lock(descriptor):
+                        shutil.rmtree(path, ignore_errors=True)
+                finally:
+                    os.close(descriptor)
+
+
+open_store = functools.cache(Store.open)
+"""`Store.open`, once a process and root."""

@@ -1,0 +1,213 @@
+"""The Luigi task whose artifact lies in the store."""
+
+import functools
+import hashlib
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, ClassVar
+
+import luigi
+
+from pipeline.building import find_or_build
+from pipeline.canonical import canonical
+from pipeline.code_identity import code_digest
+from pipeline.errors import NotBuiltError, TaskFailure, explain
+from pipeline.execution import RunContext, append_trace
+from pipeline.record import Action, ActionRecord
+from pipeline.settings import current_store, require_configuration, setting
+from pipeline.store import Store
+
+__all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
+
+
+class StoredTask(luigi.Task):
+    """A task that makes one artifact: a directory, found again by what it was made from.
+
+    A subclass declares Luigi parameters, `requires()` returning stored tasks by name, and `build`.
+    Its key covers its family, `identity_parameters`, the digests of its inputs, the code that
+    `build` depends on, and `tools`; see `docs/store.md`.
+
+    Attributes:
+        tools: Distributions whose versions belong to the key.
+        user_errors: Exceptions of `build` whose text is meant for the user.
+        revision: A word that stands for the code in the key, instead of the code itself.
+        timeout_seconds: Time after which a build is ended.
+    """
+
+    tools: ClassVar[tuple[str, ...]] = ()
+    user_errors: ClassVar[tuple[type[Exception], ...]] = ()
+    revision: ClassVar[str | None] = None
+    timeout_seconds: ClassVar[float | None] = None
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        require_configuration()
+        super().__init__(*args, **kwargs)  # type: ignore[no-untyped-call]
+        self._records: dict[Path, ActionRecord] = {}  # by store; positive facts only
+        self._sources: Mapping[str, str] | None = None
+
+    # What a subclass defines.
+
+    def requires(self) -> Mapping[str, "StoredTask"]:
+        """The stored tasks whose artifacts `build` reads, by the name it reads them under."""
+        return {}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Make the artifact in the empty directory `out` from the artifacts in `inputs`.
+
+        Runs in a fresh interpreter. All that decides the bytes comes through `inputs`, the
+        parameters and the files that `external_digests` covers.
+        """
+        raise NotImplementedError
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The values that decide the artifact's content: all significant parameters."""
+        names = self.get_param_names()  # type: ignore[no-untyped-call]
+        return {name: self.param_kwargs[name] for name in names}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """Digests of what `build` reads from outside the store; may raise a user's error."""
+        return {}
+
+    def published(self) -> bool:
+        """Whether what `publish` makes outside the store is in place."""
+        return True
+
+    def publish(self, object_path: Path) -> None:
+        """Make the artifact visible outside the store, such as by links; quick and repeatable."""
+
+    @property
+    def label(self) -> str:
+        """The task on the screen: its family and those parameters that are words."""
+        names = self.get_param_names()  # type: ignore[no-untyped-call]
+        values = (self.param_kwargs[name] for name in names)
+        words = [value for value in values if isinstance(value, str) and value]
+        return " ".join([self.task_family, *words])
+
+    # What Luigi asks.
+
+    def complete(self) -> bool:
+        """Whether the artifact exists, for the present code and inputs; never raises."""
+        try:
+            return self.record() is not None and self.published()
+        except Exception:  # noqa: BLE001  run() meets it again and reports it
+            return False
+
+    def output(self) -> "StoreTarget":
+        """The artifact, built or not."""
+        return StoreTarget(self)
+
+    def run(self) -> None:
+        """Find the artifact under its resolved key (early cut-off) or build it; then publish it.
+
+        Raises:
+            TaskFailure: With one line for the user.
+        """
+        store = current_store()
+        try:
+            record = self._records[store.root] = find_or_build(self, self.action(), store)
+            if not self.published():
+                self.publish(store.object(record.output.digest))
+        except TaskFailure:
+            raise
+        except Exception as error:
+            raise self._failure(error, store) from error
+
+    # Identity.
+
+    def action(self, *, refresh: bool = False) -> Action:
+        """What decides this artifact, with everything upstream resolved to its content.
+
+        Args:
+            refresh: Read the code and the outside files again instead of trusting memory.
+
+        Raises:
+            NotBuiltError: When an upstream artifact was never built.
+        """
+        if refresh or self._sources is None:
+            self._sources = dict(self.external_digests())
+        return Action(
+            family=self.task_family,
+            code=self.revision or (code_digest if refresh else _first_code_digest)(type(self)),
+            parameters=canonical(self.identity_parameters()),
+            inputs={n: task._recorded().output.digest for n, task in self.requires().items()},
+            sources=self._sources,
+            tools={name: _tool_version(name) for name in self.tools},
+            salt=setting("store", "salt"),
+        )
+
+    def record(self) -> ActionRecord | None:
+        """The record of the artifact, if it is in the store; raises what keeps its key unknown."""
+        try:
+            record = self._recorded()
+        except NotBuiltError:
+            return None
+        return record if current_store().object(record.output.digest).is_dir() else None
+
+    def _recorded(self) -> ActionRecord:
+        """The record of the artifact, even if the object was collected: its digest suffices."""
+        store = current_store()
+        record = self._records.get(store.root) or store.record(self.action().key)
+        if record is None:
+            raise NotBuiltError(f"{self} is not built")
+        self._records[store.root] = record
+        return record
+
+    def forget(self) -> None:
+        """Ask the store again next time."""
+        self._records.clear()
+
+    def _failure(self, error: Exception, store: Store) -> TaskFailure:
+        """What went wrong around the build, its trace put into a log of its own."""
+        log = store.new_log(self.task_family, hashlib.sha256(self.task_id.encode()).hexdigest())
+        append_trace(log)
+        kind, message = explain(error, self.user_errors, log)
+        return TaskFailure(kind, str(self), message)
+
+
+class StoreTarget(luigi.Target):
+    """The place of a task's artifact; unknown, and absent, until the task's inputs are known."""
+
+    def __init__(self, task: StoredTask) -> None:
+        self.task = task
+
+    def exists(self) -> bool:
+        """Whether the artifact is in the store; never raises."""
+        return self.task.complete()
+
+    @property
+    def path(self) -> Path:
+        """The artifact's directory, read-only.
+
+        Raises:
+            NotBuiltError: When it is not built.
+        """
+        return artifact(self.task)
+
+    def __str__(self) -> str:
+        try:
+            return str(self.path)
+        except Exception:  # noqa: BLE001  Luigi prints targets in its own error messages
+            return f"{self.task} (not built)"
+
+
+def artifact(task: StoredTask) -> Path:
+    """The directory of a finished task's artifact, read-only.
+
+    Raises:
+        NotBuiltError: When it is not built.
+    """
+    record = task.record()
+    if record is None:
+        raise NotBuiltError(f"{task} is not built")
+    return current_store().object(record.output.digest)
+
+
+_first_code_digest = functools.cache(code_digest)
+"""The code as this process met it: what it imported stays the same, whatever an editor does."""
+
+
+@functools.cache
+def _tool_version(distribution: str) -> str:
+    """The public version: 2.13.0 of 2.13.0+cpu, since the build does not tell what it computes."""
+    return version(distribution).partition("+")[0]

@@ -1,0 +1,212 @@
+"""Structure from motion: where each photograph was taken from, and the points they share.
+
+Features, matches and reconstruction are COLMAP's (Schönberger and Frahm 2016; its global mapper:
+Pan et al. 2024), with one lens for all photographs. What comes out is undistorted: pinhole cameras
+and the images they would have taken.
+"""
+
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pycolmap
+
+from styletrf.camera_table import write_cameras
+from styletrf.colmap_images import ColmapImages, prepare_images, write_png
+from styletrf.colmap_mapping import extract_features, log_to
+from styletrf.errors import InputError
+from styletrf.mapping_choice import Mapping, map_images
+from styletrf.photographs import FEWEST_PHOTOGRAPHS, read_photograph
+from styletrf.point_table import write_points
+from styletrf.progress import Progress, silent
+from styletrf.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
+from styletrf.scene_capture import read_capture
+from styletrf.undistortion import undistorted_image
+
+_LOGGER = logging.getLogger(__name__)
+_ENOUGH_REGISTERED = 0.8
+_BETTER_PHOTOGRAPHS = (
+    "Take photographs from different places, each sharing most of what it shows with its "
+    "neighbours, of things that have texture and keep still, in focus; 20 or more are better"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPosesConfig:
+    """How photographs become poses.
+
+    Args:
+        max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
+        max_features: SIFT features kept of one photograph.
+        exhaustive_up_to: Up to so many photographs, all pairs are matched; beyond, sequences are
+            matched along their order.
+        sequence_overlap: In a sequence, with how many successors each photograph is matched.
+        camera_model: COLMAP's name of the lens model.
+        seed: Of RANSAC and the mappers.
+    """
+
+    max_image_long_side: int = 1600
+    max_features: int = 8192
+    exhaustive_up_to: int = 90
+    sequence_overlap: int = 10
+    camera_model: str = "SIMPLE_RADIAL"
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class PosesReport:
+    """What `poses.json` says; the lens is the one before undistortion, in pixels of `width`."""
+
+    registered: int
+    total: int
+    unregistered: tuple[str, ...]
+    mean_reprojection_error_px: float
+    points: int
+    matcher: str
+    verified_pairs: int
+    mapper: str
+    mapper_reason: str
+    pieces: tuple[int, ...]
+    camera_model: str
+    camera_params: tuple[float, ...]
+    focal_px: float
+    focal_prior_px: float | None
+    width: int
+    height: int
+    warnings: tuple[str, ...]
+
+
+def solve_camera_poses(
+    capture_dir: Path,
+    out_dir: Path,
+    config: CameraPosesConfig,
+    progress: Progress = silent,
+    log_dir: Path | None = None,
+) -> PosesReport:
+    """Finds the cameras of a capture and writes them, their points and undistorted images.
+
+    `out_dir` receives `cameras.parquet` (the registered photographs in the capture's order, then
+    the names of the others), `points.parquet`, `images/<name>.png` and, last, `poses.json`. The
+    world is COLMAP's: its origin, axes and scale mean nothing.
+
+    Args:
+        capture_dir: What `capture_photographs` wrote.
+        out_dir: Where to write.
+        config: See `CameraPosesConfig`.
+        progress: Called phase by phase: photographs read, described, pairs matched, photographs
+            placed, undistorted.
+        log_dir: Where COLMAP's messages go; to standard error where it is None.
+
+    Raises:
+        InputError: The photographs do not overlap, or fewer than three can be placed.
+    """
+    if log_dir is not None:
+        log_to(log_dir)
+    pycolmap.set_random_seed(config.seed)
+    capture = read_capture(capture_dir)
+    names = [photograph.name for photograph in capture.photographs]
+    with TemporaryDirectory(prefix="colmap-", ignore_cleanup_errors=True) as scratch:
+        images = prepare_images(
+            capture_dir, capture, Path(scratch) / "images", config.max_image_long_side, progress
+        )
+        mapping = _solve(Path(scratch) / "colmap.db", images, names, config, progress)
+        files = dict(zip(images.files, names, strict=True))
+        placed = placed_photographs(mapping.models[0], files)
+        _write_undistorted(out_dir / "images", images, placed, progress)
+    report = _report(images, names, mapping, placed)
+    write_cameras(out_dir / "cameras.parquet", [one.camera for one in placed], report.unregistered)
+    write_points(out_dir / "points.parquet", sparse_points(mapping.models[0], placed))
+    text = json.dumps(asdict(report), sort_keys=True, indent=1, ensure_ascii=False)
+    (out_dir / "poses.json").write_text(text + "\n", encoding="utf-8")
+    for warning in report.warnings:
+        _LOGGER.warning(warning)
+    return report
+
+
+def _solve(
+    database: Path,
+    images: ColmapImages,
+    names: Sequence[str],
+    config: CameraPosesConfig,
+    progress: Progress,
+) -> Mapping:
+    """Returns a mapping of at least three photographs, its points colored."""
+    extract_features(database, images, config.camera_model, config.max_features, progress)
+    mapping = map_images(
+        database,
+        images,
+        names,
+        config.exhaustive_up_to,
+        config.sequence_overlap,
+        config.seed,
+        progress,
+    )
+    if mapping.registered < FEWEST_PHOTOGRAPHS:
+        problem = (
+            f"only {mapping.registered or 'none'} of them could be placed "
+            f"({mapping.verified_pairs} pairs show the same things)"
+        )
+        raise InputError(f"the {len(names)} photographs", problem, _BETTER_PHOTOGRAPHS)
+    mapping.models[0].extract_colors_for_all_images(images.folder)
+    return mapping
+
+
+def _write_undistorted(
+    folder: Path, images: ColmapImages, placed: Sequence[PlacedPhotograph], progress: Progress
+) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for index, one in enumerate(placed):
+        progress(index, len(placed))
+        photograph = read_photograph(images.folder / one.file)
+        pinhole = undistorted_image(photograph, one.lens, one.camera)
+        write_png(folder / f"{one.camera.name}.png", pinhole, compression=3)
+    progress(len(placed), len(placed))
+
+
+def _report(
+    images: ColmapImages,
+    names: Sequence[str],
+    mapping: Mapping,
+    placed: Sequence[PlacedPhotograph],
+) -> PosesReport:
+    model, lens = mapping.models[0], placed[0].lens
+    registered = {one.camera.name for one in placed}
+    unregistered = tuple(name for name in names if name not in registered)
+    pieces = tuple(int(piece.num_reg_images()) for piece in mapping.models)
+    return PosesReport(
+        registered=len(placed),
+        total=len(names),
+        unregistered=unregistered,
+        mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
+        points=int(model.num_points3D()),
+        matcher=mapping.matcher,
+        verified_pairs=mapping.verified_pairs,
+        mapper=mapping.mapper,
+        mapper_reason=mapping.mapper_reason,
+        pieces=pieces,
+        camera_model=str(lens.model_name),
+        camera_params=tuple(float(value) for value in lens.params),
+        focal_px=float(lens.mean_focal_length()),
+        focal_prior_px=images.focal_prior_px,
+        width=images.width,
+        height=images.height,
+        warnings=tuple(_warnings(len(names), unregistered, pieces)),
+    )
+
+
+def _warnings(total: int, unregistered: Sequence[str], pieces: Sequence[int]) -> list[str]:
+    warnings = []
+    if len(unregistered) > (1 - _ENOUGH_REGISTERED) * total:
+        warnings.append(
+            f"only {total - len(unregistered)} of {total} photographs could be placed; "
+            f"without a camera: {', '.join(unregistered)}"
+        )
+    if len(pieces) > 1:
+        sizes = ", ".join(str(size) for size in pieces)
+        warnings.append(
+            f"the photographs fall into pieces without overlap (of {sizes}): the largest is used"
+        )
+    return warnings

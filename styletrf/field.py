@@ -1,0 +1,167 @@
+"""The radiance field: VM-split density and appearance, and the network that decodes a colour.
+
+    density(x) = scale * softplus(sum of density components + shift)
+    color(x, d) = sigmoid(network(basis(appearance components), d))     (TensoRF eq. 6)
+
+The density half and the appearance half are two modules, so that an adaptation can share the first
+and own the second.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import torch
+from jaxtyping import Float, UInt8
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from styletrf.kernels.samples import March
+from styletrf.tensor_vm import TensorVM
+
+
+@dataclass(frozen=True, slots=True)
+class FieldConfig:
+    """The size of a field; names in brackets are TensoRF's.
+
+    Ranks are per axis pair xy, xz, yz [n_lamb_sigma, n_lamb_sh].
+    """
+
+    density_ranks: tuple[int, int, int] = (16, 4, 4)
+    appearance_ranks: tuple[int, int, int] = (24, 12, 12)
+    features: int = 27  # [data_dim_color]
+    hidden: int = 64  # [featureC]
+    density_shift: float = -3.0  # [density_shift]
+    density_scale: float = 25.0  # [distance_scale]
+
+
+class Density(nn.Module):
+    """Where matter is: the factors, and the occupancy grid that says where to look for it."""
+
+    occupancy: Tensor
+
+    def __init__(
+        self,
+        config: FieldConfig,
+        resolution: Sequence[int],
+        generator: torch.Generator | None = None,
+    ) -> None:
+        super().__init__()
+        self.factors = TensorVM(resolution, config.density_ranks, generator=generator)
+        self.register_buffer("occupancy", torch.ones((1, 1, 1), dtype=torch.uint8))
+        self.shift, self.scale = config.density_shift, config.density_scale
+
+    def march(self, termination: float) -> March:
+        """Returns how rays are to be traced through this density."""
+        return March(self.occupancy, self.shift, self.scale, termination)
+
+
+class Appearance(nn.Module):
+    """What colour it has: factors, basis, colour network and the background behind it all."""
+
+    def __init__(
+        self,
+        config: FieldConfig,
+        resolution: Sequence[int],
+        generator: torch.Generator | None = None,
+    ) -> None:
+        super().__init__()
+        self.factors = TensorVM(resolution, config.appearance_ranks, generator=generator)
+        self.basis = nn.Linear(sum(config.appearance_ranks), config.features, bias=False)
+        self.hidden = nn.Linear(config.features + 3, config.hidden)
+        self.output = nn.Linear(config.hidden, 3)
+        self.background = nn.Parameter(torch.zeros(3))
+        self._initialize(generator)
+
+    def _initialize(self, generator: torch.Generator | None) -> None:
+        for layer in (self.basis, self.hidden, self.output):
+            bound = layer.in_features**-0.5
+            nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
+        for layer in (self.hidden, self.output):
+            nn.init.zeros_(layer.bias)
+
+    def network_parameters(self) -> list[nn.Parameter]:
+        """Returns everything but the factors."""
+        layers = (self.basis, self.hidden, self.output)
+        return [self.background, *(p for layer in layers for p in layer.parameters())]
+
+    def decode(
+        self,
+        components: Float[Tensor, "samples components"],
+        view_directions: Float[Tensor, "samples 3"],
+    ) -> Float[Tensor, "samples 3"]:
+        """Returns the colours of samples in [0, 1] from their appearance components."""
+        features = torch.cat([self.basis(components), view_directions], dim=-1)
+        return torch.sigmoid(self.output(torch.relu(self.hidden(features))))
+
+
+class RadianceField(nn.Module):
+    """A density and an appearance on the same grid."""
+
+    def __init__(
+        self,
+        config: FieldConfig,
+        resolution: Sequence[int],
+        generator: torch.Generator | None = None,
+    ) -> None:
+        super().__init__()
+        self.config = config
+        self.step_length = 0.01  # optical length of a step of the march it was fitted with
+        self.density = Density(config, resolution, generator)
+        self.appearance = Appearance(config, resolution, generator)
+
+    @property
+    def resolution(self) -> tuple[int, int, int]:
+        """Lattice points along x, y, z."""
+        return self.density.factors.resolution
+
+    def upsample(self, resolution: Sequence[int]) -> None:
+        """Resamples all factors to a finer grid, in place."""
+        self.density.factors = self.density.factors.upsampled(resolution)
+        self.appearance.factors = self.appearance.factors.upsampled(resolution)
+
+
+def save_field(folder: Path, field: RadianceField) -> None:
+    """Writes `density.safetensors`, `appearance.safetensors` and `field.json` to the folder."""
+    save_file(_contiguous(field.density.state_dict()), folder / "density.safetensors")
+    save_appearance(folder, field)
+
+
+def save_appearance(folder: Path, field: RadianceField) -> None:
+    """Writes `appearance.safetensors` and `field.json`: the field but for its density."""
+    save_file(_contiguous(field.appearance.state_dict()), folder / "appearance.safetensors")
+    values = {
+        "config": asdict(field.config),
+        "resolution": list(field.resolution),
+        "step_length": field.step_length,
+    }
+    (folder / "field.json").write_text(json.dumps(values, indent=1, sort_keys=True) + "\n")
+
+
+def load_field(density_folder: Path, appearance_folder: Path | None = None) -> RadianceField:
+    """Returns the field whose density is in one folder and whose appearance in another."""
+    appearance_folder = appearance_folder or density_folder
+    values = json.loads((density_folder / "field.json").read_text())
+    config = FieldConfig(
+        **{
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in values["config"].items()
+        }
+    )
+    field = RadianceField(config, values["resolution"])
+    field.step_length = values["step_length"]
+    density = load_file(density_folder / "density.safetensors")
+    set_occupancy(field.density, density["occupancy"])
+    field.density.load_state_dict(density)
+    field.appearance.load_state_dict(load_file(appearance_folder / "appearance.safetensors"))
+    return field
+
+
+def set_occupancy(density: Density, occupancy: UInt8[Tensor, "x y z"]) -> None:
+    """Replaces the occupancy grid, whatever its size."""
+    density.occupancy = occupancy
+
+
+def _contiguous(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name: tensor.contiguous() for name, tensor in state.items()}

@@ -1,0 +1,83 @@
+"""Where each pixel of one frame went in another, and the other frame brought back by it."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+
+from styletrf.errors import InputError
+
+_SMALLEST_SIDE = 12  # below, DIS has no room for its patches
+
+Image = Float[np.ndarray, "height width 3"]
+Flow = Float[np.ndarray, "height width 2"]
+Mask = Bool[np.ndarray, "height width"]
+
+_ESTIMATORS: dict[str, Callable[[], cv2.DenseOpticalFlow]] = {
+    "dis": lambda: cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM),
+    "farneback": cv2.FarnebackOpticalFlow.create,
+    "deepflow": cv2.optflow.createOptFlow_DeepFlow,
+}
+METHODS = tuple(_ESTIMATORS)
+
+
+def optical_flow(a: Image, b: Image, method: str = "dis") -> Flow:
+    """Returns the displacement (x, y) in pixels from each pixel of `a` to its place in `b`.
+
+    Args:
+        a: The frame the flow is defined on, in [0, 1].
+        b: The frame it leads to.
+        method: `dis` (Kroeger et al. 2016, medium preset), `farneback` (Farneback 2003) or
+            `deepflow` (Weinzaepfel et al. 2013, without its matching), on 8 bit luminance.
+
+    Raises:
+        InputError: The method is unknown, or the frames are smaller than 12 pixels.
+    """
+    if method not in _ESTIMATORS:
+        raise InputError(method, "is no method of optical flow here", f"Use one of {METHODS}")
+    if min(a.shape[:2]) < _SMALLEST_SIDE:
+        raise InputError(
+            f"frame of {a.shape[1]}x{a.shape[0]} pixels",
+            "is too small for optical flow",
+            f"Use frames of at least {_SMALLEST_SIDE} pixels",
+        )
+    start = np.zeros((*a.shape[:2], 2), dtype=np.float32)
+    return np.asarray(_ESTIMATORS[method]().calc(_luminance(a), _luminance(b), start))
+
+
+def warp_to_a(
+    b_image: Float[np.ndarray, "height width channels"], flow_a_to_b: Flow
+) -> tuple[Float[np.ndarray, "height width channels"], Mask]:
+    """Returns `b_image` seen from frame a, and where that lies inside `b_image`.
+
+    Backward warp: the value at pixel p is `b_image(p + flow(p))`, bilinear. Outside the image it is
+    that of the nearest border pixel, and the mask is false.
+    """
+    height, width = b_image.shape[:2]
+    rows, columns = np.indices((height, width), dtype=np.float32)
+    x, y = columns + flow_a_to_b[..., 0], rows + flow_a_to_b[..., 1]
+    warped = cv2.remap(
+        b_image, x, y, interpolation=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    return np.asarray(warped), inside
+
+
+def agreement(flow_a_to_b: Flow, flow_b_to_a: Flow) -> Mask:
+    """Returns the pixels of a that come back to themselves by way of b.
+
+    A pixel p is kept where its way there, w = flow_a_to_b(p), and back, v = flow_b_to_a(p + w),
+    cancel: |w + v|^2 < 0.01 (|w|^2 + |v|^2) + 0.5 (Sundaram et al. 2010, equation 5), and p + w is
+    inside the image. What moved behind something else fails this.
+    """
+    back, inside = warp_to_a(flow_b_to_a, flow_a_to_b)
+    residual = np.square(flow_a_to_b + back).sum(axis=-1)
+    length = np.square(flow_a_to_b).sum(axis=-1) + np.square(back).sum(axis=-1)
+    valid: Mask = inside & (residual < 0.01 * length + 0.5)
+    return valid
+
+
+def _luminance(image: Image) -> np.ndarray:
+    levels = np.rint(np.clip(image, 0.0, 1.0) * 255).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(levels, cv2.COLOR_RGB2GRAY))

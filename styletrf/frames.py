@@ -1,0 +1,83 @@
+"""Renders of a field along a path: float images with depth, or pictures and a video."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+
+from styletrf.camera_table import read_cameras, write_cameras
+from styletrf.cameras import Camera
+from styletrf.field import RadianceField
+from styletrf.float_images import read_float_image, write_float_image
+from styletrf.images import to_integers, write_rgb
+from styletrf.kernels import kernels_for
+from styletrf.progress import Progress, silent
+from styletrf.rendering import RenderConfig, Rendering, render_view
+from styletrf.space import Space, ViewRays
+from styletrf.trajectories import TrajectoryConfig
+from styletrf.video import write_video
+
+
+@dataclass(frozen=True, slots=True)
+class FramesConfig:
+    """Which path is rendered, and how."""
+
+    trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
+    render: RenderConfig = field(default_factory=RenderConfig)
+    frames_per_second: int = 24
+
+
+def rendered(
+    radiance: RadianceField,
+    space: Space,
+    cameras: Sequence[Camera],
+    config: RenderConfig,
+    device: torch.device,
+    progress: Progress = silent,
+) -> Iterator[Rendering]:
+    """Yields the render of each camera, on the CPU."""
+    radiance = radiance.to(device)
+    rays = ViewRays(cameras, space, radiance.step_length, device)
+    for k, camera in enumerate(cameras):
+        render = render_view(radiance, kernels_for(device), rays, k, camera, config)
+        progress(k + 1, len(cameras))
+        yield Rendering(render.color.cpu(), render.opacity.cpu(), render.depth.cpu())
+
+
+def write_float_frames(
+    folder: Path, cameras: Sequence[Camera], renders: Iterator[Rendering]
+) -> None:
+    """Writes `frames/NAME.exr` (R G B A half, Z float) and `cameras.parquet`."""
+    (folder / "frames").mkdir()
+    for camera, render in zip(cameras, renders, strict=True):
+        write_float_image(
+            folder / "frames" / f"{camera.name}.exr",
+            render.color.numpy(), render.opacity.numpy(), render.depth.numpy(),
+        )  # fmt: skip
+    write_cameras(folder / "cameras.parquet", cameras)
+
+
+def float_frames(folder: Path) -> Iterator[Float[np.ndarray, "height width 3"]]:
+    """Yields the colours of the frames that `write_float_frames` wrote, in order."""
+    for camera in read_cameras(folder / "cameras.parquet"):
+        yield read_float_image(folder / "frames" / f"{camera.name}.exr").color
+
+
+def write_pictures(
+    folder: Path, names: Sequence[str], images: Iterator[Float[np.ndarray, "height width 3"]]
+) -> None:
+    """Writes `frames/NAME.png`."""
+    (folder / "frames").mkdir()
+    for name, image in zip(names, images, strict=True):
+        write_rgb(folder / "frames" / f"{name}.png", image)
+
+
+def write_clip(
+    path: Path, images: Iterator[Float[np.ndarray, "height width 3"]], frames_per_second: int
+) -> None:
+    """Writes frames in [0, 1] as a video that browsers play."""
+    pictures: Iterator[UInt8[np.ndarray, "height width 3"]] = (to_integers(i) for i in images)
+    write_video(path, pictures, frames_per_second)

@@ -1,0 +1,96 @@
+"""The kernels in plain torch: the definition, at any precision and on any device.
+
+Every sample of every ray is laid out in a dense `rays x steps` array and masked.
+"""
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int64
+from torch import Tensor
+
+from styletrf.kernels.samples import March, Samples, Segments
+from styletrf.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
+
+
+def features(
+    factors: TensorVM, positions: Float[Tensor, "samples 3"]
+) -> Float[Tensor, "samples components"]:
+    """Returns plane x line of every component at grid positions, differentiable in the factors."""
+    columns = []
+    for (u, v), w, plane, line in zip(
+        PLANE_AXES, LINE_AXES, factors.planes, factors.lines, strict=True
+    ):
+        on_plane = _interpolate(plane, positions[:, u], positions[:, v])
+        on_line = _interpolate(line[:, None], torch.zeros_like(positions[:, w]), positions[:, w])
+        columns.append(on_plane * on_line)
+    return torch.cat(columns, dim=-1)
+
+
+def density(
+    factors: TensorVM, positions: Float[Tensor, "samples 3"]
+) -> Float[Tensor, " samples"]:
+    """Returns the raw density, the sum of the features."""
+    return features(factors, positions).sum(dim=-1)
+
+
+def trace(
+    factors: TensorVM, segments: Segments, jitter: Float[Tensor, " rays"], march: March
+) -> Samples:
+    """Returns the samples of the rays in occupied voxels, up to termination, with their weights.
+
+    Sample k of a ray lies at s = (k + jitter) / n_steps. With tau = density x length / n_steps,
+
+        weight_i = exp(-sum_{j < i} tau_j) (1 - exp(-tau_i))        (Max 1995)
+
+    and a ray ends after the sample that brings its transmittance below `march.termination`.
+    """
+    steps = torch.arange(int(segments.n_steps.max()) if len(segments) else 0)
+    steps = steps.to(segments.origins.device)
+    n = segments.n_steps[:, None].clamp(min=1)
+    s = (steps + jitter[:, None]) / n
+    positions = segments.origins[:, None] + s[..., None] * segments.directions[:, None]
+    mask = (steps < segments.n_steps[:, None]) & _occupied(march, positions)
+    raw = torch.zeros_like(s).masked_scatter(mask, density(factors, positions[mask]))
+    length = (segments.lengths / n[:, 0])[:, None]
+    tau = torch.where(mask, march.scale * F.softplus(raw + march.shift) * length, 0.0)
+    optical_depth = torch.cumsum(tau, dim=1) - tau
+    transmittance = torch.exp(-optical_depth)
+    weights = transmittance * -torch.expm1(-tau)
+    mask = mask & (transmittance.detach() >= march.termination)
+    ray, step = mask.nonzero(as_tuple=True)
+    counts = torch.cat([mask.new_zeros(1, dtype=torch.int64), mask.sum(dim=1)])
+    return Samples(
+        torch.cumsum(counts, 0), ray, s[ray, step], positions[ray, step], weights[ray, step]
+    )
+
+
+def composite(
+    samples: Samples, values: Float[Tensor, "samples channels"]
+) -> Float[Tensor, "rays channels"]:
+    """Returns the weighted sum of the values along each ray."""
+    out = values.new_zeros(len(samples.offsets) - 1, values.shape[1])
+    return out.index_add(0, samples.ray, samples.weights[:, None] * values)
+
+
+def _occupied(march: March, positions: Float[Tensor, "*batch 3"]) -> Tensor:
+    n = torch.tensor(march.occupancy.shape, device=positions.device)
+    voxel = ((positions + 1) * (0.5 * n)).long().clamp(min=0)
+    voxel = torch.minimum(voxel, n - 1)
+    return march.occupancy[voxel[..., 0], voxel[..., 1], voxel[..., 2]] != 0
+
+
+def _interpolate(
+    plane: Float[Tensor, "v u c"], x: Float[Tensor, " samples"], y: Float[Tensor, " samples"]
+) -> Float[Tensor, "samples c"]:
+    """Bilinear, clamped at the border, lattice points on the border (align_corners)."""
+    grid = torch.stack([x, y], dim=-1)[None, :, None]
+    image = plane.permute(2, 0, 1)[None]
+    values = F.grid_sample(
+        image, grid, mode="bilinear", padding_mode="border", align_corners=True
+    )
+    return values[0, :, :, 0].T
+
+
+def rays_of(offsets: Int64[Tensor, " rays_and_one"]) -> Int64[Tensor, " samples"]:
+    """Returns the ray of each packed sample."""
+    return torch.repeat_interleave(offsets.diff())

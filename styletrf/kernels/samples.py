@@ -1,0 +1,72 @@
+"""What goes into and comes out of the kernels."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int64, UInt8
+from torch import Tensor
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """Rays as segments `origin + s * direction`, s in [0, 1], of the grid.
+
+    `lengths` is the optical length of the whole segment, `n_steps` into how many steps it is cut
+    (0 for a ray that misses the grid). `depth_near`, `depth_far` and `depth_bend` give the depth Z
+    of a point of the segment (see `depth_along`).
+    """
+
+    origins: Float[Tensor, "rays 3"]
+    directions: Float[Tensor, "rays 3"]
+    lengths: Float[Tensor, " rays"]
+    n_steps: Int64[Tensor, " rays"]
+    view_directions: Float[Tensor, "rays 3"]
+    depth_near: Float[Tensor, " rays"]
+    depth_far: Float[Tensor, " rays"]
+    depth_bend: Float[Tensor, " rays"]
+
+    def __getitem__(self, rays: slice | Tensor) -> "Segments":
+        """Returns some of the segments."""
+        return Segments(*(getattr(self, name)[rays] for name in self.__slots__))
+
+    def __len__(self) -> int:
+        return self.origins.shape[0]
+
+    def depth_along(
+        self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]
+    ) -> Float[Tensor, " samples"]:
+        """Returns the depth Z at s: perspective-correct, t = s / (s + (1 - s) bend), Z linear in t."""
+        near, far, bend = self.depth_near[ray], self.depth_far[ray], self.depth_bend[ray]
+        t = s / (s + (1 - s) * bend)
+        return near + t * (far - near)
+
+
+@dataclass(frozen=True, slots=True)
+class March:
+    """How rays are sampled: density = scale x softplus(raw + shift); see `trace`."""
+
+    occupancy: UInt8[Tensor, "x y z"]
+    shift: float
+    scale: float
+    termination: float
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Samples of a bundle of rays, packed ray after ray; only `weights` carries a gradient."""
+
+    offsets: Int64[Tensor, " rays_and_one"]
+    ray: Int64[Tensor, " samples"]
+    s: Float[Tensor, " samples"]
+    positions: Float[Tensor, "samples 3"]
+    weights: Float[Tensor, " samples"]
+
+    def heavier_than(self, threshold: float) -> "Samples":
+        """Returns the samples whose weight exceeds `threshold`."""
+        keep = (self.weights.detach() > threshold).nonzero()[:, 0]
+        ray = self.ray[keep]
+        rays = torch.arange(len(self.offsets), device=ray.device)
+        return Samples(
+            torch.searchsorted(ray, rays), ray, self.s[keep], self.positions[keep],
+            self.weights[keep],
+        )  # fmt: skip

@@ -1,0 +1,94 @@
+"""Which pairs to match and which mapper to believe, decided from the photographs themselves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pycolmap
+
+from styletrf.colmap_images import ColmapImages
+from styletrf.colmap_mapping import map_globally, map_incrementally, match_pairs
+from styletrf.image_pairs import Pairs, all_pairs, is_sequence, pairs_with, sequence_pairs
+from styletrf.progress import Progress
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """The models of one mapper, the largest first, and how they came to be."""
+
+    models: Sequence[pycolmap.Reconstruction]
+    matcher: str
+    verified_pairs: int
+    mapper: str
+    mapper_reason: str
+
+    @property
+    def registered(self) -> int:
+        """The number of images in the largest model."""
+        return int(self.models[0].num_reg_images()) if self.models else 0
+
+
+def map_images(
+    database: Path,
+    images: ColmapImages,
+    names: Sequence[str],
+    exhaustive_up_to: int,
+    sequence_overlap: int,
+    seed: int,
+    progress: Progress,
+) -> Mapping:
+    """Returns the best mapping of the images whose features the database holds.
+
+    All pairs are matched, or those along a sequence where `names`, more than `exhaustive_up_to`,
+    read like one; photographs that this leaves out are then matched with all others. The global
+    mapper goes first; where it does not place all, the incremental one is tried too, and the
+    mapping with more photographs, at equality the one with less reprojection error, is kept.
+    """
+    matcher, pairs = _pairs_to_match(names, exhaustive_up_to, sequence_overlap)
+    mapping = _globally(database, images, matcher, pairs, seed, progress)
+    missing = _unplaced(mapping, images)
+    if missing and matcher == "sequential":
+        more = sorted({*pairs_with(len(names), missing)} - {*pairs})
+        matcher = "sequential, then all pairs of those left out"
+        mapping = _globally(database, images, matcher, more, seed, progress)
+    if mapping.registered == len(names) or mapping.verified_pairs == 0:
+        return mapping
+    models = map_incrementally(database, images, seed, progress)
+    other = replace(mapping, models=models, mapper="incremental")
+    reason = f"placed: global mapper {mapping.registered}, incremental mapper {other.registered}"
+    return replace(max(mapping, other, key=_quality), mapper_reason=reason)
+
+
+def _pairs_to_match(
+    names: Sequence[str], exhaustive_up_to: int, sequence_overlap: int
+) -> tuple[str, Pairs]:
+    if len(names) > exhaustive_up_to and is_sequence(names):
+        return "sequential", sequence_pairs(len(names), sequence_overlap)
+    return "exhaustive", all_pairs(len(names))
+
+
+def _globally(
+    database: Path,
+    images: ColmapImages,
+    matcher: str,
+    pairs: Pairs,
+    seed: int,
+    progress: Progress,
+) -> Mapping:
+    verified = match_pairs(database, images, pairs, seed, progress)
+    models = map_globally(database, images, seed, progress) if verified else []
+    return Mapping(models, matcher, verified, "global", "it placed all photographs")
+
+
+def _unplaced(mapping: Mapping, images: ColmapImages) -> list[int]:
+    """Returns the positions of the images that the largest model leaves out."""
+    if not mapping.models:
+        return list(range(len(images.files)))
+    model = mapping.models[0]
+    placed = {model.image(image_id).name for image_id in model.reg_image_ids()}
+    return [index for index, file in enumerate(images.files) if file not in placed]
+
+
+def _quality(mapping: Mapping) -> tuple[int, float]:
+    error = mapping.models[0].compute_mean_reprojection_error() if mapping.models else 0.0
+    return mapping.registered, -float(error)

@@ -1,0 +1,120 @@
+"""The perceptual loss of Johnson et al. 2016: content, style and total variation.
+
+Letters: `F` the activations of a layer (channels C, grid H x W), `G` their Gram matrix.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from styletrf.vgg import VGG16
+
+CONTENT_LAYER = "relu2_2"
+STYLE_LAYERS = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptualLossConfig:
+    """The weights of the terms.
+
+    With `relative`, a squared difference of features is divided by the mean square of its target,
+    and so is one of Gram matrices, layer by layer: a term near 1 is "nothing alike", whichever
+    perceptual network measures and however strong the contrasts of the style. Without it they are
+    plain mean squares, as in most published code, whose usual weights are 1e5 and 1e10; these fit
+    the ImageNet weights (`torchvision`) only.
+    """
+
+    content_weight: float = 1.0
+    style_weight: float = 10.0
+    tv_weight: float = 1.0
+    relative: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptualTerms:
+    """The weighted terms; `total` is their sum. Scalars, differentiable to the output."""
+
+    content: Float[Tensor, ""]
+    style: Float[Tensor, ""]
+    tv: Float[Tensor, ""]
+
+    @property
+    def total(self) -> Float[Tensor, ""]:
+        """The loss."""
+        return self.content + self.style + self.tv
+
+
+def gram_matrix(
+    features: Float[Tensor, "batch channels height width"],
+) -> Float[Tensor, "batch channels channels"]:
+    """Returns `G_ij = sum_xy F_i F_j / (C H W)`, in float32 or better.
+
+    `F` is divided by the root of `C H W` before the product: the undivided sums overflow half
+    precision and lose digits in single.
+    """
+    batch, channels, height, width = features.shape
+    wide = features.to(torch.promote_types(features.dtype, torch.float32))
+    rows = wide.reshape(batch, channels, -1) / (channels * height * width) ** 0.5
+    return torch.bmm(rows, rows.transpose(1, 2))
+
+
+def total_variation(images: Float[Tensor, "batch 3 height width"]) -> Float[Tensor, ""]:
+    """Returns the mean squared difference of horizontal, plus that of vertical neighbours.
+
+    Squared, so that its gradient is finite (zero) on flat areas.
+    """
+    across = images[..., :, 1:] - images[..., :, :-1]
+    down = images[..., 1:, :] - images[..., :-1, :]
+    return across.square().mean() + down.square().mean()
+
+
+def style_grams(vgg: VGG16, style: Float[Tensor, "1 3 height width"]) -> dict[str, Tensor]:
+    """Returns the Gram matrices of the style image at the style layers: the targets."""
+    with torch.no_grad():
+        found = vgg.features(style, STYLE_LAYERS)
+        return {layer: gram_matrix(features) for layer, features in found.items()}
+
+
+def perceptual_loss(
+    vgg: VGG16,
+    output: Float[Tensor, "batch 3 height width"],
+    content: Float[Tensor, "batch 3 height width"],
+    grams: dict[str, Tensor],
+    config: PerceptualLossConfig,
+) -> PerceptualTerms:
+    """Returns how far `output` is from the objects of `content` and the manner of the style.
+
+    `content`: the squared difference of relu2_2; `style`: the sum over relu1_2, relu2_2, relu3_3
+    and relu4_3 of the squared difference of Gram matrices (Johnson et al., eq. 2 and 4); `tv`: the
+    total variation of `output`. Means over elements, times the weights.
+
+    Args:
+        vgg: The perceptual network.
+        output: What the style network made, RGB; values may leave [0, 1].
+        content: What it was given, RGB in [0, 1].
+        grams: From `style_grams`.
+        config: The weights.
+    """
+    with torch.no_grad():
+        target = vgg.features(content, [CONTENT_LAYER])[CONTENT_LAYER].float()
+    found = vgg.features(output, STYLE_LAYERS)
+    style = [
+        _difference(gram_matrix(found[layer]), grams[layer].expand(len(output), -1, -1), config)
+        for layer in STYLE_LAYERS
+    ]
+    return PerceptualTerms(
+        content=config.content_weight * _difference(found[CONTENT_LAYER].float(), target, config),
+        style=config.style_weight * torch.stack(style).sum(),
+        tv=config.tv_weight * total_variation(output.float()),
+    )
+
+
+def _difference(found: Tensor, target: Tensor, config: PerceptualLossConfig) -> Tensor:
+    difference = functional.mse_loss(found, target)
+    if not config.relative:
+        return difference
+    smallest = torch.finfo(target.dtype).tiny
+    return torch.log1p(difference / target.square().mean().clamp(min=smallest))

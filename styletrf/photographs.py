@@ -1,0 +1,153 @@
+"""Photographs as users keep them: which files of a folder they are, and their upright pixels."""
+
+import os
+import re
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from styletrf.errors import InputError
+
+PHOTOGRAPH_SUFFIXES = frozenset(
+    [
+        ".bmp",
+        ".jp2",
+        ".jpe",
+        ".jpeg",
+        ".jpg",
+        ".pbm",
+        ".pgm",
+        ".png",
+        ".pnm",
+        ".ppm",
+        ".tif",
+        ".tiff",
+        ".webp",
+    ]
+)
+"""What OpenCV decodes faithfully. (Its AVIF loses the scale of 10 and 12 bits.)"""
+
+CAMERA_SUFFIXES = frozenset(
+    [".arw", ".avif", ".cr2", ".cr3", ".dng", ".heic", ".heif", ".nef", ".orf", ".raf", ".rw2"]
+)
+"""Photographs too, but ones that have to be converted first."""
+
+FEWEST_PHOTOGRAPHS = 3
+
+# What libjpeg says of damaged data. It also warns of harmless things: padding before the last
+# marker, the scan parameters that some phones write.
+_JPEG_DAMAGE = re.compile(r"premature end|bad Huffman|extraneous bytes before marker 0xd[0-7]")
+_STANDARD_ERROR = threading.Lock()
+
+
+def list_photographs(folder: Path) -> list[Path]:
+    """Returns the photographs in a folder by suffix, in natural order (`2.jpg` before `10.jpg`).
+
+    Hidden files, folders and files that are no images are passed over.
+
+    Raises:
+        InputError: The folder is missing, or holds fewer than three photographs.
+    """
+    if not folder.is_dir():
+        raise InputError(str(folder), "there is no such folder", "Put the photographs there")
+    files = [path for path in folder.iterdir() if path.is_file() and path.name[0] != "."]
+    photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    if len(photographs) < FEWEST_PHOTOGRAPHS:
+        raise InputError(str(folder), _too_few(len(photographs), files), _MORE_PHOTOGRAPHS)
+    return sorted(photographs, key=lambda path: natural_order(path.name))
+
+
+_MORE_PHOTOGRAPHS = (
+    f"At least {FEWEST_PHOTOGRAPHS} overlapping photographs of the place are needed, better 20 "
+    "or more, as JPEG or PNG files"
+)
+
+
+def _too_few(count: int, files: list[Path]) -> str:
+    found = f"{count or 'no'} photograph{'' if count == 1 else 's'} found"
+    foreign = sorted({path.suffix.lower() for path in files} & CAMERA_SUFFIXES)
+    return found + (f" ({', '.join(foreign)} files must be converted first)" if foreign else "")
+
+
+def natural_order(name: str) -> tuple[list[str | int], str]:
+    """Returns a sorting key that compares runs of digits as numbers, the rest caselessly."""
+    parts = re.split(r"([0-9]+)", name)
+    return [int(part) if i % 2 else part.casefold() for i, part in enumerate(parts)], name
+
+
+def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
+    """Returns a photograph's upright RGB pixels: EXIF orientation applied, grey made RGB.
+
+    16 bits are rounded to 8. Transparent pixels are composited on white, as the published
+    synthetic scenes want it; the orientation tag of an image with transparency is not heeded.
+
+    Raises:
+        InputError: The file cannot be read, is no image, or is cut short or damaged.
+    """
+    try:
+        encoded = np.frombuffer(path.read_bytes(), np.uint8)
+    except OSError as error:
+        problem = f"cannot be read ({error.strerror})"
+        raise InputError(str(path), problem, "Check the file and its permissions") from error
+    pixels = _decoded(encoded)
+    if pixels is None:
+        problem = "is empty" if encoded.size == 0 else "is not an image, cut short or damaged"
+        raise InputError(str(path), problem, "Copy it from the camera again, or remove it")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
+    return _eight_bits_on_white(pixels)
+
+
+def _decoded(encoded: UInt8[np.ndarray, " bytes"]) -> np.ndarray | None:
+    """Returns pixels BGR or BGRA of any depth, or None where the decoder finds any damage."""
+    with _native_complaints() as complaints:
+        try:
+            pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
+            if pixels is None:
+                return None
+            if pixels.ndim == 2 or pixels.shape[2] != 4:
+                # IMREAD_UNCHANGED leaves a photograph lying on its side. (BGR: OpenCV 5.0 garbles
+                # 16-bit TIFF under IMREAD_COLOR_RGB.)
+                pixels = cv2.imdecode(encoded, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+        except cv2.error:
+            return None
+    return None if _JPEG_DAMAGE.search("".join(complaints)) else pixels
+
+
+def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:
+    """Returns RGB from BGR or BGRA of 8 or 16 bits, rounded once."""
+    white = np.iinfo(pixels.dtype).max
+    if pixels.shape[2] == 3 and white == 255:
+        return np.ascontiguousarray(pixels[..., ::-1])
+    color = pixels[..., 2::-1].astype(np.float64) / white
+    if pixels.shape[2] == 4:
+        alpha = pixels[..., 3:].astype(np.float64) / white
+        color = color * alpha + (1 - alpha)
+    return np.rint(color * 255).astype(np.uint8)
+
+
+@contextmanager
+def _native_complaints() -> Iterator[list[str]]:
+    """Collects what C libraries write to standard error, once the block is left.
+
+    libjpeg replaces missing data by grey and tells nobody but standard error.
+    """
+    complaints: list[str] = []
+    with _STANDARD_ERROR, tempfile.TemporaryFile() as log:
+        sys.stderr.flush()
+        standard_error = os.dup(2)
+        os.dup2(log.fileno(), 2)
+        try:
+            yield complaints
+        finally:
+            os.dup2(standard_error, 2)
+            os.close(standard_error)
+            log.seek(0)
+            complaints.append(log.read().decode(errors="replace"))

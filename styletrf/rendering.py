@@ -1,0 +1,95 @@
+"""From a field and rays to colour, opacity and depth (volume rendering, Max 1995).
+
+    color = sum_i w_i c_i + (1 - sum_i w_i) background,   opacity = sum_i w_i
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from styletrf.cameras import Camera, pixel_centers
+from styletrf.field import Appearance, RadianceField
+from styletrf.kernels import Kernels, Samples, Segments
+from styletrf.space import ViewRays
+
+
+@dataclass(frozen=True, slots=True)
+class RenderConfig:
+    """What rendering trades: see `docs/knobs.md`.
+
+    A ray ends at transmittance `termination`; samples lighter than `min_weight` get no colour;
+    rays are rendered `tile` at a time.
+    """
+
+    termination: float = 1e-3
+    min_weight: float = 1e-3
+    tile: int = 8192
+
+
+@dataclass(frozen=True, slots=True)
+class Rendering:
+    """Colour and opacity in [0, 1] and the depth Z of rays.
+
+    The depth is that of the mean position along the ray's grid segment, its clear part counted at
+    the far end; in NDC that averages disparity, so a little haze before infinity does not spoil it.
+    """
+
+    color: Float[Tensor, "*rays 3"]
+    opacity: Float[Tensor, "*rays"]
+    depth: Float[Tensor, "*rays"]
+
+
+def render_color(
+    appearance: Appearance, kernels: Kernels, segments: Segments, samples: Samples, min_weight: float
+) -> Float[Tensor, "rays 3"]:
+    """Returns the colour of rays, differentiable in the appearance and the samples' weights.
+
+    Samples below `min_weight` are left out and their mass given to the others of the ray in
+    proportion, so that dropping them does not darken the ray.
+    """
+    opacity = kernels.composite(samples, torch.ones_like(samples.weights)[:, None])
+    heavy = samples.heavier_than(min_weight)
+    components = kernels.features(appearance.factors, heavy.positions)
+    colors = appearance.decode(components, segments.view_directions[heavy.ray])
+    colored = kernels.composite(heavy, torch.cat([colors, torch.ones_like(colors[:, :1])], dim=1))
+    kept = colored[:, 3:].clamp(min=1e-6)
+    background = torch.sigmoid(appearance.background)
+    return colored[:, :3] * (opacity / kept) + (1 - opacity) * background
+
+
+@torch.no_grad()
+def render_rays(
+    field: RadianceField, kernels: Kernels, segments: Segments, config: RenderConfig
+) -> Rendering:
+    """Returns what rays see, without gradient; samples lie in the middle of their steps."""
+    jitter = torch.full_like(segments.lengths, 0.5)
+    march = field.density.march(config.termination)
+    samples = kernels.trace(field.density.factors, segments, jitter, march)
+    color = render_color(field.appearance, kernels, segments, samples, config.min_weight)
+    sums = kernels.composite(samples, torch.stack([torch.ones_like(samples.s), samples.s], dim=1))
+    opacity = sums[:, 0].clamp(max=1)
+    mean_s = (sums[:, 1] + 1 - opacity).clamp(0, 1)
+    depth = segments.depth_along(torch.arange(len(segments), device=mean_s.device), mean_s)
+    return Rendering(color.clamp(0, 1), opacity, depth)
+
+
+@torch.no_grad()
+def render_view(
+    field: RadianceField, kernels: Kernels, rays: ViewRays, view: int, camera: Camera,
+    config: RenderConfig,
+) -> Rendering:  # fmt: skip
+    """Returns the image of one of the cameras `rays` was made for, in tiles of bounded memory."""
+    device = field.appearance.background.device
+    pixels = torch.as_tensor(pixel_centers(camera.width, camera.height), device=device)
+    parts = []
+    for tile in pixels.split(config.tile):
+        index = torch.full((len(tile),), view, device=device)
+        parts.append(render_rays(field, kernels, rays.segments(index, tile), config))
+    shape = (camera.height, camera.width)
+    return Rendering(
+        torch.cat([part.color for part in parts]).reshape(*shape, 3),
+        torch.cat([part.opacity for part in parts]).reshape(shape),
+        torch.cat([part.depth for part in parts]).reshape(shape),
+    )

@@ -1,0 +1,122 @@
+"""A scene's photographs, checked and kept as they are: exact copies and `capture.json`."""
+
+import hashlib
+import json
+import shutil
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from styletrf.errors import InputError
+from styletrf.photographs import CAMERA_SUFFIXES, list_photographs, natural_order, read_photograph
+from styletrf.progress import Progress, silent
+
+_NAMES_TOLD = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Photograph:
+    """One photograph of a capture; `width` and `height` are those of its upright pixels."""
+
+    name: str
+    file: str
+    width: int
+    height: int
+    size_bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """A scene's photographs in natural order, all of one size, and what is odd about them."""
+
+    photographs: tuple[Photograph, ...]
+    warnings: tuple[str, ...]
+
+
+def capture_photographs(folder: Path, out_dir: Path, progress: Progress = silent) -> Capture:
+    """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
+
+    `out_dir` receives `images/<file>` and, last, `capture.json` (see `read_capture`). A
+    photograph's `name` is its file name without the suffix, or with it where any two would clash.
+
+    Raises:
+        InputError: One for all that is wrong: too few photographs, unreadable or damaged ones,
+            different sizes. Nothing is written then.
+    """
+    files = list_photographs(folder)
+    photographs, problems = _examined(files, progress)
+    problems += _different_sizes(photographs)
+    if problems:
+        remedy = "Replace or remove these files; all photographs must come from one camera setting"
+        raise InputError(str(folder), "; ".join(problems), remedy)
+    capture = Capture(tuple(photographs), tuple(_warnings(folder, photographs)))
+    (out_dir / "images").mkdir(parents=True, exist_ok=True)
+    for file in files:
+        shutil.copyfile(file, out_dir / "images" / file.name)
+    text = json.dumps(asdict(capture), sort_keys=True, indent=1, ensure_ascii=False)
+    (out_dir / "capture.json").write_text(text + "\n", encoding="utf-8")
+    return capture
+
+
+def read_capture(capture_dir: Path) -> Capture:
+    """Returns what `capture_photographs` wrote."""
+    text = (capture_dir / "capture.json").read_text(encoding="utf-8")
+    content = json.loads(text)
+    photographs = tuple(Photograph(**row) for row in content["photographs"])
+    return Capture(photographs, tuple(content["warnings"]))
+
+
+def _examined(files: Sequence[Path], progress: Progress) -> tuple[list[Photograph], list[str]]:
+    names = _unique_names(files)
+    photographs, problems = [], []
+    for done, (file, name) in enumerate(zip(files, names, strict=True)):
+        progress(done, len(files))
+        try:
+            height, width, _ = read_photograph(file).shape
+        except InputError as error:
+            problems.append(f"{file.name} {error.problem}")
+            continue
+        data = file.read_bytes()
+        sha256 = hashlib.sha256(data).hexdigest()
+        photographs.append(Photograph(name, file.name, width, height, len(data), sha256))
+    progress(len(files), len(files))
+    return photographs, problems
+
+
+def _unique_names(files: Sequence[Path]) -> list[str]:
+    stems = [file.stem for file in files]
+    clash = len({stem.casefold() for stem in stems}) < len(stems)
+    return [file.name for file in files] if clash else stems
+
+
+def _different_sizes(photographs: Sequence[Photograph]) -> list[str]:
+    """Returns the problem, naming the photographs that are not of the commonest size."""
+    by_size = defaultdict(list)
+    for photograph in photographs:
+        by_size[photograph.width, photograph.height].append(photograph.file)
+    if len(by_size) < 2:
+        return []
+    sizes = sorted(by_size, key=lambda size: (-len(by_size[size]), size))
+    told = [f"{len(by_size[sizes[0]])} of {sizes[0][0]}x{sizes[0][1]}"]
+    told += [f"{w}x{h} ({_told(by_size[w, h])})" for w, h in sizes[1:]]
+    return ["the photographs differ in size: " + ", ".join(told)]
+
+
+def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
+    count = Counter(photograph.sha256 for photograph in photographs)
+    warnings = []
+    for sha256 in sorted(digest for digest, times in count.items() if times > 1):
+        same = [photograph.file for photograph in photographs if photograph.sha256 == sha256]
+        warnings.append(f"the same photograph {len(same)} times: {_told(same)}")
+    foreign = [path.name for path in folder.iterdir() if path.suffix.lower() in CAMERA_SUFFIXES]
+    if foreign:
+        warnings.append(f"passed over, to be converted first: {_told(foreign)}")
+    return warnings
+
+
+def _told(names: Iterable[str]) -> str:
+    ordered = sorted(names, key=natural_order)
+    more = len(ordered) - _NAMES_TOLD
+    return ", ".join(ordered[:_NAMES_TOLD]) + (f" and {more} more" if more > 0 else "")

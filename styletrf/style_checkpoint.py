@@ -1,0 +1,92 @@
+"""The state of a style training, in one safetensors file.
+
+Tensors: `network.NAME`, `exp_avg.NAME` and `exp_avg_sq.NAME` (Adam's moments) for every parameter,
+and `curve`, a row an iteration in float64 with the columns of `CurveRow`.
+"""
+
+from collections.abc import Iterable
+from dataclasses import astuple, dataclass, field, fields
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from styletrf.errors import InputError
+from styletrf.style_network import StyleNetwork
+from styletrf.whole_files import whole_file
+
+_MOMENTS = ("exp_avg", "exp_avg_sq")
+
+
+@dataclass(frozen=True, slots=True)
+class CurveRow:
+    """The loss of one iteration: its weighted terms and their sum."""
+
+    iteration: int  # from 1
+    loss: float
+    content: float
+    style: float
+    tv: float
+    seconds: float  # of training so far, over all its runs
+
+
+@dataclass(frozen=True, slots=True)
+class Training:
+    """All that changes while a style network is trained."""
+
+    network: StyleNetwork
+    optimizer: torch.optim.Adam
+    curve: list[CurveRow] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """How long it has been trained."""
+        return self.curve[-1].seconds if self.curve else 0.0
+
+
+def write_checkpoint(path: Path, training: Training) -> None:
+    """Writes the state; a checkpoint that stood there is replaced once the new one is whole."""
+    tensors: dict[str, Tensor] = {}
+    for name, parameter in training.network.named_parameters():
+        tensors[f"network.{name}"] = parameter.detach().contiguous()
+        for moment in _MOMENTS:
+            if parameter in training.optimizer.state:
+                tensors[f"{moment}.{name}"] = training.optimizer.state[parameter][moment]
+    rows = [astuple(row) for row in training.curve]
+    tensors["curve"] = torch.tensor(rows, dtype=torch.float64).reshape(-1, len(fields(CurveRow)))
+    with whole_file(path) as partial:
+        save_file(tensors, partial)
+
+
+def read_checkpoint(path: Path, training: Training) -> None:
+    """Puts the state of a checkpoint into a new training; leaves it as it is where there is none.
+
+    Raises:
+        InputError: The file is damaged or is of another network.
+    """
+    if not path.exists():
+        return
+    try:
+        tensors = load_file(path)
+        with torch.no_grad():
+            _restore(tensors, training)
+    except (KeyError, OSError, RuntimeError, SafetensorError) as error:
+        problem = f"is not a checkpoint of this training ({str(error).splitlines()[0]})"
+        raise InputError(str(path), problem, "Remove it to train from the start") from error
+
+
+def _restore(tensors: dict[str, Tensor], training: Training) -> None:
+    curve = tensors["curve"].tolist()
+    for name, parameter in training.network.named_parameters():
+        parameter.copy_(tensors[f"network.{name}"])
+        if curve:
+            state = {moment: tensors[f"{moment}.{name}"].to(parameter) for moment in _MOMENTS}
+            training.optimizer.state[parameter] = {"step": torch.tensor(float(len(curve)))} | state
+    training.curve.extend(_curve_row(row) for row in curve)
+
+
+def _curve_row(row: Iterable[float]) -> CurveRow:
+    iteration, *rest = row
+    return CurveRow(int(iteration), *rest)

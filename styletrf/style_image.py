@@ -1,0 +1,46 @@
+"""The painting: read, checked, and kept as a plain PNG."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.errors import InputError
+from styletrf.images import read_rgb
+
+SMALLEST_SIDE_PX = 64
+_FLAT_DEVIATION = 0.01  # on [0, 1]: under three levels of 255
+
+
+def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
+    """Returns a painting as RGB float32 in [0, 1], upright, transparent parts over white.
+
+    Raises:
+        InputError: The file is absent, is no whole image, has fewer than 64 pixels a side, or
+            shows (nearly) one colour, from which no manner can be learnt.
+    """
+    if not path.is_file():
+        raise InputError(str(path), "there is no such style image", "Give a PNG or JPEG file")
+    image = _over_white(path, read_rgb(path))
+    height, width = image.shape[:2]
+    if min(height, width) < SMALLEST_SIDE_PX:
+        raise InputError(
+            str(path),
+            f"{width}x{height} pixels are too few to learn a style from",
+            f"Give an image of at least {SMALLEST_SIDE_PX} pixels a side; 256 or more is better",
+        )
+    if image.std(axis=(0, 1)).max() < _FLAT_DEVIATION:
+        remedy = "Give a painting, a drawing or a pattern with visible strokes"
+        raise InputError(str(path), "is all one colour, or nearly", remedy)
+    return image
+
+
+def _over_white(
+    path: Path, image: Float[np.ndarray, "height width 3"]
+) -> Float[np.ndarray, "height width 3"]:
+    raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if raw is None or raw.ndim != 3 or raw.shape[2] != 4 or raw.shape[:2] != image.shape[:2]:
+        return image
+    alpha = raw[..., 3:] / np.float32(np.iinfo(raw.dtype).max)
+    return np.asarray(alpha * image + (1 - alpha), dtype=np.float32)

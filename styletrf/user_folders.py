@@ -1,0 +1,65 @@
+"""Where users keep scenes and styles: `scenes/NAME/images/*` and `styles/NAME.jpg` under one root.
+
+A name that leads nowhere is answered with the names that lead somewhere.
+"""
+
+import re
+from pathlib import Path
+
+from styletrf.errors import InputError
+from styletrf.known_scenes import how_to_get
+from styletrf.photographs import PHOTOGRAPH_SUFFIXES, natural_order
+
+_NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
+
+
+def find_scene(data_root: Path, name: str) -> Path:
+    """Returns the folder of a scene's photographs, `data_root/scenes/NAME/images`.
+
+    Raises:
+        InputError: The name is not one of a plain folder, or there is no such scene; lists the
+            scenes that exist and, for a well-known public one, says where to get it.
+    """
+    _check_name("scene", name)
+    scenes = data_root / "scenes"
+    images = scenes / name / "images"
+    if images.is_dir():
+        return images
+    existing = [path.parent.name for path in scenes.glob("*/images") if path.is_dir()]
+    remedy = how_to_get(name) or f"Put its photographs into scenes/{name}/images"
+    raise InputError(f"scene {name!r}", _missing(scenes, existing), f"{remedy} under {data_root}")
+
+
+def find_style(data_root: Path, name: str) -> Path:
+    """Returns a style's image, `data_root/styles/NAME.*`; NAME may carry the suffix itself.
+
+    Raises:
+        InputError: The name is not one of a plain file, two images share it, or there is no such
+            style; lists the styles that exist.
+    """
+    _check_name("style", name)
+    styles = data_root / "styles"
+    files = [path for path in styles.glob("*") if path.is_file() and path.name[0] != "."]
+    images = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    found = sorted(path for path in images if name in (path.stem, path.name))
+    if len(found) == 1:
+        return found[0]
+    if found:
+        names = ", ".join(path.name for path in found)
+        raise InputError(f"style {name!r}", f"several images share it: {names}", "Give one in full")
+    others = [path.name for path in files if name in (path.stem, path.name)]
+    problem = f"{others[0]} is not an image" if others else "there is no such style"
+    existing = [path.stem for path in images]
+    remedy = f"Put a JPEG or PNG image into {styles} as {Path(name).stem}.jpg or .png"
+    raise InputError(f"style {name!r}", _missing(styles, existing, problem), remedy)
+
+
+def _check_name(kind: str, name: str) -> None:
+    if not _NAME.fullmatch(name) or ".." in name:
+        problem = "it must be a plain name, not empty, without '/' or '..' or a leading dot"
+        raise InputError(f"{kind} {name!r}", problem, f"Give the name of a {kind} under data/")
+
+
+def _missing(folder: Path, existing: list[str], problem: str = "there is no such scene") -> str:
+    names = ", ".join(sorted(set(existing), key=natural_order)) or "none"
+    return f"{problem} (in {folder} there are: {names})"

@@ -1,0 +1,35 @@
+"""A scene's photographs as a tensor, and which of them are held out."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import UInt8
+from torch import Tensor
+
+from styletrf.cameras import Camera
+from styletrf.images import read_rgb, to_integers
+
+HOLD_OUT_EVERY = 8  # LLFF's protocol: views 0, 8, 16, ... of the sorted names
+
+
+def load_views(
+    folder: Path, cameras: Sequence[Camera]
+) -> UInt8[Tensor, "views height width 3"]:
+    """Returns the cameras' images from `folder`, reduced to the cameras' size by pixel area."""
+    views = []
+    for camera in cameras:
+        image = read_rgb(folder / f"{camera.name}.png")
+        size = (camera.width, camera.height)
+        if image.shape[1::-1] != size:
+            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        views.append(to_integers(image))
+    return torch.from_numpy(np.stack(views))
+
+
+def split_views(n_views: int) -> tuple[list[int], list[int]]:
+    """Returns the indices of the training views and of the views held out, every eighth."""
+    held_out = list(range(0, n_views, HOLD_OUT_EVERY))
+    return [k for k in range(n_views) if k % HOLD_OUT_EVERY], held_out

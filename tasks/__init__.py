@@ -1,0 +1,37 @@
+"""The graph of StyleTRF as Luigi tasks; `luigi --module tasks StylizedTrajectory ...`.
+
+    SceneCapture - CameraPoses - SceneModel - RadianceField -+- PriorRenders - StylizedPriors
+                                                             +- QualityMetrics        |
+    ContentImages, PerceptualWeights, StyleImage             +- TrajectoryFrames      |
+              `- StyleNetwork - StylizedPriors - StylizedField - StylizedFrames - ConsistencyMetrics
+
+A task gathers its inputs, calls the library and writes what it returns. Importing this package
+loads no torch: heavy imports stand inside `build`, which runs in an interpreter of its own.
+"""
+
+from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
+from tasks.metrics import ConsistencyMetrics, QualityMetrics
+from tasks.scene import CameraPoses, SceneCapture, SceneModel
+from tasks.style import ContentImages, PerceptualWeights, StyleImage, StyleNetwork
+from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
+from tasks.trajectory import Grid, StylizedTrajectory
+
+__all__ = [
+    "CameraPoses",
+    "ConsistencyMetrics",
+    "ContentImages",
+    "Grid",
+    "PerceptualWeights",
+    "PriorRenders",
+    "QualityMetrics",
+    "RadianceField",
+    "SceneCapture",
+    "SceneModel",
+    "StyleImage",
+    "StyleNetwork",
+    "StylizedField",
+    "StylizedFrames",
+    "StylizedPriors",
+    "StylizedTrajectory",
+    "TrajectoryFrames",
+]

@@ -1,0 +1,111 @@
+"""The radiance field and its renders."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import luigi
+from pipeline.task import RunContext
+
+from tasks.scene import CameraPoses, SceneModel
+from tasks.stage import Stage, TunedStage
+
+
+class RadianceField(TunedStage):
+    """A TensoRF fitted to all photographs but every eighth.
+
+    Leaves `density.safetensors`, `appearance.safetensors`, `field.json` and `curve.parquet`. A
+    killed run goes on from its last checkpoint.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    tools = ("torch",)
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The images with their cameras, and the model."""
+        return {"poses": self.need(CameraPoses), "model": self.need(SceneModel)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Fit the field."""
+        from styletrf.camera_table import read_cameras
+        from styletrf.configuration import configured
+        from styletrf.devices import device_named
+        from styletrf.field import save_field
+        from styletrf.field_training import FieldTrainingConfig, train_field
+        from styletrf.kernels import kernels_for
+        from styletrf.scene_model import read_scene_model
+        from styletrf.tables import write_rows
+        from styletrf.views import load_views, split_views
+
+        device = device_named(self.device)
+        model = read_scene_model(inputs["model"] / "scene.json")
+        cameras = model.normalized(read_cameras(inputs["poses"] / "cameras.parquet"))
+        cameras = [cameras[k] for k in split_views(len(cameras))[0]]
+        field, curve = train_field(
+            cameras,
+            load_views(inputs["poses"] / "images", cameras).to(device),
+            model.space,
+            model.resolution,
+            configured(FieldTrainingConfig, self.values()),
+            kernels_for(device),
+            run.progress,
+            run.resume,
+        )
+        save_field(out, field)
+        write_rows(out / "curve.parquet", curve)
+
+
+class PathRenders(TunedStage):
+    """Float renders of the field along a path.
+
+    Leaves `frames/NAME.exr` (R G B A half, Z float), `cameras.parquet` and `video.mp4`.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    tools = ("torch",)
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The field, and the cameras and the model that place the path."""
+        return {
+            "field": self.need(RadianceField),
+            "poses": self.need(CameraPoses),
+            "model": self.need(SceneModel),
+        }
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Render the path."""
+        from styletrf.camera_table import read_cameras
+        from styletrf.configuration import configured
+        from styletrf.devices import device_named
+        from styletrf.field import load_field
+        from styletrf.frames import (
+            FramesConfig,
+            float_frames,
+            rendered,
+            write_clip,
+            write_float_frames,
+        )
+        from styletrf.scene_model import read_scene_model
+        from styletrf.trajectories import fly_through
+
+        config = configured(FramesConfig, self.values())
+        model = read_scene_model(inputs["model"] / "scene.json")
+        photographed = model.normalized(read_cameras(inputs["poses"] / "cameras.parquet"))
+        cameras = fly_through(photographed, model, config.trajectory)
+        renders = rendered(
+            load_field(inputs["field"]),
+            model.space,
+            cameras,
+            config.render,
+            device_named(self.device),
+            run.progress,
+        )
+        write_float_frames(out, cameras, renders)
+        write_clip(out / "video.mp4", float_frames(out), config.frames_per_second)
+
+
+class PriorRenders(PathRenders):
+    """The few views that the style network will paint, spread over what the path sees."""
+
+
+class TrajectoryFrames(PathRenders):
+    """The unstylised frames of the fly-through."""

@@ -1,0 +1,56 @@
+"""All values in which the qualities differ, side by side; measured in `docs/knobs.md`.
+
+A row is a field of the stage's configuration (dots reach into nested ones); what is not listed is
+the configuration's own default. `draft` is for a look in minutes on two CPU cores, `standard` is
+the default, `paper` are the publication's settings for a GPU.
+"""
+
+from typing import Any
+
+QUALITIES = ("draft", "standard", "paper")
+
+_TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
+    "SceneModel": {
+        "image_long_side": (504, 1008, 1008),
+        "max_voxels": (224**3, 384**3, 640**3),
+    },
+    "RadianceField": {
+        "iterations": (3000, 12000, 15000),
+        "batch": (1536, 2048, 4096),
+        "upsample_at": (
+            [300, 600, 1000, 1500],
+            [1000, 2000, 3000, 4000],
+            [2000, 3000, 4000, 5000],
+        ),
+        "initial_voxels": (64**3, 96**3, 128**3),
+        "field.density_ranks": ([16, 4, 4], [16, 4, 4], [16, 16, 16]),
+        "field.appearance_ranks": ([24, 12, 12], [24, 12, 12], [48, 48, 48]),
+        "field.hidden": (64, 64, 128),
+    },
+    "ContentImages": {
+        "count": (1000, 8000, 80000),
+    },
+    "StyleNetwork": {
+        "network.width": (16, 32, 32),
+        "network.n_residual": (3, 5, 5),
+        "iterations": (400, 4000, 40000),
+        "batch": (1, 4, 4),
+        "crop_px": (192, 256, 256),
+    },
+    "PriorRenders": {
+        "trajectory.frames": (20, 25, 30),
+        "trajectory.turns": (2.0, 2.0, 2.0),
+    },
+    "TrajectoryFrames": {
+        "trajectory.frames": (60, 120, 120),
+    },
+    "StylizedField": {
+        "iterations": (400, 1000, 1000),
+    },
+}
+
+
+def settings_for(family: str, quality: str) -> dict[str, Any]:
+    """Returns a stage's settings at a quality, by field name."""
+    column = QUALITIES.index(quality)
+    return {name: row[column] for name, row in _TABLE.get(family, {}).items()}

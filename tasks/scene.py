@@ -1,0 +1,93 @@
+"""From photographs to the model of their scene."""
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+import luigi
+from pipeline.task import RunContext
+from pipeline.digest import file_digest
+from pipeline.settings import data_root
+
+from tasks.stage import Stage, TunedStage
+
+
+class SceneCapture(Stage):
+    """The user's photographs, checked and kept as they are.
+
+    Leaves `images/` and `capture.json`; made anew when a photograph changes.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Nothing but the photographs."""
+        return {}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of each photograph."""
+        from styletrf.photographs import list_photographs
+        from styletrf.user_folders import find_scene
+
+        photographs = list_photographs(find_scene(data_root(), self.scene))
+        return {path.name: file_digest(path) for path in photographs}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Check and copy the photographs."""
+        from styletrf.scene_capture import capture_photographs
+        from styletrf.user_folders import find_scene
+
+        capture_photographs(find_scene(data_root(), self.scene), out, run.progress)
+
+
+class CameraPoses(TunedStage):
+    """Poses, intrinsics, sparse points and undistorted images, by COLMAP.
+
+    Leaves `cameras.parquet`, `points.parquet`, `images/NAME.png` and `poses.json`.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    tools = ("pycolmap",)
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The photographs."""
+        return {"capture": self.need(SceneCapture)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Solve for the cameras."""
+        from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
+        from styletrf.configuration import configured
+
+        config = configured(CameraPosesConfig, self.values())
+        run.resume.mkdir(parents=True, exist_ok=True)
+        solve_camera_poses(inputs["capture"], out, config, run.progress, run.resume)
+
+
+class SceneModel(TunedStage):
+    """The space, box, near and far, resolution and working size that the scene requires.
+
+    Leaves `scene.json`, each decision with its evidence.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The cameras and the points."""
+        return {"poses": self.need(CameraPoses)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Decide."""
+        from styletrf.camera_table import read_cameras
+        from styletrf.configuration import configured
+        from styletrf.point_table import read_points
+        from styletrf.scene_model import SceneModelConfig, decide_scene_model, write_scene_model
+
+        cameras = read_cameras(inputs["poses"] / "cameras.parquet")
+        points = read_points(inputs["poses"] / "points.parquet")
+        config = configured(SceneModelConfig, self.values())
+        write_scene_model(out / "scene.json", decide_scene_model(cameras, points.xyz_world, config))
+
+
+def copy_into(out: Path, source: Path) -> None:
+    """Copies one file of an input into an artifact."""
+    shutil.copyfile(source, out / source.name)

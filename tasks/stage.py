@@ -1,0 +1,64 @@
+"""What the tasks of the graph have in common."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, TypeVar
+
+import luigi
+from pipeline.task import StoredTask
+from styletrf.errors import InputError
+
+from tasks.qualities import QUALITIES, settings_for
+
+Needed = TypeVar("Needed", bound="Stage")
+
+
+class Stage(StoredTask):
+    """A stage of the graph; a user's mistake is an `InputError`."""
+
+    user_errors = (InputError,)
+
+    device = luigi.ChoiceParameter(
+        choices=["auto", "cpu", "cuda"],
+        default="auto",
+        significant=False,
+        description="where to compute: a GPU where there is one (auto), cpu or cuda",
+    )
+
+    def need(self, stage: type[Needed], **others: Any) -> Needed:
+        """Returns an upstream stage with this one's scene, style, quality and so on."""
+        names = set(stage.get_param_names(include_significant=True)) - {"settings"}
+        shared = {name: self.param_kwargs[name] for name in names if name in self.param_kwargs}
+        return stage(**{**shared, **others})
+
+
+class TunedStage(Stage):
+    """A stage whose configuration comes from the quality's column of `tasks/qualities.py`.
+
+    Its key covers the values, not the quality's name: two qualities that agree share the artifact.
+    """
+
+    quality = luigi.ChoiceParameter(
+        choices=list(QUALITIES),
+        default="standard",
+        description="draft for a look in minutes, standard, or the paper's own settings",
+    )
+    settings = luigi.DictParameter(
+        default={}, description='values that replace the quality\'s, such as {"iterations": 500}'
+    )
+    keyed: ClassVar[tuple[str, ...]] = ()
+
+    def values(self) -> dict[str, Any]:
+        """Returns the stage's settings: the quality's, then the user's."""
+        return {**settings_for(self.task_family, self.quality), **_thawed(self.settings)}
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The values of the settings, and of the parameters that `keyed` names."""
+        named = {name: self.param_kwargs[name] for name in self.keyed}
+        return {"settings": self.values(), **named}
+
+
+def _thawed(value: Any) -> Any:
+    """Returns Luigi's frozen dictionaries and tuples as plain ones."""
+    if isinstance(value, Mapping):
+        return {key: _thawed(item) for key, item in value.items()}
+    return [_thawed(item) for item in value] if isinstance(value, tuple) else value

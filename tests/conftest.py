@@ -1,0 +1,38 @@
+"""What every test runs in: a store of its own, and nothing left in Luigi from the test before."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def _isolated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A store under `tmp_path`; Luigi's register and instances as they were before the test."""
+    monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "store"))
+    known = list(register._reg) if (register := _register()) else None
+    yield
+    if register := _register():
+        register.clear_instance_cache()
+        if known is not None:
+            register._reg[:] = known
+
+
+@pytest.fixture
+def inline() -> Iterator[None]:
+    """Builds run in the test's own process."""
+    import luigi
+
+    config = luigi.configuration.get_config()
+    before = config.get("store", "executor", "subprocess")
+    config.set("store", "executor", "inline")
+    yield
+    config.set("store", "executor", before)
+
+
+def _register() -> Any:
+    """Luigi's register of task classes, if the test has loaded Luigi at all."""
+    module = sys.modules.get("luigi.task_register")
+    return module.Register if module else None

@@ -1,0 +1,216 @@
+"""The bare command, as a user types it, in processes of its own."""
+
+import contextlib
+import os
+import pty
+import signal
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from store_toys import built
+
+from pipeline.settings import current_store
+from pipeline.verify import problems, records
+
+ROOT = Path(__file__).parents[2]
+
+
+def start(
+    *arguments: str, cwd: Path = ROOT, stderr: int = subprocess.PIPE
+) -> subprocess.Popen[str]:
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)]),
+    }
+    return subprocess.Popen(
+        [sys.executable, "-m", *arguments],
+        cwd=cwd,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+    )
+
+
+def luigi(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
+    """Exit status and screen of `luigi --module store_toys ...`."""
+    process = start("luigi", "--module", "store_toys", *arguments, cwd=cwd)
+    screen = "".join(process.communicate(timeout=60))
+    return process.returncode, screen
+
+
+def pids_of_slow(toys: Path) -> list[int]:
+    """The builder and its child, once they run."""
+    deadline = time.monotonic() + 30
+    while not (toys / "pids.txt").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    return [int(pid) for pid in (toys / "pids.txt").read_text().split()]
+
+
+def are_gone(pids: list[int]) -> bool:
+    deadline = time.monotonic() + 10
+    while any(is_running(pid) for pid in pids):
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def test_success_is_quiet_and_quick_again():
+    status, screen = luigi("Sentence")
+    assert status == 0
+    lines = [line for line in screen[: screen.index("===== Luigi")].splitlines() if line]
+    assert sorted(line.split(" in ")[0] for line in lines) == [
+        f"{name}: {what}"
+        for name in ("Sentence", "Word hello", "Word world")
+        for what in ("done", "started")
+    ]
+    assert "This progress looks :)" in screen
+    status, screen = luigi("Sentence")
+    assert status == 0
+    assert "Did not run any tasks" in screen
+
+
+def test_a_batch_finishes_what_it_can_and_fails():
+    status, screen = luigi("Batch", "--words", '["bad", "good", "crash", "fine"]')
+    assert status == 30
+    assert {"Word good", "Word fine"} <= set(built())
+    assert len(built()) == 4, "a failed task is not tried again"
+    assert "Word(word=bad, loudness=1.0): words/bad: is no word. Choose another one.\n" in screen
+    assert "Traceback" not in screen
+    log = Path(screen.split("The trace is in ")[1].split()[0])
+    assert "RuntimeError: a defect" in log.read_text()
+    assert [record.provenance["label"] for record in records(current_store())].count(
+        "Word bad"
+    ) == 0
+
+
+def test_a_missing_parameter_is_one_line():
+    status, screen = luigi("Word")
+    assert status == 40
+    assert "requires the 'word' parameter" in screen
+    assert "Traceback" not in screen
+
+
+def test_another_folder_is_told_at_once(tmp_path):
+    status, screen = luigi("Sentence", cwd=tmp_path)
+    assert status == 1
+    assert "Run from the folder of the repository" in screen
+    assert "Traceback" not in screen
+
+
+@pytest.mark.parametrize("workers", [[], ["--workers", "2"]])
+def test_interrupt_ends_all_and_the_next_command_resumes(toys, workers):
+    process = start("luigi", "--module", "store_toys", "Slow", *workers)
+    pids = pids_of_slow(toys)
+    process.send_signal(signal.SIGINT)
+    if workers:  # a terminal sends it to the whole group
+        for child in psutil.Process(process.pid).children():
+            child.send_signal(signal.SIGINT)
+    screen = "".join(process.communicate(timeout=20))
+    assert process.returncode not in (0, None)
+    assert are_gone(pids)
+    assert workers or "The same command goes on from here" in screen
+    assert workers or "Traceback" not in screen
+    assert not list(records(current_store()))
+    status, _ = luigi("Slow")
+    assert status == 0
+    (record,) = records(current_store())
+    artifact = current_store().object(record.output.digest)
+    assert [path.name for path in artifact.iterdir()] == ["result.txt"]
+    assert not list((current_store().root / "resume").iterdir())
+    assert not list((current_store().root / "tmp").iterdir())
+
+
+@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL])
+def test_a_killed_command_leaves_no_orphan(toys, sent):
+    process = start("luigi", "--module", "store_toys", "Slow")
+    pids = pids_of_slow(toys)
+    process.send_signal(sent)
+    process.communicate(timeout=20)
+    assert are_gone(pids)
+    assert not list(records(current_store()))
+    assert luigi("Slow")[0] == 0
+
+
+def test_a_killed_supervisor_takes_the_builder_along(toys):
+    process = start("luigi", "--module", "store_toys", "Slow")
+    builder = pids_of_slow(toys)[0]
+    psutil.Process(builder).parent().kill()
+    screen = "".join(process.communicate(timeout=20))
+    assert process.returncode == 30
+    assert are_gone([builder])
+    assert "SIGKILL" in screen
+
+
+def test_a_terminal_shows_a_bar_and_then_what_was_done():
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (40, 100))
+    command = start("luigi", "--module", "store_toys", "Lasting", "--steps", "5", stderr=theirs)
+    os.close(theirs)
+    screen = b""
+    with contextlib.suppress(OSError):  # how a terminal says that it was closed
+        while part := os.read(ours, 4096):
+            screen += part
+    os.close(ours)
+    command.communicate()
+    lines = (
+        screen.decode().replace("\r\n", "\n").replace("\x1b[K", "").replace("\r", "\n").split("\n")
+    )
+    assert any(line.startswith("Lasting:   0%|") for line in lines)
+    assert any("loss=" in line and "it/s" in line for line in lines)
+    said = [line.split(" in ")[0] for line in lines]
+    assert said.index("Lasting: started") < said.index("Lasting: done")
+
+
+def test_two_commands_one_build(toys):
+    first = start("luigi", "--module", "store_toys", "Lasting")
+    second = start("luigi", "--module", "store_toys", "Lasting")
+    screens = ["".join(process.communicate(timeout=60)) for process in (first, second)]
+    assert (first.returncode, second.returncode) == (0, 0), screens
+    assert built() == ["Lasting"]
+    assert any("another process is at it" in screen for screen in screens)
+
+
+def test_store_commands():
+    luigi("Sentence")
+    (record,) = (r for r in records(current_store()) if r.action.family == "Sentence")
+
+    def pipeline(*arguments: str) -> tuple[int, str]:
+        process = start("pipeline", *arguments)
+        said = "".join(process.communicate(timeout=30))
+        return process.returncode, said
+
+    status, said = pipeline("ls")
+    assert status == 0
+    assert [line.split(" s ")[1].split("MB")[1].strip() for line in said.splitlines()][
+        -1
+    ] == "Sentence"
+    assert len(pipeline("ls", "Word")[1].splitlines()) == 2
+    for address in (record.action.key[:10], record.output.digest):
+        status, said = pipeline("show", address)
+        assert status == 0
+        assert record.to_json().decode() in said
+        assert "word0: " in said
+    assert pipeline("show", "nothing")[0] == 1
+    assert pipeline("verify", "--deep") == (0, "whole\n")
+    file = current_store().object(record.output.digest) / "sentence.txt"
+    file.chmod(0o644)
+    file.write_text("jello world")
+    assert pipeline("verify")[0] == 0, "same length"
+    status, said = pipeline("verify", "--deep")
+    assert (status, "altered" in said) == (1, True)
+    assert len(list(problems(current_store(), deep=True))) == 1

@@ -1,0 +1,227 @@
+import errno
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from pipeline.publication import publish
+from pipeline.record import Action
+from pipeline.store import Store
+from pipeline.verify import problems
+
+POINTS = ["hashed", "synced", "renamed", "placed", "record-written", "linked", "committed"]
+ACTION = Action("Word", "code", {"word": "a"}, {}, {}, {})
+TOLD = {"label": "Word a", "task": "Word(a)", "started": "2026-01-01", "seconds": 1.0}
+
+
+def attempt(store: Store, content: bytes = b"content", action: Action = ACTION):
+    """Make a directory with one file in a workspace and publish it."""
+    with store.workspace(action.key) as workspace:
+        out = workspace / "out"
+        (out / "deep").mkdir(parents=True)
+        (out / "deep" / "file").write_bytes(content)
+        return publish(store, out, action, TOLD)
+
+
+def visible(store: Store) -> bool:
+    return store.find(ACTION.key) is not None
+
+
+def is_whole(store: Store) -> bool:
+    return list(problems(store, deep=True)) == []
+
+
+def killed_at(store: Store, point: str) -> int:
+    """Publish in a child process that SIGKILLs itself at the point; returns its wait status."""
+
+    def kill(reached: str) -> None:
+        if reached == point:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    child = os.fork()
+    if child == 0:
+        attempt(Store(store.root, kill))
+        os._exit(0)
+    return os.waitpid(child, 0)[1]
+
+
+def test_published_artifact_is_whole_recorded_and_read_only(store):
+    record = attempt(store)
+    path = store.object(record.output.digest)
+    assert (path / "deep" / "file").read_bytes() == b"content"
+    assert store.find(ACTION.key) == record
+    assert store.record(ACTION.key).to_json() == record.to_json()
+    modes = {p.stat().st_mode & 0o777 for p in (path, path / "deep")}
+    assert modes == {0o555}
+    assert (path / "deep" / "file").stat().st_mode & 0o777 == 0o444
+    assert is_whole(store)
+    assert list((store.root / "tmp").iterdir()) == []
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_sigkill_at_any_point_leaves_all_or_nothing(store, point):
+    assert os.WTERMSIG(killed_at(store, point)) == signal.SIGKILL
+    assert visible(store) == (point in ("linked", "committed"))
+    assert is_whole(store)
+    assert attempt(store).output == store.find(ACTION.key).output
+    assert is_whole(store)
+    left = [path for path in (store.root / "tmp").iterdir() if path.is_dir()]
+    assert left == [], "the next build at the key sweeps what the dead one left"
+
+
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EIO])
+@pytest.mark.parametrize("call", ["fsync", "rename", "write", "link"])
+def test_failing_disk_leaves_nothing_visible(store, monkeypatch, error, call):
+    def fail(*_args, **_kwargs):
+        raise OSError(error, os.strerror(error))
+
+    owner, name = {
+        "fsync": (os, "fsync"),
+        "rename": (Path, "rename"),
+        "write": (Path, "write_bytes"),
+        "link": (Path, "hardlink_to"),
+    }[call]
+    with store.workspace("0" * 64) as workspace:
+        (workspace / "out").mkdir()
+        (workspace / "out" / "file").write_bytes(b"content")
+        with monkeypatch.context() as patch:
+            patch.setattr(owner, name, fail)
+            with pytest.raises(OSError, match=os.strerror(error)):
+                publish(store, workspace / "out", ACTION, TOLD)
+    assert not visible(store)
+    assert is_whole(store)
+    assert list((store.root / "tmp").iterdir()) == []
+    attempt(store)
+    assert visible(store)
+
+
+def test_every_fsync_may_fail(store, monkeypatch):
+    """The disk fills up at the first, second, ... durable write: nothing is half-visible."""
+    real, calls = os.fsync, 0
+    for last in range(1, 20):
+        calls = 0
+
+        def sometimes(descriptor, last=last):
+            nonlocal calls
+            calls += 1
+            if calls == last:
+                raise OSError(errno.ENOSPC, "no space")
+            real(descriptor)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", sometimes)
+            try:
+                attempt(store)
+            except OSError:
+                assert is_whole(store)
+                continue
+        break
+    assert last > 4
+    assert visible(store)
+
+
+def test_loser_adopts_the_winner(store):
+    winner, loser = attempt(store, b"first"), attempt(store, b"second")
+    assert loser == winner
+    assert is_whole(store)
+
+
+def test_equal_content_is_kept_once(store):
+    other = Action("Word", "code", {"word": "b"}, {}, {}, {})
+    assert attempt(store).output == attempt(store, action=other).output
+    assert len(list((store.root / "objects").glob("*/*"))) == 1
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [
+        lambda text: b"",
+        lambda text: text[: len(text) // 2],
+        lambda text: b"\xff\x00garbage",
+        lambda text: b"[]",
+        lambda text: b"{}",
+        lambda text: text.replace(b'"format": 1', b'"format": 2'),
+        lambda text: text.replace(b'"family": "Word"', b'"family": "Ward"'),
+        lambda text: text.replace(b'"salt": ""', b'"salt": "", "news": 1'),
+        lambda text: b"[" * 100_000,
+    ],
+)
+def test_a_record_that_is_none_counts_as_absent_and_is_replaced(store, garbage):
+    record = attempt(store)
+    path = store.action(ACTION.key)
+    path.chmod(0o644)
+    path.write_bytes(garbage(record.to_json()))
+    assert store.record(ACTION.key) is None
+    assert not is_whole(store)
+    attempt(store)
+    assert store.find(ACTION.key).output == record.output
+    assert is_whole(store)
+    assert len(list((store.root / "quarantine").glob("*/*.json"))) == 1
+
+
+def test_a_record_under_another_key_counts_as_absent(store):
+    path = store.action("0" * 64)
+    path.parent.mkdir()
+    path.write_bytes(attempt(store).to_json())
+    assert store.record("0" * 64) is None
+
+
+def test_a_record_without_its_object_counts_as_absent(store):
+    record = attempt(store, b"first")
+    store.quarantine(store.object(record.output.digest))
+    assert store.record(ACTION.key)
+    assert not visible(store)
+    assert attempt(store, b"second").output != record.output, "honestly another result"
+    assert is_whole(store)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda file: file.write_bytes(b"CONTENT"),
+        lambda file: file.write_bytes(b"cont"),
+        lambda file: file.unlink(),
+        lambda file: file.with_name("extra").write_bytes(b""),
+    ],
+)
+def test_a_damaged_object_is_found_and_replaced_by_a_rebuild(store, damage):
+    record = attempt(store)
+    folder = store.object(record.output.digest) / "deep"
+    folder.chmod(0o755)
+    (folder / "file").chmod(0o644)
+    damage(folder / "file")
+    assert not is_whole(store)
+    attempt(store)
+    assert is_whole(store)
+    assert (folder / "file").read_bytes() == b"content"
+
+
+def test_an_empty_artifact_is_refused(store):
+    with store.workspace("0" * 64) as workspace:
+        (workspace / "out" / "empty").mkdir(parents=True)
+        with pytest.raises(ValueError, match="no file"):
+            publish(store, workspace / "out", ACTION, TOLD)
+
+
+def test_a_live_workspace_is_not_swept(store):
+    with store.workspace(ACTION.key) as mine, store.workspace(ACTION.key) as other:
+        assert mine.exists()
+        assert other.exists()
+
+
+def test_a_store_of_a_newer_program_is_refused(tmp_path):
+    from pipeline.errors import StoreError
+
+    Store.open(tmp_path / "new")
+    (tmp_path / "new" / "format").write_text("styletrf store 2\n")
+    with pytest.raises(StoreError, match="styletrf store 2"):
+        Store.open(tmp_path / "new")
+
+
+def test_a_store_that_cannot_be_made_is_refused(tmp_path):
+    from pipeline.errors import StoreError
+
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match="cannot hold the store"):
+        Store.open(tmp_path / "file" / "store")

@@ -1,0 +1,286 @@
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar
+
+import luigi
+import pytest
+from store_toys import Sentence, ToyError, Word, built, mark
+
+from pipeline.errors import NotBuiltError, TaskFailure
+from pipeline.settings import current_store
+from pipeline.task import RunContext, StoredTask, artifact
+from pipeline.verify import problems
+
+pytestmark = pytest.mark.usefixtures("inline")
+
+
+def build(*tasks: luigi.Task) -> bool:
+    return luigi.build(tasks, local_scheduler=True, logging_conf_file="")
+
+
+def afresh() -> None:
+    """As a new process: Luigi knows no instance."""
+    luigi.task_register.Register.clear_instance_cache()
+
+
+class Versioned(StoredTask):
+    """Its bytes depend on `content` alone, its key on `edition` too."""
+
+    edition = luigi.IntParameter()
+    content = luigi.Parameter(default="same")
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        mark(self)
+        (out / "text").write_text(self.content)
+
+
+class Reader(StoredTask):
+    """Its edition only chooses its input."""
+
+    edition = luigi.IntParameter()
+    content = luigi.Parameter(default="same")
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        return {}
+
+    def requires(self) -> dict[str, StoredTask]:
+        return {"text": Versioned(self.edition, self.content)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        mark(self)
+        (out / "copy").write_text((inputs["text"] / "text").read_text())
+
+
+class Published(Word):
+    """A word that is also put into a folder outside the store."""
+
+    folder = luigi.Parameter(significant=False)
+
+    def published(self) -> bool:
+        return (Path(self.folder) / "word.txt").exists()
+
+    def publish(self, object_path: Path) -> None:
+        Path(self.folder).mkdir(exist_ok=True)
+        (Path(self.folder) / "word.txt").symlink_to(object_path / "word.txt")
+
+
+class Photographs(StoredTask):
+    """Reads a folder outside the store."""
+
+    folder = luigi.Parameter(significant=False)
+    user_errors = (ToyError,)
+    meddle: ClassVar[bool] = False
+
+    def external_digests(self) -> Mapping[str, str]:
+        if not (Path(self.folder) / "photo").exists():
+            raise ToyError(f"{self.folder}: no photographs. Put some there.")
+        return {"photo": (Path(self.folder) / "photo").read_text()}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        mark(self)
+        (out / "photo").write_text((Path(self.folder) / "photo").read_text())
+        if type(self).meddle:
+            (Path(self.folder) / "photo").write_text("another")
+
+
+class Link(StoredTask):
+    """A chain of diamonds: 2^depth paths, depth + 1 tasks."""
+
+    depth = luigi.IntParameter()
+    visits: ClassVar[int] = 0
+
+    def requires(self) -> dict[str, StoredTask]:
+        type(self).visits += 1
+        return {side: Link(self.depth - 1) for side in ("left", "right")} if self.depth else {}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        (out / "depth").write_text(str(self.depth))
+
+
+def test_builds_once_and_finds_again():
+    assert build(Sentence())
+    assert built() == ["Sentence", "Word hello", "Word world"]
+    assert (artifact(Sentence()) / "sentence.txt").read_text() == "hello world"
+    afresh()
+    assert Sentence().complete()
+    assert build(Sentence())
+    assert len(built()) == 3
+
+
+def test_one_key_for_equal_parameters_and_for_insignificant_ones():
+    keys = {Word("a", loudness=x, threads=n).action().key for x in (1, 1.0) for n in (1, 8)}
+    assert len(keys) == 1
+    assert Word("a", loudness=1.5).action().key not in keys
+
+
+def test_early_cut_off():
+    """An upstream rerun that yields the same bytes runs nothing downstream."""
+    assert build(Reader(1))
+    afresh()
+    assert not Reader(2).complete()
+    assert build(Reader(2))
+    assert built() == ["Reader same", "Versioned same", "Versioned same"]
+    assert artifact(Reader(1)) == artifact(Reader(2))
+
+
+def test_other_bytes_upstream_run_what_is_downstream():
+    assert build(Reader(1), Reader(1, "other"))
+    assert len(built()) == 4
+
+
+def test_a_new_word_runs_only_its_own_tasks():
+    build(Sentence())
+    before = built()
+    build(Sentence(("hello", "moon")))
+    assert sorted(set(built()) - set(before)) == ["Word moon"]
+    assert built().count("Word hello") == 1
+
+
+def test_unresolved_output_is_absent_and_prints():
+    target = Sentence().output()
+    assert not target.exists()
+    assert str(target) == f"{Sentence()} (not built)"
+    with pytest.raises(NotBuiltError):
+        _ = target.path
+    assert not hasattr(target, "__iter__")
+    build(Sentence())
+    assert target.exists()
+    assert target.path == artifact(Sentence())
+
+
+def test_a_user_error_of_the_inputs_surfaces_when_the_task_runs(tmp_path):
+    task = Photographs(str(tmp_path / "nowhere"))
+    assert not task.complete()
+    assert not task.output().exists()
+    with pytest.raises(TaskFailure, match="no photographs") as failure:
+        task.run()
+    assert failure.value.kind == "user"
+
+
+def test_outside_files_count_by_digest_not_by_place(tmp_path):
+    for name in ("here", "there"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "photo").write_text("sky")
+    assert build(Photographs(str(tmp_path / "here")))
+    afresh()
+    assert Photographs(str(tmp_path / "there")).complete()
+    (tmp_path / "there" / "photo").write_text("sea")
+    afresh()
+    assert not Photographs(str(tmp_path / "there")).complete()
+
+
+def test_files_edited_during_the_build_publish_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(Photographs, "meddle", True)
+    (tmp_path / "photo").write_text("sky")
+    with pytest.raises(TaskFailure, match="edited meanwhile") as failure:
+        Photographs(str(tmp_path)).run()
+    assert failure.value.kind == "changed"
+    assert not list((current_store().root / "actions").glob("*/*"))
+
+
+def test_what_is_outside_the_store_is_restored_without_a_build(tmp_path):
+    task = Published("a", folder=str(tmp_path / "out"))
+    assert build(task)
+    link = tmp_path / "out" / "word.txt"
+    link.unlink()
+    afresh()
+    assert not task.complete()
+    assert build(task)
+    assert link.read_text() == "a"
+    assert len(built()) == 1
+
+
+def test_an_object_lost_upstream_does_not_undo_what_is_downstream():
+    build(Sentence())
+    store = current_store()
+    store.quarantine(artifact(Word("hello")))
+    afresh()
+    assert not Word("hello").complete()
+    assert Sentence().complete()
+
+
+def test_a_damaged_input_is_set_aside_and_made_anew():
+    build(Word("hello"), Word("world"))
+    file = artifact(Word("hello")) / "word.txt"
+    file.chmod(0o644)
+    file.write_text("hell")
+    afresh()
+    with pytest.raises(TaskFailure, match="is damaged") as failure:
+        Sentence().run()
+    assert failure.value.kind == "changed"
+    assert build(Sentence())
+    assert built().count("Word hello") == 2
+    assert not list(problems(current_store(), deep=True))
+
+
+def test_complete_never_raises(monkeypatch):
+    store = current_store()
+    (store.root / "format").write_text("styletrf store 99\n")
+    import pipeline.settings
+
+    monkeypatch.setattr(pipeline.settings, "open_store", type(store).open)
+    assert Word("a").complete() is False
+    with pytest.raises(Exception, match="store 99"):
+        Word("a").run()
+
+
+def test_a_build_that_makes_nothing_fails():
+    class Nothing(StoredTask):
+        def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+            pass
+
+    with pytest.raises(TaskFailure) as failure:
+        Nothing().run()
+    assert failure.value.kind == "crash"
+
+
+def test_diamonds_are_resolved_in_linear_time():
+    Link.visits = 0
+    assert not Link(60).complete()
+    assert Link.visits == 61
+    assert build(Link(60))
+    assert Link.visits < 61**2
+    afresh()
+    Link.visits = 0
+    assert Link(60).complete()
+    assert Link.visits == 61
+
+
+def test_provenance_tells_how():
+    build(Word("a"))
+    path = current_store().action(Word("a").action().key)
+    told = json.loads(path.read_text())["provenance"]
+    assert told["label"] == "Word a"
+    assert told["task"] == str(Word("a"))
+    assert (current_store().root / told["log"]).exists()
+    assert told["peak_memory_bytes"] > 1e6
+
+
+def test_pinned_revision_replaces_the_code(monkeypatch):
+    monkeypatch.setattr(Word, "revision", "1")
+    assert Word("a").action().code == "1"
+
+
+def test_tools_are_keyed_by_public_version(monkeypatch):
+    import pipeline.task
+
+    monkeypatch.setattr(pipeline.task, "version", lambda name: "2.13.0+cpu")
+    pipeline.task._tool_version.cache_clear()
+    monkeypatch.setattr(Word, "tools", ("torch",))
+    assert Word("a").action().tools == {"torch": "2.13.0"}
+    pipeline.task._tool_version.cache_clear()
+
+
+def test_a_full_disk_is_told_as_such(monkeypatch):
+    import errno
+    import os
+
+    def full(*_args):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(TaskFailure, match="no space left") as failure:
+        Word("a").run()
+    assert failure.value.kind == "user"
+    monkeypatch.undo()

@@ -1,0 +1,101 @@
+"""Segments agree with projecting points, whatever the space."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from styletrf.cameras import Camera, project
+from styletrf.scene_model import SceneModelConfig, decide_scene_model
+from styletrf.space import Space, ViewRays
+from styletrf.trajectories import look_at
+
+DOWN = np.array([0.0, 1.0, 0.0])
+
+
+def forward_cameras(n: int = 9, scale: float = 1.0) -> list[Camera]:
+    rng = np.random.default_rng(0)
+    centers = scale * np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)), rng.uniform(-0.1, 0.1, n)])
+    target = scale * np.array([0.0, 0.0, 4.0])
+    return [
+        Camera(f"{k}", 60, 40, 50.0, 50.0, 30.0, 20.0, look_at(center, target, DOWN))
+        for k, center in enumerate(centers)
+    ]
+
+
+def orbit_cameras(n: int = 12, scale: float = 1.0) -> list[Camera]:
+    angles = 2 * np.pi * np.arange(n) / n
+    centers = scale * np.column_stack([3 * np.sin(angles), -np.ones(n), 3 * np.cos(angles)])
+    return [
+        Camera(f"{k}", 60, 40, 50.0, 50.0, 30.0, 20.0, look_at(center, np.zeros(3), DOWN))
+        for k, center in enumerate(centers)
+    ]
+
+
+def points_before(cameras, scale=1.0):
+    rng = np.random.default_rng(1)
+    forward = cameras[0].forward_world[2] > 0.5 and len({c.forward_world[2] > 0 for c in cameras}) == 1
+    if forward:
+        return scale * np.column_stack([rng.uniform(-2, 2, (300, 2)), rng.uniform(2, 8, 300)])
+    return scale * rng.uniform(-1, 1, (300, 3))
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("cameras_of", "kind"), [(forward_cameras, "ndc"), (orbit_cameras, "box")])
+def test_the_space_is_decided_at_any_scale(cameras_of, kind, scale):
+    cameras = cameras_of(scale=scale)
+    points = points_before(cameras_of(), scale)
+    model = decide_scene_model(cameras, points, SceneModelConfig())
+    assert model.space.kind == kind
+    reference = decide_scene_model(cameras_of(), points_before(cameras_of()), SceneModelConfig())
+    assert model.resolution == reference.resolution
+    np.testing.assert_allclose(model.focus, reference.focus, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("cameras_of", [forward_cameras, orbit_cameras])
+def test_a_point_lies_on_the_segment_of_its_pixel_at_its_depth(cameras_of):
+    cameras = cameras_of()
+    points = points_before(cameras)
+    model = decide_scene_model(cameras, points, SceneModelConfig())
+    views = model.normalized(cameras)
+    normalized = points @ model.normalized_from_world[:3, :3].T + model.normalized_from_world[:3, 3]
+    rays = ViewRays(views, model.space, 0.01, torch.device("cpu"))
+    checked = 0
+    for k, view in enumerate(views):
+        pixels, depth = project(view, normalized)
+        grid = model.space.to_grid(normalized)
+        inside = (np.abs(grid) < 0.99).all(axis=1) & (depth > 0.1)
+        segments = rays.segments(
+            torch.full((len(pixels),), k), torch.from_numpy(pixels)
+        )
+        origin, direction = segments.origins.numpy(), segments.directions.numpy()
+        s = ((grid - origin) * direction).sum(1) / (direction**2).sum(1)
+        on_segment = origin + s[:, None] * direction
+        np.testing.assert_allclose(on_segment[inside], grid[inside], atol=2e-4)
+        told = segments.depth_along(torch.arange(len(s)), torch.from_numpy(s).float()).numpy()
+        np.testing.assert_allclose(told[inside], depth[inside], rtol=2e-3)
+        checked += inside.sum()
+    assert checked > 100
+
+
+def box_space() -> Space:
+    return Space("box", np.eye(4), (1.0, 1.0, 1.0), 1e-3)
+
+
+def test_rays_that_miss_run_along_faces_or_start_inside():
+    looking = Camera("a", 3, 3, 1.0, 1.0, 1.5, 1.5, np.column_stack([np.eye(3), [0, 0, -3.0]]))
+    away = replace(
+        looking,
+        world_from_camera=np.column_stack([np.diag([1.0, -1.0, -1.0]), [0, 0, -3.0]]),
+    )
+    inside = replace(looking, world_from_camera=np.column_stack([np.eye(3), [0, 0, 0.0]]))
+    on_face = replace(looking, world_from_camera=np.column_stack([np.eye(3), [1.0, 0, -3.0]]))
+    rays = ViewRays([looking, away, inside, on_face], box_space(), 0.1, torch.device("cpu"))
+    center = torch.tensor([[1.5, 1.5]]).expand(4, 2)
+    segments = rays.segments(torch.arange(4), center)
+    assert segments.n_steps.tolist()[:3] == [20, 0, 10]
+    assert segments.n_steps[3] == 20  # the face belongs to the grid
+    for name in segments.__slots__:
+        assert torch.isfinite(getattr(segments, name).float()).all(), name
+    torch.testing.assert_close(segments.lengths[[0, 2]], torch.tensor([2.0, 0.999]), rtol=1e-4, atol=0)
+    torch.testing.assert_close(segments.depth_near[0], torch.tensor(2.0))

@@ -1,0 +1,153 @@
+"""A 16x16 scene of four views, and every stage built on it once, with tiny settings."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "SceneModel": {"image_long_side": 16, "max_voxels": 16**3},
+    "RadianceField": {
+        "iterations": 30,
+        "batch": 64,
+        "initial_voxels": 8**3,
+        "upsample_at": [10],
+        "occupancy_every": 10,
+        "field.density_ranks": [2, 2, 2],
+        "field.appearance_ranks": [2, 2, 2],
+        "field.features": 4,
+        "field.hidden": 8,
+    },
+    "PriorRenders": {"trajectory.frames": 3, "trajectory.turns": 2.0},
+    "TrajectoryFrames": {"trajectory.frames": 7},
+    "StyleNetwork": {
+        "network.width": 4,
+        "network.n_residual": 1,
+        "iterations": 2,
+        "batch": 1,
+        "crop_px": 32,
+        "style_px": 64,
+    },
+    "ContentImages": {"count": 8},
+    "StylizedField": {"iterations": 10, "batch": 64},
+}
+
+
+@pytest.fixture(scope="session")
+def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What CameraPoses leaves: four views of a plane painted with a smooth pattern."""
+    import numpy as np
+    from styletrf.camera_table import write_cameras
+    from styletrf.cameras import Camera, pixel_centers
+    from styletrf.images import write_rgb
+    from styletrf.point_table import SparsePoints, write_points
+    from styletrf.trajectories import look_at
+
+    folder = tmp_path_factory.mktemp("poses")
+    (folder / "images").mkdir()
+    target, down = np.array([0.0, 0.0, 4.0]), np.array([0.0, 1.0, 0.0])
+    cameras = []
+    for k, center in enumerate([(-0.3, -0.2, 0), (0.3, -0.2, 0), (-0.3, 0.2, 0), (0.3, 0.2, 0)]):
+        pose = look_at(np.array(center, dtype=float), target, down)
+        camera = Camera(f"{k}", 16, 16, 16.0, 16.0, 8.0, 8.0, pose)
+        x, y = ((pixel_centers(16, 16) - 8) / 16).T
+        directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ pose[:, :3].T
+        depth = 4 / directions[:, 2]
+        plane = np.array(center) + depth[:, None] * directions
+        color = 0.5 + 0.4 * np.sin(plane + np.array([0.0, 1.0, 2.0]))
+        write_rgb(folder / "images" / f"{k}.png", color.reshape(16, 16, 3).astype(np.float32))
+        cameras.append(camera)
+    write_cameras(folder / "cameras.parquet", cameras)
+    rng = np.random.default_rng(0)
+    xyz = np.column_stack([rng.uniform(-2, 2, (100, 2)), rng.uniform(3.8, 4.2, 100)])
+    points = SparsePoints(
+        xyz, np.zeros((100, 3), np.uint8), np.zeros(100),
+        np.arange(100), np.zeros(100, np.int64), np.zeros((100, 2)),
+    )  # fmt: skip
+    write_points(folder / "points.parquet", points)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def perceptual_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Random weights in the layout of VGG16: the architecture is real, the training is not."""
+    import torch
+    from safetensors.torch import save_file
+    from styletrf.vgg import VGG16
+
+    path = tmp_path_factory.mktemp("weights") / "random.safetensors"
+    torch.manual_seed(0)
+    save_file({k: v.contiguous() for k, v in VGG16().state_dict().items()}, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def photographs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data root with one scene of eight larger photographs and one painting."""
+    import numpy as np
+    from styletrf.images import write_rgb
+
+    root = tmp_path_factory.mktemp("data")
+    rng = np.random.default_rng(0)
+    for folder, names in (("scenes/mini/images", "abcdefgh"), ("styles", "p")):
+        (root / folder).mkdir(parents=True)
+        for name in names:
+            coarse = rng.random((16, 16, 3)).astype(np.float32)
+            write_rgb(root / folder / f"{name}.png", np.kron(coarse, np.ones((6, 6, 1), np.float32)))
+    return root
+
+
+@pytest.fixture(scope="session")
+def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Builds one stage from the artifacts given, and returns what it left."""
+    from pipeline.task import RunContext
+
+    def built(stage: Any, **inputs: Path) -> Path:
+        folder = tmp_path_factory.mktemp(stage.task_family)
+        for name in ("out", "resume"):
+            (folder / name).mkdir()
+        context = RunContext(lambda *_, **__: None, folder / "resume", folder / "log")
+        stage.build(inputs, folder / "out", context)
+        return folder / "out"
+
+    return built
+
+
+@pytest.fixture(scope="session")
+def mini(
+    build: Callable[..., Path], mini_poses: Path, photographs: Path, perceptual_file: Path
+) -> Callable[[str], Path]:
+    """Returns a stage's artifact on the mini scene by its family, building what it needs once."""
+    import luigi
+    import tasks
+
+    made: dict[str, Path] = {"CameraPoses": mini_poses}
+    words = {
+        "scene": "mini",
+        "style": "p",
+        "quality": "draft",
+        "content": "embedded",
+        "perceptual": str(perceptual_file),
+    }
+
+    def artifact_of(family: str) -> Path:
+        if family not in made:
+            kind: type[luigi.Task] = getattr(tasks, family)
+            names = set(kind.get_param_names())
+            parameters: dict[str, Any] = {k: v for k, v in words.items() if k in names}
+            if "settings" in names:
+                parameters["settings"] = SETTINGS.get(family, {})
+            stage = kind(**parameters)
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setenv("STYLETRF_DATA", str(photographs))
+                needed = {n: artifact_of(t.task_family) for n, t in stage.requires().items()}
+                made[family] = build(stage, **needed)
+        return made[family]
+
+    return artifact_of
+
+
+def read_json(path: Path) -> Any:
+    return json.loads(path.read_text())

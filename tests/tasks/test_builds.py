@@ -1,0 +1,113 @@
+"""Each stage on the mini scene: what it leaves is whole and keeps the stage's promise."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+from styletrf.camera_table import read_cameras
+from styletrf.field import load_field
+from styletrf.float_images import read_float_image
+from styletrf.images import read_rgb
+from styletrf.scene_model import read_scene_model, write_scene_model
+from styletrf.style_network import load_style_network
+from styletrf.tables import read_rows, read_summary
+from styletrf.video import video_info
+
+Mini = Callable[[str], Path]
+
+
+def test_scene_capture_keeps_the_bytes_of_the_photographs(mini: Mini, photographs: Path):
+    kept = mini("SceneCapture") / "images"
+    for path in (photographs / "scenes/mini/images").iterdir():
+        assert (kept / path.name).read_bytes() == path.read_bytes()
+
+
+def test_scene_model_says_what_it_decided_from_and_reads_back(mini: Mini, tmp_path: Path):
+    path = mini("SceneModel") / "scene.json"
+    model = read_scene_model(path)
+    assert model.space.kind == "ndc"
+    assert {"space", "near_far", "resolution"} <= set(model.evidence)
+    write_scene_model(tmp_path / "again.json", model)
+    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+def test_radiance_field_learns_and_loads(mini: Mini):
+    field = load_field(mini("RadianceField"))
+    assert all(torch.isfinite(p).all() for p in field.parameters())
+    assert field.density.occupancy.any()
+
+
+def test_renders_are_float_images_with_depth_and_a_video(mini: Mini):
+    folder = mini("TrajectoryFrames")
+    cameras = read_cameras(folder / "cameras.parquet")
+    assert len(cameras) == 7
+    for camera in cameras:
+        image = read_float_image(folder / "frames" / f"{camera.name}.exr")
+        assert image.color.shape == (16, 16, 3)
+        assert (image.depth > 0).all()
+    assert video_info(folder / "video.mp4").frames == 7
+
+
+def test_style_image_is_read_whole(mini: Mini, photographs: Path):
+    ours = read_rgb(mini("StyleImage") / "style.png")
+    np.testing.assert_array_equal(ours, read_rgb(photographs / "styles/p.png"))
+
+
+def test_embedded_content_holds_the_photographs_of_the_scene(mini: Mini):
+    assert read_summary(mini("ContentImages") / "content.json")["count"] == 8
+
+
+def test_perceptual_weights_are_stored_once_converted(mini: Mini, perceptual_file: Path):
+    ours = load_file(mini("PerceptualWeights") / "vgg16.safetensors")
+    theirs = load_file(perceptual_file)
+    assert all(torch.equal(ours[name], tensor) for name, tensor in theirs.items())
+
+
+def test_style_network_paints_at_the_size_it_is_given(mini: Mini):
+    network = load_style_network(mini("StyleNetwork"))
+    with torch.no_grad():
+        assert network(torch.rand(1, 3, 18, 23)).shape == (1, 3, 18, 23)
+    assert len(read_rows(mini("StyleNetwork") / "curve.parquet")) == 2
+
+
+def test_every_prior_is_painted(mini: Mini):
+    painted = sorted(path.stem for path in (mini("StylizedPriors") / "frames").iterdir())
+    cameras = read_cameras(mini("PriorRenders") / "cameras.parquet")
+    assert painted == [camera.name for camera in cameras]
+
+
+def test_adaptation_changes_the_appearance_and_no_bit_of_the_density(mini: Mini):
+    """StyleTRF's claim: geometry is that of the photographs."""
+    plain = load_field(mini("RadianceField"))
+    styled = load_field(mini("RadianceField"), mini("StylizedField"))
+    for name, tensor in plain.density.state_dict().items():
+        assert torch.equal(tensor, styled.density.state_dict()[name]), name
+    changed = [
+        not torch.equal(tensor, styled.appearance.state_dict()[name])
+        for name, tensor in plain.appearance.state_dict().items()
+    ]
+    assert any(changed)
+    assert not (mini("StylizedField") / "density.safetensors").exists()
+
+
+def test_stylized_frames_follow_the_trajectory(mini: Mini):
+    frames = sorted((mini("StylizedFrames") / "frames").glob("*.png"))
+    assert len(frames) == 7
+    assert video_info(mini("StylizedFrames") / "video.mp4").frames == 7
+
+
+def test_quality_is_measured_on_the_view_held_out(mini: Mini):
+    rows = read_rows(mini("QualityMetrics") / "views.parquet")
+    assert [row["view"] for row in rows] == ["0"]
+    summary = read_summary(mini("QualityMetrics") / "summary.json")
+    assert summary["psnr"] == pytest.approx(rows[0]["psnr"])
+    assert math.isfinite(summary["ssim"])
+
+
+def test_consistency_has_a_row_a_pair(mini: Mini):
+    rows = read_rows(mini("ConsistencyMetrics") / "pairs.parquet")
+    assert [row["delta"] for row in rows] == [1] * 6 + [5] * 2

@@ -1,0 +1,94 @@
+"""The graph: who needs whom, what a parameter changes, and what importing costs."""
+
+import subprocess
+import sys
+
+import pytest
+import tasks
+
+WORDS = {"scene": "horns", "style": "mosaic", "quality": "draft"}
+
+
+def upstream(task) -> set[str]:
+    """Returns the families of all stages above a task."""
+    found = set()
+    for stage in task.requires().values():
+        found |= {stage.task_family} | upstream(stage)
+    return found
+
+
+def key_words(task) -> dict[str, dict]:
+    """Returns what decides each stage of the graph, but for its inputs."""
+    words = {task.task_family: dict(task.identity_parameters())}
+    for stage in task.requires().values():
+        words |= key_words(stage)
+    return words
+
+
+def test_importing_tasks_loads_no_torch():
+    code = "import sys, tasks; sys.exit(bool({'torch', 'cv2', 'pycolmap'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_graph_is_the_one_in_the_design():
+    task = tasks.StylizedTrajectory(content="embedded", **WORDS)
+    assert upstream(task) == set(tasks.__all__) - {"Grid", "StylizedTrajectory"}
+    assert set(tasks.RadianceField(scene="s").requires()) == {"poses", "model"}
+    assert "StyleNetwork" not in upstream(tasks.TrajectoryFrames(scene="s"))
+    assert "RadianceField" not in upstream(tasks.StyleNetwork(scene="s", style="t"))
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [
+        ({"style": "udnie"}, set(tasks.__all__) - {"Grid", "StylizedTrajectory"}),
+        ({"device": "cpu"}, set(tasks.__all__) - {"Grid"}),
+        ({"quality": "paper"}, {"SceneCapture", "CameraPoses", "StyleImage", "PerceptualWeights"}),
+    ],
+)
+def test_what_a_parameter_leaves_alone(change, same):
+    before = key_words(tasks.StylizedTrajectory(content="embedded", **WORDS))
+    after = key_words(tasks.StylizedTrajectory(content="embedded", **{**WORDS, **change}))
+    assert {family for family in before if before[family] == after[family]} >= same
+    changed = {family for family in before if before[family] != after[family]}
+    assert not changed & same
+
+
+def test_settings_replace_those_of_the_quality():
+    stage = tasks.RadianceField(scene="s", quality="draft", settings={"iterations": 7})
+    assert stage.values()["iterations"] == 7
+    assert stage.identity_parameters() != tasks.RadianceField(
+        scene="s", quality="draft"
+    ).identity_parameters()
+
+
+def test_every_preset_names_real_settings():
+    from styletrf.camera_poses import CameraPosesConfig
+    from styletrf.adaptation import AdaptationConfig
+    from styletrf.configuration import configured
+    from styletrf.content_images import ContentConfig
+    from styletrf.field_training import FieldTrainingConfig
+    from styletrf.frames import FramesConfig
+    from styletrf.scene_model import SceneModelConfig
+    from styletrf.style_training import StyleTrainingConfig
+    from tasks.qualities import QUALITIES, settings_for
+
+    configs = {
+        "CameraPoses": CameraPosesConfig,
+        "SceneModel": SceneModelConfig,
+        "RadianceField": FieldTrainingConfig,
+        "ContentImages": ContentConfig,
+        "StyleNetwork": StyleTrainingConfig,
+        "PriorRenders": FramesConfig,
+        "TrajectoryFrames": FramesConfig,
+        "StylizedField": AdaptationConfig,
+    }
+    for quality in QUALITIES:
+        for family, config in configs.items():
+            configured(config, settings_for(family, quality))
+
+
+def test_grid_has_a_cell_for_every_scene_and_style():
+    grid = tasks.Grid(scenes=["a", "b"], styles=["x", "y", "z"], quality="draft")
+    cells = {(cell.scene, cell.style, cell.quality) for cell in grid.requires()}
+    assert cells == {(s, t, "draft") for s in "ab" for t in "xyz"}
