@@ -2,7 +2,8 @@
 
 Names are followed statically, function by function, across the modules of the project, without
 importing them (they load torch). Comments, formatting and docstrings do not count. Where a name
-cannot be told apart, more is taken than needed: a module used as an object counts whole.
+cannot be told apart, more is taken than needed: a module used as an object counts whole. Not
+followed is what the key holds by value: parameters, and `self.x` in `identity_parameters`' result.
 `pipeline` itself is left out: a change there that alters artifacts changes a tag in `record`.
 """
 
@@ -15,6 +16,7 @@ from pipeline.digest import typed_digest
 from pipeline.source import Source, Symbol, imports_in, names_bound_by, read_source
 
 PROJECT = {"styletrf", "tasks"}
+IDENTITY = "identity_parameters"
 
 
 def code_digest(task_class: type) -> str:
@@ -74,11 +76,25 @@ class _Walk:
         if source is None or self.task[1] not in source.bindings:
             self.follow(self.task[:1])
             return
+        if member in self._keyed_by_value():
+            return
         for module, definition in self._lineage(*self.task):
             chosen = [part for part in definition.body if _belongs_to(member, part)]
             self._take(
                 f"{module}:{definition.name}.{member or '*'}", module, chosen, is_member=True
             )
+
+    def _keyed_by_value(self) -> set[str]:
+        """The members whose values `identity_parameters` returns: `{"config": self.config}`."""
+        keyed = {IDENTITY}
+        for _, definition in self._lineage(*self.task):
+            for method in (part for part in definition.body if IDENTITY in names_bound_by(part)):
+                returns = [part.value for part in ast.walk(method) if isinstance(part, ast.Return)]
+                if len(returns) == 1 and isinstance(returns[0], ast.Dict):
+                    keyed |= {name for value in returns[0].values for name in _member_in(value)}
+                if "super()" not in ast.unparse(method):
+                    return keyed
+        return keyed
 
     def _take(
         self, where: str, module: str, statements: list[ast.stmt], *, is_member: bool = False
@@ -148,6 +164,12 @@ def _paths(node: ast.AST) -> Iterator[Symbol]:
     else:
         for child in ast.iter_child_nodes(node):
             yield from _paths(child)
+
+
+def _member_in(value: ast.expr) -> list[str]:
+    """`["x"]` for the expressions `self.x` and `self.x()`."""
+    text = re.fullmatch(r"self\.(\w+)(\(\))?", ast.unparse(value))
+    return [text[1]] if text else []
 
 
 def _belongs_to(member: str | None, statement: ast.stmt) -> bool:

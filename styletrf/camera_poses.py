@@ -12,9 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import pycolmap
-
 from styletrf.camera_table import write_cameras
+from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages, prepare_images, write_png
 from styletrf.colmap_mapping import extract_features, log_to
 from styletrf.errors import InputError
@@ -49,7 +48,7 @@ class CameraPosesConfig:
     """
 
     max_image_long_side: int = 1600
-    max_features: int = 8192
+    max_features: int = 4096
     exhaustive_up_to: int = 90
     sequence_overlap: int = 10
     camera_model: str = "SIMPLE_RADIAL"
@@ -145,8 +144,9 @@ def _solve(
         progress,
     )
     if mapping.registered < FEWEST_PHOTOGRAPHS:
+        placed = f"only {mapping.registered}" if mapping.registered else "none"
         problem = (
-            f"only {mapping.registered or 'none'} of them could be placed "
+            f"{placed} of them could be placed "
             f"({mapping.verified_pairs} pairs show the same things)"
         )
         raise InputError(f"the {len(names)} photographs", problem, _BETTER_PHOTOGRAPHS)
@@ -199,7 +199,7 @@ def _report(
 
 def _warnings(total: int, unregistered: Sequence[str], pieces: Sequence[int]) -> list[str]:
     warnings = []
-    if len(unregistered) > (1 - _ENOUGH_REGISTERED) * total:
+    if total - len(unregistered) < _ENOUGH_REGISTERED * total:
         warnings.append(
             f"only {total - len(unregistered)} of {total} photographs could be placed; "
             f"without a camera: {', '.join(unregistered)}"

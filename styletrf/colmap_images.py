@@ -1,18 +1,17 @@
 """The photographs as COLMAP is given them: upright PNGs of one size, named by their position."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-import pycolmap
 from jaxtyping import UInt8
 
+from styletrf.colmap import pycolmap
 from styletrf.photographs import read_photograph
 from styletrf.progress import Progress
 from styletrf.scene_capture import Capture
-
-_EXIF_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +53,7 @@ def _focal_prior(capture_dir: Path, capture: Capture, long_side: int) -> float |
     focals = []
     for photograph in capture.photographs:
         path = capture_dir / "images" / photograph.file
-        if path.suffix.lower() in _EXIF_SUFFIXES:
+        with suppress(ValueError):  # COLMAP reads fewer formats than OpenCV, and need not here
             lens = pycolmap.infer_camera_from_image(path)
             if lens.has_prior_focal_length:
                 focals.append(lens.mean_focal_length() * long_side / max(lens.width, lens.height))

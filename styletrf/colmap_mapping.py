@@ -6,15 +6,11 @@ locks of the first: the file comes out malformed.)
 """
 
 import os
-import zlib  # noqa: F401  (see below)
 from contextlib import closing
 from itertools import groupby
 from pathlib import Path
 
-# pycolmap carries a zlib of its own, and a system's zlib that is first loaded with it gets bound to
-# that copy: OpenCV's PNG writer then crashes. With zlib imported before, both are left alone.
-import pycolmap
-
+from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
 from styletrf.image_pairs import Pairs
 from styletrf.progress import Progress
@@ -104,7 +100,8 @@ def match_pairs(
         done += len(block)
     progress(len(pairs), len(pairs))
     with closing(pycolmap.Database.open(database)) as opened:
-        return int(opened.num_verified_image_pairs())
+        _, inliers = opened.read_two_view_geometry_num_inliers()
+        return sum(count > 0 for count in inliers)  # COLMAP's own count includes failed pairs
 
 
 def map_globally(

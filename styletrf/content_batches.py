@@ -73,6 +73,8 @@ def _crop(
     encoded: bytes, size_px: int, generator: np.random.Generator
 ) -> UInt8[np.ndarray, "size size 3"]:
     image = cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), cv2.IMREAD_COLOR_RGB)
+    if image is None:
+        raise InputError("the content images", "one does not decode", "Build them again")
     height, width = image.shape[:2]
     short = min(height, width)
     side = int(generator.integers(min(size_px, short), short + 1))

@@ -8,6 +8,8 @@ import json
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict
+from zipfile import BadZipFile
 
 import cv2
 import numpy as np
@@ -48,10 +50,16 @@ class ContentSummary:
     """What became of the source's images; also written as `content.json`."""
 
     count: int
-    skipped: tuple[str, ...]  # names of images that do not decode or are under 64 px a side
+    skipped: tuple[str, ...]  # names of images that cannot be read or are under 64 px a side
 
 
-Row = dict[str, str | int | bytes]
+class Row(TypedDict):
+    """One row of a shard."""
+
+    id: str
+    width: int
+    height: int
+    encoded: bytes
 
 
 def write_content_images(
@@ -106,7 +114,7 @@ class _Shards:
 
     def add(self, row: Row) -> None:
         self._rows.append(row)
-        self._bytes += len(bytes(row["encoded"]))
+        self._bytes += len(row["encoded"])
         self.count += 1
         if self._bytes >= _SHARD_BYTES:
             self.flush()
@@ -121,8 +129,11 @@ class _Shards:
 
 
 def _row(source: ContentSource, name: str, min_side_px: int) -> Row | None:
-    """Reads, reduces and encodes one image; None where it is no usable image."""
-    encoded = np.frombuffer(source.read(name), dtype=np.uint8)
+    """Reads, reduces and encodes one image; None where it cannot be used."""
+    try:
+        encoded = np.frombuffer(source.read(name), dtype=np.uint8)
+    except (OSError, BadZipFile):
+        return None
     image = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
     if image is None or min(image.shape[:2]) < _SMALLEST_SIDE_PX:
         return None
@@ -141,5 +152,5 @@ def _too_few(
     problem = f"{count} usable images, at least {config.smallest_count} are needed"
     if skipped:
         named = ", ".join(sorted(skipped)[:5]) + (", ..." if len(skipped) > 5 else "")
-        problem += f" ({len(skipped)} do not decode or are too small: {named})"
+        problem += f" ({len(skipped)} cannot be read or are too small: {named})"
     return InputError(source.subject, problem, "Add photographs or replace the damaged ones")

@@ -32,8 +32,9 @@ class FieldConfig:
     appearance_ranks: tuple[int, int, int] = (24, 12, 12)
     features: int = 27  # [data_dim_color]
     hidden: int = 64  # [featureC]
-    density_shift: float = -3.0  # [density_shift]
+    density_shift: float = -7.0  # [density_shift]: no raw density is empty space
     density_scale: float = 25.0  # [distance_scale]
+    initial_raw_density: float = 3.0  # a thin fog that light gets through and gradients see
 
 
 class Density(nn.Module):
@@ -48,7 +49,8 @@ class Density(nn.Module):
         generator: torch.Generator | None = None,
     ) -> None:
         super().__init__()
-        self.factors = TensorVM(resolution, config.density_ranks, generator=generator)
+        mean = (config.initial_raw_density / sum(config.density_ranks)) ** 0.5
+        self.factors = TensorVM(resolution, config.density_ranks, mean=mean, generator=generator)
         self.register_buffer("occupancy", torch.ones((1, 1, 1), dtype=torch.uint8))
         self.shift, self.scale = config.density_shift, config.density_scale
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import pycolmap
-
+from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
 from styletrf.colmap_mapping import map_globally, map_incrementally, match_pairs
 from styletrf.image_pairs import Pairs, all_pairs, is_sequence, pairs_with, sequence_pairs

@@ -20,16 +20,18 @@ STYLE_LAYERS = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
 class PerceptualLossConfig:
     """The weights of the terms.
 
-    With `relative`, a squared difference of features is divided by the mean square of its target,
-    and so is one of Gram matrices, layer by layer: a term near 1 is "nothing alike", whichever
-    perceptual network measures and however strong the contrasts of the style. Without it they are
-    plain mean squares, as in most published code, whose usual weights are 1e5 and 1e10; these fit
-    the ImageNet weights (`torchvision`) only.
+    With `relative`, a mean squared difference `d` of features or Gram matrices counts as
+    `log(1 + d / t)`, `t` the mean square of its target, layer by layer: of the order of 1 for
+    "nothing alike", whichever perceptual network measures and however strong the contrasts of the
+    style, and with a bounded gradient however far off. Without it `d` counts as it is, as in most
+    published code, whose usual weights are 1e5 and 1e10; these fit the ImageNet weights
+    (`torchvision`) only, with all layers at 1.
     """
 
-    content_weight: float = 1.0
-    style_weight: float = 10.0
-    tv_weight: float = 1.0
+    content_weight: float = 3.0
+    style_weight: float = 1.0
+    style_layer_weights: tuple[float, float, float, float] = (4.0, 2.0, 1.5, 1.0)  # of STYLE_LAYERS
+    tv_weight: float = 15.0
     relative: bool = True
 
 
@@ -89,7 +91,7 @@ def perceptual_loss(
 
     `content`: the squared difference of relu2_2; `style`: the sum over relu1_2, relu2_2, relu3_3
     and relu4_3 of the squared difference of Gram matrices (Johnson et al., eq. 2 and 4); `tv`: the
-    total variation of `output`. Means over elements, times the weights.
+    total variation of `output`. Each is a mean over elements, counted as the configuration says.
 
     Args:
         vgg: The perceptual network.
@@ -101,9 +103,10 @@ def perceptual_loss(
     with torch.no_grad():
         target = vgg.features(content, [CONTENT_LAYER])[CONTENT_LAYER].float()
     found = vgg.features(output, STYLE_LAYERS)
+    targets = {layer: gram.expand(len(output), -1, -1) for layer, gram in grams.items()}
     style = [
-        _difference(gram_matrix(found[layer]), grams[layer].expand(len(output), -1, -1), config)
-        for layer in STYLE_LAYERS
+        weight * _difference(gram_matrix(found[layer]), targets[layer], config)
+        for layer, weight in zip(STYLE_LAYERS, config.style_layer_weights, strict=True)
     ]
     return PerceptualTerms(
         content=config.content_weight * _difference(found[CONTENT_LAYER].float(), target, config),

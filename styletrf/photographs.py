@@ -44,6 +44,8 @@ FEWEST_PHOTOGRAPHS = 3
 # What libjpeg says of damaged data. It also warns of harmless things: padding before the last
 # marker, the scan parameters that some phones write.
 _JPEG_DAMAGE = re.compile(r"premature end|bad Huffman|extraneous bytes before marker 0xd[0-7]")
+_JPEG_START = b"\xff\xd8"
+_JPEG_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]", re.DOTALL)  # not one within a scan
 _STANDARD_ERROR = threading.Lock()
 
 
@@ -92,21 +94,24 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
         InputError: The file cannot be read, is no image, or is cut short or damaged.
     """
     try:
-        encoded = np.frombuffer(path.read_bytes(), np.uint8)
+        encoded = path.read_bytes()
     except OSError as error:
         problem = f"cannot be read ({error.strerror})"
         raise InputError(str(path), problem, "Check the file and its permissions") from error
     pixels = _decoded(encoded)
     if pixels is None:
-        problem = "is empty" if encoded.size == 0 else "is not an image, cut short or damaged"
+        problem = "is empty" if not encoded else "is cut short, damaged, or no image"
         raise InputError(str(path), problem, "Copy it from the camera again, or remove it")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
     return _eight_bits_on_white(pixels)
 
 
-def _decoded(encoded: UInt8[np.ndarray, " bytes"]) -> np.ndarray | None:
-    """Returns pixels BGR or BGRA of any depth, or None where the decoder finds any damage."""
+def _decoded(file: bytes) -> np.ndarray | None:
+    """Returns pixels BGR or BGRA of any depth, or None where there is any sign of damage."""
+    if file.startswith(_JPEG_START) and not _jpeg_ends(file):
+        return None
+    encoded = np.frombuffer(file, np.uint8)
     with _native_complaints() as complaints:
         try:
             pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
@@ -119,6 +124,19 @@ def _decoded(encoded: UInt8[np.ndarray, " bytes"]) -> np.ndarray | None:
         except cv2.error:
             return None
     return None if _JPEG_DAMAGE.search("".join(complaints)) else pixels
+
+
+def _jpeg_ends(file: bytes) -> bool:
+    """Returns whether the segments of a JPEG lead to its end-of-image marker.
+
+    Thumbnails, which have one of their own, lie within segments; phones append data after it.
+    """
+    position = len(_JPEG_START)
+    while marker := _JPEG_MARKER.search(file, position):
+        if marker.group() == b"\xff\xd9":
+            return True
+        position = marker.end() + int.from_bytes(file[marker.end() : marker.end() + 2])
+    return False
 
 
 def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:

@@ -10,18 +10,24 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 _N_LEAVES = 60
+_N_NOISES = 4
+_SATURATION = 0.12  # deviation of a leaf's R, G and B from its brightness: photographs are greyish
 
 
 def procedural_image(
     generator: np.random.Generator, height: int, width: int
 ) -> UInt8[np.ndarray, "height width 3"]:
     """Returns one image: leaves of textured colour over a textured, shaded ground."""
-    image = _texture(generator, height, width)
-    largest = min(height, width) / 2
-    radii = np.sort(largest * generator.uniform(0.03, 1, _N_LEAVES) ** 2)[::-1]
+    exponents = generator.uniform(0.8, 1.6, _N_NOISES)
+    noises = np.stack([spectral_noise(generator, height, width, e) for e in exponents])
+    image = _texture(generator, noises)
+    radii = min(height, width) / 2 * np.sort(generator.uniform(0.03, 1, _N_LEAVES) ** 2)[::-1]
     for radius in radii[: generator.integers(_N_LEAVES // 4, _N_LEAVES + 1)]:
-        mask = _leaf(generator, height, width, float(radius))[..., None]
-        image = image + mask * (_texture(generator, height, width) - image)
+        mask = _leaf(generator, height, width, float(radius))
+        rows, columns = _extent(mask.max(axis=1)), _extent(mask.max(axis=0))
+        coverage = mask[rows, columns, None] / np.float32(255)
+        part = image[rows, columns]
+        part += coverage * (_texture(generator, noises[:, rows, columns]) - part)
     return np.asarray(np.rint(255 * image), dtype=np.uint8)
 
 
@@ -35,27 +41,28 @@ def spectral_noise(
     frequency[0, 0] = np.inf
     spectrum = np.fft.rfft2(generator.standard_normal((height, width))) / frequency**exponent
     noise = np.fft.irfft2(spectrum, s=(height, width))
-    return np.asarray(noise / noise.std(), dtype=np.float64)
+    return np.asarray(noise / noise.std())
 
 
 def _texture(
-    generator: np.random.Generator, height: int, width: int
+    generator: np.random.Generator, noises: Float[np.ndarray, "noises height width"]
 ) -> Float[np.ndarray, "height width 3"]:
-    """A colour, its shading along a line, and 1/f noise along a direction of colour space."""
-    base, axis = generator.uniform(0.05, 0.95, 3), generator.normal(0, 1, 3)
-    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
+    """A colour, its shading along a line, and one of the noises along a direction of colour."""
+    _, height, width = noises.shape
+    base = generator.uniform(0.05, 0.95) + generator.normal(0, _SATURATION, 3)
+    axis = generator.normal(0, 1, 3)
+    y, x = np.ogrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
     angle = generator.uniform(0, 2 * np.pi)
     shading = generator.uniform(0, 0.25) * (np.cos(angle) * x + np.sin(angle) * y)
-    noise = spectral_noise(generator, height, width, exponent=generator.uniform(0.8, 1.6))
-    contrast = generator.uniform(0, 0.15)
+    noise = generator.uniform(0, 0.15) * noises[generator.integers(len(noises))]
     colored = noise[..., None] * (0.6 + 0.4 * axis / np.linalg.norm(axis))
-    return np.asarray(np.clip(base + shading[..., None] + contrast * colored, 0, 1))
+    return np.asarray(np.clip(base + shading[..., None] + colored, 0, 1), dtype=np.float32)
 
 
 def _leaf(
     generator: np.random.Generator, height: int, width: int, radius: float
-) -> Float[np.ndarray, "height width"]:
-    """The coverage of an ellipse or a polygon of about this radius, anti-aliased."""
+) -> UInt8[np.ndarray, "height width"]:
+    """The coverage, of 255, of an ellipse or a polygon of about this radius, anti-aliased."""
     mask = np.zeros((height, width), dtype=np.uint8)
     center = generator.uniform((0, 0), (width, height))
     corners = int(generator.choice([3, 4, 5, 64]))
@@ -66,4 +73,10 @@ def _leaf(
     rotation = np.array([[np.cos(spin), np.sin(spin)], [-np.sin(spin), np.cos(spin)]])
     points = np.rint((outline @ rotation + center) * 16).astype(np.int32)
     cv2.fillPoly(mask, [points], color=(255,), lineType=cv2.LINE_AA, shift=4)
-    return mask / 255.0
+    return mask
+
+
+def _extent(marked: UInt8[np.ndarray, " n"]) -> slice:
+    """From the first to the last element that is not zero."""
+    places = np.flatnonzero(marked)
+    return slice(int(places[0]), int(places[-1]) + 1) if places.size else slice(0, 0)

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pycolmap
 
 from styletrf.cameras import Camera
+from styletrf.colmap import pycolmap
 from styletrf.point_table import SparsePoints
 from styletrf.undistortion import pinhole_for, undistorted_pixels
 

@@ -42,5 +42,5 @@ def _over_white(
     raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if raw is None or raw.ndim != 3 or raw.shape[2] != 4 or raw.shape[:2] != image.shape[:2]:
         return image
-    alpha = raw[..., 3:] / np.float32(np.iinfo(raw.dtype).max)
+    alpha = raw[..., 3:].astype(np.float32) / (255 if raw.dtype == np.uint8 else 65535)
     return np.asarray(alpha * image + (1 - alpha), dtype=np.float32)

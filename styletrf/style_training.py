@@ -38,11 +38,12 @@ class StyleTrainingConfig:
     network: StyleNetworkConfig = field(default_factory=StyleNetworkConfig)
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     iterations: int = 2000
+    identity_iterations: int = 150  # of these the first, which learn to repeat the photograph
     batch: int = 4
     crop_px: int = 256
-    style_px: int = 256  # shorter side of the style image: the smaller, the finer the strokes
-    learning_rate: float = 1e-3  # Adam's
-    final_learning_rate: float = 1e-3  # reached geometrically
+    style_px: int = 288  # shorter side of the style image: the smaller, the finer the strokes
+    learning_rate: float = 2e-3  # Adam's
+    final_learning_rate: float = 3e-4  # reached geometrically
     bfloat16: bool = True  # convolutions in bfloat16 where the hardware computes in it
     seed: int = 0
 
@@ -128,14 +129,25 @@ class _Step:
         content = content.to(self._device)
         with torch.autocast(self._device.type, torch.bfloat16, enabled=self._fast):
             output = training.network(content)
-        terms = perceptual_loss(self._vgg, output.float(), content, self._grams, self._config.loss)
+        terms = self._terms(k, output.float(), content)
         _check_finite(terms, k)
         training.optimizer.zero_grad()
-        terms.total.backward()  # type: ignore[no-untyped-call]
+        terms.total.backward()
         for group in training.optimizer.param_groups:
             group["lr"] = _learning_rate(self._config, k)
         training.optimizer.step()
         return terms
+
+    def _terms(self, k: int, output: Tensor, content: Tensor) -> PerceptualTerms:
+        """The loss; at first that of an autoencoder (as Chen et al. 2018, CartoonGAN, begin).
+
+        From random weights the network would first fall into flat grey, where the gradient of a
+        Gram matrix vanishes, and spend hundreds of iterations there.
+        """
+        if k >= self._config.identity_iterations:
+            return perceptual_loss(self._vgg, output, content, self._grams, self._config.loss)
+        none = torch.zeros((), device=output.device)
+        return PerceptualTerms(functional.mse_loss(output, content), none, none)
 
 
 def _learning_rate(config: StyleTrainingConfig, k: int) -> float:
@@ -163,5 +175,7 @@ def _check_finite(terms: PerceptualTerms, k: int) -> None:
 
 
 def _row(k: int, terms: PerceptualTerms, seconds: float) -> CurveRow:
-    values = torch.stack([terms.total, terms.content, terms.style, terms.tv]).tolist()
-    return CurveRow(k + 1, *values, seconds=seconds)
+    loss, content, style, tv = torch.stack(
+        [terms.total, terms.content, terms.style, terms.tv]
+    ).tolist()
+    return CurveRow(k + 1, loss, content, style, tv, seconds)

@@ -25,6 +25,7 @@ class TensorVM(nn.Module):
         resolution: Sequence[int],
         ranks: Sequence[int],
         *,
+        mean: float = 0.0,
         scale: float = 0.1,
         generator: torch.Generator | None = None,
     ) -> None:
@@ -33,8 +34,8 @@ class TensorVM(nn.Module):
         for (u, v), w, rank in zip(PLANE_AXES, LINE_AXES, ranks, strict=True):
             planes.append(torch.randn(resolution[v], resolution[u], rank, generator=generator))
             lines.append(torch.randn(resolution[w], rank, generator=generator))
-        self.planes = nn.ParameterList([nn.Parameter(scale * plane) for plane in planes])
-        self.lines = nn.ParameterList([nn.Parameter(scale * line) for line in lines])
+        self.planes = nn.ParameterList([nn.Parameter(mean + scale * plane) for plane in planes])
+        self.lines = nn.ParameterList([nn.Parameter(mean + scale * line) for line in lines])
 
     @property
     def resolution(self) -> tuple[int, int, int]:

@@ -2,10 +2,10 @@
 
 import cv2
 import numpy as np
-import pycolmap
 from jaxtyping import Float, UInt8
 
 from styletrf.cameras import Camera, pixel_centers
+from styletrf.colmap import pycolmap
 
 
 def pinhole_for(lens: pycolmap.Camera, name: str, world_from_camera: np.ndarray) -> Camera:

@@ -84,8 +84,9 @@ class ContentImages(TunedStage):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Reduce the images and write the shards."""
         from styletrf.configuration import configured
+        from styletrf.content_choice import content_source
         from styletrf.content_images import ContentConfig, write_content_images
-        from styletrf.content_sources import content_source, embedded_source
+        from styletrf.content_sources import embedded_source
 
         config = configured(ContentConfig, self.values())
         source = self._source()

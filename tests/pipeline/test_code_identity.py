@@ -178,6 +178,17 @@ def test_all_of_a_property_and_what_hides_in_a_condition_count(package):
         assert package.digest() != before
 
 
+def test_what_the_key_holds_by_value_is_not_followed(package):
+    """A table that `identity_parameters` looks up in does not count, its outcome being keyed."""
+    method = "def identity_parameters(self):\n        return {'amount': self.amount}\n\n    "
+    package.edit("task.py", "def requires", f"{method}def requires")
+    before = package.digest()
+    package.edit("task.py", "steps = 10", "steps = 11")
+    assert package.digest() == before
+    package.edit("task.py", "{'amount': self.amount}", "{'amount': self.amount + 1}")
+    assert package.digest() != before, "the amount itself is no longer in the key"
+
+
 def test_self_given_away_takes_the_whole_class(package):
     package.edit("task.py", "return self.steps", "return repr(self)")
     before = package.digest()

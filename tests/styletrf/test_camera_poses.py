@@ -1,0 +1,126 @@
+import json
+
+import numpy as np
+import pytest
+from made_photographs import LENS, encoded, room_poses, room_view, texture
+
+from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
+from styletrf.camera_table import read_cameras, read_unregistered
+from styletrf.cameras import project
+from styletrf.errors import InputError
+from styletrf.photographs import read_photograph
+from styletrf.point_table import read_points
+from styletrf.scene_capture import capture_photographs
+
+VIEWS = 7
+
+
+def captured(folder, photographs):
+    (folder / "in").mkdir(parents=True)
+    (folder / "out").mkdir()
+    for name, image in photographs.items():
+        (folder / "in" / name).write_bytes(encoded(image, ".png"))
+    capture_photographs(folder / "in", folder / "capture")
+    return folder / "capture", folder / "out"
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A room photographed from seven places, and once a picture that has nothing to do with it."""
+    folder = tmp_path_factory.mktemp("room")
+    photographs = {f"{i}.png": room_view(pose) for i, pose in enumerate(room_poses(VIEWS))}
+    photographs["stray.png"] = texture(LENS.height, LENS.width, seed=99)
+    capture, out = captured(folder, photographs)
+    calls = []
+    report = solve_camera_poses(
+        capture, out, CameraPosesConfig(), lambda *call: calls.append(call), folder / "log"
+    )
+    return out, report, calls
+
+
+def similarity(source, target):
+    """Returns scale and rotation of the best similarity between point sets (Umeyama 1991)."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    u, singular, vt = np.linalg.svd(b.T @ a)
+    sign = np.diag([1, 1, np.sign(np.linalg.det(u @ vt))])
+    return (singular * np.diag(sign)).sum() / (a**2).sum(), u @ sign @ vt
+
+
+def test_poses_are_those_the_photographs_were_taken_from(solved):
+    out, _, _ = solved
+    found = np.array([camera.world_from_camera for camera in read_cameras(out / "cameras.parquet")])
+    truth = room_poses(VIEWS)
+    scale, rotation = similarity(found[:, :, 3], truth[:, :, 3])
+    centers = scale * (found[:, :, 3] - found[:, :, 3].mean(axis=0)) @ rotation.T
+    expected = truth[:, :, 3] - truth[:, :, 3].mean(axis=0)
+    assert np.abs(centers - expected).max() < 0.01 * np.ptp(expected, axis=0).max()
+    relative = np.einsum("ij,njk,nlk->nil", rotation, found[:, :, :3], truth[:, :, :3])
+    angles = np.arccos(np.clip((np.trace(relative, axis1=1, axis2=2) - 1) / 2, -1, 1))
+    assert np.degrees(angles).max() < 0.3
+
+
+def test_the_lens_is_found_and_straightened(solved):
+    out, report, _ = solved
+    assert report.camera_params == pytest.approx(LENS.params, rel=0.02, abs=0.01)
+    cameras = read_cameras(out / "cameras.parquet")
+    assert len({(c.width, c.height, c.fx, c.fy, c.cx, c.cy) for c in cameras}) == 1
+    for camera in cameras:
+        image = read_photograph(out / "images" / f"{camera.name}.png")
+        assert image.shape == (camera.height, camera.width, 3) == (LENS.height, LENS.width, 3)
+
+
+def test_points_project_where_they_were_seen_with_their_colors(solved):
+    out, report, _ = solved
+    points = read_points(out / "points.parquet")
+    assert len(points.xyz_world) == report.points > 100
+    assert (points.track_length >= 2).all()
+    for index, camera in enumerate(read_cameras(out / "cameras.parquet")):
+        seen = points.observed_image == index
+        pixels, depth = project(camera, points.xyz_world[points.observed_point[seen]])
+        assert (depth > 0).all()
+        error = np.linalg.norm(pixels - points.observed_pixel[seen], axis=1)
+        assert np.median(error) < 0.5
+        image = read_photograph(out / "images" / f"{camera.name}.png")
+        inside = ((pixels > 0) & (pixels < [camera.width, camera.height])).all(axis=1)
+        x, y = pixels[inside].astype(int).T
+        colors = points.rgb[points.observed_point[seen][inside]]
+        assert np.median(np.abs(image[y, x].astype(int) - colors)) < 16
+
+
+def test_the_stray_picture_is_named(solved):
+    out, report, _ = solved
+    assert (report.registered, report.total, report.unregistered) == (VIEWS, VIEWS + 1, ("stray",))
+    assert read_unregistered(out / "cameras.parquet") == ["stray"]
+    assert [camera.name for camera in read_cameras(out / "cameras.parquet")] == list("0123456")
+    assert not report.warnings  # seven of eight are enough
+    assert {path.name for path in (out / "images").iterdir()} == {f"{i}.png" for i in range(VIEWS)}
+
+
+def test_the_report_is_in_the_file_and_names_no_time(solved):
+    out, report, _ = solved
+    content = json.loads((out / "poses.json").read_text())
+    assert content["registered"] == report.registered
+    assert content["mean_reprojection_error_px"] < 0.5
+    assert not any("second" in key or "time" in key for key in content)
+
+
+def test_progress_comes_in_phases_that_complete(solved):
+    _, _, calls = solved
+    assert {total for _, total in calls} == {VIEWS + 1, VIEWS * (VIEWS + 1) // 2, VIEWS}
+    assert sum(done == total for done, total in calls) >= 5
+    assert all(0 <= done <= total for done, total in calls)
+
+
+def test_photographs_without_overlap_are_refused(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 256, (5, 60, 80, 3), dtype=np.uint8)
+    capture, out = captured(tmp_path, {f"{i}.png": image for i, image in enumerate(noise)})
+    with pytest.raises(InputError, match=r"the 5 photographs.*none of them.*overlap|shar"):
+        solve_camera_poses(capture, out, CameraPosesConfig(), log_dir=tmp_path / "log")
+    assert not any(out.iterdir())
+
+
+def test_photographs_of_nothing_are_refused(tmp_path):
+    plain = {f"{i}.png": np.full((48, 64, 3), 90 + i, np.uint8) for i in range(3)}
+    capture, out = captured(tmp_path, plain)
+    with pytest.raises(InputError, match="texture"):
+        solve_camera_poses(capture, out, CameraPosesConfig(), log_dir=tmp_path / "log")

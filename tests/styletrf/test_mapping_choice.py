@@ -1,0 +1,109 @@
+import numpy as np
+import pycolmap
+
+from styletrf.colmap_images import ColmapImages
+from styletrf.mapping_choice import map_images
+from styletrf.progress import silent
+
+PATH, OVERLAP = 36, 3
+
+
+def world(seed=0):
+    """Points along a street, each with a descriptor of its own."""
+    rng = np.random.default_rng(seed)
+    xyz = rng.uniform([-1, -1.5, 3], [PATH + 1.0, 1.5, 6], (3000, 3))
+    descriptors = np.abs(rng.normal(size=(3000, 128)))
+    descriptors *= 512 / np.linalg.norm(descriptors, axis=1, keepdims=True)
+    return xyz, np.rint(descriptors).astype(np.uint8)
+
+
+def walked(tmp_path, centers):
+    """Returns a database of features as seen from `centers`, in that order, looking along z."""
+    database = tmp_path / "colmap.db"
+    opened = pycolmap.Database.open(database)
+    lens = pycolmap.Camera(
+        model="SIMPLE_RADIAL", width=200, height=150, params=[150.0, 100.0, 75.0, 0.0]
+    )
+    lens.has_prior_focal_length = True
+    lens.camera_id = opened.write_camera(lens)
+    rig = pycolmap.Rig()
+    rig.add_ref_sensor(lens.sensor_id)
+    rig.rig_id = opened.write_rig(rig)
+    xyz, descriptors = world()
+    files = []
+    for index, center in enumerate(centers):
+        points = xyz - center
+        pixels = lens.img_from_cam(points)
+        seen = ((pixels > 0) & (pixels < [200, 150])).all(axis=1)
+        files.append(f"{index:06d}.png")
+        image = pycolmap.Image(name=files[-1], camera_id=lens.camera_id)
+        image.image_id = opened.write_image(image)
+        frame = pycolmap.Frame(rig_id=rig.rig_id)
+        frame.add_data_id(image.data_id)
+        opened.write_frame(frame)
+        opened.write_keypoints(image.image_id, pixels[seen].astype(np.float32))
+        described = pycolmap.FeatureDescriptors(
+            data=descriptors[seen], type=pycolmap.FeatureExtractorType.SIFT
+        )
+        opened.write_descriptors(image.image_id, described)
+    opened.close()
+    return database, ColmapImages(tmp_path, tuple(files), 200, 150, 150.0)
+
+
+def street(count):
+    """Places along the street, not quite on one line."""
+    along = np.arange(float(count))
+    return np.column_stack([along, 0.3 * np.sin(2 * along), 0.3 * np.cos(3 * along)])
+
+
+def mapped(database, images, names, exhaustive_up_to):
+    return map_images(database, images, names, exhaustive_up_to, OVERLAP, 0, silent)
+
+
+def frames(count):
+    return [f"frame{index}" for index in range(count)]
+
+
+def test_few_photographs_are_matched_exhaustively(tmp_path):
+    mapping = mapped(*walked(tmp_path, street(8)), frames(8), 8)
+    assert (mapping.matcher, mapping.mapper, mapping.registered) == ("exhaustive", "global", 8)
+
+
+def test_a_long_sequence_is_matched_along_its_order(tmp_path):
+    mapping = mapped(*walked(tmp_path, street(20)), frames(20), 10)
+    assert (mapping.matcher, mapping.registered) == ("sequential", 20)
+
+
+def test_names_without_order_are_matched_exhaustively(tmp_path):
+    names = [f"{index**2}" for index in range(12)]
+    mapping = mapped(*walked(tmp_path, street(12)), names, 10)
+    assert (mapping.matcher, mapping.registered) == ("exhaustive", 12)
+
+
+def test_what_a_sequence_leaves_out_is_matched_with_all(tmp_path):
+    """The order lies: a photograph from the middle of the street comes far from its neighbours."""
+    centers = street(PATH)
+    order = [index for index in range(PATH) if index != 7]
+    order.insert(31, 7)
+    mapping = mapped(*walked(tmp_path, centers[order]), frames(PATH), 10)
+    assert mapping.matcher.startswith("sequential, then all pairs")
+    assert mapping.registered == PATH
+
+
+def test_the_largest_of_several_pieces_comes_first(tmp_path):
+    """Two walks that see nothing in common; the incremental mapper is asked too."""
+    centers = np.concatenate([street(PATH)[:6], street(PATH)[26:]])
+    mapping = mapped(*walked(tmp_path, centers), frames(16), 90)
+    assert mapping.registered == 10
+    assert [model.num_reg_images() for model in mapping.models] == [10, 6]
+    assert "global mapper" in mapping.mapper_reason
+    assert "incremental mapper" in mapping.mapper_reason
+
+
+def test_photographs_with_nothing_in_common_give_no_model(tmp_path):
+    mapping = mapped(*walked(tmp_path, street(PATH)[::13]), frames(3), 90)
+    assert (mapping.registered, mapping.verified_pairs) == (0, 0)
+
+
+def test_three_photographs_are_enough(tmp_path):
+    assert mapped(*walked(tmp_path, street(3)), frames(3), 90).registered == 3

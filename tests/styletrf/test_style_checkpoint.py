@@ -1,0 +1,79 @@
+from pathlib import Path
+
+import pytest
+import torch
+
+from styletrf.errors import InputError
+from styletrf.style_checkpoint import CurveRow, Training, read_checkpoint, write_checkpoint
+from styletrf.style_network import StyleNetwork, StyleNetworkConfig
+
+
+def new_training(seed: int = 0) -> Training:
+    generator = torch.Generator().manual_seed(seed)
+    network = StyleNetwork(StyleNetworkConfig(width=4, n_residual=1), generator)
+    return Training(network, torch.optim.Adam(network.parameters()))
+
+
+def step(training: Training) -> None:
+    images = torch.linspace(0, 1, 3 * 16 * 16).reshape(1, 3, 16, 16)
+    loss = training.network(images).square().mean()
+    training.optimizer.zero_grad()
+    loss.backward()
+    training.optimizer.step()
+    k = len(training.curve) + 1
+    training.curve.append(CurveRow(k, float(loss.detach()), 0.1, 0.2, 0.3, 1.5 * k))
+
+
+def test_a_restored_training_takes_the_same_steps(tmp_path: Path):
+    original, restored = new_training(), new_training(seed=1)
+    for _ in range(3):
+        step(original)
+    write_checkpoint(tmp_path / "c.safetensors", original)
+    read_checkpoint(tmp_path / "c.safetensors", restored)
+    for _ in range(2):
+        step(original)
+        step(restored)
+    assert original.curve == restored.curve
+    assert restored.seconds == 7.5
+    for a, b in zip(original.network.parameters(), restored.network.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_before_the_first_step_there_is_nothing_to_lose(tmp_path: Path):
+    write_checkpoint(tmp_path / "c.safetensors", new_training())
+    restored = new_training(seed=1)
+    read_checkpoint(tmp_path / "c.safetensors", restored)
+    assert (restored.curve, restored.seconds) == ([], 0)
+    step(restored)
+
+
+def test_no_checkpoint_leaves_the_training_as_it_is(tmp_path: Path):
+    training = new_training()
+    before = [parameter.clone() for parameter in training.network.parameters()]
+    read_checkpoint(tmp_path / "absent.safetensors", training)
+    after = training.network.parameters()
+    assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
+
+
+def test_a_write_that_fails_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch):
+    path, training = tmp_path / "c.safetensors", new_training()
+    write_checkpoint(path, training)
+    before = path.read_bytes()
+
+    def full_disk(tensors: object, partial: Path) -> None:
+        partial.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("styletrf.style_checkpoint.save_file", full_disk)
+    with pytest.raises(OSError, match="No space"):
+        write_checkpoint(path, training)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_damaged_checkpoint_is_an_input_error(tmp_path: Path):
+    path = tmp_path / "c.safetensors"
+    write_checkpoint(path, new_training())
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(InputError, match="Remove it"):
+        read_checkpoint(path, new_training())

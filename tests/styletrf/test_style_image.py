@@ -1,0 +1,88 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from styletrf.errors import InputError
+from styletrf.style_image import read_style_image
+
+_ORIENTED = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"  # turn right
+
+
+def painting(height: int = 80, width: int = 100) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+def write(path: Path, bgr: np.ndarray) -> Path:
+    cv2.imwrite(str(path), bgr)
+    return path
+
+
+def test_values_are_rgb_in_0_to_1(tmp_path: Path):
+    bgr = painting()
+    image = read_style_image(write(tmp_path / "a.png", bgr))
+    assert image.dtype == np.float32
+    np.testing.assert_allclose(image, bgr[..., ::-1] / 255, atol=1e-6)
+
+
+def test_16_bits_keep_their_depth(tmp_path: Path):
+    bgr = np.random.default_rng(0).integers(0, 65536, (64, 64, 3), dtype=np.uint16)
+    image = read_style_image(write(tmp_path / "a.png", bgr))
+    np.testing.assert_allclose(image, bgr[..., ::-1] / 65535, atol=1e-6)
+
+
+def test_grey_becomes_three_equal_channels(tmp_path: Path):
+    grey = painting()[..., 0]
+    image = read_style_image(write(tmp_path / "a.png", grey))
+    for channel in range(3):
+        np.testing.assert_allclose(image[..., channel], grey / 255, atol=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_transparent_parts_are_white(tmp_path: Path, dtype: type):
+    top = np.iinfo(dtype).max
+    bgra = np.dstack([painting().astype(dtype), np.full((80, 100), top, dtype)])
+    bgra[:40, :, 3] = 0
+    image = read_style_image(write(tmp_path / "a.png", bgra))
+    np.testing.assert_allclose(image[:40], 1)
+    np.testing.assert_allclose(image[40:], bgra[40:, :, 2::-1] / top, atol=1e-6)
+
+
+def test_orientation_of_the_camera_is_followed(tmp_path: Path):
+    gradient = np.tile(np.linspace(0, 255, 100, dtype=np.uint8), (80, 1))
+    jpeg = cv2.imencode(".jpg", gradient)[1].tobytes()
+    segment = b"\xff\xe1" + (len(_ORIENTED) + 2).to_bytes(2, "big") + _ORIENTED
+    (tmp_path / "a.jpg").write_bytes(jpeg[:2] + segment + jpeg[2:])
+    image = read_style_image(tmp_path / "a.jpg")
+    assert image.shape == (100, 80, 3)
+    assert image[0].mean() < 0.1 < 0.9 < image[-1].mean()
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (None, "no such style image"),
+        (b"", "whole image"),
+        (b"a text, not a painting", "whole image"),
+        (cv2.imencode(".jpg", painting())[1].tobytes()[:3000], "whole image"),
+        (cv2.imencode(".png", painting(1, 1))[1].tobytes(), "1x1 pixels are too few"),
+        (cv2.imencode(".png", painting(63, 400))[1].tobytes(), "400x63 pixels are too few"),
+        (cv2.imencode(".png", np.full((90, 90, 3), 200, np.uint8))[1].tobytes(), "one colour"),
+        (cv2.imencode(".png", painting() // 64 + 90)[1].tobytes(), "one colour"),
+    ],
+)
+def test_what_cannot_be_a_style_is_an_input_error(
+    tmp_path: Path, content: bytes | None, problem: str
+):
+    path = tmp_path / "style.jpg"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=problem) as caught:
+        read_style_image(path)
+    assert caught.value.remedy
+
+
+def test_a_folder_is_an_input_error(tmp_path: Path):
+    with pytest.raises(InputError):
+        read_style_image(tmp_path)

@@ -1,0 +1,64 @@
+import pytest
+
+from styletrf.errors import InputError
+from styletrf.user_folders import find_scene, find_style
+
+
+@pytest.fixture
+def data(tmp_path):
+    for scene in ("garden10", "garden9"):
+        (tmp_path / "scenes" / scene / "images").mkdir(parents=True)
+    (tmp_path / "scenes" / "empty").mkdir()
+    (tmp_path / "styles").mkdir()
+    for style in ("waves.jpg", "dots.PNG", "both.jpg", "both.png", "note.txt", ".hidden.jpg"):
+        (tmp_path / "styles" / style).touch()
+    return tmp_path
+
+
+def test_what_exists_is_found(data):
+    assert find_scene(data, "garden9") == data / "scenes/garden9/images"
+    assert find_style(data, "waves") == data / "styles/waves.jpg"
+    assert find_style(data, "dots") == data / "styles/dots.PNG"
+    assert find_style(data, "both.png") == data / "styles/both.png"
+
+
+@pytest.mark.parametrize("find", [find_scene, find_style])
+@pytest.mark.parametrize(
+    "name", ["", ".", "..", "a/b", "/etc", "../x", ".hidden", "a..b", "a\\b", "a\nb", "a\0"]
+)
+def test_names_that_leave_the_folder_are_refused(data, find, name):
+    with pytest.raises(InputError, match="plain name"):
+        find(data, name)
+
+
+@pytest.mark.parametrize("name", ["nowhere", "empty"])
+def test_a_missing_scene_is_answered_with_those_that_exist(data, name):
+    with pytest.raises(InputError, match=r"garden9, garden10\).*scenes/" + name):
+        find_scene(data, name)
+
+
+def test_a_public_scene_is_answered_with_its_archive(data):
+    with pytest.raises(InputError, match=r"garden9.*nerf_llff_data\.zip.*" + str(data)):
+        find_scene(data, "fern")
+
+
+def test_a_missing_style_is_answered_with_those_that_exist(data):
+    with pytest.raises(InputError, match=r"no such style.*both, dots, waves"):
+        find_style(data, "nothing")
+
+
+def test_a_text_file_is_no_style(data):
+    with pytest.raises(InputError, match=r"note\.txt is not an image"):
+        find_style(data, "note")
+
+
+def test_two_images_of_one_name_are_not_guessed_between(data):
+    with pytest.raises(InputError, match=r"both\.jpg, both\.png"):
+        find_style(data, "both")
+
+
+def test_no_data_at_all_is_told(tmp_path):
+    with pytest.raises(InputError, match="none"):
+        find_scene(tmp_path, "garden")
+    with pytest.raises(InputError, match="none"):
+        find_style(tmp_path, "waves")
