@@ -166,8 +166,8 @@ def _color(
     appearance: Appearance, kernels: Kernels, cache: RayCache, samples: Samples, drawn: slice
 ) -> Float[Tensor, "rays 3"]:
     components = kernels.features(appearance.factors, samples.positions)
-    view_directions = cache.view_directions[drawn][samples.ray]
-    color = kernels.composite(samples, appearance.decode(components, view_directions))
+    colors = appearance.decode(components, cache.view_directions[drawn], samples.ray)
+    color = kernels.composite(samples, colors)
     return color + (1 - cache.opacity[drawn])[:, None] * torch.sigmoid(appearance.background)
 
 

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int64, UInt8
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
@@ -91,11 +91,24 @@ class Appearance(nn.Module):
     def decode(
         self,
         components: Float[Tensor, "samples components"],
-        view_directions: Float[Tensor, "samples 3"],
+        view_directions: Float[Tensor, "rays 3"],
+        ray: Int64[Tensor, " samples"],
     ) -> Float[Tensor, "samples 3"]:
-        """Returns the colours of samples in [0, 1] from their appearance components."""
-        features = torch.cat([self.basis(components), view_directions], dim=-1)
-        return torch.sigmoid(self.output(torch.relu(self.hidden(features))))
+        """Returns the colours of samples in [0, 1] from their appearance components.
+
+        Basis and first layer are both linear, so their matrices are multiplied beforehand, and the
+        share of the view direction is computed once a ray.
+
+        Args:
+            components: Of each sample.
+            view_directions: Of each ray, unit vectors.
+            ray: Of each sample.
+        """
+        n_features = self.basis.out_features
+        of_components = self.hidden.weight[:, :n_features] @ self.basis.weight
+        of_view = view_directions @ self.hidden.weight[:, n_features:].T + self.hidden.bias
+        hidden = torch.relu(components @ of_components.T + of_view.index_select(0, ray))
+        return torch.sigmoid(self.output(hidden))
 
 
 class RadianceField(nn.Module):

@@ -49,7 +49,7 @@ class FieldTrainingConfig:
     tv_appearance: float = 0.003  # [TV_weight_app]
     tv_every: int = 4  # iterations between total-variation steps, weighted up to match
     occupancy_every: int = 200
-    occupancy_alpha: float = 1e-3  # opacity of one step that counts as occupied [alpha_mask_thre]
+    occupancy_alpha: float = 5e-3  # opacity of one step that counts as occupied [alpha_mask_thre]
     min_weight: float = 3e-3  # samples lighter than this get no colour [rm_weight_mask_thre]
     termination: float = 1e-4
     checkpoint_seconds: float = 60.0

@@ -23,8 +23,8 @@ class RenderConfig:
     rays are rendered `tile` at a time.
     """
 
-    termination: float = 1e-3
-    min_weight: float = 1e-3
+    termination: float = 3e-3
+    min_weight: float = 5e-3
     tile: int = 8192
 
 
@@ -52,7 +52,7 @@ def render_color(
     opacity = kernels.composite(samples, torch.ones_like(samples.weights)[:, None])
     heavy = samples.heavier_than(min_weight)
     components = kernels.features(appearance.factors, heavy.positions)
-    colors = appearance.decode(components, segments.view_directions[heavy.ray])
+    colors = appearance.decode(components, segments.view_directions, heavy.ray)
     colored = kernels.composite(heavy, torch.cat([colors, torch.ones_like(colors[:, :1])], dim=1))
     kept = colored[:, 3:].clamp(min=1e-6)
     background = torch.sigmoid(appearance.background)
