@@ -1,0 +1,40 @@
+"""A scene for tests: a painted plane seen by a few small cameras, with its exact colours."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from styletrf.cameras import Camera, pixel_centers
+from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
+from styletrf.trajectories import look_at
+from torch import Tensor
+
+SIZE = 20
+
+
+@dataclass(frozen=True)
+class MiniScene:
+    cameras: list[Camera]
+    images: Tensor
+    model: SceneModel
+
+
+def painted_plane(n_views: int = 6) -> MiniScene:
+    """A plane at depth 4 whose colour varies smoothly."""
+    rng = np.random.default_rng(0)
+    target, down = np.array([0.0, 0.0, 4.0]), np.array([0.0, 1.0, 0.0])
+    centers = np.column_stack([rng.uniform(-0.4, 0.4, (n_views, 2)), np.zeros(n_views)])
+    cameras, images = [], []
+    for k, center in enumerate(centers):
+        pose = look_at(center, target, down)
+        half = SIZE / 2
+        cameras.append(Camera(f"{k}", SIZE, SIZE, SIZE, SIZE, half, half, pose))
+        x, y = ((pixel_centers(SIZE, SIZE) - half) / SIZE).T
+        directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ pose[:, :3].T
+        plane = center + (4 / directions[:, 2])[:, None] * directions
+        color = 0.5 + 0.4 * np.sin(2 * plane + np.array([0.0, 1.0, 2.0]))
+        images.append(np.round(255 * color).astype(np.uint8).reshape(SIZE, SIZE, 3))
+    points = np.column_stack([rng.uniform(-2, 2, (200, 2)), rng.uniform(3.5, 4.5, 200)])
+    config = SceneModelConfig(image_long_side=SIZE, max_voxels=20**3)
+    model = decide_scene_model(cameras, points, config)
+    return MiniScene(model.normalized(cameras), torch.from_numpy(np.stack(images)), model)

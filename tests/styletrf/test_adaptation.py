@@ -1,0 +1,75 @@
+"""The cache holds what a ray needs; the density is only read."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from styletrf.adaptation import AdaptationConfig, adapt_appearance, march_once
+from styletrf.kernels import kernels_for
+from styletrf.rendering import RenderConfig, render_rays
+from styletrf.space import ViewRays
+
+from mini_scene import painted_plane
+from test_field_training import CONFIG, fit
+
+CPU = torch.device("cpu")
+KERNELS = kernels_for(CPU)
+ADAPTATION = AdaptationConfig(iterations=60, batch=256)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return painted_plane()
+
+
+@pytest.fixture
+def field(scene):
+    return fit(scene, replace(CONFIG, iterations=100))
+
+
+def test_the_cache_renders_what_the_field_renders(scene, field):
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    config = replace(ADAPTATION, iterations=1, batch=300, min_weight=0.0, termination=0.0)
+    generator = torch.Generator().manual_seed(7)
+    cache = march_once(field, rays, scene.images, config, KERNELS, generator)
+    samples, drawn = cache.batch(0, 300)
+    components = KERNELS.features(field.appearance.factors, samples.positions)
+    colors = field.appearance.decode(components, cache.view_directions[drawn], samples.ray)
+    color = KERNELS.composite(samples, colors)
+    background = torch.sigmoid(field.appearance.background)
+    color = color + (1 - cache.opacity)[:, None] * background
+
+    generator.manual_seed(7)
+    draw = torch.randint(len(scene.cameras) * 20 * 20, (300,), generator=generator)
+    view, row, column = draw // 400, draw % 400 // 20, draw % 20
+    pixels = torch.stack([column, row], dim=-1).double() + 0.5
+    exact = render_rays(field, KERNELS, rays.segments(view, pixels), RenderConfig(0.0, 0.0))
+    # the cache jitters its samples within a step, the render takes the middle
+    assert (color - exact.color).abs().mean() < 0.02
+    torch.testing.assert_close(cache.target, scene.images[view, row, column].float() / 255)
+
+
+def test_adapting_to_recolored_views_recolors_and_keeps_the_density(scene, field):
+    before = {name: tensor.clone() for name, tensor in field.density.state_dict().items()}
+    painted = 255 - scene.images
+    curve, dropped = adapt_appearance(
+        field, scene.cameras, painted, scene.model.space, ADAPTATION, KERNELS
+    )
+    assert curve[-1].psnr > curve[0].psnr + 5
+    assert curve[-1].psnr > 18
+    assert 0 <= dropped < 0.1
+    for name, tensor in field.density.state_dict().items():
+        assert torch.equal(tensor, before[name]), name
+    assert all(p.grad is None for p in field.density.parameters())
+
+
+def test_the_same_seed_gives_the_same_appearance(scene):
+    results = []
+    for _ in range(2):
+        field = fit(scene, replace(CONFIG, iterations=20))
+        adapt_appearance(
+            field, scene.cameras, scene.images, scene.model.space,
+            replace(ADAPTATION, iterations=5), KERNELS,
+        )  # fmt: skip
+        results.append(field.appearance.state_dict())
+    assert all(torch.equal(results[0][name], results[1][name]) for name in results[0])

@@ -1,0 +1,120 @@
+"""Fitting: it learns, resumes exactly, and stops at what is not finite."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from styletrf.errors import NotFiniteError
+from styletrf.field import FieldConfig, RadianceField, load_field, save_field
+from styletrf.field_training import FieldTrainingConfig, coarse_resolution, train_field
+from styletrf.kernels import kernels_for
+from styletrf.metrics import psnr
+from styletrf.rendering import RenderConfig, render_view
+from styletrf.space import ViewRays
+
+from mini_scene import MiniScene, painted_plane
+
+CPU = torch.device("cpu")
+KERNELS = kernels_for(CPU)
+CONFIG = FieldTrainingConfig(
+    field=FieldConfig((4, 2, 2), (4, 2, 2), features=8, hidden=16),
+    iterations=120,
+    batch=256,
+    initial_voxels=10**3,
+    upsample_at=(40, 80),
+    occupancy_every=20,
+)
+
+
+@pytest.fixture(scope="module")
+def scene() -> MiniScene:
+    return painted_plane()
+
+
+def fit(scene: MiniScene, config=CONFIG, kernels=KERNELS, **more) -> RadianceField:
+    model = scene.model
+    field, _ = train_field(
+        scene.cameras, scene.images, model.space, model.resolution, config, kernels, **more
+    )
+    return field
+
+
+def parameters(field: RadianceField) -> dict[str, torch.Tensor]:
+    return field.state_dict()
+
+
+def test_the_field_shows_what_it_was_shown(scene):
+    field = fit(scene)
+    assert field.resolution == scene.model.resolution
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    render = render_view(field, KERNELS, rays, 2, scene.cameras[2], RenderConfig())
+    assert psnr(render.color.numpy(), (scene.images[2].float() / 255).numpy()) > 22
+    assert render.opacity.mean() > 0.9
+
+
+def test_fused_and_reference_kernels_train_to_the_same_field(scene):
+    config = replace(CONFIG, iterations=30)
+    fused = fit(scene, config)
+    plain = fit(scene, config, kernels_for(CPU, "reference"))
+    for name, tensor in parameters(fused).items():
+        torch.testing.assert_close(
+            tensor.float(), parameters(plain)[name].float(), rtol=0.02, atol=0.02, msg=name
+        )
+
+
+@pytest.mark.parametrize("killed_at", [25, 39, 40, 100])
+def test_a_killed_run_resumes_to_the_same_parameters(scene, tmp_path: Path, killed_at):
+    """Also across an up-sampling step: at 40 the optimiser is new and the grid finer."""
+    whole = fit(scene)
+    every_step = replace(CONFIG, checkpoint_seconds=0.0)
+
+    def kill(done, total, **quality):
+        if done == killed_at:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(scene, every_step, progress=kill, checkpoint_dir=tmp_path)
+    resumed = fit(scene, every_step, checkpoint_dir=tmp_path)
+    for name, tensor in parameters(whole).items():
+        assert torch.equal(tensor, parameters(resumed)[name]), name
+
+
+def test_a_damaged_checkpoint_counts_as_none(scene, tmp_path: Path):
+    (tmp_path / "checkpoint.safetensors").write_bytes(b"garbage")
+    config = replace(CONFIG, iterations=3)
+    assert parameters(fit(scene, config, checkpoint_dir=tmp_path)).keys()
+
+
+def test_what_is_not_finite_stops_the_training(scene):
+    config = replace(CONFIG, factor_rate=1e30, network_rate=1e30, iterations=20)
+    with pytest.raises(NotFiniteError, match="field training: loss"):
+        fit(scene, config)
+
+
+def test_a_field_reads_back_as_it_was_written(scene, tmp_path: Path):
+    field = fit(scene, replace(CONFIG, iterations=25))
+    save_field(tmp_path, field)
+    again = load_field(tmp_path)
+    assert again.step_length == field.step_length
+    for name, tensor in parameters(field).items():
+        assert torch.equal(tensor, parameters(again)[name]), name
+
+
+def test_one_view_and_a_white_scene_stay_finite(scene):
+    model = scene.model
+    white = torch.full_like(scene.images[:1], 255)
+    config = replace(CONFIG, iterations=50)
+    field, _ = train_field(
+        scene.cameras[:1], white, model.space, model.resolution, config, KERNELS
+    )
+    assert all(torch.isfinite(p).all() for p in field.parameters())
+
+
+def test_the_grid_grows_from_coarse_to_the_final_resolution():
+    final = (300, 200, 100)
+    stages = [coarse_resolution(final, CONFIG, k) for k in range(3)]
+    assert stages[-1] == final
+    sizes = [x * y * z for x, y, z in stages]
+    assert sizes == sorted(sizes)
+    assert abs(sizes[0] - 10**3) < 300

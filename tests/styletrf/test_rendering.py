@@ -1,0 +1,61 @@
+"""Rendering: tiles do not matter, nothing leaks, depth is where the surface is."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from styletrf.field import set_occupancy
+from styletrf.kernels import kernels_for
+from styletrf.rendering import RenderConfig, render_view
+from styletrf.space import ViewRays
+
+from mini_scene import painted_plane
+from test_field_training import CONFIG, fit
+
+CPU = torch.device("cpu")
+KERNELS = kernels_for(CPU)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return painted_plane()
+
+
+@pytest.fixture(scope="module")
+def field(scene):
+    return fit(scene, replace(CONFIG, iterations=150))
+
+
+def rendered(scene, field, config):
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    return render_view(field, KERNELS, rays, 1, scene.cameras[1], config)
+
+
+def test_tiles_do_not_change_the_image(scene, field):
+    whole = rendered(scene, field, RenderConfig(tile=400))
+    tiled = rendered(scene, field, RenderConfig(tile=7))
+    torch.testing.assert_close(tiled.color, whole.color)
+    torch.testing.assert_close(tiled.depth, whole.depth)
+
+
+def test_the_thresholds_cost_little(scene, field):
+    exact = rendered(scene, field, RenderConfig(termination=0.0, min_weight=0.0))
+    quick = rendered(scene, field, RenderConfig())
+    assert (exact.color - quick.color).abs().max() < 0.05
+
+
+def test_an_empty_field_shows_the_background_at_the_far_end(scene, field):
+    empty = fit(scene, replace(CONFIG, iterations=2))
+    set_occupancy(empty.density, torch.zeros(2, 2, 2, dtype=torch.uint8))
+    render = rendered(scene, empty, RenderConfig())
+    background = torch.sigmoid(empty.appearance.background)
+    torch.testing.assert_close(render.color, background.expand_as(render.color))
+    assert (render.opacity == 0).all()
+    assert torch.isfinite(render.depth).all()
+
+
+def test_depth_is_positive_finite_and_color_in_range(scene, field):
+    render = rendered(scene, field, RenderConfig())
+    assert torch.isfinite(render.depth).all()
+    assert (render.depth > 0).all()
+    assert ((render.color >= 0) & (render.color <= 1)).all()
