@@ -17,11 +17,18 @@ $(VENV)/installed: pyproject.toml
 	$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
 	touch $@
 
-# The main job on the embedded scene, whose photographs the project makes itself.
+# The main job on the embedded scene, whose photographs the project makes itself: draft quality,
+# at 320 pixels and with fewer iterations and frames, for a first look in a few minutes.
+DEMO_SETTINGS = --SceneModel-settings '{"image_long_side": 320}' \
+	--RadianceField-settings '{"iterations": 1600}' \
+	--StyleNetwork-settings '{"iterations": 480, "crop_px": 128}' \
+	--PriorRenders-settings '{"trajectory.frames": 16}' \
+	--StylizedField-settings '{"iterations": 400}'
+
 demo: install
 	$(RUN)/python -m styletrf.courtyard data/scenes/courtyard
 	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory \
-		--scene $(SCENE) --style $(STYLE) --quality draft
+		--scene $(SCENE) --style $(STYLE) --quality draft $(DEMO_SETTINGS)
 
 test: install
 	$(RUN)/python -m pytest $(TEST_ARGS)

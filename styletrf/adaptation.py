@@ -26,12 +26,12 @@ from styletrf.space import Space, ViewRays
 class AdaptationConfig:
     """How the appearance is adapted."""
 
-    iterations: int = 600
+    iterations: int = 1000
     batch: int = 4096  # rays an iteration
-    factor_rate: float = 0.02
-    network_rate: float = 1e-3
+    factor_rate: float = 0.05
+    network_rate: float = 3e-3
     rate_decay: float = 0.1  # over all iterations
-    tv_weight: float = 0.01
+    tv_weight: float = 1e-3
     tv_every: int = 4
     min_weight: float = 2e-3  # samples lighter than this are not kept
     termination: float = 1e-3

@@ -209,9 +209,7 @@ class _Trainer:
         self.field.step_length = march_step(
             self.space, self.field.resolution, config.steps_per_voxel
         )
-        self.rays = ViewRays(
-            self.cameras, self.space, self.field.step_length, self.images.device
-        )
+        self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)
         field = self.field
         factors = [*field.density.factors.parameters(), *field.appearance.factors.parameters()]
         groups = [
@@ -225,7 +223,9 @@ class _Trainer:
         density = self.field.density
         set_occupancy(
             density,
-            occupied_voxels(density, self.kernels, self.field.step_length, self.config.occupancy_alpha),
+            occupied_voxels(
+                density, self.kernels, self.field.step_length, self.config.occupancy_alpha
+            ),
         )
 
     def save(self, folder: Path) -> None:
@@ -244,7 +244,9 @@ class _Trainer:
             return
         tensors, state = checkpoint
         self.iteration = state["stage_start"]
-        self.field.upsample([tensors[f"field.density.factors.lines.{k}"].shape[0] for k in (2, 1, 0)])
+        self.field.upsample(
+            [tensors[f"field.density.factors.lines.{k}"].shape[0] for k in (2, 1, 0)]
+        )
         self._begin_stage()
         field = {k.removeprefix("field."): v for k, v in tensors.items() if k.startswith("field.")}
         set_occupancy(self.field.density, field["density.occupancy"])
@@ -268,7 +270,5 @@ def coarse_resolution(
 
 def march_step(space: Space, resolution: Sequence[int], steps_per_voxel: float) -> float:
     """Returns the optical length of a step: `steps_per_voxel` steps to the mean voxel side."""
-    sides = [
-        2 * length / (n - 1) for length, n in zip(space.axis_lengths, resolution, strict=True)
-    ]
+    sides = [2 * length / (n - 1) for length, n in zip(space.axis_lengths, resolution, strict=True)]
     return float(math.prod(sides) ** (1 / 3)) / steps_per_voxel

@@ -25,7 +25,10 @@ def occupied_voxels(
     """
     shape = [max(2, round(n * VOXELS_PER_LATTICE_POINT)) for n in density.factors.resolution]
     raw = torch.cat(
-        [kernels.density(density.factors, chunk) for chunk in _centers(shape, density).split(1 << 20)]
+        [
+            kernels.density(density.factors, chunk)
+            for chunk in _centers(shape, density).split(1 << 20)
+        ]
     )
     alpha = -torch.expm1(-step_length * density.scale * F.softplus(raw + density.shift))
     dilated = F.max_pool3d(alpha.reshape(1, 1, *shape), kernel_size=3, stride=1, padding=1)[0, 0]

@@ -1,6 +1,6 @@
 """From a field and rays to colour, opacity and depth (volume rendering, Max 1995).
 
-    color = sum_i w_i c_i + (1 - sum_i w_i) background,   opacity = sum_i w_i
+color = sum_i w_i c_i + (1 - sum_i w_i) background,   opacity = sum_i w_i
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,11 @@ class Rendering:
 
 
 def render_color(
-    appearance: Appearance, kernels: Kernels, segments: Segments, samples: Samples, min_weight: float
+    appearance: Appearance,
+    kernels: Kernels,
+    segments: Segments,
+    samples: Samples,
+    min_weight: float,
 ) -> Float[Tensor, "rays 3"]:
     """Returns the colour of rays, differentiable in the appearance and the samples' weights.
 

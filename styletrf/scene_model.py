@@ -77,7 +77,9 @@ def decide_scene_model(
         )
     frame = _mean_frame(cameras)
     angle_deg, clearance = _forward_facing_evidence(frame, cameras, points_world)
-    forward = angle_deg <= FORWARD_FACING_MAX_ANGLE_DEG and clearance >= FORWARD_FACING_MIN_CLEARANCE
+    forward = (
+        angle_deg <= FORWARD_FACING_MAX_ANGLE_DEG and clearance >= FORWARD_FACING_MIN_CLEARANCE
+    )
     kind = config.space if config.space != "auto" else ("ndc" if forward else "box")
     evidence = {
         "space": {
@@ -259,9 +261,7 @@ def nearest_to_axes(cameras: Sequence[Camera]) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-def _pixel_footprint(
-    views: Sequence[Camera], points: Float[np.ndarray, "points 3"]
-) -> float:
+def _pixel_footprint(views: Sequence[Camera], points: Float[np.ndarray, "points 3"]) -> float:
     """Returns the median size of a pixel at the points it may see."""
     sizes = []
     for camera in views:

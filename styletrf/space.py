@@ -62,9 +62,7 @@ class ViewRays:
         self._axis_lengths = torch.tensor(space.axis_lengths, dtype=torch.float64, device=device)
         self._depth_min, self._step = space.depth_min, step
 
-    def segments(
-        self, view: Int64[Tensor, " rays"], pixels: Float[Tensor, "rays 2"]
-    ) -> Segments:
+    def segments(self, view: Int64[Tensor, " rays"], pixels: Float[Tensor, "rays 2"]) -> Segments:
         """Returns the float32 segments through `pixels` of the views, at most `step` a step."""
         ones = torch.ones_like(pixels[:, :1])
         points = torch.cat([pixels, ones], dim=-1).to(self._starts)[..., None]

@@ -44,7 +44,9 @@ def fly_through(
     centered = replace(cameras[0], cx=cameras[0].width / 2, cy=cameras[0].height / 2)
     return [
         replace(
-            centered, name=f"{k:04d}", world_from_camera=look_at(center, target, np.array([0, 1, 0]))
+            centered,
+            name=f"{k:04d}",
+            world_from_camera=look_at(center, target, np.array([0, 1, 0])),
         )
         for k, (center, target) in enumerate(zip(centers, targets, strict=True))
     ]

@@ -15,9 +15,7 @@ from styletrf.images import read_rgb, to_integers
 HOLD_OUT_EVERY = 8  # LLFF's protocol: views 0, 8, 16, ... of the sorted names
 
 
-def load_views(
-    folder: Path, cameras: Sequence[Camera]
-) -> UInt8[Tensor, "views height width 3"]:
+def load_views(folder: Path, cameras: Sequence[Camera]) -> UInt8[Tensor, "views height width 3"]:
     """Returns the cameras' images from `folder`, reduced to the cameras' size by pixel area."""
     views = []
     for camera in cameras:

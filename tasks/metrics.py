@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
-from pipeline.task import RunContext
 
+from pipeline.task import RunContext
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.scene import CameraPoses, SceneModel
 from tasks.stage import Stage, TunedStage

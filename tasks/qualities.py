@@ -35,8 +35,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "network.n_residual": (3, 5, 5),
         "iterations": (800, 2500, 40000),
         "batch": (1, 2, 4),
-        "crop_px": (128, 192, 256),
-        "style_px": (288, 288, 256),
+        "crop_px": (176, 192, 256),
+        "style_px": (420, 420, 256),
         "learning_rate": (2e-3, 2e-3, 1e-3),
         "final_learning_rate": (3e-4, 3e-4, 1e-3),
         "identity_iterations": (150, 150, 0),
@@ -45,12 +45,24 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     "PriorRenders": {
         "trajectory.frames": (20, 25, 30),
         "trajectory.turns": (2.0, 2.0, 2.0),
+        "render.termination": (1e-2, 3e-3, 1e-3),
+        "render.min_weight": (1e-2, 5e-3, 1e-3),
     },
     "TrajectoryFrames": {
         "trajectory.frames": (60, 120, 120),
+        "render.termination": (1e-2, 3e-3, 1e-3),
+        "render.min_weight": (1e-2, 5e-3, 1e-3),
+    },
+    "StylizedFrames": {
+        "render.termination": (1e-2, 3e-3, 1e-3),
+        "render.min_weight": (1e-2, 5e-3, 1e-3),
+    },
+    "QualityMetrics": {
+        "termination": (1e-2, 3e-3, 1e-3),
+        "min_weight": (1e-2, 5e-3, 1e-3),
     },
     "StylizedField": {
-        "iterations": (400, 1000, 1000),
+        "iterations": (600, 1000, 1000),
     },
 }
 

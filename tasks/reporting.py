@@ -1,6 +1,8 @@
 """What the report of a stylised fly-through says, gathered from the store."""
 
+import json
 import platform
+import shlex
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -44,11 +46,20 @@ def report_content(task: "StylizedTrajectory", inputs: Mapping[str, Path]) -> Re
             **{name: version(name) for name in ("styletrf", "torch", "pycolmap", "luigi", "numba")},
         },
         digests={stage.task_family: _record(stage).output.digest for stage in stages},
-        command=(
-            f"luigi --module tasks StylizedTrajectory --scene {task.scene} --style {task.style}"
-            f" --quality {task.quality}"
-        ),
+        command=_command(task, stages),
     )
+
+
+def _command(task: "StylizedTrajectory", stages: list[StoredTask]) -> str:
+    """Returns the command that makes this result again."""
+    words = ["luigi", "--module", "tasks", "StylizedTrajectory"]
+    for name, value in task.identity_parameters().items():
+        words += [f"--{name}", str(value)]
+    for stage in stages:
+        settings = stage.param_kwargs.get("settings")
+        if settings:
+            words += [f"--{stage.task_family}-settings", json.dumps(dict(settings))]
+    return shlex.join(words)
 
 
 def _upstream(task: StoredTask) -> Iterator[StoredTask]:

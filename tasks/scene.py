@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
-from pipeline.task import RunContext
+
 from pipeline.digest import file_digest
 from pipeline.settings import data_root
-
+from pipeline.task import RunContext
 from tasks.stage import Stage, TunedStage
 
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, TypeVar
 
 import luigi
+
 from pipeline.task import StoredTask
 from styletrf.errors import InputError
-
 from tasks.qualities import QUALITIES, settings_for
 
 Needed = TypeVar("Needed", bound="Stage")

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
-from pipeline.task import RunContext
+
 from pipeline.digest import file_digest
 from pipeline.settings import data_root
-
+from pipeline.task import RunContext
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
 
@@ -133,6 +133,7 @@ class StyleNetwork(TunedStage):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Train the network."""
         import torch
+
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.images import read_rgb

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
-from pipeline.task import RunContext
 
+from pipeline.task import RunContext
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.scene import SceneModel
 from tasks.stage import Stage, TunedStage
@@ -33,6 +33,7 @@ class StylizedPriors(StyledStage):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Paint every prior."""
         import torch
+
         from styletrf.camera_table import read_cameras
         from styletrf.devices import device_named
         from styletrf.frames import float_frames, write_pictures

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
-from pipeline.task import RunContext, artifact
-from pipeline.settings import out_root
 
+from pipeline.settings import out_root
+from pipeline.task import RunContext, artifact
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
 from tasks.stage import Stage
@@ -49,10 +49,9 @@ class StylizedTrajectory(StyledStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Write the report."""
-        from tasks.reporting import report_content, summary_of
-
         from styletrf.report import write_report
         from styletrf.tables import write_summary
+        from tasks.reporting import report_content, summary_of
 
         frames = sorted((inputs["frames"] / "frames").glob("*.png"))
         shutil.copyfile(frames[0], out / "poster.png")
@@ -141,4 +140,3 @@ def _announce_at_exit(task: StylizedTrajectory) -> None:
             print(task.folder / "report.html")  # noqa: T201  the command's answer
 
     atexit.register(announce)
-

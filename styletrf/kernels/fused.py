@@ -25,9 +25,7 @@ def features(
     return result
 
 
-def density(
-    factors: TensorVM, positions: Float[Tensor, "samples 3"]
-) -> Float[Tensor, " samples"]:
+def density(factors: TensorVM, positions: Float[Tensor, "samples 3"]) -> Float[Tensor, " samples"]:
     """See `reference.density`. No gradient."""
     planes, lines = _arrays(*factors.planes), _arrays(*factors.lines)
     return torch.from_numpy(trace_numba.density_features(_array(positions), planes, lines))
@@ -37,9 +35,7 @@ def trace(
     factors: TensorVM, segments: Segments, jitter: Float[Tensor, " rays"], march: March
 ) -> Samples:
     """See `reference.trace`."""
-    return Samples(
-        *_Trace.apply(segments, jitter, march, *factors.planes, *factors.lines)
-    )
+    return Samples(*_Trace.apply(segments, jitter, march, *factors.planes, *factors.lines))
 
 
 def composite(

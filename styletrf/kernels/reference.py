@@ -26,9 +26,7 @@ def features(
     return torch.cat(columns, dim=-1)
 
 
-def density(
-    factors: TensorVM, positions: Float[Tensor, "samples 3"]
-) -> Float[Tensor, " samples"]:
+def density(factors: TensorVM, positions: Float[Tensor, "samples 3"]) -> Float[Tensor, " samples"]:
     """Returns the raw density, the sum of the features."""
     return features(factors, positions).sum(dim=-1)
 
@@ -85,9 +83,7 @@ def _interpolate(
     """Bilinear, clamped at the border, lattice points on the border (align_corners)."""
     grid = torch.stack([x, y], dim=-1)[None, :, None]
     image = plane.permute(2, 0, 1)[None]
-    values = F.grid_sample(
-        image, grid, mode="bilinear", padding_mode="border", align_corners=True
-    )
+    values = F.grid_sample(image, grid, mode="bilinear", padding_mode="border", align_corners=True)
     return values[0, :, :, 0].T
 
 

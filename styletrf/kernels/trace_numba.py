@@ -64,7 +64,17 @@ def density_features(positions, planes, lines):
 @no_type_check
 @numba.njit(cache=True, parallel=True, fastmath=FAST)
 def trace_forward(
-    origins, directions, lengths, n_steps, jitter, occupancy, planes, lines, shift, scale, termination
+    origins,
+    directions,
+    lengths,
+    n_steps,
+    jitter,
+    occupancy,
+    planes,
+    lines,
+    shift,
+    scale,
+    termination,
 ):
     """Returns the samples of every ray in padded rows: count, s, raw density, weight.
 

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
+
 from styletrf.cameras import Camera, pixel_centers
 from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from styletrf.trajectories import look_at
-from torch import Tensor
 
 SIZE = 20
 

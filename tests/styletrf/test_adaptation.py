@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 import torch
+from mini_scene import painted_plane
+from test_field_training import CONFIG, fit
+
 from styletrf.adaptation import AdaptationConfig, adapt_appearance, march_once
 from styletrf.kernels import kernels_for
 from styletrf.rendering import RenderConfig, render_rays
 from styletrf.space import ViewRays
-
-from mini_scene import painted_plane
-from test_field_training import CONFIG, fit
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)

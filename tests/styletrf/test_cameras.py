@@ -7,6 +7,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+
 from styletrf.camera_table import read_cameras, read_unregistered, write_cameras
 from styletrf.cameras import Camera, fitted_to, moved, pixel_centers, project, rays_through, resized
 from styletrf.trajectories import look_at

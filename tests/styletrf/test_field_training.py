@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 import torch
+from mini_scene import MiniScene, painted_plane
+
 from styletrf.errors import NotFiniteError
 from styletrf.field import FieldConfig, RadianceField, load_field, save_field
 from styletrf.field_training import FieldTrainingConfig, coarse_resolution, train_field
@@ -12,8 +14,6 @@ from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
 from styletrf.space import ViewRays
-
-from mini_scene import MiniScene, painted_plane
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -105,9 +105,7 @@ def test_one_view_and_a_white_scene_stay_finite(scene):
     model = scene.model
     white = torch.full_like(scene.images[:1], 255)
     config = replace(CONFIG, iterations=50)
-    field, _ = train_field(
-        scene.cameras[:1], white, model.space, model.resolution, config, KERNELS
-    )
+    field, _ = train_field(scene.cameras[:1], white, model.space, model.resolution, config, KERNELS)
     assert all(torch.isfinite(p).all() for p in field.parameters())
 
 

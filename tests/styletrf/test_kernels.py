@@ -5,9 +5,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
+
 from styletrf.kernels import FORMS, March, Samples, Segments, kernels_for, reference
 from styletrf.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
-from torch import Tensor
 
 FUSED = FORMS["fused"]
 
@@ -38,7 +39,7 @@ def rays_of(segments: Segments, n_steps: Tensor) -> Segments:
     return replace(segments, n_steps=n_steps)
 
 
-def loss_of(form, factors, appearance, segments, jitter, march):  # noqa: PLR0913
+def loss_of(form, factors, appearance, segments, jitter, march):
     samples = form.trace(factors, segments, jitter, march)
     values = form.features(appearance, samples.positions)
     color = form.composite(samples, values)
@@ -63,9 +64,7 @@ def test_fused_form_equals_the_float64_reference(resolution, n_rays, ranks):
         density = TensorVM(resolution, ranks, scale=0.8, generator=g).to(dtype)
         appearance = TensorVM(resolution, ranks, scale=0.8, generator=g).to(dtype)
         bundle = segments if dtype == torch.float32 else doubled(segments)
-        samples, color = loss_of(
-            FORMS[name], density, appearance, bundle, jitter.to(dtype), march
-        )
+        samples, color = loss_of(FORMS[name], density, appearance, bundle, jitter.to(dtype), march)
         grads = [p.grad for module in (density, appearance) for p in module.parameters()]
         results[name] = (samples, color, grads)
     (ours, our_color, our_grads), (theirs, color, grads) = results["fused"], results["reference"]

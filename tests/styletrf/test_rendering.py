@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 import torch
+from mini_scene import painted_plane
+from test_field_training import CONFIG, fit
+
 from styletrf.field import set_occupancy
 from styletrf.kernels import kernels_for
 from styletrf.rendering import RenderConfig, render_view
 from styletrf.space import ViewRays
-
-from mini_scene import painted_plane
-from test_field_training import CONFIG, fit
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from test_space import forward_cameras, orbit_cameras, points_before
+
 from styletrf.errors import InputError
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
-
-from test_space import forward_cameras, orbit_cameras, points_before
 
 
 def test_too_few_points_are_an_error_that_says_what_to_do():

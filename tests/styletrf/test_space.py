@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+
 from styletrf.cameras import Camera, project
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.space import Space, ViewRays
@@ -34,7 +35,9 @@ def orbit_cameras(n: int = 12, scale: float = 1.0) -> list[Camera]:
 
 def points_before(cameras, scale=1.0):
     rng = np.random.default_rng(1)
-    forward = cameras[0].forward_world[2] > 0.5 and len({c.forward_world[2] > 0 for c in cameras}) == 1
+    forward = (
+        cameras[0].forward_world[2] > 0.5 and len({c.forward_world[2] > 0 for c in cameras}) == 1
+    )
     if forward:
         return scale * np.column_stack([rng.uniform(-2, 2, (300, 2)), rng.uniform(2, 8, 300)])
     return scale * rng.uniform(-1, 1, (300, 3))
@@ -65,9 +68,7 @@ def test_a_point_lies_on_the_segment_of_its_pixel_at_its_depth(cameras_of):
         pixels, depth = project(view, normalized)
         grid = model.space.to_grid(normalized)
         inside = (np.abs(grid) < 0.99).all(axis=1) & (depth > 0.1)
-        segments = rays.segments(
-            torch.full((len(pixels),), k), torch.from_numpy(pixels)
-        )
+        segments = rays.segments(torch.full((len(pixels),), k), torch.from_numpy(pixels))
         origin, direction = segments.origins.numpy(), segments.directions.numpy()
         s = ((grid - origin) * direction).sum(1) / (direction**2).sum(1)
         on_segment = origin + s[:, None] * direction
@@ -97,5 +98,7 @@ def test_rays_that_miss_run_along_faces_or_start_inside():
     assert segments.n_steps[3] == 20  # the face belongs to the grid
     for name in segments.__slots__:
         assert torch.isfinite(getattr(segments, name).float()).all(), name
-    torch.testing.assert_close(segments.lengths[[0, 2]], torch.tensor([2.0, 0.999]), rtol=1e-4, atol=0)
+    torch.testing.assert_close(
+        segments.lengths[[0, 2]], torch.tensor([2.0, 0.999]), rtol=1e-4, atol=0
+    )
     torch.testing.assert_close(segments.depth_near[0], torch.tensor(2.0))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+
 from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.tables import read_rows, read_summary, write_rows, write_summary

@@ -1,6 +1,7 @@
 """Resampling, total variation and L1 of the factors."""
 
 import torch
+
 from styletrf.kernels import reference
 from styletrf.tensor_vm import TensorVM
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from test_space import forward_cameras, orbit_cameras, points_before
+
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.trajectories import TrajectoryConfig, fly_through
-
-from test_space import forward_cameras, orbit_cameras, points_before
 
 assert torch  # the cameras' module needs it; importing it here keeps the tests' time apart
 

@@ -39,6 +39,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What CameraPoses leaves: four views of a plane painted with a smooth pattern."""
     import numpy as np
+
     from styletrf.camera_table import write_cameras
     from styletrf.cameras import Camera, pixel_centers
     from styletrf.images import write_rgb
@@ -75,6 +76,7 @@ def perceptual_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Random weights in the layout of VGG16: the architecture is real, the training is not."""
     import torch
     from safetensors.torch import save_file
+
     from styletrf.vgg import VGG16
 
     path = tmp_path_factory.mktemp("weights") / "random.safetensors"
@@ -87,6 +89,7 @@ def perceptual_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def photographs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data root with one scene of eight larger photographs and one painting."""
     import numpy as np
+
     from styletrf.images import write_rgb
 
     root = tmp_path_factory.mktemp("data")
@@ -95,7 +98,9 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (root / folder).mkdir(parents=True)
         for name in names:
             coarse = rng.random((16, 16, 3)).astype(np.float32)
-            write_rgb(root / folder / f"{name}.png", np.kron(coarse, np.ones((6, 6, 1), np.float32)))
+            write_rgb(
+                root / folder / f"{name}.png", np.kron(coarse, np.ones((6, 6, 1), np.float32))
+            )
     return root
 
 
@@ -121,6 +126,7 @@ def mini(
 ) -> Callable[[str], Path]:
     """Returns a stage's artifact on the mini scene by its family, building what it needs once."""
     import luigi
+
     import tasks
 
     made: dict[str, Path] = {"CameraPoses": mini_poses}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
+
 from styletrf.camera_table import read_cameras
 from styletrf.field import load_field
 from styletrf.float_images import read_float_image

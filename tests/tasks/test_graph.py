@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+
 import tasks
 
 WORDS = {"scene": "horns", "style": "mosaic", "quality": "draft"}
@@ -57,14 +58,15 @@ def test_what_a_parameter_leaves_alone(change, same):
 def test_settings_replace_those_of_the_quality():
     stage = tasks.RadianceField(scene="s", quality="draft", settings={"iterations": 7})
     assert stage.values()["iterations"] == 7
-    assert stage.identity_parameters() != tasks.RadianceField(
-        scene="s", quality="draft"
-    ).identity_parameters()
+    assert (
+        stage.identity_parameters()
+        != tasks.RadianceField(scene="s", quality="draft").identity_parameters()
+    )
 
 
 def test_every_preset_names_real_settings():
-    from styletrf.camera_poses import CameraPosesConfig
     from styletrf.adaptation import AdaptationConfig
+    from styletrf.camera_poses import CameraPosesConfig
     from styletrf.configuration import configured
     from styletrf.content_images import ContentConfig
     from styletrf.field_training import FieldTrainingConfig
