@@ -31,8 +31,10 @@ demo: install
 	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory \
 		--scene $(SCENE) --style $(STYLE) --quality draft $(DEMO_SETTINGS)
 
+# Idle OpenMP threads sleep: torch and numba bring a pool each, and one that spins while the other
+# works costs it most of a small machine.
 test: install
-	$(RUN)/python -m pytest $(TEST_ARGS)
+	OMP_WAIT_POLICY=PASSIVE $(RUN)/python -m pytest --durations=15 $(TEST_ARGS)
 
 lint: install
 	$(RUN)/ruff format --check .

@@ -107,7 +107,7 @@ def adapt_appearance(
             loss = loss + config.tv_every * config.tv_weight * smoothness
         for group in optimizer.param_groups:
             group["lr"] = group["initial_rate"] * config.rate_decay ** (k / config.iterations)
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         optimizer.step()
         optimizer.zero_grad()
         smooth = 0.95 * smooth + 0.05 * mse if k else mse
@@ -153,9 +153,7 @@ def march_once(
         torch.cat(column) for column in zip(*parts, strict=True)
     )
     offsets = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
-    return RayCache(
-        offsets, positions, weights, directions, opacity, target, float(dropped.mean())
-    )
+    return RayCache(offsets, positions, weights, directions, opacity, target, float(dropped.mean()))
 
 
 def _mass(samples: Samples, kernels: Kernels) -> Float[Tensor, " rays"]:

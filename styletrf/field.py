@@ -17,6 +17,7 @@ from jaxtyping import Float, Int64, UInt8
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from styletrf.configuration import configured
 from styletrf.kernels.samples import March
 from styletrf.tensor_vm import TensorVM
 
@@ -158,13 +159,7 @@ def load_field(density_folder: Path, appearance_folder: Path | None = None) -> R
     """Returns the field whose density is in one folder and whose appearance in another."""
     appearance_folder = appearance_folder or density_folder
     values = json.loads((density_folder / "field.json").read_text())
-    config = FieldConfig(
-        **{
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in values["config"].items()
-        }
-    )
-    field = RadianceField(config, values["resolution"])
+    field = RadianceField(configured(FieldConfig, values["config"]), values["resolution"])
     field.step_length = values["step_length"]
     density = load_file(density_folder / "density.safetensors")
     set_occupancy(field.density, density["occupancy"])

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import torch
-import torch.nn.functional as F
 from jaxtyping import Float, UInt8
 from torch import Tensor
+from torch.nn import functional
 
 from styletrf.field import Density
 from styletrf.kernels import Kernels
@@ -30,8 +30,10 @@ def occupied_voxels(
             for chunk in _centers(shape, density).split(1 << 20)
         ]
     )
-    alpha = -torch.expm1(-step_length * density.scale * F.softplus(raw + density.shift))
-    dilated = F.max_pool3d(alpha.reshape(1, 1, *shape), kernel_size=3, stride=1, padding=1)[0, 0]
+    alpha = -torch.expm1(-step_length * density.scale * functional.softplus(raw + density.shift))
+    dilated = functional.max_pool3d(
+        alpha.reshape(1, 1, *shape), kernel_size=3, stride=1, padding=1
+    )[0, 0]
     occupied = dilated > min_alpha
     return (occupied if bool(occupied.any()) else torch.ones_like(occupied)).to(torch.uint8)
 

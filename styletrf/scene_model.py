@@ -168,7 +168,7 @@ def _ndc(
     config: SceneModelConfig,
     evidence: dict[str, Any],
 ) -> SceneModel:
-    """NDC: an off-centre perspective frustum that holds every view from near to (almost) infinity."""
+    """NDC: an off-centre frustum that holds every view from near to (almost) infinity."""
     depths = _apply(frame, points_world)[:, 2]
     near = 0.9 * float(np.percentile(depths[depths > 0], 0.5))
     normalized_from_world = np.diag([1 / near, 1 / near, 1 / near, 1.0]) @ frame

@@ -33,7 +33,7 @@ class Space:
     depth_min: float
 
     def to_grid(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
-        """Returns grid coordinates of points of the normalised world in front of the map's plane."""
+        """Returns grid coordinates of points of the normalised world, in front of all cameras."""
         homogeneous = points_world @ self.grid_from_world[:, :3].T + self.grid_from_world[:, 3]
         grid: Float[np.ndarray, "points 3"] = homogeneous[:, :3] / homogeneous[:, 3:]
         return grid
@@ -79,13 +79,15 @@ class ViewRays:
         n_steps = torch.where(hit, torch.ceil(length / self._step), 0.0).long()
         view_direction = (self._directions[view] @ points)[..., 0]
         view_direction = view_direction / view_direction.norm(dim=-1, keepdim=True)
-        floats = (origin, direction, length)
-        depths = (near, far, safe_last / safe_first)
         return Segments(
-            *(value.float() for value in floats),
-            n_steps,
-            view_direction.float(),
-            *(value.float() for value in depths),
+            origins=origin.float(),
+            directions=direction.float(),
+            lengths=length.float(),
+            n_steps=n_steps,
+            view_directions=view_direction.float(),
+            depth_near=near.float(),
+            depth_far=far.float(),
+            depth_bend=(safe_last / safe_first).float(),
         )
 
 

@@ -9,9 +9,9 @@ lie on grid coordinates -1 ... 1, the first and the last on the border.
 from collections.abc import Sequence
 
 import torch
-import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.nn import functional
 
 PLANE_AXES = ((0, 1), (0, 2), (1, 2))  # (u, v): columns, rows
 LINE_AXES = (2, 1, 0)
@@ -82,5 +82,7 @@ def _resized_plane(
     plane: Float[Tensor, "v u c"], n_rows: int, n_columns: int
 ) -> Float[Tensor, "new_v new_u c"]:
     image = plane.permute(2, 0, 1)[None]
-    resized = F.interpolate(image, (n_rows, n_columns), mode="bilinear", align_corners=True)
+    resized = functional.interpolate(
+        image, (n_rows, n_columns), mode="bilinear", align_corners=True
+    )
     return resized[0].permute(1, 2, 0).contiguous()

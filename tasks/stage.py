@@ -26,7 +26,8 @@ class Stage(StoredTask):
 
     def need(self, stage: type[Needed], **others: Any) -> Needed:
         """Returns an upstream stage with this one's scene, style, quality and so on."""
-        names = set(stage.get_param_names(include_significant=True)) - {"settings"}
+        names = set(stage.get_param_names(include_significant=True))  # type: ignore[no-untyped-call]
+        names -= {"settings"}
         shared = {name: self.param_kwargs[name] for name in names if name in self.param_kwargs}
         return stage(**{**shared, **others})
 
@@ -42,7 +43,7 @@ class TunedStage(Stage):
         default="standard",
         description="draft for a look in minutes, standard, or the paper's own settings",
     )
-    settings = luigi.DictParameter(
+    settings = luigi.DictParameter(  # type: ignore[var-annotated]
         default={}, description='values that replace the quality\'s, such as {"iterations": 500}'
     )
     keyed: ClassVar[tuple[str, ...]] = ()

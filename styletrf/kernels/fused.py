@@ -21,7 +21,9 @@ def features(
     factors: TensorVM, positions: Float[Tensor, "samples 3"]
 ) -> Float[Tensor, "samples components"]:
     """See `reference.features`."""
-    result: Tensor = _Features.apply(positions, *factors.planes, *factors.lines)
+    result: Tensor = _Features.apply(  # type: ignore[no-untyped-call]
+        positions, *factors.planes, *factors.lines
+    )
     return result
 
 
@@ -35,14 +37,19 @@ def trace(
     factors: TensorVM, segments: Segments, jitter: Float[Tensor, " rays"], march: March
 ) -> Samples:
     """See `reference.trace`."""
-    return Samples(*_Trace.apply(segments, jitter, march, *factors.planes, *factors.lines))
+    samples = _Trace.apply(  # type: ignore[no-untyped-call]
+        segments, jitter, march, *factors.planes, *factors.lines
+    )
+    return Samples(*samples)
 
 
 def composite(
     samples: Samples, values: Float[Tensor, "samples channels"]
 ) -> Float[Tensor, "rays channels"]:
     """See `reference.composite`."""
-    result: Tensor = _Composite.apply(samples.offsets, samples.ray, samples.weights, values)
+    result: Tensor = _Composite.apply(  # type: ignore[no-untyped-call]
+        samples.offsets, samples.ray, samples.weights, values
+    )
     return result
 
 

@@ -4,9 +4,9 @@ Every sample of every ray is laid out in a dense `rays x steps` array and masked
 """
 
 import torch
-import torch.nn.functional as F
 from jaxtyping import Float, Int64
 from torch import Tensor
+from torch.nn import functional
 
 from styletrf.kernels.samples import March, Samples, Segments
 from styletrf.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
@@ -50,7 +50,7 @@ def trace(
     mask = (steps < segments.n_steps[:, None]) & _occupied(march, positions)
     raw = torch.zeros_like(s).masked_scatter(mask, density(factors, positions[mask]))
     length = (segments.lengths / n[:, 0])[:, None]
-    tau = torch.where(mask, march.scale * F.softplus(raw + march.shift) * length, 0.0)
+    tau = torch.where(mask, march.scale * functional.softplus(raw + march.shift) * length, 0.0)
     optical_depth = torch.cumsum(tau, dim=1) - tau
     transmittance = torch.exp(-optical_depth)
     weights = transmittance * -torch.expm1(-tau)
@@ -83,7 +83,9 @@ def _interpolate(
     """Bilinear, clamped at the border, lattice points on the border (align_corners)."""
     grid = torch.stack([x, y], dim=-1)[None, :, None]
     image = plane.permute(2, 0, 1)[None]
-    values = F.grid_sample(image, grid, mode="bilinear", padding_mode="border", align_corners=True)
+    values = functional.grid_sample(
+        image, grid, mode="bilinear", padding_mode="border", align_corners=True
+    )
     return values[0, :, :, 0].T
 
 

@@ -35,7 +35,10 @@ class Segments:
     def depth_along(
         self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]
     ) -> Float[Tensor, " samples"]:
-        """Returns the depth Z at s: perspective-correct, t = s / (s + (1 - s) bend), Z linear in t."""
+        """Returns the depth Z at s, perspective-correct.
+
+        Z is linear in t = s / (s + (1 - s) bend).
+        """
         near, far, bend = self.depth_near[ray], self.depth_far[ray], self.depth_bend[ray]
         t = s / (s + (1 - s) * bend)
         return near + t * (far - near)

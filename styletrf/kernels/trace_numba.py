@@ -79,13 +79,16 @@ def trace_forward(
     """Returns the samples of every ray in padded rows: count, s, raw density, weight.
 
     Args:
-        origins, directions: Segments in grid coordinates, `rays 3`.
+        origins: Of the segments in grid coordinates, `rays 3`.
+        directions: Likewise, from one end to the other.
         lengths: Optical length of each whole segment, in the density's unit of length.
         n_steps: Steps of each ray.
         jitter: Where in each step its sample lies, in [0, 1), one number a ray.
         occupancy: `x y z`, non-zero where density may be.
-        planes, lines: Density factors.
-        shift, scale: density = scale * softplus(raw + shift).
+        planes: Density factors.
+        lines: Density factors.
+        shift: density = scale * softplus(raw + shift).
+        scale: See `shift`.
         termination: Transmittance at which a ray ends.
     """
     n_rays = origins.shape[0]

@@ -15,7 +15,9 @@ from styletrf.trajectories import look_at
 
 def camera_at(seed: int) -> Camera:
     rng = np.random.default_rng(seed)
-    pose = look_at(rng.normal(size=3), rng.normal(size=3) + [0, 0, 5.0], np.array([0, 1.0, 0]))
+    pose = look_at(
+        rng.normal(size=3), rng.normal(size=3) + np.array([0, 0, 5.0]), np.array([0, 1.0, 0])
+    )
     return Camera(f"{seed}", 64, 48, 50.0, 55.0, 31.0, 25.0, pose)
 
 
@@ -53,7 +55,7 @@ def test_a_similarity_of_the_world_leaves_the_image():
     rotation = look_at(np.zeros(3), np.array([1.0, 2.0, 3.0]), np.array([0, 1.0, 0]))[:, :3]
     new_from_world = np.eye(4)
     new_from_world[:3, :3], new_from_world[:3, 3] = 2.5 * rotation, [1, 2, 3]
-    points = np.random.default_rng(0).normal(size=(10, 3)) + [0, 0, 5]
+    points = np.random.default_rng(0).normal(size=(10, 3)) + np.array([0, 0, 5])
     new_points = points @ new_from_world[:3, :3].T + new_from_world[:3, 3]
     pixels, depth = project(camera, points)
     new_pixels, new_depth = project(moved(camera, new_from_world), new_points)
