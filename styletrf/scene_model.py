@@ -54,6 +54,7 @@ class SceneModel:
 
 FORWARD_FACING_MAX_ANGLE_DEG = 50.0  # beyond, one perspective frame no longer holds all views
 FORWARD_FACING_MIN_CLEARANCE = 1.05  # nearest points over the foremost camera's depth
+LEAST_POINTS = 16  # along an axis of the grid, whatever the bound on all
 
 
 def decide_scene_model(
@@ -282,14 +283,26 @@ def _sized(
     evidence: dict[str, Any],
 ) -> SceneModel:
     """Returns the model with the wanted resolution brought under the bound on voxels."""
-    wanted_points = np.maximum(np.asarray(wanted, dtype=float), 16)
-    shrink = min(1.0, (config.max_voxels / wanted_points.prod()) ** (1 / 3))
-    nx, ny, nz = (max(16, round(float(n * shrink))) for n in wanted_points)
+    wanted_points = np.maximum(np.asarray(wanted, dtype=float), LEAST_POINTS)
+    points = _bounded(wanted_points, config.max_voxels)
+    nx, ny, nz = (round(float(n)) for n in points)
     evidence["resolution"] = {
         "wanted": [float(n) for n in wanted_points],
-        "shrunk_by": float(shrink),
+        "shrunk_by": float((points.prod() / wanted_points.prod()) ** (1 / 3)),
         "max_voxels": config.max_voxels,
     }
     return SceneModel(
         space, normalized_from_world, (nx, ny, nz), view.width, view.height, focus, evidence
     )
+
+
+def _bounded(points: Float[np.ndarray, " 3"], bound: int) -> Float[np.ndarray, " 3"]:
+    """Returns the points along each axis, shrunk alike until their product is within the bound.
+
+    An axis that reaches `LEAST_POINTS` stays there and leaves the rest to the others.
+    """
+    for _ in range(3):
+        above = max(int((points > LEAST_POINTS).sum()), 1)
+        shrink = min(1.0, (bound / points.prod()) ** (1 / above))
+        points = np.maximum(points * shrink, LEAST_POINTS)
+    return points

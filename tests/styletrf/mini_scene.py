@@ -29,7 +29,7 @@ def painted_plane(n_views: int = 6) -> MiniScene:
     for k, center in enumerate(centers):
         pose = look_at(center, target, down)
         half = SIZE / 2
-        cameras.append(Camera(f"{k}", SIZE, SIZE, SIZE, SIZE, half, half, pose))
+        cameras.append(Camera(f"{k}", SIZE, SIZE, float(SIZE), float(SIZE), half, half, pose))
         x, y = ((pixel_centers(SIZE, SIZE) - half) / SIZE).T
         directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ pose[:, :3].T
         plane = center + (4 / directions[:, 2])[:, None] * directions

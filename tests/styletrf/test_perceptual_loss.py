@@ -14,6 +14,7 @@ from styletrf.perceptual_loss import (
 )
 from styletrf.vgg import VGG16
 
+EQUAL = (1.0, 1.0, 1.0, 1.0)
 BOTH = pytest.mark.parametrize("relative", [True, False])
 
 
@@ -89,8 +90,8 @@ def test_terms_vanish_exactly_where_they_should(vgg: VGG16, relative: bool):
 
 @BOTH
 def test_terms_are_proportional_to_their_weights(vgg: VGG16, relative: bool):
-    one = PerceptualLossConfig(1, 1, (1, 1, 1, 1), 1, relative=relative)
-    many = PerceptualLossConfig(2, 3, (1, 1, 1, 1), 5, relative=relative)
+    one = PerceptualLossConfig(1.0, 1.0, EQUAL, 1.0, relative=relative)
+    many = PerceptualLossConfig(2.0, 3.0, EQUAL, 5.0, relative=relative)
     arguments = vgg, image(1), image(2), style_grams(vgg, image(3))
     a, b = perceptual_loss(*arguments, one), perceptual_loss(*arguments, many)
     torch.testing.assert_close(b.total, 2 * a.content + 3 * a.style + 5 * a.tv)
@@ -98,10 +99,13 @@ def test_terms_are_proportional_to_their_weights(vgg: VGG16, relative: bool):
 
 def test_style_weighs_layer_by_layer(vgg: VGG16):
     arguments = vgg, image(1), image(2), style_grams(vgg, image(3))
-    whole = perceptual_loss(*arguments, PerceptualLossConfig(style_layer_weights=(1, 2, 3, 4)))
+    whole = perceptual_loss(
+        *arguments, PerceptualLossConfig(style_layer_weights=(1.0, 2.0, 3.0, 4.0))
+    )
     parts = [
-        (k + 1) * perceptual_loss(*arguments, PerceptualLossConfig(style_layer_weights=unit)).style
-        for k, unit in enumerate([(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)])
+        (k + 1)
+        * perceptual_loss(*arguments, PerceptualLossConfig(style_layer_weights=tuple(unit))).style
+        for k, unit in enumerate(torch.eye(4).tolist())
     ]
     torch.testing.assert_close(whole.style, torch.stack(parts).sum())
 

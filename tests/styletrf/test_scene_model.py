@@ -56,4 +56,4 @@ def test_the_resolution_keeps_under_its_bound():
         model = decide_scene_model(
             cameras, points_before(cameras), SceneModelConfig(max_voxels=bound)
         )
-        assert np.prod(model.resolution) < 1.3 * bound
+        assert np.prod(model.resolution) < 1.1 * bound  # each axis is rounded

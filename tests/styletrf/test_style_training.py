@@ -78,7 +78,7 @@ def killed_at(iteration: int):
 
 def test_loss_falls_and_the_curve_says_so(vgg: VGG16, content: Path, tmp_path: Path):
     """With little content and total variation, which pull against the style."""
-    loss = PerceptualLossConfig(content_weight=0.1, style_weight=1, tv_weight=0.1)
+    loss = PerceptualLossConfig(content_weight=0.1, style_weight=1.0, tv_weight=0.1)
     config = replace(
         TINY, iterations=40, identity_iterations=0, final_learning_rate=3e-3, loss=loss
     )
