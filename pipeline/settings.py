@@ -1,10 +1,12 @@
 """What the user sets: `luigi.cfg`, and the two environment variables that win over it."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
+from luigi.task_register import Register
 
 from pipeline.store import Store, open_store
 
@@ -37,6 +39,26 @@ def data_root() -> Path:
 def out_root() -> Path:
     """Where results are shown: STYLETRF_OUT, or [out] root of `luigi.cfg`, or ./out."""
     return Path(os.environ.get("STYLETRF_OUT") or setting("out", "root")).absolute()
+
+
+def command_parameters() -> dict[str, dict[str, str]]:
+    """What the command line says of any family of tasks, as `--Family-name value`, by family."""
+    parser = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+    given = vars(parser.known_args) if parser else {}
+    parameters: dict[str, dict[str, str]] = {}
+    known = Register.get_all_params()  # type: ignore[no-untyped-call]
+    for family, _, name, _ in known:
+        if (value := given.get(f"{family}_{name}")) is not None:
+            parameters.setdefault(family, {})[name] = str(value)
+    return parameters
+
+
+def adopt(parameters: Mapping[str, Mapping[str, str]]) -> None:
+    """Make another process's `command_parameters` the defaults in this one."""
+    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
+    for family, values in parameters.items():
+        for name, value in values.items():
+            config.set(family, name, value.replace("%", "%%"))
 
 
 def require_configuration() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import luigi
 from luigi.cmdline_parser import CmdlineParser
 
-from pipeline.settings import out_root
+from pipeline.settings import adopt, command_parameters, out_root
 from pipeline.task import RunContext, artifact
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
@@ -133,9 +133,10 @@ def _announce_at_exit(task: StylizedTrajectory) -> None:
     if not is_command or task.announced:
         return
     task.announced = True
-    process = os.getpid()
+    process, parameters = os.getpid(), command_parameters()
 
     def announce() -> None:
+        adopt(parameters)  # Luigi has forgotten the command line by then
         if os.getpid() == process and StyledStage.complete(task):
             print(task.folder / "report.html")  # noqa: T201  the command's answer
 

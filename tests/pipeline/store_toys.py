@@ -49,6 +49,18 @@ class Sentence(StoredTask):
         (out / "sentence.txt").write_text(text)
 
 
+class Account(StoredTask):
+    """What a build sees of the graph above it."""
+
+    def requires(self) -> dict[str, StoredTask]:
+        return {"word": Word("hello")}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        word = self.requires()["word"]
+        (out / "same.txt").write_text(str(word.output().path == inputs["word"]))
+        (out / "loudness.txt").write_text(str(word.loudness))
+
+
 class Slow(StoredTask):
     """Starts a grandchild, checkpoints, and sleeps; done at once when it finds its checkpoint."""
 

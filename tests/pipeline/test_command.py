@@ -20,6 +20,14 @@ from pipeline.verify import problems, records
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _interruptible():
+    """A background shell makes the tests, and what they start, deaf to SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def start(
     *arguments: str, cwd: Path = ROOT, stderr: int = subprocess.PIPE
 ) -> subprocess.Popen[str]:
@@ -82,6 +90,15 @@ def test_success_is_quiet_and_quick_again():
     status, screen = luigi("Sentence")
     assert status == 0
     assert "Did not run any tasks" in screen
+
+
+def test_a_build_sees_the_graph_of_the_command():
+    status, screen = luigi("Account", "--Word-loudness", "3.5")
+    assert status == 0, screen
+    (record,) = [r for r in records(current_store()) if r.provenance["label"] == "Account"]
+    artifact = current_store().object(record.output.digest)
+    assert (artifact / "same.txt").read_text() == "True"
+    assert (artifact / "loudness.txt").read_text() == "3.5"
 
 
 def test_a_batch_finishes_what_it_can_and_fails():
