@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from pipeline.errors import explain
 from pipeline.progress import Progress, ProgressBar
+from pipeline.record import ActionRecord
+from pipeline.settings import current_store
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
@@ -34,11 +36,13 @@ class RunContext:
         progress: To be called every second or so.
         resume: A directory private to the key that survives kills, for checkpoints.
         log: The file that takes standard output and standard error.
+        lineage: The records of all artifacts upstream, first things first.
     """
 
     progress: Progress
     resume: Path
     log: Path
+    lineage: tuple[ActionRecord, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +62,7 @@ class Job:
     resume: str
     log: str
     interactive: bool
+    lineage: tuple[str, ...] = ()  # keys; the builder reads the records
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +153,9 @@ def perform(job: Job, terminal: TextIO) -> tuple[int, str]:
         task = _load(job)
         user_errors = task.user_errors
         inputs = {name: Path(path) for name, path in job.inputs.items()}
-        task.build(inputs, Path(job.out), RunContext(bar, Path(job.resume), log))
+        records = (current_store().record(key) for key in job.lineage)
+        lineage = tuple(record for record in records if record)
+        task.build(inputs, Path(job.out), RunContext(bar, Path(job.resume), log, lineage))
     except Exception as error:  # noqa: BLE001  whatever it is, it is this build's end
         append_trace(log)
         kind, message = explain(error, user_errors, log)

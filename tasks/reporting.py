@@ -3,18 +3,16 @@
 import json
 import platform
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pipeline.task import StoredTask
+from pipeline.record import ActionRecord
 from styletrf.curve_chart import Curve
 from styletrf.report import Metric, ReportContent, StageCost
 from styletrf.tables import read_rows, read_summary
-
-if TYPE_CHECKING:
-    from tasks.trajectory import StylizedTrajectory
+from tasks.qualities import settings_for
 
 
 def summary_of(inputs: Mapping[str, Path]) -> dict[str, Any]:
@@ -25,13 +23,20 @@ def summary_of(inputs: Mapping[str, Path]) -> dict[str, Any]:
     }
 
 
-def report_content(task: "StylizedTrajectory", inputs: Mapping[str, Path]) -> ReportContent:
-    """Returns the content of `report.html`; files are named as `out/SCENE/STYLE/` links them."""
-    stages = list(_upstream(task))
+def report_content(
+    words: Mapping[str, Any], inputs: Mapping[str, Path], lineage: Sequence[ActionRecord]
+) -> ReportContent:
+    """Returns the content of `report.html`; files are named as `out/SCENE/STYLE/` links them.
+
+    Args:
+        words: The parameters of the command.
+        inputs: The artifacts shown.
+        lineage: The records of everything upstream.
+    """
     return ReportContent(
-        scene=task.scene,
-        style=task.style,
-        quality=task.quality,
+        scene=words["scene"],
+        style=words["style"],
+        quality=words["quality"],
         video="video.mp4",
         unstylized_video="unstylized.mp4",
         poster="poster.png",
@@ -39,51 +44,40 @@ def report_content(task: "StylizedTrajectory", inputs: Mapping[str, Path]) -> Re
         priors=[f"priors/{path.name}" for path in sorted((inputs["priors"] / "frames").iterdir())],
         curves=_curves(inputs),
         metrics=_metrics(summary_of(inputs)),
-        stages=[_cost(stage) for stage in stages],
-        parameters={stage.task_family: dict(stage.identity_parameters()) for stage in stages},
+        stages=[_cost(record) for record in lineage],
+        parameters={record.action.family: _parameters(record) for record in lineage},
         versions={
             "python": platform.python_version(),
             **{name: version(name) for name in ("styletrf", "torch", "pycolmap", "luigi", "numba")},
         },
-        digests={stage.task_family: _record(stage).output.digest for stage in stages},
-        command=_command(task, stages),
+        digests={record.action.family: record.output.digest for record in lineage},
+        command=_command(words, lineage),
     )
 
 
-def _command(task: "StylizedTrajectory", stages: list[StoredTask]) -> str:
-    """Returns the command that makes this result again."""
-    words = ["luigi", "--module", "tasks", "StylizedTrajectory"]
-    for name, value in task.identity_parameters().items():
-        words += [f"--{name}", str(value)]
-    for stage in stages:
-        settings = stage.param_kwargs.get("settings")
-        if settings:
-            words += [f"--{stage.task_family}-settings", json.dumps(dict(settings))]
-    return shlex.join(words)
+def _command(words: Mapping[str, Any], lineage: Sequence[ActionRecord]) -> str:
+    """Returns the command that makes this result again, with the settings the user changed."""
+    command = ["luigi", "--module", "tasks", "StylizedTrajectory"]
+    for name, value in words.items():
+        command += [f"--{name}", str(value)]
+    for record in lineage:
+        usual = settings_for(record.action.family, words["quality"])
+        told = _parameters(record).get("settings", {})
+        changed = {name: value for name, value in told.items() if usual.get(name) != value}
+        if changed:
+            command += [f"--{record.action.family}-settings", json.dumps(changed)]
+    return shlex.join(command)
 
 
-def _upstream(task: StoredTask) -> Iterator[StoredTask]:
-    """Yields every stage above a task once, first things first."""
-    seen: dict[str, StoredTask] = {}
-
-    def visit(stage: StoredTask) -> None:
-        for upstream in stage.requires().values():
-            if upstream.task_id not in seen:
-                visit(upstream)
-                seen[upstream.task_id] = upstream
-
-    visit(task)
-    return iter(seen.values())
+def _parameters(record: ActionRecord) -> dict[str, Any]:
+    parameters: Any = record.action.parameters
+    return dict(parameters)
 
 
-def _record(stage: StoredTask) -> Any:
-    return stage.record()
-
-
-def _cost(stage: StoredTask) -> StageCost:
-    provenance = _record(stage).provenance
+def _cost(record: ActionRecord) -> StageCost:
+    provenance: Mapping[str, Any] = record.provenance
     return StageCost(
-        stage.task_family, float(provenance["seconds"]), int(provenance["peak_memory_bytes"])
+        record.action.family, float(provenance["seconds"]), int(provenance["peak_memory_bytes"])
     )
 
 

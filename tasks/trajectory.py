@@ -56,7 +56,9 @@ class StylizedTrajectory(StyledStage):
         frames = sorted((inputs["frames"] / "frames").glob("*.png"))
         shutil.copyfile(frames[0], out / "poster.png")
         write_summary(out / "summary.json", summary_of(inputs))
-        write_report(out / "report.html", report_content(self, inputs))
+        write_report(
+            out / "report.html", report_content(self.identity_parameters(), inputs, run.lineage)
+        )
 
     @property
     def folder(self) -> Path:

@@ -1,0 +1,184 @@
+"""The command line from photographs to the report, on a small courtyard with tiny settings."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tasks
+from pipeline.task import artifact
+from styletrf.camera_table import read_cameras
+from styletrf.courtyard.capture import CourtyardConfig
+from styletrf.courtyard.folder import write_courtyard
+from styletrf.video import video_info
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[2]
+FRAMES = 6
+SETTINGS: dict[str, dict[str, Any]] = {
+    "SceneModel": {"image_long_side": 80, "max_voxels": 32**3},
+    "RadianceField": {
+        "iterations": 60,
+        "batch": 256,
+        "initial_voxels": 16**3,
+        "upsample_at": [20],
+        "occupancy_every": 20,
+    },
+    "ContentImages": {"count": 16},
+    "StyleNetwork": {
+        "network.width": 4,
+        "network.n_residual": 1,
+        "iterations": 8,
+        "identity_iterations": 0,
+        "batch": 1,
+        "crop_px": 32,
+        "style_px": 64,
+    },
+    "PriorRenders": {"trajectory.frames": 4},
+    "TrajectoryFrames": {"trajectory.frames": FRAMES},
+    "StylizedField": {"iterations": 20, "batch": 256},
+}
+OF_THE_STYLE = {
+    "StyleImage",
+    "StyleNetwork",
+    "StylizedPriors",
+    "StylizedField",
+    "StylizedFrames",
+    "ConsistencyMetrics",
+    "StylizedTrajectory",
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a command left on the screen."""
+
+    status: int
+    report: Path
+    screen: str
+    seconds: float
+
+    @property
+    def started(self) -> list[str]:
+        """The families that were built, in order."""
+        lines = [line for line in self.screen.splitlines() if line.endswith(": started")]
+        return [line.split()[0].removesuffix(":") for line in lines]
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """Folders of a user's own, and the command run on them."""
+
+    root: Path
+    perceptual: Path
+
+    def environment(self) -> dict[str, str]:
+        return {
+            f"STYLETRF_{name.upper()}": str(self.root / name) for name in ("data", "store", "out")
+        }
+
+    def run(self, style: str) -> Run:
+        words = ["StylizedTrajectory", "--scene", "yard", "--style", style, "--quality", "draft"]
+        words += ["--content", "embedded", "--perceptual", str(self.perceptual), "--device", "cpu"]
+        for family, settings in SETTINGS.items():
+            words += [f"--{family}-settings", json.dumps(settings)]
+        begun = time.monotonic()
+        process = subprocess.run(
+            [sys.executable, "-m", "luigi", "--module", "tasks", *words],
+            cwd=ROOT,
+            env=os.environ | self.environment(),
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=300,
+        )
+        report = Path(process.stdout.strip().splitlines()[-1]) if process.stdout else Path()
+        return Run(process.returncode, report, process.stderr, time.monotonic() - begun)
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory, perceptual_file: Path) -> Workplace:
+    """Twelve photographs of the courtyard and two paintings."""
+    root = tmp_path_factory.mktemp("workplace")
+    write_courtyard(root / "data/scenes/yard", CourtyardConfig(n_views=12, width=200, height=150))
+    (root / "data/styles").mkdir()
+    for name in ("brush", "dots"):
+        shutil.copy(ROOT / "data/styles" / f"{name}.jpg", root / "data/styles")
+    return Workplace(root, perceptual_file)
+
+
+@pytest.fixture(scope="module")
+def first(workplace: Workplace) -> Run:
+    """The first run, which builds everything."""
+    run = workplace.run("brush")
+    assert run.status == 0, run.screen
+    return run
+
+
+def test_the_command_makes_everything_and_says_where_it_is(workplace: Workplace, first: Run):
+    assert set(first.started) == set(tasks.__all__) - {"Grid"}
+    assert len(first.started) == len(set(first.started))
+    assert first.report == workplace.root / "out/yard/brush/report.html"
+    links = list(first.report.parent.iterdir())
+    assert {link.name for link in links} >= {"report.html", "video.mp4", "frames", "priors"}
+    assert all(link.exists() for link in links)
+    for name in ("video.mp4", "unstylized.mp4"):
+        assert video_info(first.report.with_name(name)).frames == FRAMES
+    assert len(list(first.report.with_name("frames").iterdir())) == FRAMES
+
+
+@pytest.mark.usefixtures("first")
+def test_the_cameras_are_those_of_the_courtyard(workplace: Workplace, monkeypatch):
+    for name, value in workplace.environment().items():
+        monkeypatch.setenv(name, value)
+    poses = artifact(tasks.CameraPoses(scene="yard", quality="draft"))
+    truth = {
+        Path(camera.name).stem: camera.world_from_camera
+        for camera in read_cameras(workplace.root / "data/scenes/yard/truth/cameras.parquet")
+    }
+    found = {
+        camera.name: camera.world_from_camera for camera in read_cameras(poses / "cameras.parquet")
+    }
+    assert found.keys() == truth.keys()
+    ours, theirs = (np.array([poses[name] for name in sorted(truth)]) for poses in (found, truth))
+    u, _, vt = np.linalg.svd(np.einsum("nij,nkj->ik", theirs[:, :, :3], ours[:, :, :3]))
+    aligned = u @ vt @ ours
+    relative = np.einsum("nij,nij->n", theirs[:, :, :3], aligned[:, :, :3])
+    angles = np.arccos(np.clip((relative - 1) / 2, -1, 1))
+    assert np.degrees(np.median(angles)) < 0.5
+    centers, expected = (c - c.mean(axis=0) for c in (aligned[:, :, 3], theirs[:, :, 3]))
+    scale = (centers * expected).sum() / (centers**2).sum()
+    assert np.abs(scale * centers - expected).max() < 0.02 * np.ptp(expected, axis=0).max()
+
+
+def test_the_same_again_builds_nothing(workplace: Workplace, first: Run):
+    again = workplace.run("brush")
+    assert (again.status, again.report, again.started) == (0, first.report, [])
+    assert "Did not run any tasks" in again.screen
+    assert again.seconds < 15
+
+
+@pytest.mark.usefixtures("first")
+def test_another_style_builds_only_what_depends_on_it(workplace: Workplace):
+    other = workplace.run("dots")
+    assert other.status == 0, other.screen
+    assert set(other.started) == OF_THE_STYLE
+    assert other.report.parent.name == "dots"
+    assert other.report.is_file()
+
+
+def test_links_that_were_deleted_come_back_without_building(workplace: Workplace, first: Run):
+    links = {link.name: link.readlink() for link in first.report.parent.iterdir()}
+    shutil.rmtree(workplace.root / "out")
+    again = workplace.run("brush")
+    assert (again.status, again.report, again.started) == (0, first.report, [])
+    assert {link.name: link.readlink() for link in first.report.parent.iterdir()} == links
