@@ -15,7 +15,7 @@ from pipeline.errors import TaskFailure
 from pipeline.execution import EXECUTORS, REFUSED, Job, Report, is_interactive
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
-from pipeline.settings import command_parameters, setting
+from pipeline.settings import setting
 from pipeline.store import Store
 
 if TYPE_CHECKING:
@@ -87,7 +87,6 @@ def _job(task: "StoredTask", inputs: Mapping[str, Path], out: Path, resume: Path
         module=type(task).__module__,
         task=type(task).__qualname__,
         parameters={name: parameters[name].serialize(v) for name, v in task.param_kwargs.items()},
-        command_parameters=command_parameters(),
         label=task.label,
         inputs={name: str(path) for name, path in inputs.items()},
         out=str(out),

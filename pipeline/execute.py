@@ -47,10 +47,8 @@ def _build(specification: Path, terminal: int) -> int:
     os.dup2(nothing, 0)
     os.dup2(2, 1)
     from pipeline.execution import Job, perform
-    from pipeline.settings import adopt
 
     job = Job(**json.loads(specification.read_text()))
-    adopt(job.command_parameters)
     with open(terminal, "w") as screen:
         status, message = perform(job, screen)
     _say(report, message=message[:8000])  # the pipe holds as much unread

@@ -47,15 +47,11 @@ class RunContext:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One build, as JSON can tell it to another interpreter.
-
-    `command_parameters` are those of other tasks, so that the graph is the same one there.
-    """
+    """One build, as JSON can tell it to another interpreter."""
 
     module: str
     task: str
     parameters: dict[str, str]
-    command_parameters: dict[str, dict[str, str]]
     label: str
     inputs: dict[str, str]
     out: str

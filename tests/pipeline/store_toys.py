@@ -1,6 +1,7 @@
 """Small tasks that the tests build, some of them in other processes."""
 
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -50,15 +51,14 @@ class Sentence(StoredTask):
 
 
 class Account(StoredTask):
-    """What a build sees of the graph above it."""
+    """What a build is told of everything above it."""
 
     def requires(self) -> dict[str, StoredTask]:
-        return {"word": Word("hello")}
+        return {"sentence": Sentence(), "word": Word("hello")}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        word = self.requires()["word"]
-        (out / "same.txt").write_text(str(word.output().path == inputs["word"]))
-        (out / "loudness.txt").write_text(str(word.loudness))
+        told = [[r.action.family, r.action.parameters, r.output.digest] for r in run.lineage]
+        (out / "told.json").write_text(json.dumps(told))
 
 
 class Slow(StoredTask):

@@ -1,6 +1,7 @@
 """The bare command, as a user types it, in processes of its own."""
 
 import contextlib
+import json
 import os
 import pty
 import signal
@@ -92,13 +93,16 @@ def test_success_is_quiet_and_quick_again():
     assert "Did not run any tasks" in screen
 
 
-def test_a_build_sees_the_graph_of_the_command():
+def test_a_build_is_told_what_is_upstream_in_the_graph_of_the_command():
     status, screen = luigi("Account", "--Word-loudness", "3.5")
     assert status == 0, screen
-    (record,) = [r for r in records(current_store()) if r.provenance["label"] == "Account"]
-    artifact = current_store().object(record.output.digest)
-    assert (artifact / "same.txt").read_text() == "True"
-    assert (artifact / "loudness.txt").read_text() == "3.5"
+    made = {str(record.provenance["label"]): record for record in records(current_store())}
+    artifact = current_store().object(made["Account"].output.digest)
+    told = json.loads((artifact / "told.json").read_text())
+    assert [family for family, _, _ in told] == ["Word", "Word", "Sentence"]
+    assert [parameters["loudness"] for _, parameters, _ in told[:2]] == [3.5, 3.5]
+    upstream = [made[label].output.digest for label in ("Word hello", "Word world", "Sentence")]
+    assert [digest for _, _, digest in told] == upstream
 
 
 def test_a_batch_finishes_what_it_can_and_fails():
