@@ -5,7 +5,7 @@ import logging
 import shutil
 import signal
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -93,18 +93,8 @@ def _job(task: "StoredTask", inputs: Mapping[str, Path], out: Path, resume: Path
         resume=str(resume),
         log=str(log),
         interactive=is_interactive(),
-        lineage=tuple(_lineage(task, set())),
+        lineage=task.lineage(),
     )
-
-
-def _lineage(task: "StoredTask", seen: set[str]) -> Iterator[str]:
-    """The keys of the records upstream of a task, each once, first things first."""
-    for upstream in task.requires().values():
-        record = upstream.record()
-        if record and record.action.key not in seen:
-            seen.add(record.action.key)
-            yield from _lineage(upstream, seen)
-            yield record.action.key
 
 
 def _require_success(task: "StoredTask", report: Report, log: Path) -> None:

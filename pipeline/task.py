@@ -45,6 +45,7 @@ class StoredTask(luigi.Task):
         super().__init__(*args, **kwargs)  # type: ignore[no-untyped-call]
         self._records: dict[Path, ActionRecord] = {}  # by store; positive facts only
         self._sources: Mapping[str, str] | None = None
+        self._lineage: tuple[str, ...] | None = None
 
     # What a subclass defines.
 
@@ -153,9 +154,23 @@ class StoredTask(luigi.Task):
         self._records[store.root] = record
         return record
 
+    def lineage(self) -> tuple[str, ...]:
+        """The keys of the records upstream, each once, first things first.
+
+        Raises:
+            NotBuiltError: When an upstream artifact was never built.
+        """
+        if self._lineage is None:
+            keys: dict[str, None] = {}
+            for upstream in self.requires().values():
+                keys |= dict.fromkeys([*upstream.lineage(), upstream._recorded().action.key])
+            self._lineage = tuple(keys)
+        return self._lineage
+
     def forget(self) -> None:
         """Ask the store again next time."""
         self._records.clear()
+        self._lineage = None
 
     def _failure(self, error: Exception, store: Store) -> TaskFailure:
         """What went wrong around the build, its trace put into a log of its own."""
