@@ -1,0 +1,93 @@
+"""The commands of `python -m pipeline`: each turns a store and its options into rows."""
+
+from argparse import Namespace
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+from pipeline.canonical import Json
+from pipeline.errors import StoreError
+from pipeline.record import ActionRecord
+from pipeline.store import Store
+from pipeline.verify import problems, records
+
+Rows: TypeAlias = list[dict[str, Json]]
+Answer: TypeAlias = tuple[int, Rows]
+"""An exit status, and what to print as a table or as JSON."""
+
+
+def ls(store: Store, options: Namespace) -> Answer:
+    """One row an artifact, oldest first."""
+    chosen = [r for r in records(store) if options.family in (None, r.action.family)]
+    return 0, [_row(r) for r in sorted(chosen, key=lambda r: str(r.provenance["started"]))]
+
+
+def show(store: Store, options: Namespace) -> Answer:
+    """A row a fact: all that is known of the artifacts whose key or digest begins so."""
+    rows: Rows = []
+    for record in find_all(store, options.address):
+        facts: dict[str, Json] = {
+            "key": record.action.key,
+            "object": str(store.object(record.output.digest)),
+            **{f"output.{name}": getattr(record.output, name) for name in ("size", "files")},
+            **record.provenance,
+            "code": record.action.code,
+            "parameters": record.action.parameters,
+            **{f"tool {name}": word for name, word in record.action.tools.items()},
+            **{f"source {name}": word for name, word in record.action.sources.items()},
+        }
+        for name, digest in record.action.inputs.items():
+            makers = [r for r in records(store) if r.output.digest == digest]
+            labels = ", ".join(f"{m.provenance['label']} ({m.action.key[:12]})" for m in makers)
+            facts[f"input {name}"] = f"{digest[:12]} by {labels or 'nothing in this store'}"
+        rows += [{"fact": name, "value": value} for name, value in facts.items()]
+    return 0, rows
+
+
+def verify(store: Store, options: Namespace) -> Answer:
+    """A row a problem; status 1 where there is one."""
+    rows: Rows = [{"problem": problem} for problem in problems(store, deep=options.deep)]
+    return (1 if rows else 0), rows
+
+
+def find_all(store: Store, address: str) -> list[ActionRecord]:
+    """The records whose key or digest begins with `address`.
+
+    Raises:
+        StoreError: When there is none.
+    """
+    found = [
+        record
+        for record in records(store)
+        if any(name.startswith(address) for name in (record.action.key, record.output.digest))
+    ]
+    if not found:
+        raise StoreError(f"nothing in {store.root} begins with {address}")
+    return found
+
+
+def _row(record: ActionRecord) -> dict[str, Json]:
+    seen = record.provenance
+    return {
+        "key": record.action.key,
+        "started": seen["started"],
+        "seconds": seen["seconds"],
+        "size_bytes": record.output.size,
+        "label": seen["label"],
+    }
+
+
+Parameters: TypeAlias = Mapping[str, Mapping[str, Any]]
+COMMANDS: Mapping[str, tuple[Callable[[Store, Namespace], Answer], str, Parameters]] = {
+    "ls": (ls, "one line an artifact", {"family": {"nargs": "?", "help": "only of this task"}}),
+    "show": (
+        show,
+        "all that is known of an artifact",
+        {"address": {"help": "first digits of a key or of a digest"}},
+    ),
+    "verify": (
+        verify,
+        "look for damage; status 1 where there is some",
+        {"--deep": {"action": "store_true", "help": "read every byte"}},
+    ),
+}
+"""By name: what to run, its help, and its arguments as `argparse` takes them."""
