@@ -101,7 +101,7 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
     pixels = _decoded(encoded)
     if pixels is None:
         problem = "is empty" if not encoded else "is cut short, damaged, or no image"
-        raise InputError(str(path), problem, "Copy it from the camera again, or remove it")
+        raise InputError(str(path), problem, "Copy it again from where it came, or remove it")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
     return _eight_bits_on_white(pixels)

@@ -1,13 +1,13 @@
-"""The painting: read, checked, and kept as a plain PNG."""
+"""The painting: read as a photograph is, and checked."""
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 from jaxtyping import Float
 
 from styletrf.errors import InputError
-from styletrf.images import read_rgb
+from styletrf.images import from_integers
+from styletrf.photographs import read_photograph
 
 SMALLEST_SIDE_PX = 64
 _FLAT_DEVIATION = 0.01  # on [0, 1]: under three levels of 255
@@ -22,7 +22,7 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     """
     if not path.is_file():
         raise InputError(str(path), "there is no such style image", "Give a PNG or JPEG file")
-    image = _over_white(path, read_rgb(path))
+    image = from_integers(read_photograph(path))
     height, width = image.shape[:2]
     if min(height, width) < SMALLEST_SIDE_PX:
         raise InputError(
@@ -34,13 +34,3 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
         remedy = "Give a painting, a drawing or a pattern with visible strokes"
         raise InputError(str(path), "is all one colour, or nearly", remedy)
     return image
-
-
-def _over_white(
-    path: Path, image: Float[np.ndarray, "height width 3"]
-) -> Float[np.ndarray, "height width 3"]:
-    raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if raw is None or raw.ndim != 3 or raw.shape[2] != 4 or raw.shape[:2] != image.shape[:2]:
-        return image
-    alpha = raw[..., 3:].astype(np.float32) / (255 if raw.dtype == np.uint8 else 65535)
-    return np.asarray(alpha * image + (1 - alpha), dtype=np.float32)
