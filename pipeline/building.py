@@ -5,14 +5,16 @@ import logging
 import shutil
 import signal
 import socket
-from collections.abc import Mapping
+import time
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.canonical import Json
 from pipeline.errors import TaskFailure
-from pipeline.execution import EXECUTORS, REFUSED, Job, Report, is_interactive
+from pipeline.execution import EXECUTORS, Job, Report, is_interactive
+from pipeline.gpu import leased
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import setting
@@ -28,44 +30,74 @@ def find_or_build(task: "StoredTask", action: Action, store: Store) -> ActionRec
     """The record of the action: the one there is, or that of a build of our own."""
     if record := store.find(action.key):
         return record
-
-    def say_so() -> None:
-        screen.info("%s: another process is at it, waiting", task.label)
-
+    say_so = partial(screen.info, "%s: another process is at it, waiting", task.label)
     is_locking = setting("store", "locks") == "true"
     with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():
         return store.find(action.key) or build(task, action, store)
 
 
 def build(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
-    """Build the task in a fresh workspace and publish what it made.
+    """Build the task and publish what it made; try again, twice, where the reason may pass.
 
     Raises:
         TaskFailure: With the reason; nothing was published.
         OSError: When the disk fails; nothing was published.
     """
+    seconds = float(setting("store", "retry_seconds"))
+    for pause in (seconds, 4 * seconds):
+        try:
+            return _attempt(task, action, store)
+        except TaskFailure as failure:
+            if failure.kind != "transient":
+                raise
+            screen.info("%s. Trying again in %.0f s.", str(failure).rstrip("."), pause)
+            time.sleep(pause)
+    return _attempt(task, action, store)
+
+
+def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
     inputs = {name: _verified(task, upstream, store) for name, upstream in task.requires().items()}
-    log, started = store.new_log(task.task_family, action.key), datetime.now(UTC)
-    screen.info("%s: started", task.label)
-    with store.workspace(action.key) as workspace:
-        (workspace / "out").mkdir()
-        job = _job(task, inputs, workspace / "out", store.resume(action.key), log)
-        report = EXECUTORS[setting("store", "executor")](job, workspace, task.timeout_seconds)
-        _require_success(task, report, log)
-        _require_unchanged(task, action)
-        provenance: dict[str, Json] = {
-            "task": str(task),
-            "label": task.label,
-            "host": socket.gethostname(),
-            "started": started.isoformat(timespec="seconds"),
-            "seconds": round(report.seconds, 3),
-            "peak_memory_bytes": report.peak_memory_bytes,
-            "log": log.relative_to(store.root).as_posix(),
-        }
-        record = publish(store, workspace / "out", action, provenance)
-    shutil.rmtree(store.resume(action.key), ignore_errors=True)
+    log, resume = store.new_log(task.task_family, action.key), store.resume(action.key)
+    try:
+        with store.workspace(action.key) as workspace, _card(task) as (card, lease):
+            started = datetime.now(UTC)
+            screen.info("%s: started", task.label)
+            (workspace / "out").mkdir()
+            job = Job(
+                **_specification(task),
+                inputs={name: str(path) for name, path in inputs.items()},
+                out=str(workspace / "out"),
+                resume=str(resume),
+                log=str(log),
+                card=card,
+                lease=lease,
+            )
+            report = EXECUTORS[setting("store", "executor")].run(job)
+            _require_success(task, report, job)
+            _require_unchanged(task, action)
+            provenance: dict[str, Json] = {
+                "task": str(task),
+                "label": task.label,
+                "host": socket.gethostname(),
+                "gpu": card or "",
+                "started": started.isoformat(timespec="seconds"),
+                "seconds": round(report.seconds, 3),
+                "peak_memory_bytes": report.peak_memory_bytes,
+                "log": log.relative_to(store.root).as_posix(),
+            }
+            record = publish(store, workspace / "out", action, provenance)
+        shutil.rmtree(resume, ignore_errors=True)
+    finally:
+        with contextlib.suppress(OSError):  # it holds a checkpoint
+            resume.rmdir()
     screen.info("%s: done in %.0f s", task.label, report.seconds)
     return record
+
+
+def _card(task: "StoredTask") -> contextlib.AbstractContextManager[tuple[str | None, int | None]]:
+    """A GPU for the build; where it wants none, it shall see none."""
+    say_so = partial(screen.info, "%s: every GPU of this host is leased, waiting", task.label)
+    return leased(say_so) if task.needs_gpu else contextlib.nullcontext(("", None))
 
 
 def _verified(task: "StoredTask", upstream: "StoredTask", store: Store) -> Path:
@@ -81,33 +113,43 @@ def _verified(task: "StoredTask", upstream: "StoredTask", store: Store) -> Path:
     raise TaskFailure("changed", str(task), f"its input {upstream} {reason}. {remedy}")
 
 
-def _job(task: "StoredTask", inputs: Mapping[str, Path], out: Path, resume: Path, log: Path) -> Job:
+def _specification(task: "StoredTask") -> dict[str, Any]:
+    """What the job says of the task alone."""
     parameters = dict(task.get_params())  # type: ignore[no-untyped-call]
-    return Job(
-        module=type(task).__module__,
-        task=type(task).__qualname__,
-        parameters={name: parameters[name].serialize(v) for name, v in task.param_kwargs.items()},
-        label=task.label,
-        inputs={name: str(path) for name, path in inputs.items()},
-        out=str(out),
-        resume=str(resume),
-        log=str(log),
-        interactive=is_interactive(),
-        lineage=task.lineage(),
-    )
+    memory_gib = task.memory_gib or float(setting("store", "memory_gib"))
+    return {
+        "module": type(task).__module__,
+        "task": type(task).__qualname__,
+        "parameters": {n: parameters[n].serialize(v) for n, v in task.param_kwargs.items()},
+        "label": task.label,
+        "interactive": is_interactive(),
+        "lineage": task.lineage(),
+        "timeout_seconds": task.timeout_seconds,
+        "memory_limit_bytes": int(memory_gib * 2**30),
+    }
 
 
-def _require_success(task: "StoredTask", report: Report, log: Path) -> None:
-    name, spent = str(task), f"{report.seconds:.0f} s, {report.peak_memory_bytes / 2**30:.1f} GiB"
-    if report.timed_out:
-        raise TaskFailure("timeout", name, f"took too long and was ended ({spent}). Its log: {log}")
-    if report.status < 0:
-        guess = " Most often the machine ran out of memory." * (report.status == -signal.SIGKILL)
-        cause = signal.Signals(-report.status).name
-        raise TaskFailure("killed", name, f"ended by {cause} ({spent}).{guess} Its log: {log}")
-    if report.status:
-        message = report.message or f"ended with status {report.status}. Its log: {log}"
-        raise TaskFailure("user" if report.status == REFUSED else "crash", name, message)
+def _require_success(task: "StoredTask", report: Report, job: Job) -> None:
+    spent = f"{report.seconds:.0f} s, {report.peak_memory_bytes / 2**30:.1f} GiB"
+    family, log = task.task_family, f"Its log: {job.log}"
+    match report.kind:
+        case "built":
+            return
+        case "killed":
+            cause = signal.Signals(-report.status).name
+            reason = f"ended by {cause} ({spent}). Run the same command again. {log}"
+        case "memory":
+            remedy = f"Run less beside it, or allow it more with --{family}-memory-gib"
+            reason = f"ended for want of memory ({spent}). {remedy}. {log}"
+        case "timeout":
+            remedy = f"Allow it more with --{family}-timeout-seconds"
+            reason = f"took too long and was ended ({spent}). {remedy}. {log}"
+        case _:
+            silent = f"ended with status {report.status} before it was done. {log}"
+            reason = report.message or silent
+    with contextlib.suppress(OSError), Path(job.log).open("a") as file:
+        file.write(f"{reason}\n")  # for `ls --failed`
+    raise TaskFailure(report.kind, str(task), reason)
 
 
 def _require_unchanged(task: "StoredTask", action: Action) -> None:

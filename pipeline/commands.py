@@ -16,7 +16,9 @@ Answer: TypeAlias = tuple[int, Rows]
 
 
 def ls(store: Store, options: Namespace) -> Answer:
-    """One row an artifact, oldest first."""
+    """One row an artifact, or an attempt that left none; oldest first."""
+    if options.failed:
+        return 0, _failures(store, options.family or "*")
     chosen = [r for r in records(store) if options.family in (None, r.action.family)]
     return 0, [_row(r) for r in sorted(chosen, key=lambda r: str(r.provenance["started"]))]
 
@@ -30,6 +32,7 @@ def show(store: Store, options: Namespace) -> Answer:
             "object": str(store.object(record.output.digest)),
             **{f"output.{name}": getattr(record.output, name) for name in ("size", "files")},
             **record.provenance,
+            "log": str(store.root / str(record.provenance["log"])),
             "code": record.action.code,
             "parameters": record.action.parameters,
             **{f"tool {name}": word for name, word in record.action.tools.items()},
@@ -65,6 +68,19 @@ def find_all(store: Store, address: str) -> list[ActionRecord]:
     return found
 
 
+def _failures(store: Store, family: str) -> Rows:
+    """A row a log that no record names, with its last line: the attempt failed, or is under way."""
+    named = {str(record.provenance["log"]) for record in records(store)}
+    logs = sorted(
+        (store.root / "logs").glob(f"{family}/*.log"), key=lambda log: log.stat().st_mtime
+    )
+    return [
+        {"log": str(log), "end": log.read_text(errors="replace").strip().rpartition("\n")[2]}
+        for log in logs
+        if log.relative_to(store.root).as_posix() not in named
+    ]
+
+
 def _row(record: ActionRecord) -> dict[str, Json]:
     seen = record.provenance
     return {
@@ -78,7 +94,14 @@ def _row(record: ActionRecord) -> dict[str, Json]:
 
 Parameters: TypeAlias = Mapping[str, Mapping[str, Any]]
 COMMANDS: Mapping[str, tuple[Callable[[Store, Namespace], Answer], str, Parameters]] = {
-    "ls": (ls, "one line an artifact", {"family": {"nargs": "?", "help": "only of this task"}}),
+    "ls": (
+        ls,
+        "one line an artifact",
+        {
+            "family": {"nargs": "?", "help": "only of this task"},
+            "--failed": {"action": "store_true", "help": "logs of attempts that left none"},
+        },
+    ),
     "show": (
         show,
         "all that is known of an artifact",

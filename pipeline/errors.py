@@ -2,7 +2,12 @@
 
 import errno
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
+
+FailureKind: TypeAlias = Literal[
+    "user", "crash", "killed", "memory", "timeout", "transient", "changed"
+]
+Errors: TypeAlias = tuple[type[Exception], ...]
 
 
 class StoreError(Exception):
@@ -18,14 +23,13 @@ class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is 
 
     Args:
         kind: "user": what the user gave cannot be used. "crash": a defect. "killed": by a signal.
-            "timeout": it took too long. "changed": what it read is damaged or was altered.
+            "memory": it took too much. "timeout": it took too long. "transient": what may pass, as
+            a lost network. "changed": what it read is damaged or was altered.
         task: The task as Luigi prints it.
         reason: What happened and what to do.
     """
 
-    def __init__(
-        self, kind: Literal["user", "crash", "killed", "timeout", "changed"], task: str, reason: str
-    ) -> None:
+    def __init__(self, kind: FailureKind, task: str, reason: str) -> None:
         super().__init__(kind, task, reason)
         self.kind, self.task, self.reason = kind, task, reason
 
@@ -34,15 +38,16 @@ class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is 
 
 
 def explain(
-    error: Exception, user_errors: tuple[type[Exception], ...], log: Path
-) -> tuple[Literal["user", "crash"], str]:
+    error: Exception, log: Path, user_errors: Errors = (), transient_errors: Errors = ()
+) -> tuple[FailureKind, str]:
     """Whose an error is, and its line on the screen; `log` lies in the store and has the trace."""
+    other: FailureKind = "transient" if isinstance(error, transient_errors) else "crash"
     if isinstance(error, (*user_errors, StoreError)):
-        return "user", str(error)
+        return ("user" if other == "crash" else other), str(error)
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         return "user", (
             f"no space left on the disk of {error.filename or log.parent}. Nothing half-made was"
             " kept: free some space, or set STYLETRF_STORE to a folder on another disk, and run"
             " the same command again."
         )
-    return "crash", f"{type(error).__name__}: {error}. The trace is in {log}"
+    return other, f"{type(error).__name__}: {error}. The trace is in {log}"

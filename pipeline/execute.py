@@ -1,58 +1,80 @@
 """`python -m pipeline.execute JOB.json TERMINAL`: one build, supervised.
 
-The supervisor forks before anything heavy is imported and stays tiny. It waits for the builder,
-and for the end of its own standard input, which means that whoever wanted the build is gone.
-Either way the builder's process group ends. Builder and supervisor report on standard output, a
-JSON object each (a disk may be full); what the build itself prints goes to standard error, the log.
+The supervisor forks before anything heavy is imported and stays tiny. It waits for the builder and
+guards it: for its time, its memory, and the end of standard input, which means that whoever wanted
+the build is gone. However that ends, the builder's process group ends with it. Both report on
+standard output (a disk may be full), each a JSON object with fields of `pipeline.execution.Report`;
+what the build itself prints goes to standard error, the log.
 """
 
 import contextlib
 import ctypes
 import json
 import os
+import select
 import signal
 import sys
-import threading
 import time
 from pathlib import Path
+from typing import Any
+
+import psutil
 
 _PR_SET_PDEATHSIG = 1
+_SECONDS_BETWEEN_LOOKS = 0.1
 
 
 def main() -> int:
     """Fork, supervise, report; returns the exit status."""
-    specification, terminal = Path(sys.argv[1]), int(sys.argv[2])
-    supervisor, started = os.getpid(), time.monotonic()
+    job, terminal = json.loads(Path(sys.argv[1]).read_text()), int(sys.argv[2])
+    supervisor, oom_kills = os.getpid(), _oom_kills()
     builder = os.fork()
     if builder == 0:
         _die_with(supervisor)
-        return _build(specification, terminal)
+        return _build(job, terminal)
     with contextlib.suppress(OSError):  # both sides do it, so that neither has to wait
         os.setpgid(builder, builder)
-    threading.Thread(target=_end_with_lifeline, args=(builder,), daemon=True).start()
-    _, waited, usage = os.wait4(builder, 0)
-    _end(builder)  # what it started and left behind
-    _say(
-        1,
-        status=os.waitstatus_to_exitcode(waited),
-        seconds=time.monotonic() - started,
-        peak_memory_bytes=usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024),
-    )
+    report = _supervise(builder, job["timeout_seconds"], job["memory_limit_bytes"])
+    if report["status"] == -signal.SIGKILL and _oom_kills() > oom_kills:
+        report["kind"] = "memory"
+    _say(1, **report)
     return 0
 
 
-def _build(specification: Path, terminal: int) -> int:
-    """In the builder: import the task, build, say why it failed."""
+def _supervise(builder: int, max_seconds: float, max_bytes: int) -> dict[str, Any]:
+    """Wait for the builder; end its group when nobody waits for it or it takes too much.
+
+    Memory is the resident memory of the whole group, as seen now and then; a page that two
+    processes share counts twice.
+    """
+    started, seconds, peak, excess = time.monotonic(), 0.0, 0, ""
+    while not (ended := os.wait4(builder, os.WNOHANG))[0]:
+        seconds, peak = time.monotonic() - started, max(peak, _resident_bytes(builder))
+        if max_seconds and seconds > max_seconds:
+            excess = "timeout"
+        elif max_bytes and peak > max_bytes:
+            excess = "memory"
+        if excess or select.select([0], [], [], 0)[0]:
+            _end(builder)
+        time.sleep(_SECONDS_BETWEEN_LOOKS)
+    _end(builder)  # what it started and left behind
+    status = os.waitstatus_to_exitcode(ended[1])
+    largest = ended[2].ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    report = {"status": status, "seconds": seconds, "peak_memory_bytes": max(peak, largest)}
+    return {**report, "kind": excess or "killed"} if status < 0 else report
+
+
+def _build(job: dict[str, Any], terminal: int) -> int:
+    """In the builder: import the task, build, say how it went."""
     report, nothing = os.dup(1), os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)
     from pipeline.execution import Job, perform
 
-    job = Job(**json.loads(specification.read_text()))
     with open(terminal, "w") as screen:
-        status, message = perform(job, screen)
-    _say(report, message=message[:8000])  # the pipe holds as much unread
-    return status
+        kind, message = perform(Job(**job), screen)
+    _say(report, kind=kind, message=message[:8000])  # the pipe holds as much unread
+    return 0 if kind == "built" else 1
 
 
 def _say(descriptor: int, **fields: object) -> None:
@@ -69,14 +91,26 @@ def _die_with(supervisor: int) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def _end_with_lifeline(builder: int) -> None:
-    os.read(0, 1)
-    _end(builder)
-
-
 def _end(group: int) -> None:
     with contextlib.suppress(ProcessLookupError):
         os.killpg(group, signal.SIGKILL)
+
+
+def _resident_bytes(group: int) -> int:
+    total = 0
+    for pid in psutil.pids():
+        with contextlib.suppress(psutil.Error, OSError):  # it is gone by now
+            total += psutil.Process(pid).memory_info().rss if os.getpgid(pid) == group else 0
+    return total
+
+
+def _oom_kills() -> int:
+    """How many processes the kernel has ended so far for want of memory, in any container."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/vmstat").read_text().splitlines():
+            if line.startswith("oom_kill "):
+                return int(line.split()[1])
+    return 0
 
 
 if __name__ == "__main__":

@@ -11,21 +11,18 @@ import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TextIO
 
-from pipeline.errors import explain
+from pipeline.errors import FailureKind, explain
 from pipeline.progress import Progress, ProgressBar
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
-
-BUILT, CRASHED, REFUSED = 0, 1, 65
-"""Exit statuses of a build; 65 (EX_DATAERR) means that the user's input was refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +44,24 @@ class RunContext:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One build, as JSON can tell it to another interpreter."""
+    """One build, as JSON can tell it to another interpreter.
+
+    Attributes:
+        module: Where the task's class is.
+        task: The class.
+        parameters: The task's parameters, serialised.
+        label: The task on the screen.
+        inputs: The directories of the artifacts to read, by name.
+        out: The directory to fill; what lies beside it is the executor's.
+        resume: The directory of checkpoints.
+        log: The file for what the build prints.
+        interactive: Whether to draw a bar.
+        lineage: Keys of the records upstream.
+        timeout_seconds: When to end the build, if not 0.
+        memory_limit_bytes: At which resident memory of its processes to end it, if not 0.
+        card: The value of CUDA_VISIBLE_DEVICES; None leaves it as it is.
+        lease: The descriptor whose flock holds the card, to be held by the build's processes too.
+    """
 
     module: str
     task: str
@@ -58,7 +72,11 @@ class Job:
     resume: str
     log: str
     interactive: bool
-    lineage: tuple[str, ...] = ()  # keys; the builder reads the records
+    lineage: tuple[str, ...] = ()
+    timeout_seconds: float = 0.0
+    memory_limit_bytes: int = 0
+    card: str | None = None
+    lease: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,99 +84,107 @@ class Report:
     """How a build ended.
 
     Attributes:
-        status: Exit status (`BUILT`, `CRASHED`, `REFUSED`), or minus the signal that ended it.
+        kind: "built", or the kind of `TaskFailure` that it was.
         message: Why it did not succeed.
+        status: Its exit status, or minus the signal that ended it.
         seconds: Wall-clock time.
-        peak_memory_bytes: Largest resident memory.
-        timed_out: Whether it was ended because of its time.
+        peak_memory_bytes: Largest resident memory, of all processes of the build together.
     """
 
-    status: int
+    kind: Literal["built"] | FailureKind
     message: str
+    status: int
     seconds: float
     peak_memory_bytes: int
-    timed_out: bool = False
 
 
-def run_inline(job: Job, _workspace: Path, _timeout_seconds: float | None) -> Report:
-    """Build in this interpreter."""
-    started = time.monotonic()
-    status, message = perform(job, sys.stderr)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    return Report(status, message, time.monotonic() - started, peak)
+class Executor(Protocol):
+    """Who runs builds, and keeps to all that the job says."""
+
+    def run(self, job: Job) -> Report:
+        """Build; whatever happens to the build is in the report."""
 
 
-def run_in_subprocess(job: Job, workspace: Path, timeout_seconds: float | None) -> Report:
-    """Build in a fresh interpreter that, with all it starts, never outlives this call.
+class Inline:
+    """Builds in this interpreter, without limits: for tests and debuggers."""
+
+    def run(self, job: Job) -> Report:
+        """Build here."""
+        started = time.monotonic()
+        kind, message = perform(job, sys.stderr)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+        return Report(kind, message, kind != "built", time.monotonic() - started, peak)
+
+
+class Subprocess:
+    """Builds in a fresh interpreter that, with all it starts, never outlives the call.
 
     Its standard input is a pipe whose other end only we hold: when we close it, or die however
     suddenly, the supervisor there (see `pipeline.execute`) ends the build's process group.
     """
-    specification = workspace / "job.json"
-    specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
-    timed_out = False
-    with _start(specification, Path(job.log)) as supervisor:
+
+    def run(self, job: Job) -> Report:
+        """Build there; the job lies beside its `out` as `job.json`."""
+        specification = Path(job.out).with_name("job.json")
+        specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
+        with self._start(specification, job) as supervisor:
+            try:
+                supervisor.wait()
+            finally:
+                said = supervisor.communicate()[0]  # which first closes its standard input
+        return self._report(said, supervisor.returncode)
+
+    def _start(self, specification: Path, job: Job) -> subprocess.Popen[bytes]:
+        """A supervisor that reports on its standard output and may draw on our standard error."""
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
+        if job.card is not None:
+            environment["CUDA_VISIBLE_DEVICES"] = job.card
+        terminal = os.dup(2)
         try:
-            supervisor.wait(timeout_seconds)
-        except subprocess.TimeoutExpired:
-            timed_out = True
+            with Path(job.log).open("ab") as log:
+                return subprocess.Popen(
+                    [sys.executable, "-P", "-m", "pipeline.execute", specification, str(terminal)],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    pass_fds=[terminal] if job.lease is None else [terminal, job.lease],
+                    env=environment,
+                    start_new_session=True,
+                )
         finally:
-            said = supervisor.communicate()[0]  # which first closes its standard input
-    return _report(said, supervisor.returncode, timed_out=timed_out)
+            os.close(terminal)
+
+    def _report(self, said: bytes, status: int) -> Report:
+        """Put together what the builder and the supervisor said; the last word counts."""
+        kind = "killed" if status < 0 else "crash"  # unless the builder says otherwise
+        fields: dict[str, Any] = {"kind": kind, "message": "", "status": status}
+        fields |= {"seconds": 0.0, "peak_memory_bytes": 0}
+        for line in said.splitlines():
+            fields |= json.loads(line)
+        return Report(**fields)
 
 
-def _start(specification: Path, log_path: Path) -> subprocess.Popen[bytes]:
-    """A supervisor that reports on its standard output and may draw on our standard error."""
-    terminal = os.dup(2)
-    search_path = os.pathsep.join(filter(None, sys.path))
-    try:
-        with log_path.open("ab") as log:
-            return subprocess.Popen(
-                [sys.executable, "-P", "-m", "pipeline.execute", specification, str(terminal)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                pass_fds=(terminal,),
-                env={**os.environ, "PYTHONPATH": search_path, "PYTHONUNBUFFERED": "1"},
-                start_new_session=True,
-            )
-    finally:
-        os.close(terminal)
+EXECUTORS: Mapping[str, Executor] = {"inline": Inline(), "subprocess": Subprocess()}
+"""By the word in [store] executor of `luigi.cfg`."""
 
 
-def _report(said: bytes, status: int, *, timed_out: bool) -> Report:
-    """Put together what the builder and the supervisor said, a JSON object a line each."""
-    fields: dict[str, Any] = {"message": "", "seconds": 0.0, "peak_memory_bytes": 0}
-    fields["status"] = status or CRASHED  # unless the supervisor lived to tell the builder's
-    for line in said.splitlines():
-        fields |= json.loads(line)
-    return Report(**fields, timed_out=timed_out)
-
-
-EXECUTORS: dict[str, Callable[[Job, Path, float | None], Report]] = {
-    "inline": run_inline,
-    "subprocess": run_in_subprocess,
-}
-
-
-def perform(job: Job, terminal: TextIO) -> tuple[int, str]:
-    """Build the job's task; returns the exit status and, on failure, what to tell the user."""
+def perform(job: Job, terminal: TextIO) -> tuple[Literal["built"] | FailureKind, str]:
+    """Build the job's task; returns how it went and, on failure, what to tell the user."""
     bar, log = ProgressBar(job.label, terminal, interactive=job.interactive), Path(job.log)
-    user_errors: tuple[type[Exception], ...] = ()
+    task_class: type[StoredTask] = getattr(importlib.import_module(job.module), job.task)
     try:
-        task = _load(job)
-        user_errors = task.user_errors
+        task: StoredTask = task_class.from_str_params(job.parameters)  # type: ignore[no-untyped-call]
         inputs = {name: Path(path) for name, path in job.inputs.items()}
         records = (current_store().record(key) for key in job.lineage)
         lineage = tuple(record for record in records if record)
         task.build(inputs, Path(job.out), RunContext(bar, Path(job.resume), log, lineage))
     except Exception as error:  # noqa: BLE001  whatever it is, it is this build's end
         append_trace(log)
-        kind, message = explain(error, user_errors, log)
-        return (REFUSED if kind == "user" else CRASHED), message
+        return explain(error, log, task_class.user_errors, task_class.transient_errors)
     finally:
         bar.close()
-    return BUILT, ""
+    return "built", ""
 
 
 def append_trace(log: Path) -> None:
@@ -171,9 +197,3 @@ def is_interactive() -> bool:
     """Whether one bar may be drawn on standard error: a wide terminal, no parallel worker."""
     is_alone = multiprocessing.parent_process() is None
     return is_alone and os.isatty(2) and os.get_terminal_size(2).columns > 0
-
-
-def _load(job: Job) -> "StoredTask":
-    task_class = getattr(importlib.import_module(job.module), job.task)
-    task: StoredTask = task_class.from_str_params(job.parameters)
-    return task

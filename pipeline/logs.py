@@ -5,10 +5,12 @@ import sys
 from types import TracebackType
 
 from luigi.parameter import ParameterException
+from luigi.rpc import RPCError
+from luigi.task_register import TaskClassException
 
 from pipeline.errors import StoreError, TaskFailure
 
-_PLAIN = (TaskFailure, StoreError, ParameterException)
+_PLAIN = (TaskFailure, StoreError, ParameterException, RPCError, TaskClassException)
 
 
 class Screen(logging.StreamHandler):  # type: ignore[type-arg]
@@ -18,7 +20,6 @@ class Screen(logging.StreamHandler):  # type: ignore[type-arg]
         super().__init__(sys.stderr)
         self.addFilter(is_worth_reading)
         self.setFormatter(WithoutTrace())
-        sys.excepthook = _report_interrupt
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write the record, over a progress bar that was left there."""
@@ -34,8 +35,8 @@ class WithoutTrace(logging.Formatter):
         """The text for the screen."""
         error = record.exc_info[1] if record.exc_info else None
         if isinstance(error, _PLAIN):
-            return str(error)
-        return super().format(record)
+            return " ".join(str(error).split("\n"))
+        return super().format(record) if record.levelno >= logging.ERROR else record.getMessage()
 
 
 def is_worth_reading(record: logging.LogRecord) -> bool:
@@ -45,10 +46,13 @@ def is_worth_reading(record: logging.LogRecord) -> bool:
     return "Luigi Execution Summary" in record.getMessage()
 
 
-def _report_interrupt(
+def report_plainly(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
+    """As `sys.excepthook`: one line for Ctrl-C, and for what Luigi raises before it can log."""
     if issubclass(kind, KeyboardInterrupt):
         sys.stderr.write("\nInterrupted. The same command goes on from here.\n")
+    elif issubclass(kind, _PLAIN):
+        sys.stderr.write(" ".join(str(error).split("\n")) + "\n")
     else:
         sys.__excepthook__(kind, error, trace)

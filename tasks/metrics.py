@@ -20,6 +20,7 @@ class QualityMetrics(TunedStage):
 
     scene = luigi.Parameter(description="a folder in data/scenes")
     tools = ("torch",)
+    computes = True
 
     def requires(self) -> Mapping[str, Stage]:
         """The field and the photographs."""

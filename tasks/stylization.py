@@ -27,6 +27,8 @@ class StyledStage(TunedStage):
 class StylizedPriors(StyledStage):
     """The prior renders as the style network paints them: `frames/NAME.png`."""
 
+    computes = True
+
     def requires(self) -> Mapping[str, Stage]:
         """The renders and the network."""
         return {"priors": self.need(PriorRenders), "network": self.need(StyleNetwork)}
@@ -58,6 +60,8 @@ class StylizedField(StyledStage):
     Leaves `appearance.safetensors`, `field.json`, `curve.parquet`, and `density.json`, which names
     the RadianceField whose density it shares.
     """
+
+    computes = True
 
     def requires(self) -> Mapping[str, Stage]:
         """The field, the priors and where they were seen from."""
@@ -100,6 +104,8 @@ class StylizedField(StyledStage):
 
 class StylizedFrames(StyledStage):
     """The fly-through of the stylised field: `frames/NAME.png` and `video.mp4`."""
+
+    computes = True
 
     def requires(self) -> Mapping[str, Stage]:
         """The density, the appearance, and the path."""

@@ -1,17 +1,38 @@
+"""A task's build from first to last: how failures are told, tried again and cleaned up after."""
+
 from pathlib import Path
 
+import luigi
 import psutil
 import pytest
-from store_toys import Fills, Slow, Word
+from build_toys import Act
+from store_toys import Fills, Slow, Word, built
 from test_command import are_gone, pids_of_slow
 
 from pipeline.errors import TaskFailure
 from pipeline.settings import current_store
 from pipeline.task import artifact
+from pipeline.verify import records
+
+
+def failure_of(task: luigi.Task) -> TaskFailure:
+    with pytest.raises(TaskFailure) as failure:
+        task.run()
+    assert not list(records(current_store()))
+    assert not list((current_store().root / "tmp").iterdir())
+    return failure.value
 
 
 def log_of(failure: TaskFailure) -> str:
     return Path(failure.reason.split("Its log: ")[1]).read_text()
+
+
+@pytest.fixture
+def impatient():
+    """Second attempts follow at once."""
+    luigi.configuration.get_config().set("store", "retry_seconds", "0.1")
+    yield
+    luigi.configuration.get_config().remove_option("store", "retry_seconds")
 
 
 def test_a_fresh_interpreter_builds():
@@ -22,44 +43,92 @@ def test_a_fresh_interpreter_builds():
     assert 5e6 < record.provenance["peak_memory_bytes"] < 1e9
 
 
-def test_a_build_ended_by_a_signal_is_told_apart(toys):
-    with pytest.raises(TaskFailure, match="ended by SIGKILL") as failure:
-        Slow("suicide").run()
-    assert failure.value.kind == "killed"
+def test_a_killed_build_goes_on_from_its_checkpoint(toys):
+    failure = failure_of(Slow("suicide"))
+    assert failure.kind == "killed"
+    assert "ended by SIGKILL (0 s, 0.0 GiB). Run the same command again." in failure.reason
     assert are_gone(pids_of_slow(toys))
-    assert "printed by python\nprinted by a library\n" in log_of(failure.value)
+    assert "printed by python\nprinted by a library\n" in log_of(failure)
     Slow("suicide").run()
     assert (artifact(Slow("suicide")) / "result.txt").read_text() == "resumed"
+    assert not list((current_store().root / "resume").iterdir())
 
 
-def test_a_build_out_of_time_is_ended_with_all_it_started(toys, monkeypatch):
-    monkeypatch.setattr(Slow, "timeout_seconds", 2.0)
-    with pytest.raises(TaskFailure, match="took too long") as failure:
-        Slow().run()
-    assert failure.value.kind == "timeout"
-    assert are_gone(pids_of_slow(toys))
+def test_out_of_time():
+    failure = failure_of(Act("sleep", timeout_seconds=1))
+    assert failure.kind == "timeout"
+    assert "took too long and was ended (1 s, 0." in failure.reason
+    assert "Allow it more with --Act-timeout-seconds. Its log: " in failure.reason
+
+
+def test_over_its_memory():
+    failure = failure_of(Act("let_a_child_eat", memory_gib=0.15))
+    assert failure.kind == "memory"
+    assert "ended for want of memory (" in failure.reason
+    assert " s, 0.2 GiB)" in failure.reason
+    assert "or allow it more with --Act-memory-gib. Its log: " in failure.reason
+
+
+def test_limits_are_no_part_of_the_key():
+    keys = {Act("succeed", timeout_seconds=t, memory_gib=t).action().key for t in (0, 1.5)}
+    assert len(keys) == 1
 
 
 def test_a_crash_leaves_its_trace_in_the_log():
-    with pytest.raises(TaskFailure, match="RuntimeError: a defect") as failure:
-        Word("crash").run()
-    assert failure.value.kind == "crash"
-    log = Path(failure.value.reason.split("The trace is in ")[1])
-    assert "Traceback" in log.read_text()
+    failure = failure_of(Word("crash"))
+    assert failure.kind == "crash"
+    assert "RuntimeError: a defect" in failure.reason
+    assert "Traceback" in Path(failure.reason.split("The trace is in ")[1]).read_text()
+
+
+def test_a_build_that_leaves_early_is_no_success():
+    failure = failure_of(Act("leave"))
+    assert failure.kind == "crash"
+    assert "ended with status 0 before it was done. Its log: " in failure.reason
 
 
 def test_a_user_error_keeps_its_words():
-    with pytest.raises(TaskFailure) as failure:
-        Word("bad").run()
-    assert failure.value.kind == "user"
-    assert failure.value.reason == "words/bad: is no word. Choose another one."
+    failure = failure_of(Word("bad"))
+    assert failure.kind == "user"
+    assert failure.reason == "words/bad: is no word. Choose another one."
 
 
 def test_a_full_disk_in_the_build_is_told_as_such():
-    with pytest.raises(TaskFailure, match="no space left") as failure:
-        Fills().run()
-    assert failure.value.kind == "user"
-    assert not list((current_store().root / "tmp").iterdir())
+    failure = failure_of(Fills())
+    assert failure.kind == "user"
+    assert "no space left" in failure.reason
+
+
+@pytest.mark.usefixtures("impatient")
+def test_what_may_pass_is_tried_again(caplog):
+    caplog.set_level("INFO", logger="pipeline")
+    Act("lose_once").run()
+    assert built() == ["Act lose_once"] * 2
+    assert (
+        "Act(act=lose_once): example.org: cannot be reached. Check the network."
+        " Trying again in 0 s." in caplog.messages
+    )
+    logs = current_store().root / "logs" / "Act"
+    assert len(list(logs.iterdir())) == 2
+
+
+@pytest.mark.usefixtures("impatient")
+def test_what_does_not_pass_fails_at_the_third_attempt():
+    assert failure_of(Act("lose")).kind == "transient"
+    assert len(built()) == 3
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("act", ["refuse", "crash", "be_killed", "leave"])
+def test_what_does_not_pass_by_itself_is_not_tried_again(act):
+    failure_of(Act(act))
+    assert len(built()) == 1
+
+
+@pytest.mark.parametrize("act", ["refuse", "crash", "be_killed"])
+def test_a_failure_without_a_checkpoint_leaves_no_folder_for_one(act):
+    failure_of(Act(act))
+    assert not list((current_store().root / "resume").iterdir())
 
 
 def test_nothing_stays_behind():

@@ -10,7 +10,7 @@ import pytest
 
 from styletrf.coco_fetch import coco_source
 from styletrf.content_images import ContentConfig, write_content_images
-from styletrf.errors import InputError
+from styletrf.errors import InputError, NetworkError
 
 JPEG = cv2.imencode(".jpg", np.full((80, 80, 3), 90, np.uint8))[1].tobytes()
 
@@ -103,7 +103,7 @@ def test_an_image_the_server_does_not_have_is_skipped(server: Server, tmp_path: 
 def test_offline_is_a_clear_error_after_a_bounded_time(tmp_path: Path):
     pauses: list[float] = []
     file = annotations(tmp_path, {"1.jpg": "http://127.0.0.1:9/1.jpg"})
-    with pytest.raises(InputError, match="after 4 attempts") as caught:
+    with pytest.raises(NetworkError, match="after 4 attempts") as caught:
         coco_source(file, tmp_path / "cache", pause=pauses.append).read("1.jpg")
     assert "folder" in caught.value.remedy
     assert sum(pauses) < 10

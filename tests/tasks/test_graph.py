@@ -6,6 +6,7 @@ import sys
 import pytest
 
 import tasks
+from pipeline.code_identity import closure
 
 WORDS = {"scene": "horns", "style": "mosaic", "quality": "draft"}
 
@@ -26,9 +27,28 @@ def key_words(task) -> dict[str, dict]:
     return words
 
 
-def test_importing_tasks_loads_no_torch():
-    code = "import sys, tasks; sys.exit(bool({'torch', 'cv2', 'pycolmap'} & set(sys.modules)))"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+def test_importing_tasks_loads_no_torch_and_starts_no_thread():
+    code = (
+        "import sys, threading, psutil, tasks;"
+        "assert not {'torch', 'cv2', 'pycolmap', 'numba'} & set(sys.modules);"
+        "assert threading.active_count() == psutil.Process().num_threads() == 1"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_stage_leases_a_gpu_exactly_if_its_build_asks_for_a_device():
+    for name in set(tasks.__all__) - {"Grid"}:
+        stage = getattr(tasks, name)
+        reached = closure(stage.__module__, stage.__qualname__)
+        assert stage.computes == ("styletrf.devices:device_named" in reached), name
+    stage = tasks.RadianceField(scene="s")
+    assert stage.needs_gpu
+    assert not tasks.RadianceField(scene="s", device="cpu").needs_gpu
+
+
+def test_limits_of_a_stage_are_not_those_of_what_is_upstream():
+    upstream = tasks.RadianceField(scene="s", timeout_seconds=5, memory_gib=2).requires()
+    assert {(t.timeout_seconds, t.memory_gib) for t in upstream.values()} == {(0, 0)}
 
 
 def test_the_graph_is_the_one_in_the_design():

@@ -1,0 +1,188 @@
+"""Tasks that end in every way a build can end, and that make Luigi stumble."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import luigi
+from store_toys import ToyError, Word, mark
+
+from pipeline.task import RunContext, StoredTask
+
+MEBIBYTE = 2**20
+EAT = "import sys, time; food = bytearray({mebibytes} << 20); time.sleep({seconds})"
+
+
+class LostError(ToyError):
+    """The toys' network is away."""
+
+
+class Act(StoredTask):
+    """Does what its `act` says, in its build."""
+
+    act = luigi.Parameter()
+    user_errors = (ToyError,)
+    transient_errors = (ConnectionError, LostError)
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        mark(self)
+        (out / "half.txt").write_text("half")
+        sys.stdout.write("printed by python\n")
+        os.write(1, b"printed by a library\n")
+        getattr(self, self.act)(run)
+        (out / "whole.txt").write_text(os.environ.get("CUDA_VISIBLE_DEVICES", "all"))
+
+    def succeed(self, run: RunContext) -> None:
+        pass
+
+    def refuse(self, run: RunContext) -> None:
+        raise ToyError("words/bad: is no word. Choose another one.")
+
+    def crash(self, run: RunContext) -> None:
+        raise RuntimeError("a defect")
+
+    def lose(self, run: RunContext) -> None:
+        raise ConnectionResetError("the other side went away")
+
+    def lose_once(self, run: RunContext) -> None:
+        if not (run.resume / "tried").exists():
+            (run.resume / "tried").touch()
+            raise LostError("example.org: cannot be reached. Check the network")
+
+    def leave(self, run: RunContext) -> None:
+        sys.exit(0)
+
+    def leave_with_7(self, run: RunContext) -> None:
+        os._exit(7)
+
+    def be_terminated(self, run: RunContext) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    def be_killed(self, run: RunContext) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def let_a_child_eat(self, run: RunContext) -> None:
+        code = EAT.format(mebibytes=200, seconds=1)
+        subprocess.run([sys.executable, "-c", code], check=True)
+
+    def eat(self, run: RunContext) -> None:
+        food = [bytearray(MEBIBYTE) for _ in range(2000)]
+        time.sleep(len(food))
+
+    def sleep(self, run: RunContext) -> None:
+        child = subprocess.Popen([sys.executable, "-c", EAT.format(mebibytes=1, seconds=60)])
+        pids = Path(os.environ["STYLETRF_TOYS"]) / "pids.tmp"
+        pids.write_text(f"{os.getpid()} {child.pid}")
+        pids.rename(pids.with_suffix(".txt"))
+        time.sleep(60)
+
+
+class Acts(luigi.WrapperTask):
+    """Several acts."""
+
+    acts = luigi.ListParameter()
+
+    def requires(self) -> list[StoredTask]:
+        return [Act(act) for act in self.acts]
+
+
+class Settled(StoredTask):
+    """Keyed by settings."""
+
+    settings = luigi.DictParameter()
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        mark(self)
+        (out / "settled.txt").touch()
+
+
+class Said(StoredTask):
+    """The same word in every edition."""
+
+    edition = luigi.IntParameter()
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        mark(self)
+        (out / "said.txt").write_text("hello")
+
+
+class Echo(StoredTask):
+    """Repeats what is said, whichever edition it is of."""
+
+    edition = luigi.IntParameter(significant=False)
+
+    def requires(self) -> dict[str, StoredTask]:
+        return {"said": Said(self.edition)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        mark(self)
+        (out / "echo.txt").write_text((inputs["said"] / "said.txt").read_text())
+
+
+class OnCard(StoredTask):
+    """Notes when it had which card."""
+
+    name = luigi.Parameter()
+    seconds = luigi.FloatParameter(default=1.0, significant=False)
+    device = luigi.Parameter(default="auto", significant=False)
+
+    @property
+    def needs_gpu(self) -> bool:
+        return self.device != "cpu"
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        card, began = os.environ.get("CUDA_VISIBLE_DEVICES", "all"), time.monotonic()
+        (Path(os.environ["STYLETRF_TOYS"]) / f"began-{self.name}").touch()
+        time.sleep(self.seconds)
+        (out / "card.txt").write_text(f"{card} {began} {time.monotonic()}")
+
+
+class OnCards(luigi.WrapperTask):
+    """Several that each want a card."""
+
+    names = luigi.ListParameter()
+
+    def requires(self) -> list[StoredTask]:
+        return [OnCard(name) for name in self.names]
+
+
+class Given(luigi.ExternalTask):
+    """A file that somebody else has to bring."""
+
+    path = luigi.Parameter()
+
+    def output(self) -> luigi.LocalTarget:
+        return luigi.LocalTarget(self.path)
+
+
+class WithGiven(luigi.WrapperTask):
+    """What somebody else has to bring, and a word."""
+
+    path = luigi.Parameter()
+
+    def requires(self) -> list[luigi.Task]:
+        return [Given(self.path), Word("a")]
+
+
+class Greedy(Word):
+    """Wants more of something than there is."""
+
+    resources = {"unobtainium": 2}  # noqa: RUF012  Luigi's way
+
+
+class Rootless(Word):
+    """Cannot say what it needs."""
+
+    def requires(self) -> dict[str, StoredTask]:
+        raise RuntimeError("a defect in requires")
+
+
+class Forgetful(Word):
+    """Never is complete, whatever it built."""
+
+    def complete(self) -> bool:
+        return False

@@ -1,0 +1,158 @@
+"""What every executor keeps to, and what only a process of its own can."""
+
+import contextlib
+import dataclasses
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from build_toys import MEBIBYTE
+from test_command import are_gone, pids_of_slow
+
+from pipeline.execution import EXECUTORS, Job, Report
+from pipeline.locks import try_lock
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Job:
+    """A job for `Act`, whose act is still to be told."""
+    for name in ("out", "resume"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "log").touch()
+    places = {name: str(tmp_path / name) for name in ("out", "resume", "log")}
+    return Job(
+        "build_toys", "Act", parameters={}, label="Act", inputs={}, interactive=False, **places
+    )
+
+
+def acted(executor: str, job: Job, act: str, **changes: object) -> Report:
+    job = dataclasses.replace(job, parameters={"act": act}, **changes)
+    return EXECUTORS[executor].run(job)
+
+
+every_executor = pytest.mark.parametrize("executor", sorted(EXECUTORS))
+
+
+@every_executor
+def test_success(executor, job):
+    report = acted(executor, job, "succeed")
+    assert (report.kind, report.status, report.message) == ("built", 0, "")
+    assert (Path(job.out) / "whole.txt").exists()
+    assert 0 < report.seconds < 30
+    assert 5 * MEBIBYTE < report.peak_memory_bytes < 2**40
+
+
+@every_executor
+@pytest.mark.parametrize(
+    ("act", "kind", "words"),
+    [
+        ("refuse", "user", "words/bad: is no word. Choose another one."),
+        ("crash", "crash", "RuntimeError: a defect. The trace is in {log}"),
+        (
+            "lose",
+            "transient",
+            "ConnectionResetError: the other side went away. The trace is in {log}",
+        ),
+        ("lose_once", "transient", "example.org: cannot be reached. Check the network"),
+    ],
+)
+def test_an_exception_is_told_in_its_words_and_traced_in_the_log(executor, job, act, kind, words):
+    report = acted(executor, job, act)
+    assert (report.kind, report.message) == (kind, words.format(log=job.log))
+    assert report.status != 0
+    assert "Traceback" in Path(job.log).read_text()
+    assert not (Path(job.out) / "whole.txt").exists()
+
+
+@pytest.mark.parametrize(
+    ("act", "kind", "status"),
+    [
+        ("be_killed", "killed", -9),
+        ("be_terminated", "killed", -15),
+        ("leave_with_7", "crash", 7),
+        ("leave", "crash", 0),
+    ],
+)
+def test_an_end_without_a_word_is_no_success(job, act, kind, status):
+    report = acted("subprocess", job, act)
+    assert (report.kind, report.status) == (kind, status)
+
+
+def test_what_it_prints_is_in_the_log(job):
+    acted("subprocess", job, "be_killed")
+    assert "printed by python\nprinted by a library\n" in Path(job.log).read_text()
+
+
+def test_out_of_time_it_ends_with_all_it_started(job, toys):
+    report = acted("subprocess", job, "sleep", timeout_seconds=2.0)
+    assert (report.kind, report.status) == ("timeout", -9)
+    assert 2 < report.seconds < 10
+    assert are_gone(pids_of_slow(toys))
+
+
+def test_the_memory_of_what_it_starts_counts(job):
+    assert acted("subprocess", job, "let_a_child_eat").peak_memory_bytes > 200 * MEBIBYTE
+    report = acted("subprocess", job, "let_a_child_eat", memory_limit_bytes=150 * MEBIBYTE)
+    assert (report.kind, report.status) == ("memory", -9)
+    assert report.peak_memory_bytes > 150 * MEBIBYTE
+
+
+@pytest.fixture
+def cramped() -> Iterator[Path]:
+    """A control group whose processes may take 150 MiB together; the kernel sees to it."""
+    for parent, limit in (("memory", "memory.limit_in_bytes"), (".", "memory.max")):
+        group = Path("/sys/fs/cgroup", parent, f"styletrf-{os.getpid()}")
+        try:
+            group.mkdir()
+            (group / limit).write_text(str(150 * MEBIBYTE))
+        except OSError:
+            with contextlib.suppress(OSError):
+                group.rmdir()
+            continue
+        yield group
+        group.rmdir()
+        return
+    pytest.skip("needs the right to make a control group")
+
+
+def test_the_kernels_own_limit_is_recognised(job, cramped):
+    job = dataclasses.replace(job, parameters={"act": "eat"})
+    child = os.fork()
+    if child == 0:
+        (cramped / "cgroup.procs").write_text(str(os.getpid()))
+        os._exit(EXECUTORS["subprocess"].run(job).kind != "memory")
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def test_within_its_limits_it_is_left_alone(job):
+    report = acted(
+        "subprocess", job, "succeed", timeout_seconds=60.0, memory_limit_bytes=1000 * MEBIBYTE
+    )
+    assert report.kind == "built"
+
+
+@pytest.mark.parametrize(
+    ("card", "seen"), [("GPU-7", "GPU-7"), ("", ""), (None, "the user's choice")]
+)
+def test_it_sees_the_card_it_is_given(job, card, seen, monkeypatch):
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "the user's choice")
+    acted("subprocess", job, "succeed", card=card)
+    assert (Path(job.out) / "whole.txt").read_text() == seen
+
+
+def test_it_holds_the_lease_itself(job, tmp_path, toys):
+    """Ours is closed while it runs; the card is free only when it has ended."""
+    import threading
+
+    mine, others = (os.open(tmp_path / "log", os.O_RDONLY) for _ in range(2))
+    assert try_lock(mine)
+    run = threading.Thread(target=acted, args=("subprocess", job, "sleep"), kwargs={"lease": mine})
+    run.start()
+    builder = pids_of_slow(toys)[0]
+    os.close(mine)
+    assert not try_lock(others)
+    os.kill(builder, 9)
+    run.join()
+    assert try_lock(others)
+    os.close(others)

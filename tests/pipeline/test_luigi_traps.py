@@ -1,0 +1,149 @@
+"""What Luigi does when things go wrong, through the command line as a user meets it."""
+
+import json
+import signal
+from pathlib import Path
+
+import luigi as luigi_package
+import psutil
+import pytest
+from store_toys import built
+from test_command import _interruptible, are_gone, pids_of_slow, start  # noqa: F401  a fixture
+
+from pipeline.settings import current_store
+from pipeline.verify import records
+
+
+def luigi(*arguments: str) -> tuple[int, str]:
+    """Exit status and screen of `luigi --module build_toys ...`."""
+    process = start("luigi", "--module", "build_toys", *arguments)
+    screen = "".join(process.communicate(timeout=60))
+    return process.returncode, screen
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (["Act", "--act", "succeed"], 0, "This progress looks :)"),
+        (["WithGiven", "--path", "/nowhere"], 20, "Given(path=/nowhere)"),
+        (["Greedy", "--word", "a"], 25, "Greedy(word=a, loudness=1.0)"),
+        (["Act", "--act", "refuse"], 30, "words/bad: is no word. Choose another one."),
+        (["Act", "--act", "crash"], 30, "RuntimeError: a defect. The trace is in"),
+        (["Act", "--act", "be_killed"], 30, "ended by SIGKILL"),
+        (["Act", "--act", "sleep", "--timeout-seconds", "1"], 30, "took too long"),
+        (["Act", "--act", "eat", "--Act-memory-gib", "0.2"], 30, "for want of memory"),
+        (["Forgetful", "--word", "a"], 30, "complete() is still returning false"),
+        (["Rootless", "--word", "a"], 35, "a defect in requires"),
+        (["Act"], 40, "requires the 'act' parameter"),
+        (["Atc", "--act", "succeed"], 1, "No task Atc. Did you mean: Act "),
+        (["Act", "--act", "succeed", "--loud"], 2, "unrecognized arguments: --loud"),
+    ],
+)
+def test_the_status_tells_how_it_ended(arguments, status, said):
+    found, screen = luigi(*arguments)
+    assert found == status, screen
+    assert said in screen
+    assert status == 35 or arguments[0] == "Forgetful" or "Traceback" not in screen
+
+
+def test_failures_are_found_again_without_the_screen():
+    for act in ("succeed", "refuse", "be_killed"):
+        luigi("Act", "--act", act)
+    listed = json.loads(start("pipeline", "ls", "Act", "--failed", "--json").communicate()[0])
+    assert [row["end"].split(" (")[0] for row in listed] == [
+        "words/bad: is no word. Choose another one.",
+        "ended by SIGKILL",
+    ]
+    assert all("printed by python" in Path(row["log"]).read_text() for row in listed)
+    (record,) = records(current_store())
+    shown = json.loads(start("pipeline", "show", record.action.key, "--json").communicate()[0])
+    (log,) = (row["value"] for row in shown if row["fact"] == "log")
+    assert "printed by python" in Path(log).read_text()
+
+
+def test_settings_and_words_of_a_family_limit_its_builds(tmp_path, monkeypatch):
+    (tmp_path / "limits.cfg").write_text("[Act]\ntimeout_seconds = 1\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "limits.cfg"))
+    assert "took too long" in luigi("Act", "--act", "sleep")[1]
+    (tmp_path / "limits.cfg").write_text("[store]\nmemory_gib = 0.2\n")
+    assert "for want of memory" in luigi("Act", "--act", "eat")[1]
+
+
+@pytest.mark.parametrize("words", [[], ["--worker-keep-alive"]])
+def test_a_missing_input_ends_the_batch_and_the_rest_is_done(words, tmp_path):
+    words = [*words, "--worker-max-keep-alive-idle-duration", "2 seconds"]
+    status, screen = luigi("WithGiven", "--path", str(tmp_path / "given"), *words)
+    assert status == 20, screen
+    assert "1 were missing external dependencies" in screen
+    assert built() == ["Word a"]
+    (tmp_path / "given").touch()
+    assert luigi("WithGiven", "--path", str(tmp_path / "given"), *words)[0] == 0
+
+
+def test_waiting_for_a_missing_input_is_bounded_by_default():
+    from luigi.worker import worker
+
+    assert worker().max_keep_alive_idle_duration.total_seconds() == 600
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_a_batch_with_one_bad_part_finishes_the_others(workers, tmp_path, monkeypatch):
+    (tmp_path / "impatient.cfg").write_text("[store]\nretry_seconds = 0.1\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "impatient.cfg"))
+    acts = '["succeed", "refuse", "lose_once"]'
+    status, screen = luigi("Acts", "--acts", acts, "--workers", workers)
+    assert status == 30
+    assert "Act(act=refuse): words/bad: is no word. Choose another one.\n" in screen
+    assert "1 failed" in screen
+    assert {r.provenance["label"] for r in records(current_store())} == {
+        "Act succeed",
+        "Act lose_once",
+    }
+
+
+def test_one_key_for_numbers_that_are_one():
+    assert luigi("Word", "--word", "a", "--loudness", "1")[0] == 0
+    assert luigi("Word", "--word", "a", "--loudness", "1.0")[0] == 0
+    assert luigi("Word", "--word", "a", "--loudness", "10e-1")[0] == 0
+    assert built() == ["Word a"]
+
+
+def test_one_key_for_dictionaries_that_are_one():
+    for words in ('{"x": 1, "y": [2.0]}', '{"y": [2], "x": 1.0}'):
+        assert luigi("Settled", "--settings", words)[0] == 0
+    assert built() == ["Settled"]
+
+
+def test_early_cut_off_within_one_command():
+    """Luigi runs what was incomplete at the start; `run` finds that it is not needed."""
+    assert luigi("Echo", "--edition", "1")[0] == 0
+    status, screen = luigi("Echo", "--edition", "2")
+    assert status == 0
+    assert built() == ["Echo", "Said", "Said"]
+    assert "Echo: started" not in screen
+
+
+def test_ctrl_c_with_workers_is_one_line(toys):
+    process = start("luigi", "--module", "build_toys", "Act", "--act", "sleep", "--workers", "2")
+    pids = pids_of_slow(toys)
+    for member in [psutil.Process(process.pid), *psutil.Process(process.pid).children()]:
+        member.send_signal(signal.SIGINT)  # as a terminal does
+    screen = "".join(process.communicate(timeout=20))
+    assert process.returncode not in (0, None)
+    assert are_gone(pids)
+    said = [line for line in screen.splitlines() if line]
+    assert said == ["Act sleep: started", "Interrupted. The same command goes on from here."]
+
+
+@pytest.mark.parametrize("attempt", [1, 2])
+def test_what_a_test_registers_and_instantiates_is_gone_after_it(attempt):
+    from store_toys import Word
+
+    class Passing(luigi_package.Task):
+        pass
+
+    found = luigi_package.task_register.Register.get_task_cls("Passing")  # ambiguous if two
+    assert found is Passing
+    assert not hasattr(Word("a"), "attempt")
+    Word("a").attempt = attempt
+    assert Word("a").attempt == attempt, "one instance within a test"
