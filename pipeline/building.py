@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import shutil
-import signal
 import socket
 import time
 from datetime import UTC, datetime
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.canonical import Json
 from pipeline.errors import TaskFailure
 from pipeline.execution import EXECUTORS, Job, Report, is_interactive
-from pipeline.gpu import leased
+from pipeline.gpu import VISIBLE, Lease, leased
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import setting
@@ -59,7 +58,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
     inputs = {name: _verified(task, upstream, store) for name, upstream in task.requires().items()}
     log, resume = store.new_log(task.task_family, action.key), store.resume(action.key)
     try:
-        with store.workspace(action.key) as workspace, _card(task) as (card, lease):
+        with store.workspace(action.key) as workspace, _card(task) as (environment, holds):
             started = datetime.now(UTC)
             screen.info("%s: started", task.label)
             (workspace / "out").mkdir()
@@ -69,8 +68,8 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
                 out=str(workspace / "out"),
                 resume=str(resume),
                 log=str(log),
-                card=card,
-                lease=lease,
+                environment=environment,
+                holds=holds,
             )
             report = EXECUTORS[setting("store", "executor")].run(job)
             _require_success(task, report, job)
@@ -79,7 +78,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
                 "task": str(task),
                 "label": task.label,
                 "host": socket.gethostname(),
-                "gpu": card or "",
+                "gpu": environment.get(VISIBLE, ""),
                 "started": started.isoformat(timespec="seconds"),
                 "seconds": round(report.seconds, 3),
                 "peak_memory_bytes": report.peak_memory_bytes,
@@ -94,10 +93,10 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
     return record
 
 
-def _card(task: "StoredTask") -> contextlib.AbstractContextManager[tuple[str | None, int | None]]:
+def _card(task: "StoredTask") -> contextlib.AbstractContextManager[Lease]:
     """A GPU for the build; where it wants none, it shall see none."""
     say_so = partial(screen.info, "%s: every GPU of this host is leased, waiting", task.label)
-    return leased(say_so) if task.needs_gpu else contextlib.nullcontext(("", None))
+    return leased(say_so) if task.needs_gpu else contextlib.nullcontext(({VISIBLE: ""}, ()))
 
 
 def _verified(task: "StoredTask", upstream: "StoredTask", store: Store) -> Path:
@@ -129,24 +128,21 @@ def _specification(task: "StoredTask") -> dict[str, Any]:
     }
 
 
+_REMEDIES = {
+    "killed": "Run the same command again",
+    "memory": "Run less beside it, or allow it more with --{}-memory-gib",
+    "timeout": "Allow it more with --{}-timeout-seconds",
+}
+
+
 def _require_success(task: "StoredTask", report: Report, job: Job) -> None:
-    spent = f"{report.seconds:.0f} s, {report.peak_memory_bytes / 2**30:.1f} GiB"
-    family, log = task.task_family, f"Its log: {job.log}"
-    match report.kind:
-        case "built":
-            return
-        case "killed":
-            cause = signal.Signals(-report.status).name
-            reason = f"ended by {cause} ({spent}). Run the same command again. {log}"
-        case "memory":
-            remedy = f"Run less beside it, or allow it more with --{family}-memory-gib"
-            reason = f"ended for want of memory ({spent}). {remedy}. {log}"
-        case "timeout":
-            remedy = f"Allow it more with --{family}-timeout-seconds"
-            reason = f"took too long and was ended ({spent}). {remedy}. {log}"
-        case _:
-            silent = f"ended with status {report.status} before it was done. {log}"
-            reason = report.message or silent
+    if report.kind == "built":
+        return
+    reason = report.message
+    if report.kind in _REMEDIES:
+        spent = f"{report.seconds:.0f} s, {report.peak_memory_bytes / 2**30:.1f} GiB"
+        remedy = _REMEDIES[report.kind].format(task.task_family)
+        reason = f"{reason} ({spent}). {remedy}. Its log: {job.log}"
     with contextlib.suppress(OSError), Path(job.log).open("a") as file:
         file.write(f"{reason}\n")  # for `ls --failed`
     raise TaskFailure(report.kind, str(task), reason)

@@ -11,6 +11,7 @@ import contextlib
 import ctypes
 import json
 import os
+import re
 import select
 import signal
 import sys
@@ -22,22 +23,21 @@ import psutil
 
 _PR_SET_PDEATHSIG = 1
 _SECONDS_BETWEEN_LOOKS = 0.1
+_MAXRSS_UNIT = 1 if sys.platform == "darwin" else 1024
+_CAUSES = {"timeout": "for taking too long", "memory": "for want of memory"}
 
 
 def main() -> int:
     """Fork, supervise, report; returns the exit status."""
     job, terminal = json.loads(Path(sys.argv[1]).read_text()), int(sys.argv[2])
-    supervisor, oom_kills = os.getpid(), _oom_kills()
+    supervisor = os.getpid()
     builder = os.fork()
     if builder == 0:
         _die_with(supervisor)
         return _build(job, terminal)
     with contextlib.suppress(OSError):  # both sides do it, so that neither has to wait
         os.setpgid(builder, builder)
-    report = _supervise(builder, job["timeout_seconds"], job["memory_limit_bytes"])
-    if report["status"] == -signal.SIGKILL and _oom_kills() > oom_kills:
-        report["kind"] = "memory"
-    _say(1, **report)
+    _say(1, **_supervise(builder, job["timeout_seconds"], job["memory_limit_bytes"]))
     return 0
 
 
@@ -47,21 +47,25 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int) -> dict[str, An
     Memory is the resident memory of the whole group, as seen now and then; a page that two
     processes share counts twice.
     """
-    started, seconds, peak, excess = time.monotonic(), 0.0, 0, ""
+    started, oom_kills, seconds, peak, kind = time.monotonic(), _oom_kills(), 0.0, 0, "killed"
     while not (ended := os.wait4(builder, os.WNOHANG))[0]:
         seconds, peak = time.monotonic() - started, max(peak, _resident_bytes(builder))
         if max_seconds and seconds > max_seconds:
-            excess = "timeout"
+            kind = "timeout"
         elif max_bytes and peak > max_bytes:
-            excess = "memory"
-        if excess or select.select([0], [], [], 0)[0]:
+            kind = "memory"
+        if kind != "killed" or select.select([0], [], [], 0)[0]:
             _end(builder)
         time.sleep(_SECONDS_BETWEEN_LOOKS)
     _end(builder)  # what it started and left behind
-    status = os.waitstatus_to_exitcode(ended[1])
-    largest = ended[2].ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    status, largest = os.waitstatus_to_exitcode(ended[1]), ended[2].ru_maxrss * _MAXRSS_UNIT
     report = {"status": status, "seconds": seconds, "peak_memory_bytes": max(peak, largest)}
-    return {**report, "kind": excess or "killed"} if status < 0 else report
+    if status >= 0:
+        return report  # and the builder has told the rest
+    if kind == "killed" and _oom_kills() > oom_kills:
+        kind = "memory"
+    cause = f"by {signal.Signals(-status).name}" if kind == "killed" else _CAUSES[kind]
+    return {**report, "kind": kind, "message": f"ended {cause}"}
 
 
 def _build(job: dict[str, Any], terminal: int) -> int:
@@ -106,11 +110,8 @@ def _resident_bytes(group: int) -> int:
 
 def _oom_kills() -> int:
     """How many processes the kernel has ended so far for want of memory, in any container."""
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/vmstat").read_text().splitlines():
-            if line.startswith("oom_kill "):
-                return int(line.split()[1])
-    return 0
+    counters = Path("/proc/vmstat").read_text() if sys.platform == "linux" else ""
+    return sum(map(int, re.findall(r"^oom_kill (\d+)", counters, re.MULTILINE)))
 
 
 if __name__ == "__main__":

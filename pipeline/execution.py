@@ -12,7 +12,7 @@ import sys
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TextIO
 
@@ -59,8 +59,8 @@ class Job:
         lineage: Keys of the records upstream.
         timeout_seconds: When to end the build, if not 0.
         memory_limit_bytes: At which resident memory of its processes to end it, if not 0.
-        card: The value of CUDA_VISIBLE_DEVICES; None leaves it as it is.
-        lease: The descriptor whose flock holds the card, to be held by the build's processes too.
+        environment: Variables to set.
+        holds: Descriptors to hold open; the flock of one may be a lease on a GPU.
     """
 
     module: str
@@ -75,8 +75,8 @@ class Job:
     lineage: tuple[str, ...] = ()
     timeout_seconds: float = 0.0
     memory_limit_bytes: int = 0
-    card: str | None = None
-    lease: int | None = None
+    environment: Mapping[str, str] = field(default_factory=dict)
+    holds: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,37 +132,32 @@ class Subprocess:
                 supervisor.wait()
             finally:
                 said = supervisor.communicate()[0]  # which first closes its standard input
-        return self._report(said, supervisor.returncode)
+        return self._report(said, supervisor.returncode, job.log)
 
     def _start(self, specification: Path, job: Job) -> subprocess.Popen[bytes]:
         """A supervisor that reports on its standard output and may draw on our standard error."""
-        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1", **job.environment}
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-        if job.card is not None:
-            environment["CUDA_VISIBLE_DEVICES"] = job.card
-        terminal = os.dup(2)
-        try:
-            with Path(job.log).open("ab") as log:
-                return subprocess.Popen(
-                    [sys.executable, "-P", "-m", "pipeline.execute", specification, str(terminal)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=log,
-                    pass_fds=[terminal] if job.lease is None else [terminal, job.lease],
-                    env=environment,
-                    start_new_session=True,
-                )
-        finally:
-            os.close(terminal)
+        command = [sys.executable, "-P", "-m", "pipeline.execute", str(specification)]
+        with os.fdopen(os.dup(2), "wb") as terminal, Path(job.log).open("ab") as log:
+            return subprocess.Popen(
+                [*command, str(terminal.fileno())],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                pass_fds=(terminal.fileno(), *job.holds),
+                env=environment,
+                start_new_session=True,
+            )
 
-    def _report(self, said: bytes, status: int) -> Report:
+    def _report(self, said: bytes, status: int, log: str) -> Report:
         """Put together what the builder and the supervisor said; the last word counts."""
-        kind = "killed" if status < 0 else "crash"  # unless the builder says otherwise
-        fields: dict[str, Any] = {"kind": kind, "message": "", "status": status}
+        fields: dict[str, Any] = {"kind": "crash", "status": status}
         fields |= {"seconds": 0.0, "peak_memory_bytes": 0}
         for line in said.splitlines():
             fields |= json.loads(line)
-        return Report(**fields)
+        silent = f"ended with status {fields['status']} before it was done. Its log: {log}"
+        return Report(**{"message": silent, **fields})
 
 
 EXECUTORS: Mapping[str, Executor] = {"inline": Inline(), "subprocess": Subprocess()}

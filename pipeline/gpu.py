@@ -5,49 +5,48 @@ with the last of them, however they end. Like every lock here, it spares trouble
 """
 
 import contextlib
+import functools
 import os
 import re
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 from pipeline.errors import StoreError
 from pipeline.locks import try_lock
 from pipeline.settings import setting
 
+Lease: TypeAlias = tuple[dict[str, str], tuple[int, ...]]
+"""Variables for a build's environment, and open files for it to hold."""
 VISIBLE = "CUDA_VISIBLE_DEVICES"
 _SECONDS_BETWEEN_LOOKS = 0.5
-_CARD = re.compile(r"^(?:GPU(?!.*\n\s+MIG)|\s+MIG).*\(UUID: (.*)\)", re.MULTILINE)
+CARD = re.compile(r"^(?:GPU(?!.*\n\s+MIG)|\s+MIG).*\(UUID: (.*)\)", re.MULTILINE)
 """In what `nvidia-smi -L` prints: a whole card, or the parts of one that was divided."""
 
 
 @contextlib.contextmanager
-def leased(on_wait: Callable[[], object]) -> Iterator[tuple[str | None, int | None]]:
-    """Hold a card that nobody else has; call `on_wait` first where others hold all of them.
+def leased(say_so: Callable[[], object]) -> Iterator[Lease]:
+    """Hold a card that nobody else has; call `say_so` once where others hold all of them.
 
     Returns:
-        The card's UUID, and the descriptor whose flock holds it; two times None without cards.
+        What shows a build this card alone, and the file whose flock holds it; nothing where there
+        are no cards.
 
     Raises:
         StoreError: When the folder of leases cannot be used.
     """
+    say_once, card = functools.cache(say_so), None
     files = {card: _open(card) for card in visible(_cards(), os.environ.get(VISIBLE))}
     try:
-        card = _first_free(files)
-        if files and not card:
-            on_wait()
-        while files and not card:
+        while files and not (card := next((c for c in files if try_lock(files[c])), None)):
+            say_once()
             time.sleep(_SECONDS_BETWEEN_LOOKS)
-            card = _first_free(files)
-        yield card, files.get(card or "")
+        yield ({VISIBLE: card}, (files[card],)) if card else ({}, ())
     finally:
         for file in files.values():
             os.close(file)
-
-
-def _first_free(files: Mapping[str, int]) -> str | None:
-    return next((card for card, file in files.items() if try_lock(file)), None)
 
 
 def visible(cards: Sequence[str], wanted: str | None) -> list[str]:
@@ -59,18 +58,12 @@ def visible(cards: Sequence[str], wanted: str | None) -> list[str]:
     return [c for word in words for n, c in numbered if word == str(n) or c.startswith(word)]
 
 
-def cards_in(listing: str) -> list[str]:
-    """The UUIDs of the cards in what `nvidia-smi -L` prints."""
-    return _CARD.findall(listing)
-
-
 def _cards() -> list[str]:
     if told := setting("gpu", "cards"):
         return told.replace(",", " ").split()
     with contextlib.suppress(OSError, subprocess.SubprocessError):
-        command = ["nvidia-smi", "-L"]
-        run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-        return cards_in(run.stdout)
+        ask = ["nvidia-smi", "-L"]
+        return CARD.findall(subprocess.check_output(ask, text=True, timeout=60))
     return []
 
 

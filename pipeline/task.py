@@ -47,16 +47,10 @@ class StoredTask(luigi.Task):
     revision: ClassVar[str | None] = None
 
     timeout_seconds = luigi.FloatParameter(
-        default=0.0,
-        significant=False,
-        positional=False,
-        description="ends a longer build, if not 0",
+        default=0.0, significant=False, positional=False, description="ends longer builds"
     )
     memory_gib = luigi.FloatParameter(
-        default=0.0,
-        significant=False,
-        positional=False,
-        description="ends a build that takes more; 0: [store] memory_gib",
+        default=0.0, significant=False, positional=False, description="ends larger builds"
     )
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:

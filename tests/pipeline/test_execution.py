@@ -57,7 +57,7 @@ def test_a_killed_build_goes_on_from_its_checkpoint(toys):
 def test_out_of_time():
     failure = failure_of(Act("sleep", timeout_seconds=1))
     assert failure.kind == "timeout"
-    assert "took too long and was ended (1 s, 0." in failure.reason
+    assert "ended for taking too long (1 s, 0." in failure.reason
     assert "Allow it more with --Act-timeout-seconds. Its log: " in failure.reason
 
 

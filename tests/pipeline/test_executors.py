@@ -132,13 +132,11 @@ def test_within_its_limits_it_is_left_alone(job):
     assert report.kind == "built"
 
 
-@pytest.mark.parametrize(
-    ("card", "seen"), [("GPU-7", "GPU-7"), ("", ""), (None, "the user's choice")]
-)
-def test_it_sees_the_card_it_is_given(job, card, seen, monkeypatch):
+def test_it_sees_the_environment_it_is_given(job, monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "the user's choice")
-    acted("subprocess", job, "succeed", card=card)
-    assert (Path(job.out) / "whole.txt").read_text() == seen
+    for given, seen in ({"CUDA_VISIBLE_DEVICES": "GPU-7"}, "GPU-7"), ({}, "the user's choice"):
+        assert acted("subprocess", job, "succeed", environment=given).kind == "built"
+        assert (Path(job.out) / "whole.txt").read_text() == seen
 
 
 def test_it_holds_the_lease_itself(job, tmp_path, toys):
@@ -147,7 +145,9 @@ def test_it_holds_the_lease_itself(job, tmp_path, toys):
 
     mine, others = (os.open(tmp_path / "log", os.O_RDONLY) for _ in range(2))
     assert try_lock(mine)
-    run = threading.Thread(target=acted, args=("subprocess", job, "sleep"), kwargs={"lease": mine})
+    run = threading.Thread(
+        target=acted, args=("subprocess", job, "sleep"), kwargs={"holds": (mine,)}
+    )
     run.start()
     builder = pids_of_slow(toys)[0]
     os.close(mine)

@@ -139,8 +139,8 @@ GPU 0: NVIDIA A100-SXM4-40GB (UUID: GPU-aa)
   MIG 3g.20gb     Device  1: (UUID: MIG-a1)
 GPU 1: NVIDIA A100-SXM4-40GB (UUID: GPU-bb)
 """
-    assert gpu.cards_in(listing) == ["MIG-a0", "MIG-a1", "GPU-bb"]
-    assert gpu.cards_in("No devices found.\n") == []
+    assert gpu.CARD.findall(listing) == ["MIG-a0", "MIG-a1", "GPU-bb"]
+    assert gpu.CARD.findall("No devices found.\n") == []
 
 
 @pytest.mark.parametrize(
@@ -163,9 +163,10 @@ def test_the_leases_are_open_to_other_users(cards, tmp_path):
     cards("GPU-a")
     before = os.umask(0o077)
     try:
-        with gpu.leased(lambda: None) as (card, descriptor):
-            assert (card, os.umask(0o077)) == ("GPU-a", 0o077)
-            assert descriptor is not None
+        with gpu.leased(lambda: None) as (environment, holds):
+            assert environment == {"CUDA_VISIBLE_DEVICES": "GPU-a"}
+            assert len(holds) == 1
+            assert os.umask(0o077) == 0o077
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "leases").stat().st_mode) == 0o1777

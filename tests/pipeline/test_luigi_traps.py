@@ -30,7 +30,7 @@ def luigi(*arguments: str) -> tuple[int, str]:
         (["Act", "--act", "refuse"], 30, "words/bad: is no word. Choose another one."),
         (["Act", "--act", "crash"], 30, "RuntimeError: a defect. The trace is in"),
         (["Act", "--act", "be_killed"], 30, "ended by SIGKILL"),
-        (["Act", "--act", "sleep", "--timeout-seconds", "1"], 30, "took too long"),
+        (["Act", "--act", "sleep", "--timeout-seconds", "1"], 30, "ended for taking too long"),
         (["Act", "--act", "eat", "--Act-memory-gib", "0.2"], 30, "for want of memory"),
         (["Forgetful", "--word", "a"], 30, "complete() is still returning false"),
         (["Rootless", "--word", "a"], 35, "a defect in requires"),
@@ -64,7 +64,7 @@ def test_failures_are_found_again_without_the_screen():
 def test_settings_and_words_of_a_family_limit_its_builds(tmp_path, monkeypatch):
     (tmp_path / "limits.cfg").write_text("[Act]\ntimeout_seconds = 1\n")
     monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "limits.cfg"))
-    assert "took too long" in luigi("Act", "--act", "sleep")[1]
+    assert "ended for taking too long" in luigi("Act", "--act", "sleep")[1]
     (tmp_path / "limits.cfg").write_text("[store]\nmemory_gib = 0.2\n")
     assert "for want of memory" in luigi("Act", "--act", "eat")[1]
 
