@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
-from store_toys import ToyError, Word, mark
+from store_toys import Slow, ToyError, Word, mark
 
 from pipeline.task import RunContext, StoredTask
 
@@ -38,6 +38,9 @@ class Act(StoredTask):
 
     def succeed(self, run: RunContext) -> None:
         pass
+
+    def sleep_a_little(self, run: RunContext) -> None:
+        time.sleep(1)
 
     def refuse(self, run: RunContext) -> None:
         raise ToyError("words/bad: is no word. Choose another one.")
@@ -88,6 +91,13 @@ class Acts(luigi.WrapperTask):
 
     def requires(self) -> list[StoredTask]:
         return [Act(act) for act in self.acts]
+
+
+class SlowBatch(luigi.WrapperTask):
+    """More to do than what another worker may be at."""
+
+    def requires(self) -> StoredTask:
+        return Slow()
 
 
 class Settled(StoredTask):

@@ -1,0 +1,151 @@
+"""Several commands under a real `luigid`, some of them killed."""
+
+import configparser
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from store_toys import built
+from test_command import ROOT, are_gone, pids_of_slow, start
+
+from pipeline.settings import current_store
+from pipeline.verify import problems, records
+
+
+class Scheduler:
+    """A `luigid` on a free port, and the settings for it and for its workers."""
+
+    def __init__(self, folder: Path) -> None:
+        self.config = folder / "cluster.cfg"
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            self.port = server.getsockname()[1]
+        settings = configparser.ConfigParser()
+        settings.read(ROOT / "luigi.cluster.cfg")
+        settings["core"]["scheduler_url"] = f"http://127.0.0.1:{self.port}/"
+        settings["core"]["rpc_retry_attempts"] = "2"
+        settings["core"]["rpc_retry_wait"] = "1"
+        settings["scheduler"].update({"worker_disconnect_delay": "2", "retry_delay": "1"})
+        settings["scheduler"]["prune_on_get_work"] = "true"
+        settings["worker"]["max_keep_alive_idle_duration"] = "5 seconds"
+        with self.config.open("w") as file:
+            settings.write(file)
+        self.start()
+
+    def start(self) -> None:
+        command = [Path(sys.executable).with_name("luigid"), "--address", "127.0.0.1"]
+        self.process = subprocess.Popen(
+            [*command, "--port", str(self.port)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd=self.config.parent,
+        )
+        deadline = time.monotonic() + 30
+        while time.monotonic() < deadline:
+            try:
+                socket.create_connection(("127.0.0.1", self.port), timeout=1).close()
+            except OSError:
+                time.sleep(0.05)
+            else:
+                return
+        raise TimeoutError("luigid does not answer")
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+@pytest.fixture
+def luigid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scheduler]:
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "cluster.cfg"))
+    scheduler = Scheduler(tmp_path)
+    yield scheduler
+    scheduler.kill()
+
+
+def worker(*arguments: str) -> subprocess.Popen[str]:
+    return start("luigi", "--module", "build_toys", *arguments)
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
+    screen = "".join(process.communicate(timeout=60))
+    return process.returncode, screen
+
+
+@pytest.mark.usefixtures("luigid")
+def test_two_workers_build_a_batch_once():
+    """Status 10 and 25 say that the other did, or does, a part."""
+    words = ["Acts", "--acts", '["succeed", "sleep_a_little"]']
+    outcomes = [finish(process) for process in [worker(*words), worker(*words)]]
+    assert {status for status, _ in outcomes} <= {0, 10, 25}, outcomes
+    assert built() == ["Act sleep_a_little", "Act succeed"]
+
+
+@pytest.mark.usefixtures("luigid")
+def test_what_a_killed_worker_was_building_is_built_by_another(toys):
+    lost = worker("SlowBatch")
+    pids = pids_of_slow(toys)
+    other = worker("SlowBatch")
+    time.sleep(2)  # until it waits
+    lost.kill()
+    lost.communicate()
+    assert are_gone(pids)
+    status, screen = finish(other)
+    assert status in (0, 10), screen
+    assert "Slow sleep: done in" in screen
+    (record,) = records(current_store())
+    artifact = current_store().object(record.output.digest)
+    assert (artifact / "result.txt").read_text() == "resumed"
+    assert not list(problems(current_store(), deep=True))
+
+
+def test_a_killed_luigid_costs_no_build(luigid):
+    process = worker("Lasting", "--steps", "20")
+    while not built():
+        time.sleep(0.02)
+    luigid.kill()
+    status, screen = finish(process)
+    assert status == 40
+    assert "Lasting: done in" in screen
+    assert "Errors (2 attempts) when connecting to remote scheduler" in screen
+    assert "Traceback" not in screen
+    luigid.start()
+    status, screen = finish(worker("Lasting", "--steps", "20"))
+    assert status == 0
+    assert "Did not run any tasks" in screen
+    assert built() == ["Lasting"]
+
+
+def test_a_luigid_that_comes_back_is_not_missed(luigid):
+    process = worker("Lasting", "--steps", "40")
+    while not built():
+        time.sleep(0.02)
+    luigid.kill()
+    luigid.start()
+    status, screen = finish(process)
+    assert status == 0, screen
+    assert built() == ["Lasting"]
+
+
+@pytest.mark.usefixtures("luigid")
+def test_a_missing_input_ends_the_batch(tmp_path):
+    status, screen = finish(worker("WithGiven", "--path", str(tmp_path / "given")))
+    assert status == 20, screen
+    assert built() == ["Word a"]
+
+
+@pytest.mark.usefixtures("luigid")
+def test_a_failure_is_a_failure_here_too():
+    status, screen = finish(worker("Acts", "--acts", '["crash", "succeed"]'))
+    assert status == 30, screen
+    assert built() == ["Act crash", "Act crash", "Act succeed"], "a lost machine looks the same"
+
+
+def test_a_slow_answer_does_not_make_a_worker_lost():
+    settings = configparser.ConfigParser()
+    settings.read(ROOT / "luigi.cluster.cfg")
+    assert settings.getint("scheduler", "worker_disconnect_delay") >= 600
+    assert settings.getint("scheduler", "retry_count") == 2
