@@ -1,7 +1,8 @@
 """A content-addressed store under Luigi: what a task makes is kept by what it was made from.
 
 Read in this order: `canonical`, `digest` and `code_identity` (what an artifact *is*), `record`,
-`store` and `publication` (where it lies and how it gets there), `execution` and `execute` (who
-builds it), `building` (one build from first to last), `task` (what a Luigi task inherits).
+`store` and `publication` (where it lies and how it gets there), `execution`, `execute` and `gpu`
+(who builds it, on what), `building` (one build from first to last), `task` (what a Luigi task
+inherits).
 `docs/store.md` states the promises.
 """

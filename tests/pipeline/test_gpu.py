@@ -60,7 +60,7 @@ def finish(*commands) -> list[str]:
 
 def test_two_commands_never_share_a_card(cards):
     cards("GPU-a")
-    screens = finish(on_card("one"), on_card("two"))
+    screens = finish(on_card("one", "--seconds", "3"), on_card("two", "--seconds", "3"))
     (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
     assert first_end <= second_begin
     assert {card for card, _, _ in turns().values()} == {"GPU-a"}

@@ -2,6 +2,7 @@
 
 import json
 import signal
+import time
 from pathlib import Path
 
 import luigi as luigi_package
@@ -59,6 +60,15 @@ def test_failures_are_found_again_without_the_screen():
     shown = json.loads(start("pipeline", "show", record.action.key, "--json").communicate()[0])
     (log,) = (row["value"] for row in shown if row["fact"] == "log")
     assert "printed by python" in Path(log).read_text()
+
+
+def test_a_store_that_cannot_be_used_is_a_failure_in_one_line():
+    """`complete()` meets it first, and must not raise."""
+    (current_store().root / "format").write_text("styletrf store 99\n")
+    status, screen = luigi("Act", "--act", "succeed")
+    assert status == 30
+    assert "'styletrf store 99'; this program reads 'styletrf store 1'" in screen
+    assert "Traceback" not in screen
 
 
 def test_settings_and_words_of_a_family_limit_its_builds(tmp_path, monkeypatch):
@@ -126,8 +136,9 @@ def test_early_cut_off_within_one_command():
 def test_ctrl_c_with_workers_is_one_line(toys):
     process = start("luigi", "--module", "build_toys", "Act", "--act", "sleep", "--workers", "2")
     pids = pids_of_slow(toys)
-    for member in [psutil.Process(process.pid), *psutil.Process(process.pid).children()]:
-        member.send_signal(signal.SIGINT)  # as a terminal does
+    for member in [*psutil.Process(process.pid).children(), psutil.Process(process.pid)]:
+        member.send_signal(signal.SIGINT)  # as a terminal does, and a busy machine delivers it
+        time.sleep(0.5)
     screen = "".join(process.communicate(timeout=20))
     assert process.returncode not in (0, None)
     assert are_gone(pids)
