@@ -4,7 +4,7 @@ import argparse
 import json
 import sys
 
-from pipeline import commands
+from pipeline import code_commands, commands
 from pipeline.commands import Rows
 from pipeline.errors import StoreError
 from pipeline.settings import current_store
@@ -25,7 +25,8 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m pipeline", description=__doc__)
     subparsers = parser.add_subparsers(dest="command", required=True)
-    for name, (run, explanation, parameters) in commands.COMMANDS.items():
+    every = {**commands.COMMANDS, **code_commands.COMMANDS}
+    for name, (run, explanation, parameters) in every.items():
         command = subparsers.add_parser(name, help=explanation, description=explanation)
         command.add_argument("--json", action="store_true", help="for programs")
         for flags, settings in parameters.items():

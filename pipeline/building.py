@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.canonical import Json
+from pipeline.code_identity import closure, keep
 from pipeline.errors import TaskFailure
 from pipeline.execution import EXECUTORS, Job, Report, is_interactive
 from pipeline.gpu import VISIBLE, Lease, leased
@@ -83,6 +84,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
                 "seconds": round(report.seconds, 3),
                 "peak_memory_bytes": report.peak_memory_bytes,
                 "log": log.relative_to(store.root).as_posix(),
+                "closure": "" if task.revision else keep(closure(type(task)), store),
             }
             record = publish(store, workspace / "out", action, provenance)
         shutil.rmtree(resume, ignore_errors=True)

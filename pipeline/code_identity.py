@@ -1,186 +1,201 @@
 """The identity of a task's code: everything in the project that its `build` can reach.
 
 Names are followed statically, function by function, across the modules of the project, without
-importing them (they load torch). Comments, formatting and docstrings do not count. Where a name
-cannot be told apart, more is taken than needed: a module used as an object counts whole. Not
-followed is what the key holds by value: parameters, and `self.x` in `identity_parameters`' result.
-`pipeline` itself is left out: a change there that alters artifacts changes a tag in `record`.
+importing them (they load torch). Comments, formatting and docstrings do not count; a file of the
+package counts for the code that names it. Where a name cannot be told apart, more is taken than
+needed: a module used as an object counts whole, and what a module does when it is imported counts
+for all who import it. What cannot be followed at all is refused. Not followed is what the key
+holds by value: parameters, and `self.x` in `identity_parameters`' result. `pipeline` itself is
+left out: a change there that alters artifacts changes a tag in `record`.
 """
 
 import ast
+import functools
+import itertools
+import json
 import re
+import uuid
 from collections.abc import Iterator, Mapping
 
 from pipeline.canonical import canonical_json
-from pipeline.digest import typed_digest
-from pipeline.source import Source, Symbol, imports_in, names_bound_by, read_source
+from pipeline.digest import file_digest, typed_digest
+from pipeline.errors import StoreError
+from pipeline.source import Imports, Source, Symbol, data_files, dotted_names, imports_in, read
+from pipeline.store import Store
 
 PROJECT = {"styletrf", "tasks"}
 IDENTITY = "identity_parameters"
+_HIDING = re.compile(
+    r"Name\(id='(?:eval|exec|globals|__doc__)'"
+    r"|(?:attr|name|arg)='(?:__doc__|__subclasses__|__init_subclass__|metaclass)'"
+    r"|='(?:import_module|__import__)', ctx=Load\(\)\), args=\[(?!Constant)"
+)
+"""In a syntax tree as `ast.dump` writes it: what uses more than its text names."""
+_BESIDE = re.compile(r"__(file|path|spec|package)__|importlib\.resources|pkgutil")
+_MODULE = re.compile(r"\w+(\.\w+)+")
+_OWN = re.compile(r"self\.(\w+)(\(\))?")
+_OUTSIDE = Source("", {}, {}, {})
 
 
-def code_digest(task_class: type) -> str:
-    """Digest of the code that `task_class.build` depends on, as the files are now."""
-    found = closure(task_class.__module__, task_class.__qualname__)
-    return typed_digest("pipeline-code-v1", canonical_json(found))
+def code_digest(members: Mapping[str, str]) -> str:
+    """The digest of all that `closure` found."""
+    return typed_digest("pipeline-code-v2", canonical_json(members))
 
 
-def closure(module: str, class_name: str, entry: str = "build") -> dict[str, str]:
-    """All that the method `entry` of a class depends on: normalised code by qualified name."""
-    walk = _Walk(module, class_name)
-    walk.take_member(entry)
+def closure(task_class: type) -> dict[str, str]:
+    """What the class's `build` depends on, as the files are now: digests of code by its name.
+
+    Raises:
+        StoreError: When it reaches what cannot be followed, such as `eval`.
+    """
+    walk = _Walk(task_class.__module__, task_class.__qualname__)
     while walk.pending:
-        walk.visit(*walk.pending.pop())
+        walk.visit(walk.pending.pop())
     return walk.found
 
 
+def keep(members: Mapping[str, str], store: Store) -> str:
+    """Write what `closure` found into the store, unless it is there; returns its digest."""
+    digest = code_digest(members)
+    if kept(digest, store) is None:
+        temporary = store.root / "tmp" / f"{digest}.{uuid.uuid4().hex}.json"
+        temporary.write_bytes(canonical_json(members))
+        store.code(digest).parent.mkdir(exist_ok=True)
+        temporary.replace(store.code(digest))
+    return digest
+
+
+def kept(digest: str, store: Store) -> dict[str, str] | None:
+    """What `keep` wrote under the digest, if it is there and whole."""
+    try:
+        members: dict[str, str] = json.loads(store.code(digest).read_bytes())
+    except (OSError, ValueError):
+        return None
+    return members if code_digest(members) == digest else None
+
+
 class _Walk:
-    """From one task's class outwards; `found` is the result, `pending` what is still to read."""
+    """From one task's class outwards; `found` is the result, `pending` what is still to read.
+
+    A symbol of one part is a module used as an object; of two, a top-level name, or "" for what
+    runs when the module is imported; of three, a member of the task's class or of a base.
+    """
 
     def __init__(self, module: str, class_name: str) -> None:
-        self.task = (module, class_name)
+        self.task = f"{module}:{class_name}"
         self.roots = {module.split(".")[0], *PROJECT} - {"pipeline"}
-        self.found: dict[str, str] = {}
-        self.pending: list[tuple[str, ast.stmt, bool]] = []
-        self._followed: set[Symbol] = set()
-        self._sources: dict[str, Source | None] = {}
+        self.files = {name: file for root in self.roots for name, file in data_files(root).items()}
+        ours = self.roots.__contains__
+        self.source = functools.cache(lambda m: (ours(m.split(".")[0]) and read(m)) or _OUTSIDE)
+        self.classes = list(self._lineage(module, class_name))
+        self.by_value = self._keyed_by_value()
+        self.found = {f"{self.task}.__mro__": code_digest({"": str(self.classes)})}
+        self.pending = [*self._members("build")] or [(module,)]  # a class made inside a function
+        self._seen: set[Symbol] = set()
 
-    def visit(self, module: str, statement: ast.stmt, is_member: bool) -> None:  # noqa: FBT001
-        """Follow every name in a statement; in a member of the task's class, `self` too."""
-        source = self._source(module)
-        local = dict(imports_in(statement, source.package)) if source else {}
-        for path in _paths(statement):
-            if is_member and path[0] in ("self", "cls"):
-                self.take_member(path[1] if len(path) > 1 else None)
-            else:
-                self.follow(self._resolve(module, path, local))
-
-    def follow(self, symbol: Symbol | None) -> None:
-        """Take in a top-level name, or all of a module."""
-        if symbol is None or symbol in self._followed:
-            return
-        self._followed.add(symbol)
+    def visit(self, symbol: Symbol) -> None:
+        """Note what a piece of code says and what its names mean; go on to what they mean."""
         module, *names = symbol
-        source = self._source(module)
-        if source is None:
+        source = self.source(module)
+        if source is _OUTSIDE or symbol in self._seen:
             return
-        self._take(f"{module}:", module, source.effects)
-        for name in names or source.bindings:
-            self._take(f"{module}:{name}", module, source.bindings[name])
-        for name in () if names else source.imports:
-            self.follow(self._resolve(module, (name,), {}))
+        self._seen.add(symbol)
+        pieces = source.members[names[0]] if names[1:] else source.bindings
+        code = ast.Module(pieces.get(names[-1], []) if names else [], [])
+        local, paths = imports_in(code, source.package), set(dotted_names(code))
+        if not names:
+            paths = {(name,) for name in (*source.bindings, *source.imports)}
+        meanings = {".".join(path): self._resolve(module, path, local) for path in paths}
+        self.pending += itertools.chain(*meanings.values())
+        self.pending += self._run_by(module, source.imports if names == [""] else local)
+        self.pending += self._registered(module) if names == [""] else ()
+        for path in paths - self.by_value if names[1:] else ():
+            if path[0] in ("self", "cls"):
+                self.pending += self._members(*path[1:2])
+        if code.body:
+            self._note(f"{module}:{'.'.join(names)}", code, meanings)
 
-    def take_member(self, member: str | None) -> None:
-        """Take in a method or constant of the task's class and its bases; all of them for None."""
-        source = self._source(self.task[0])
-        if source is None or self.task[1] not in source.bindings:
-            self.follow(self.task[:1])
-            return
-        if member in self._keyed_by_value():
-            return
-        for module, definition in self._lineage(*self.task):
-            chosen = [part for part in definition.body if _belongs_to(member, part)]
-            self._take(
-                f"{module}:{definition.name}.{member or '*'}", module, chosen, is_member=True
+    def _note(self, name: str, code: ast.Module, meanings: Mapping[str, list[Symbol]]) -> None:
+        """Put a piece of code among the found, with the files of the project that it names."""
+        text = ast.dump(code)
+        strings = {str(part.value) for part in ast.walk(code) if isinstance(part, ast.Constant)}
+        for string in filter(_MODULE.fullmatch, strings):
+            self.pending += self._locate(tuple(string.split(".")))
+        files = [file for file in self.files if any(f"/{s}/" in f"{file}/" for s in strings)]
+        words = {*meanings, *(".".join(symbol) for each in meanings.values() for symbol in each)}
+        hiding = [*_HIDING.findall(text), *filter(_BESIDE.match, () if files else words)]
+        if hiding:
+            raise StoreError(
+                f"{self.task}: its build reaches {name}, where {hiding[0]} hides what is used."
+                " Name that in the code, or give the task a `revision`."
             )
+        self.found[name] = typed_digest("pipeline-code-v2", text.encode(), canonical_json(meanings))
+        self.found |= {file: file_digest(self.files[file]) for file in files}
 
-    def _keyed_by_value(self) -> set[str]:
-        """The members whose values `identity_parameters` returns: `{"config": self.config}`."""
-        keyed = {IDENTITY}
-        for _, definition in self._lineage(*self.task):
-            for method in (part for part in definition.body if IDENTITY in names_bound_by(part)):
-                returns = [part.value for part in ast.walk(method) if isinstance(part, ast.Return)]
-                if len(returns) == 1 and isinstance(returns[0], ast.Dict):
-                    keyed |= {name for value in returns[0].values for name in _member_in(value)}
+    def _members(self, member: str = "") -> Iterator[Symbol]:
+        """A method or constant of the task's class and its bases; without a name, all of them."""
+        for module, name in self.classes:
+            every = self.source(module).members[name]
+            for each in {member, ""} if member else every:
+                yield module, name, each
+
+    def _keyed_by_value(self) -> set[Symbol]:
+        """The names whose values `identity_parameters` returns: `{"config": self.config}`."""
+        keyed: set[Symbol] = {("self", IDENTITY)}
+        for module, name in self.classes:
+            for method in self.source(module).members[name].get(IDENTITY, []):
+                match [part.value for part in ast.walk(method) if isinstance(part, ast.Return)]:
+                    case [ast.Dict(values=values)]:
+                        owned = (_OWN.fullmatch(ast.unparse(value)) for value in values)
+                        keyed |= {("self", own[1]) for own in owned if own}
                 if "super()" not in ast.unparse(method):
                     return keyed
         return keyed
 
-    def _take(
-        self, where: str, module: str, statements: list[ast.stmt], *, is_member: bool = False
-    ) -> None:
-        if statements and where not in self.found:
-            self.found[where] = " ".join(ast.dump(statement) for statement in statements)
-            self.pending.extend((module, statement, is_member) for statement in statements)
+    def _run_by(self, module: str, imports: Imports) -> Iterator[Symbol]:
+        """What runs because a module, and what it imports, is imported."""
+        yield from ((module, ""), (module.rpartition(".")[0], ""))
+        for target in itertools.chain(*imports.values()):
+            yield from ((target[0], ""), (".".join(target), ""))
+            yield from [target[:1]] if target[-1] == "*" else []
 
-    def _lineage(self, module: str, name: str) -> Iterator[tuple[str, ast.ClassDef]]:
+    def _registered(self, module: str) -> Iterator[Symbol]:
+        """The definitions that a decorator of the project sees when the module is imported."""
+        for name, statements in self.source(module).bindings.items():
+            marks = [mark for part in statements for mark in getattr(part, "decorator_list", [])]
+            paths = [path for mark in marks for path in dotted_names(getattr(mark, "func", mark))]
+            meant = [symbol for path in paths for symbol in self._resolve(module, path, {})]
+            if any(self.source(symbol[0]) is not _OUTSIDE for symbol in meant):
+                yield module, name
+
+    def _lineage(self, module: str, name: str) -> Iterator[Symbol]:
         """The class and its bases in the project, nearest first."""
-        source = self._source(module)
-        for definition in source.bindings.get(name, []) if source else []:
-            if isinstance(definition, ast.ClassDef):
-                yield module, definition
-                for path in (path for base in definition.bases for path in _paths(base)):
-                    if (symbol := self._resolve(module, path, {})) and len(symbol) > 1:
-                        yield from self._lineage(symbol[0], symbol[1])
+        source = self.source(module)
+        if name in source.members:
+            yield module, name
+            bases = [base for part in source.bindings[name] for base in getattr(part, "bases", [])]
+            for path in (path for base in bases for path in dotted_names(base)):
+                for symbol in self._resolve(module, path, {}):
+                    yield from self._lineage(symbol[0], symbol[-1])
 
-    def _resolve(self, module: str, path: Symbol, local: Mapping[str, Symbol]) -> Symbol | None:
-        """Where the dotted path, as read in `module`, is defined; None outside the project."""
-        head, *rest = path
-        if head in self.roots and head not in local:
-            return self._locate(path)  # a string that names a module, or `import styletrf.x`
-        if head in local:
-            self._note_import(module, head, local[head])
-            return self._locate((*local[head], *rest))
-        source = self._source(module)
-        known = source and (head in source.bindings or head in source.imports)
-        return self._locate((module, *path)) if known else None
+    def _resolve(self, module: str, path: Symbol, local: Imports) -> list[Symbol]:
+        """Where the dotted path, as read in `module`, is defined; nowhere for a local name."""
+        source, head = self.source(module), path[0]
+        is_known = head in source.bindings or head in source.imports
+        targets = [(*target, *path[1:]) for target in local.get(head, [])]
+        targets = targets or [(module, *path)] * is_known
+        return [symbol for target in targets for symbol in self._locate(target)]
 
-    def _locate(self, symbol: Symbol) -> Symbol | None:
-        """The symbol's defining module and name, through submodules and re-exports."""
+    def _locate(self, symbol: Symbol) -> list[Symbol]:
+        """Where a dotted name is defined, through submodules and re-exports; outside, as it is."""
         module, *names = symbol
-        source = self._source(module)
-        if source is None or not names:
-            return symbol if source else None
-        head, *rest = names
-        if head in source.bindings:
-            return module, head
-        target = source.imports.get(head)
-        if target and target != (module, head):
-            self._note_import(module, head, target)
-            return self._locate((*target, *rest))
-        if self._source(f"{module}.{head}"):
-            return self._locate((f"{module}.{head}", *rest))
-        return (module,)
-
-    def _note_import(self, module: str, name: str, target: Symbol) -> None:
-        self.found[f"{module}:{name} = {'.'.join(target)}"] = ""
-
-    def _source(self, module: str) -> Source | None:
-        if module not in self._sources:
-            is_ours = module.split(".")[0] in self.roots
-            self._sources[module] = read_source(module) if is_ours else None
-        return self._sources[module]
-
-
-def _paths(node: ast.AST) -> Iterator[Symbol]:
-    """The dotted names in a piece of code: `a.b.c` whole; `super().x` as `self.x`."""
-    text = ""
-    if isinstance(node, ast.Name | ast.Attribute):
-        text = ast.unparse(node).replace("super().", "self.")
-    elif isinstance(node, ast.Constant) and "." in str(node.value):
-        text = str(node.value)
-    if re.fullmatch(r"[^\W\d]\w*(\.\w+)*", text):
-        yield tuple(text.split("."))
-    else:
-        for child in ast.iter_child_nodes(node):
-            yield from _paths(child)
-
-
-def _member_in(value: ast.expr) -> list[str]:
-    """`["x"]` for the expressions `self.x` and `self.x()`."""
-    text = re.fullmatch(r"self\.(\w+)(\(\))?", ast.unparse(value))
-    return [text[1]] if text else []
-
-
-def _belongs_to(member: str | None, statement: ast.stmt) -> bool:
-    """Whether a statement of a class's body makes the member (any, for None).
-
-    Never `name = luigi.SomeParameter(...)`, whose value the key holds by itself; always what binds
-    no name we can tell, such as an `if`.
-    """
-    match statement:
-        case ast.Assign(value=ast.Call(func=called)) | ast.AnnAssign(value=ast.Call(func=called)):
-            if ast.unparse(called).endswith("Parameter"):
-                return False
-    names = names_bound_by(statement)
-    return member is None or member in names or not names
+        source = self.source(module)
+        if source is _OUTSIDE or not names:
+            return [symbol]
+        found: list[Symbol] = [(module, names[0])] if names[0] in source.bindings else []
+        targets = [t for t in source.imports.get(names[0], []) if t != (module, names[0])]
+        inner = f"{module}.{names[0]}"
+        if not found and not targets and self.source(inner) is not _OUTSIDE:
+            targets = [(inner,)]
+        found += [s for target in targets for s in self._locate((*target, *names[1:]))]
+        return found or [(module,)]

@@ -93,7 +93,8 @@ def _row(record: ActionRecord) -> dict[str, Json]:
 
 
 Parameters: TypeAlias = Mapping[str, Mapping[str, Any]]
-COMMANDS: Mapping[str, tuple[Callable[[Store, Namespace], Answer], str, Parameters]] = {
+Command: TypeAlias = tuple[Callable[[Store, Namespace], Answer], str, Parameters]
+COMMANDS: Mapping[str, Command] = {
     "ls": (
         ls,
         "one line an artifact",

@@ -13,6 +13,7 @@ from pipeline.store import Store, open_store
 _DEFAULTS = {
     ("store", "root"): "store",  # STYLETRF_STORE wins
     ("store", "salt"): "",  # another word disowns all artifacts
+    ("store", "identity"): "tasks/identity.json",  # the snapshot of the code, with adoptions
     ("store", "executor"): "subprocess",  # "inline" builds in this process, for tests
     ("store", "locks"): "true",  # whether one process at a time builds a key
     ("store", "memory_gib"): "0",  # at which a build is ended, if not 0

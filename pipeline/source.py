@@ -3,12 +3,16 @@
 import ast
 import functools
 import importlib.util
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 Symbol = tuple[str, ...]
 """A module, and the names to follow inside it."""
+Pieces = dict[str, list[ast.stmt]]
+"""Statements by the names they make or alter; by "" those that bind none, which always run."""
+Imports = dict[str, list[Symbol]]
+"""What a name stands for (several things where imports are tried); `*`: whole modules."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,96 +21,117 @@ class Source:
 
     Attributes:
         package: What its relative imports start from.
-        bindings: The statements that make each top-level function, class and constant.
-        imports: What each imported name stands for.
-        effects: All other statements, which run whatever is used of the module.
+        bindings: Its functions, classes and constants.
+        members: Of each class the methods and constants, but not `x = luigi.SomeParameter()`, which
+            the key holds by value; by "" also its decorators, and what alters it from outside.
+        imports: What its imports bind, where they stand outside functions and classes.
     """
 
     package: str
-    bindings: Mapping[str, list[ast.stmt]]
-    imports: Mapping[str, Symbol]
-    effects: list[ast.stmt]
+    bindings: Pieces
+    members: Mapping[str, Pieces]
+    imports: Imports
 
 
-def read_source(module: str) -> Source | None:
+def read(module: str) -> Source | None:
     """The source of a module; None where there is none, such as for a name inside a module."""
+    file = source_file(module)
+    return _parse(file.read_bytes(), module, file.name == "__init__.py") if file else None
+
+
+def source_file(module: str) -> Path | None:
+    """Where a module's source lies, found without importing anything."""
     root, *rest = module.split(".")
-    spec = importlib.util.find_spec(root)  # of a top-level name, this imports nothing
-    if spec is None:
-        return None
-    locations = spec.submodule_search_locations
-    paths = [Path(location, *rest) for location in locations or []]
-    candidates = [
-        file for path in paths for file in (path / "__init__.py", path.with_suffix(".py"))
-    ]
-    if locations is None and spec.origin and not rest:
-        candidates = [Path(spec.origin)]
-    for file in candidates:
-        if file.suffix == ".py" and file.is_file():
-            return _parse(file, module, file.stat().st_mtime_ns, file.stat().st_size)
-    return None
+    spec = importlib.util.find_spec(root)
+    places = (spec and spec.submodule_search_locations) or ()
+    folders = [Path(place, *rest) for place in places]
+    files = [file for path in folders for file in (path / "__init__.py", path.with_suffix(".py"))]
+    if spec and spec.origin and not rest:
+        files.append(Path(spec.origin))
+    return next((file for file in files if file.suffix == ".py" and file.is_file()), None)
 
 
-def imports_in(node: ast.AST, package: str) -> Iterator[tuple[str, Symbol]]:
-    """The names that the import statements anywhere in `node` bind, and what they stand for."""
+def data_files(package: str) -> dict[str, Path]:
+    """The files of a package that are no code, by name."""
+    file = source_file(package)
+    found = file.parent.rglob("*") if file and file.name == "__init__.py" else ()
+    files = [path for path in found if path.suffix not in (".py", ".pyc") and path.is_file()]
+    return {f"{package}/{path.relative_to(file.parent)}": path for path in files if file}
+
+
+def imports_in(node: ast.AST, package: str) -> Imports:
+    """What the import statements anywhere in `node` bind; by "" the modules they run besides."""
+    found: Imports = {}
     for part in ast.walk(node):
         if isinstance(part, ast.Import):
             for alias in part.names:
-                whole, top = alias.name, alias.name.split(".")[0]
-                yield (alias.asname, (whole,)) if alias.asname else (top, (top,))
+                top = alias.name if alias.asname else alias.name.split(".")[0]
+                found.setdefault(alias.asname or top, []).append((top,))
+                found.setdefault("", []).append((alias.name,))
         elif isinstance(part, ast.ImportFrom):
-            parents = package.split(".") if part.level else []
-            base = parents[: len(parents) - part.level + 1]
-            module = ".".join([*base, part.module] if part.module else base)
+            module = importlib.util.resolve_name("." * part.level + (part.module or ""), package)
             for alias in part.names:
-                yield alias.asname or alias.name, (module, alias.name)
+                found.setdefault(alias.asname or alias.name, []).append((module, alias.name))
+    return found
+
+
+def dotted_names(node: ast.AST) -> Iterator[Symbol]:
+    """The names in a piece of code: `a.b.c` whole; `super().x` as `self.x`."""
+    names: Symbol = ()
+    while isinstance(node, ast.Attribute):
+        names, node = (node.attr, *names), node.value
+    if isinstance(node, ast.Name):
+        yield node.id, *names
+    elif names and ast.unparse(node) == "super()":
+        yield "self", *names
+    else:
+        for child in ast.iter_child_nodes(node):
+            yield from dotted_names(child)
 
 
 @functools.cache
-def _parse(file: Path, name: str, _mtime_ns: int, _size: int) -> Source:
-    tree = ast.parse(file.read_bytes())
-    _strip_docstrings(tree)
-    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    bindings: dict[str, list[ast.stmt]] = {}
-    imports: dict[str, Symbol] = {}
-    effects: list[ast.stmt] = []
-    for statement in tree.body:
-        if names := names_bound_by(statement):
-            for bound in names:
-                bindings.setdefault(bound, []).append(statement)
-            continue
-        imports |= imports_in(statement, package)
-        if not isinstance(statement, ast.Import | ast.ImportFrom):
-            effects.append(statement)
-    return Source(package, bindings, imports, effects)
-
-
-def _strip_docstrings(tree: ast.AST) -> None:
-    """Drop every statement that is nothing but a string."""
+def _parse(text: bytes, module: str, is_package: bool) -> Source:  # noqa: FBT001
+    tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(body := getattr(node, "body", None), list):
             body[:] = [part for part in body if not _is_string(part)] or [ast.Pass()]
+    plain = [part for part in tree.body if not hasattr(part, "decorator_list")]
+    package = module if is_package else module.rpartition(".")[0]
+    imports = imports_in(ast.Module(plain, []), package)
+    bindings = _pieces(p for p in tree.body if not isinstance(p, ast.Import | ast.ImportFrom))
+    classes = [part for part in tree.body if isinstance(part, ast.ClassDef)]
+    members = {part.name: _members(part, bindings[part.name]) for part in classes}
+    return Source(package, bindings, members, imports)
+
+
+def _members(definition: ast.ClassDef, binders: list[ast.stmt]) -> Pieces:
+    around = ast.ClassDef(definition.name, [], definition.keywords, [], definition.decorator_list)
+    pieces = _pieces(definition.body)
+    others = [statement for statement in binders if statement is not definition]
+    return {**pieces, "": [*pieces.get("", []), around, *others]}
 
 
 def _is_string(node: ast.AST) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
+    return isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str)
 
 
-def names_bound_by(statement: ast.stmt) -> set[str]:
-    """The names a simple statement makes or alters: `NAME = 1`, `NAME[i] += 1`, `def name`."""
+def _pieces(statements: Iterable[ast.stmt]) -> Pieces:
+    pieces: Pieces = {}
+    for statement in statements:
+        for name in _names_bound_by(statement):
+            pieces.setdefault(name, []).append(statement)
+    return pieces
+
+
+def _names_bound_by(statement: ast.stmt) -> set[str]:
     match statement:
-        case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
-            return {name}
-        case ast.Assign(targets=targets):
-            pass
-        case ast.AnnAssign(target=target) | ast.AugAssign(target=target):
-            targets = [target]
-        case _:
-            return set()
-    return {
-        part.id for target in targets for part in ast.walk(target) if isinstance(part, ast.Name)
-    }
+        case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+            return {statement.name}
+        case ast.Assign() | ast.AnnAssign() | ast.AugAssign():
+            if ast.unparse(getattr(statement.value, "func", statement)).endswith("Parameter"):
+                return set()
+            kinds = ast.AnnAssign | ast.AugAssign | ast.NamedExpr
+            targets = [part.target for part in ast.walk(statement) if isinstance(part, kinds)]
+            made = [*targets, *getattr(statement, "targets", [])]
+            return {n.id for part in made for n in ast.walk(part) if isinstance(n, ast.Name)}
+    return {""}

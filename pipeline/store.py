@@ -15,7 +15,7 @@ from pipeline.locks import locked, try_lock
 from pipeline.record import ActionRecord
 
 FORMAT = "styletrf store 1\n"
-_FOLDERS = ("objects", "actions", "tmp", "locks", "resume", "logs", "quarantine")
+_FOLDERS = ("objects", "actions", "code", "tmp", "locks", "resume", "logs", "quarantine")
 
 
 def nothing(_point: str) -> None:
@@ -62,6 +62,10 @@ class Store:
     def action(self, key: str) -> Path:
         """Where the record of the action with this key lies, if it does."""
         return self.root / "actions" / key[:2] / f"{key}.json"
+
+    def code(self, digest: str) -> Path:
+        """Where what the code with this digest consists of is told, if it is."""
+        return self.root / "code" / digest[:2] / f"{digest}.json"
 
     def resume(self, key: str) -> Path:
         """A directory private to the key, for the checkpoints of a build; survives kills."""

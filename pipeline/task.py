@@ -14,12 +14,12 @@ import luigi
 
 from pipeline.building import find_or_build
 from pipeline.canonical import canonical
-from pipeline.code_identity import code_digest
 from pipeline.errors import NotBuiltError, TaskFailure, explain
 from pipeline.execution import RunContext, append_trace
 from pipeline.logs import report_plainly
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import current_store, require_configuration, setting
+from pipeline.snapshot import code_in_key
 from pipeline.store import Store
 
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
@@ -149,7 +149,7 @@ class StoredTask(luigi.Task):
             self._sources = dict(self.external_digests())
         return Action(
             family=self.task_family,
-            code=self.revision or (code_digest if refresh else _first_code_digest)(type(self)),
+            code=(code_in_key if refresh else _first_code)(type(self)),
             parameters=canonical(self.identity_parameters()),
             inputs={n: task._recorded().output.digest for n, task in self.requires().items()},
             sources=self._sources,
@@ -238,7 +238,7 @@ def artifact(task: StoredTask) -> Path:
     return current_store().object(record.output.digest)
 
 
-_first_code_digest = functools.cache(code_digest)
+_first_code = functools.cache(code_in_key)
 """The code as this process met it: what it imported stays the same, whatever an editor does."""
 
 

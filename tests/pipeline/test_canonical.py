@@ -112,6 +112,23 @@ def test_golden_keys():
     assert action(parameters={"rate": 0.020, "seed": 1.0}).key == action().key
 
 
+@given(st.dictionaries(names, values, max_size=3), st.dictionaries(names, values, max_size=3))
+def test_equal_parameters_are_one_key_and_others_another(a, b):
+    keys = {action(parameters=p).key for p in (a, dict(reversed(a.items())), canonical(a))}
+    assert len(keys) == 1
+    assert (action(parameters=b).key in keys) == (_types(a) == _types(b))
+
+
+@given(st.dictionaries(names, values, min_size=1, max_size=3), values, st.data())
+def test_any_change_of_a_parameter_is_another_key(parameters, value, data):
+    name = data.draw(st.sampled_from(sorted(parameters)))
+    changed = {**parameters, name: value}
+    without = {n: v for n, v in parameters.items() if n != name}
+    key = action(parameters=parameters).key
+    assert (action(parameters=changed).key == key) == (_types(changed) == _types(parameters))
+    assert action(parameters=without).key != key
+
+
 @pytest.mark.parametrize(
     "change",
     [

@@ -3,10 +3,12 @@ import textwrap
 import time
 
 import pytest
+from store_toys import Sentence
 
 from pipeline.code_identity import closure, code_digest
 
 counter = itertools.count()
+STREET = ("Street.", "Street.__mro__", "Street.build")
 
 FILES = {
     "__init__.py": "from {p}.colors import tint\n",
@@ -92,7 +94,10 @@ def package(tmp_path, monkeypatch):
 
     class Package:
         def digest(self):
-            return tuple(sorted(closure(f"{name}.task", "Paint").items()))
+            return code_digest(self.members())
+
+        def members(self, class_name="Paint", module="task"):
+            return closure(type(class_name, (), {"__module__": f"{name}.{module}"}))
 
         def edit(self, file, old, new):
             text = (folder / file).read_text()
@@ -197,7 +202,7 @@ def test_self_given_away_takes_the_whole_class(package):
 
 
 def test_an_unknown_class_falls_back_to_its_module(package):
-    found = closure(f"{package.name}.scales", "NoSuchClass")
+    found = package.members("NoSuchClass", "scales")
     assert {f"{package.name}.scales:SCALE", f"{package.name}.scales:OTHER"} <= set(found)
 
 
@@ -217,11 +222,20 @@ def test_circular_imports_end(package):
 
 
 def test_pipeline_is_left_out():
-    from store_toys import Sentence
-
-    found = closure("store_toys", "Sentence")
+    found = closure(Sentence)
     assert {name.partition(":")[0] for name in found} == {"store_toys"}
-    assert len(code_digest(Sentence)) == 64
+    assert code_digest(found) == code_digest(dict(reversed(found.items())))
+
+
+def test_golden_code(tmp_path, monkeypatch):
+    """Changes only with the scheme, deliberately, or with Python; it disowns every store."""
+    (tmp_path / "golden_town.py").write_text(
+        "SIZE = 2\nclass Street:\n    def build(self, inputs, out, run):\n        return SIZE\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    found = closure(type("Street", (), {"__module__": "golden_town"}))
+    assert sorted(found) == [f"golden_town:{n}" for n in ("SIZE", *STREET)]
+    assert code_digest(found) == "efe6189ab4d00145e9f2fa1878abf1a31394eeeb1087d34c933223259a2eedd3"
 
 
 def test_fast_on_the_project():
@@ -230,5 +244,5 @@ def test_fast_on_the_project():
 
     source._parse.cache_clear()
     started = time.perf_counter()
-    closure("styletrf.cameras", "NoSuchClass")
+    closure(type("NoSuchClass", (), {"__module__": "styletrf.cameras"}))
     assert time.perf_counter() - started < 1.0

@@ -257,9 +257,11 @@ def test_provenance_tells_how():
     assert told["peak_memory_bytes"] > 1e6
 
 
-def test_pinned_revision_replaces_the_code(monkeypatch):
-    monkeypatch.setattr(Word, "revision", "1")
-    assert Word("a").action().code == "1"
+def test_pinned_revision_replaces_the_code():
+    class Pinned(Word):
+        revision = "1"
+
+    assert Pinned("a").action().code == "revision 1"
 
 
 def test_tools_are_keyed_by_public_version(monkeypatch):

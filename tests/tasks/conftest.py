@@ -1,8 +1,13 @@
 """A 16x16 scene of four views, and every stage built on it once, with tiny settings."""
 
+import inspect
 import json
-from collections.abc import Callable
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -105,7 +110,37 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+def ran() -> dict[str, set[str]]:
+    """By family, the functions of the project that Python ran in its build: `module:Class.name`."""
+    return {}
+
+
+@contextmanager
+def recording(found: set[str]) -> Iterator[None]:
+    """Adds to `found` every function of the project that is called meanwhile, in any thread."""
+    root = f"{Path(__file__).parents[2]}/"
+    ours = (f"{root}styletrf/", f"{root}tasks/")
+
+    def note(frame: FrameType, event: str, _value: object) -> None:
+        code = frame.f_code
+        is_function = code.co_flags & inspect.CO_OPTIMIZED  # and no module's or class's body
+        if event == "call" and is_function and code.co_filename.startswith(ours):
+            module = code.co_filename.removeprefix(root).removesuffix(".py").replace("/", ".")
+            found.add(f"{module.removesuffix('.__init__')}:{code.co_qualname}")
+
+    threading.setprofile(note)
+    sys.setprofile(note)
+    try:
+        yield
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)
+
+
+@pytest.fixture(scope="session")
+def build(
+    tmp_path_factory: pytest.TempPathFactory, ran: dict[str, set[str]]
+) -> Callable[..., Path]:
     """Builds one stage from the artifacts given, and returns what it left."""
     from pipeline.task import RunContext
 
@@ -114,7 +149,8 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         for name in ("out", "resume"):
             (folder / name).mkdir()
         context = RunContext(lambda *_, **__: None, folder / "resume", folder / "log")
-        stage.build(inputs, folder / "out", context)
+        with recording(ran.setdefault(stage.task_family, set())):
+            stage.build(inputs, folder / "out", context)
         return folder / "out"
 
     return built

@@ -1,0 +1,78 @@
+"""The commands of `python -m pipeline` about code: why a task would run, and what changed."""
+
+import dataclasses
+import importlib
+from argparse import Namespace
+from collections.abc import Mapping
+
+from luigi.cmdline_parser import CmdlineParser
+
+from pipeline.commands import Answer, Command
+from pipeline.explanation import explain
+from pipeline.snapshot import Snapshot
+from pipeline.store import Store
+from pipeline.task import StoredTask
+
+
+def why(store: Store, options: Namespace) -> Answer:
+    """A row a task of the graph, first things first; of one to be built, a row a difference."""
+    words = ["--module", options.module, *options.task]
+    with CmdlineParser.global_instance(words) as parser:
+        return 0, list(explain(parser.get_task_obj(), store))
+
+
+def snapshot(_store: Store, options: Namespace) -> Answer:
+    """Write the snapshot of the code as it is now; a row a family that changed."""
+    before, now = Snapshot.read(), Snapshot.of(families(options.module))
+    dataclasses.replace(now, adopted=before.adopted).write()
+    pairs = {f: (before.families.get(f), code) for f, code in now.families.items()}
+    return 0, [{"family": f, "then": a, "now": b} for f, (a, b) in pairs.items() if a != b]
+
+
+def adopt(_store: Store, options: Namespace) -> Answer:
+    """Declare that the present code of some families means what the snapshot's meant."""
+    before, now = Snapshot.read(), Snapshot.of(families(options.module))
+    after = dataclasses.replace(before, code=now.code)
+    for family in options.family:
+        code = now.families.get(family, before.families.get(family, ""))
+        after = after.adopting(family, code, options.reason)
+    after.write()
+    return 0, [dict(entry) for entry in after.adopted[len(before.adopted) :]]
+
+
+def families(module: str) -> list[type[StoredTask]]:
+    """The stored tasks that a package defines and that build something."""
+    importlib.import_module(module)
+    kinds: list[type[StoredTask]] = [StoredTask]
+    for kind in kinds:
+        kinds += kind.__subclasses__()
+    ours = [kind for kind in kinds if kind.__module__.split(".")[0] == module.split(".")[0]]
+    return [kind for kind in ours if kind.build is not StoredTask.build]
+
+
+_MODULE = {"default": "tasks", "help": "the package of the tasks (tasks)"}
+COMMANDS: Mapping[str, Command] = {
+    "why": (
+        why,
+        "why tasks would run: what differs from the nearest artifact",
+        {
+            "--module": _MODULE,
+            "task": {"nargs": "...", "help": "as Luigi takes it: TASK --parameter value ..."},
+        },
+    ),
+    "snapshot": (
+        snapshot,
+        "write down the code of all families, for review",
+        {"--module": _MODULE},
+    ),
+    "adopt": (
+        adopt,
+        "declare that edits of the code changed no result, so that nothing is built again",
+        {
+            "family": {"nargs": "+", "help": "the tasks for which it is so"},
+            "--reason": {"required": True, "help": "why it is so, for who reads the snapshot"},
+            "--module": _MODULE,
+        },
+    ),
+}
+"""As `pipeline.commands.COMMANDS`."""

@@ -1,0 +1,196 @@
+"""The code of the real graph: what an edit changes, and whether the closures are whole."""
+
+import ast
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import tasks
+from pipeline.code_commands import families
+from pipeline.code_identity import closure
+from pipeline.snapshot import Snapshot
+
+ROOT = Path(__file__).parents[2]
+SERVER = """
+import json, sys
+from pipeline.code_commands import families
+from pipeline.snapshot import code_in_key
+for _ in sys.stdin:
+    codes = {str(task.task_family): code_in_key(task) for task in families("tasks")}
+    print(json.dumps(codes), flush=True)
+"""
+
+
+class Workbench:
+    """A copy of the project to edit, and a process that tells the code of its families."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        for name in ("pipeline", "styletrf", "tasks"):
+            shutil.copytree(
+                ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
+            )
+        shutil.copy(ROOT / "luigi.cfg", folder)
+        self.pipeline("snapshot")
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", SERVER],
+            cwd=folder,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.untouched = {path: path.read_text() for path in folder.rglob("*.*") if path.is_file()}
+        self.before = self.codes()
+
+    def pipeline(self, *arguments: str) -> None:
+        subprocess.run(
+            [sys.executable, "-m", "pipeline", *arguments], cwd=self.folder, check=True, stdout=-1
+        )
+
+    def codes(self) -> dict[str, str]:
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+        return json.loads(self.process.stdout.readline())
+
+    def changed(self) -> set[str]:
+        """The families whose keys the edits so far alter."""
+        now = self.codes()
+        assert now.keys() == self.before.keys()
+        return {family for family, code in now.items() if code != self.before[family]}
+
+    def edit(self, file: str, pattern: str, replacement: str) -> None:
+        path = self.folder / file
+        text, count = re.subn(pattern, replacement, path.read_text())
+        assert count, f"{file} no longer has {pattern}"
+        path.write_text(text)
+
+    def restore(self) -> None:
+        for path, text in self.untouched.items():
+            path.write_text(text)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workbench]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STYLETRF_STORE", str(tmp_path_factory.mktemp("store")))
+        bench = Workbench(tmp_path_factory.mktemp("copy"))
+        yield bench
+    bench.process.communicate()
+
+
+@pytest.fixture
+def project(bench: Workbench) -> Iterator[Workbench]:
+    yield bench
+    bench.restore()
+
+
+def test_the_snapshot_is_that_of_the_code():
+    there, now = Snapshot.read(), Snapshot.of(families("tasks"))
+    names = {f for f, code in now.families.items() if there.families.get(f) != code}
+    assert (there.families, there.code) == (now.families, now.code), (
+        f"tasks/identity.json is behind the code of {sorted(names) or 'families that are gone'}."
+        " If their results change, write it anew: python -m pipeline snapshot. If not:"
+        f" python -m pipeline adopt {' '.join(sorted(names))} --reason '...'"
+    )
+
+
+def test_comments_docstrings_and_formatting_change_no_code(project: Workbench):
+    """Every module written anew from its syntax tree, with other docstrings and with comments."""
+    for path in [*project.folder.glob("styletrf/**/*.py"), *project.folder.glob("tasks/*.py")]:
+        tree = ast.parse(path.read_text())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                body = node.body[1:] if ast.get_docstring(node) else node.body
+                node.body = [ast.Expr(ast.Constant("Something else.")), *body]
+        lines = ast.unparse(ast.fix_missing_locations(tree)).splitlines()
+        path.write_text("# A comment.\n" + "".join(f"{line}\n\n" for line in lines))
+    assert project.changed() == set()
+
+
+CLIPS = "PathRenders PriorRenders TrajectoryFrames StylizedFrames"
+EDITS = {  # file, what is replaced by what, and the families whose results may change
+    "a constant": ("styletrf/views.py", "EVERY = 8", "EVERY = 9", "RadianceField QualityMetrics"),
+    "two imports away": ("styletrf/occupancy.py", "POINT = 0.5", "POINT = 0.6", "RadianceField"),
+    "three imports away": ("styletrf/video.py", "_ENCODERS = {", "_ENCODERS = {**{},", CLIPS),
+    "of the network": (
+        "styletrf/style_network.py",
+        "SCALE = 0.1",
+        "SCALE = 0.2",
+        "StyleNetwork StylizedPriors",
+    ),
+    "of a measure": ("styletrf/metrics.py", "_WINDOW = 11", "_WINDOW = 13", "QualityMetrics"),
+    "of the flow": ("styletrf/flow.py", "_SIDE = 12", "_SIDE = 13", "ConsistencyMetrics"),
+    "a default": (
+        "styletrf/adaptation.py",
+        "Config:",
+        "Config:\n    more: int = 3",
+        "StylizedField",
+    ),
+    "a template": ("styletrf/report_template.html", "<title>", "<title>A ", "StylizedTrajectory"),
+    "a setting, in the keys by value, but told by the report": (
+        "tasks/qualities.py",
+        "1536, 2048",
+        "1537, 2048",
+        "StylizedTrajectory",
+    ),
+    "what no stage uses": ("styletrf/courtyard/lighting.py", "2.7, 2.3", "2.8, 2.3", ""),
+}
+
+
+@pytest.mark.parametrize(("file", "old", "new", "expected"), EDITS.values(), ids=EDITS)
+def test_an_edit_changes_exactly_what_depends_on_it(
+    project: Workbench, file: str, old: str, new: str, expected: str
+):
+    project.edit(file, re.escape(old), new)
+    assert project.changed() == set(expected.split())
+
+
+def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
+    users = {"RadianceField", "QualityMetrics"}
+    for path in project.folder.glob("*/*.py"):
+        if "split_views" in path.read_text():
+            project.edit(path.relative_to(project.folder), r"\bsplit_views\b", "views_split")
+    assert project.changed() == users
+    project.pipeline("adopt", "RadianceField", "--reason", "a rename")
+    assert project.changed() == {"QualityMetrics"}, "a declaration speaks of its family only"
+    project.pipeline("adopt", "QualityMetrics", "--reason", "a rename")
+    assert project.changed() == set()
+    project.edit("styletrf/views.py", "views_split", "parted")
+    project.edit("tasks/field.py", "views_split", "parted")
+    project.edit("tasks/metrics.py", "views_split", "parted")
+    assert project.changed() == users
+    project.pipeline("adopt", *users, "--reason", "another rename")
+    assert project.changed() == set(), "adoptions form a chain"
+    project.edit("styletrf/views.py", "EVERY = 8", "EVERY = 9")
+    assert project.changed() == users
+
+
+def test_a_revision_stands_in_the_snapshot_as_such(project: Workbench):
+    project.edit("tasks/field.py", r"(class RadianceField.*)", r'\1\n    revision = "2"')
+    project.pipeline("snapshot")
+    told = json.loads((project.folder / "tasks/identity.json").read_text())
+    assert told["families"]["RadianceField"] == "revision 2"
+    assert len(told["families"]["SceneModel"]) == 64
+
+
+BY_VALUE = {"tasks.stage:TunedStage.values", "tasks.stage:_thawed", "tasks.qualities:settings_for"}
+"""What `identity_parameters` returns stands in the key itself."""
+
+
+def test_all_that_a_build_runs_is_in_its_code(
+    mini: Callable[[str], Path], ran: dict[str, set[str]]
+):
+    """Every function that Python runs while a stage builds was found without running anything."""
+    for family in sorted(set(tasks.__all__) - {"Grid", "CameraPoses", "StylizedTrajectory"}):
+        mini(family)
+        told = closure(getattr(tasks, family)).keys() | BY_VALUE
+        names = {re.sub(r"\.?<.*", "", name) for name in ran[family]}
+        named = {name for name in names if not name.endswith(":")}  # no lambda of a table
+        assert {name for name in named if not {name, name.rpartition(".")[0]} & told} == set()
+        assert any(name.startswith("styletrf") for name in names), family
