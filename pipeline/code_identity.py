@@ -14,7 +14,6 @@ import functools
 import itertools
 import json
 import re
-import uuid
 from collections.abc import Iterator, Mapping
 
 from pipeline.canonical import canonical_json
@@ -58,15 +57,13 @@ def keep(members: Mapping[str, str], store: Store) -> str:
     """Write what `closure` found into the store, unless it is there; returns its digest."""
     digest = code_digest(members)
     if kept(digest, store) is None:
-        temporary = store.root / "tmp" / f"{digest}.{uuid.uuid4().hex}.json"
-        temporary.write_bytes(canonical_json(members))
         store.code(digest).parent.mkdir(exist_ok=True)
-        temporary.replace(store.code(digest))
+        store.code(digest).write_bytes(canonical_json(members))
     return digest
 
 
 def kept(digest: str, store: Store) -> dict[str, str] | None:
-    """What `keep` wrote under the digest, if it is there and whole."""
+    """What `keep` wrote under the digest; what is not whole counts as absent."""
     try:
         members: dict[str, str] = json.loads(store.code(digest).read_bytes())
     except (OSError, ValueError):

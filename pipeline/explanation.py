@@ -27,10 +27,9 @@ def explain(task: luigi.Task, store: Store) -> Iterator[dict[str, Json]]:
     unknown: set[luigi.Task] = set()
     for each in _upstream_first(task, set()):
         missing = [upstream.label for upstream in each.requires().values() if upstream in unknown]
-        waiting: tuple[str, Differences] = (f"waits for {', '.join(missing)}", {})
-        state, differences = waiting if missing else _state(each, store, past)
-        if state not in _KNOWN:
-            unknown.add(each)
+        waiting = f"waits for {', '.join(missing)}"
+        state, differences = (waiting, Differences()) if missing else _state(each, store, past)
+        unknown |= set() if state in _KNOWN else {each}
         for what, pair in (differences or {"": (None, None)}).items():
             then, now = (_told(value, makers) for value in pair)
             yield {"task": each.label, "state": state, "what": what, "then": then, "now": now}

@@ -2,6 +2,7 @@
 
 import ast
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -177,6 +178,30 @@ def test_a_revision_stands_in_the_snapshot_as_such(project: Workbench):
     told = json.loads((project.folder / "tasks/identity.json").read_text())
     assert told["families"]["RadianceField"] == "revision 2"
     assert len(told["families"]["SceneModel"]) == 64
+
+
+def test_why_of_the_whole_graph_is_quick_and_loads_no_torch(photographs: Path):
+    words = ["--scene", "mini", "--style", "p", "--quality", "draft", "--content", "embedded"]
+    code = f"""
+import sys, time
+started = time.perf_counter()
+from pipeline.__main__ import main
+assert main(["why", "StylizedTrajectory", *{words}]) == 0
+assert not {{"torch", "numba", "pycolmap"}} & set(sys.modules)
+assert time.perf_counter() - started < 5, "usually 1.3 s"
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "STYLETRF_DATA": str(photographs)},
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    states = {line.split()[0]: line for line in done.stdout.splitlines()[1:]}
+    assert states.keys() == set(tasks.__all__) - {"Grid"}
+    assert "the first of its family" in states["StyleImage"]
+    assert "waits for " in states["StylizedTrajectory"]
 
 
 BY_VALUE = {"tasks.stage:TunedStage.values", "tasks.stage:_thawed", "tasks.qualities:settings_for"}
