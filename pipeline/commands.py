@@ -1,10 +1,13 @@
 """The commands of `python -m pipeline`: each turns a store and its options into rows."""
 
+import re
 from argparse import Namespace
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
+from pipeline import roots
 from pipeline.canonical import Json
+from pipeline.collection import collect
 from pipeline.errors import StoreError
 from pipeline.record import ActionRecord
 from pipeline.store import Store
@@ -52,6 +55,44 @@ def verify(store: Store, options: Namespace) -> Answer:
     return (1 if rows else 0), rows
 
 
+def gc(store: Store, options: Namespace) -> Answer:
+    """A row for what goes (unless told to delete: would go) and why; then for what stays."""
+    verdicts = collect(
+        store, keep_last=options.keep_last, grace_hours=options.grace, delete=options.delete
+    )
+    return 0, _totals(
+        ({"fate": "goes" if v.goes else "stays", "what": v.what, "why": v.why}, v.size)
+        for v in sorted(verdicts, key=lambda verdict: not verdict.goes)
+    )
+
+
+def du(store: Store, _options: Namespace) -> Answer:
+    """A row a family, then one a scene; what several share is counted once, for all of them."""
+    objects: dict[str, list[ActionRecord]] = {}
+    for record in records(store):
+        if store.object(record.output.digest).is_dir():
+            objects.setdefault(record.output.digest, []).append(record)
+    return 0, _totals(
+        ({of: ", ".join(sorted({name(record) for record in makers}))}, makers[0].output.size)
+        for of, name in (("family", lambda record: record.action.family), ("scene", _scene))
+        for makers in objects.values()
+    )
+
+
+def pin(store: Store, options: Namespace) -> Answer:
+    """Keep an artifact, if one is given; a row a pin."""
+    if options.address:
+        key = find_all(store, options.address)[-1].action.key
+        roots.pin(store, key, options.name or key[:12])
+    return 0, [{"name": name, "key": key} for name, key in roots.pins(store).items()]
+
+
+def unpin(store: Store, options: Namespace) -> Answer:
+    """Give up a pin; a row for each that remains."""
+    roots.unpin(store, options.name)
+    return 0, [{"name": name, "key": key} for name, key in roots.pins(store).items()]
+
+
 def find_all(store: Store, address: str) -> list[ActionRecord]:
     """The records whose key or digest begins with `address`.
 
@@ -79,6 +120,23 @@ def _failures(store: Store, family: str) -> Rows:
         for log in logs
         if log.relative_to(store.root).as_posix() not in named
     ]
+
+
+def _totals(parts: Iterable[tuple[Mapping[str, str], int]]) -> Rows:
+    """A row for each different mapping: how many there were, and their bytes."""
+    found: dict[tuple[tuple[str, str], ...], list[int]] = {}
+    for names, size in parts:
+        found.setdefault(tuple(names.items()), []).append(size)
+    return [
+        {**dict(names), "count": len(sizes), "size_bytes": sum(sizes)}
+        for names, sizes in found.items()
+    ]
+
+
+def _scene(record: ActionRecord) -> str:
+    """The scene that the task was asked for; none for what scenes share, such as a style."""
+    asked = re.search(r"\bscene=([^,)]*)", str(record.provenance["task"]))
+    return asked[1] if asked else "(none)"
 
 
 def _row(record: ActionRecord) -> dict[str, Json]:
@@ -113,5 +171,24 @@ COMMANDS: Mapping[str, Command] = {
         "look for damage; status 1 where there is some",
         {"--deep": {"action": "store_true", "help": "read every byte"}},
     ),
+    "gc": (
+        gc,
+        "what nothing holds any more; deletes it only if told so",
+        {
+            "--delete": {"action": "store_true", "help": "do it"},
+            "--keep-last": {"type": int, "default": 3, "metavar": "N", "help": "runs (3)"},
+            "--grace": {"type": float, "default": 24.0, "metavar": "HOURS", "help": "(24)"},
+        },
+    ),
+    "pin": (
+        pin,
+        "keep an artifact whatever gc thinks; without one, list what is pinned",
+        {
+            "address": {"nargs": "?", "help": "first digits of a key or of a digest"},
+            "--name": {"help": "what to call it"},
+        },
+    ),
+    "unpin": (unpin, "leave it to gc again", {"name": {"help": "as `pin` lists it"}}),
+    "du": (du, "bytes by task and by scene", {}),
 }
 """By name: what to run, its help, and its arguments as `argparse` takes them."""

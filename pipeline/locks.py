@@ -7,21 +7,25 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-_UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+# EBADF: NFS locks no directory for writing, since none can be opened for writing.
+_UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF)
 
 
 @contextlib.contextmanager
-def locked(path: Path, on_wait: Callable[[], None]) -> Iterator[None]:
-    """Hold the exclusive flock of the file `path`; call `on_wait` first where another holds it.
+def locked(
+    path: Path, on_wait: Callable[[], None] = lambda: None, *, shared: bool = False
+) -> Iterator[None]:
+    """Hold the flock of the file `path`; call `on_wait` first where another holds it.
 
     The kernel releases the lock when its holder dies, however it dies. The file stays: unlinking
     it would give a waiter a lock on nothing. A file system without flock goes unlocked.
     """
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    mode = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
+    descriptor = os.open(path, os.O_CREAT | (os.O_RDONLY if shared else os.O_RDWR), 0o666)
     try:
-        if not try_lock(descriptor):
+        if _flock(descriptor, mode) is False:
             on_wait()
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            fcntl.flock(descriptor, mode)
         yield
     finally:
         os.close(descriptor)
@@ -29,11 +33,30 @@ def locked(path: Path, on_wait: Callable[[], None]) -> Iterator[None]:
 
 def try_lock(descriptor: int) -> bool:
     """Take the flock of an open file or directory without waiting; False where another has it."""
+    return _flock(descriptor, fcntl.LOCK_EX) is not False
+
+
+def is_held(path: Path) -> bool | None:
+    """Whether a living process holds the flock of `path`; None where it cannot be told."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        descriptor = os.open(path, os.O_RDONLY)
+    except FileNotFoundError:
+        return False
+    try:
+        taken = _flock(descriptor, fcntl.LOCK_SH)
+        return None if taken is None else not taken
+    finally:
+        os.close(descriptor)
+
+
+def _flock(descriptor: int, mode: int) -> bool | None:
+    """Whether the lock was to be had at once; None on a file system without flock."""
+    try:
+        fcntl.flock(descriptor, mode | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError as error:
         if error.errno not in _UNSUPPORTED:
             raise
+        return None
     return True

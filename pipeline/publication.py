@@ -1,6 +1,7 @@
 """Publishing: from a finished directory to an artifact that the whole world may believe.
 
     hash -> fsync -> rename to objects/ -> read-only -> fsync the record -> link to actions/
+                     |------------- meanwhile no collection runs --------------------------|
 
 A record is written only after the object it names is durable, and never replaces a good one; so
 at every instant an artifact is whole and recorded, or invisible.
@@ -36,9 +37,10 @@ def publish(
     store.reached("hashed")
     _sync_tree(out)
     store.reached("synced")
-    _place(store, out, tree)
-    store.reached("placed")
-    record = _commit(store, ActionRecord(action, tree, provenance))
+    with store.run.taking(action.key):
+        _place(store, out, tree)
+        store.reached("placed")
+        record = _commit(store, ActionRecord(action, tree, provenance))
     store.reached("committed")
     return record
 

@@ -11,15 +11,19 @@ from pathlib import Path
 
 from pipeline.digest import measure
 from pipeline.errors import StoreError
-from pipeline.locks import locked, try_lock
+from pipeline.leases import Run
+from pipeline.locks import is_held, locked, try_lock
 from pipeline.record import ActionRecord
 
 FORMAT = "styletrf store 1\n"
-_FOLDERS = ("objects", "actions", "code", "tmp", "locks", "resume", "logs", "quarantine")
+_FOLDERS = (
+    *("objects", "actions", "code", "tmp", "trash", "quarantine"),
+    *("locks", "runs", "roots", "resume", "logs"),
+)
 
 
 def nothing(_point: str) -> None:
-    """Do nothing at a named point of a publication."""
+    """Do nothing at a named point."""
 
 
 @dataclass(frozen=True)
@@ -28,24 +32,31 @@ class Store:
 
     Attributes:
         root: The absolute directory.
-        reached: Called with the name of each point a publication reaches; tests kill there.
+        reached: Called with the name of each point that a publication or a collection reaches;
+            tests kill there.
     """
 
     root: Path
     reached: Callable[[str], None] = nothing
+
+    @functools.cached_property
+    def run(self) -> Run:
+        """What this process uses here, which no collection takes from it."""
+        return Run(self.root)
 
     @classmethod
     def open(cls, root: Path) -> "Store":
         """The store in `root`, made where there is none.
 
         Raises:
-            StoreError: When `root` cannot be written, or a newer program made it.
+            StoreError: When `root` is no store and cannot become one, or is a newer program's.
         """
         try:
-            for folder in _FOLDERS:
-                (root / folder).mkdir(parents=True, exist_ok=True)
-            with contextlib.suppress(FileExistsError), (root / "format").open("x") as file:
-                file.write(FORMAT)
+            if not root.exists() or os.access(root, os.W_OK):
+                for folder in _FOLDERS:
+                    (root / folder).mkdir(parents=True, exist_ok=True)
+                with contextlib.suppress(FileExistsError), (root / "format").open("x") as file:
+                    file.write(FORMAT)
             found = (root / "format").read_text()
         except OSError as error:
             raise StoreError(f"{root} cannot hold the store: {error.strerror}") from error
@@ -92,9 +103,14 @@ class Store:
             return None
         return record if record.action.key == key else None
 
+    def hold(self, key: str) -> ActionRecord | None:
+        """`record`; what it names, and was made from, stays while this process lives."""
+        with self.run.taking(key):
+            return self.record(key)
+
     def find(self, key: str) -> ActionRecord | None:
-        """The record of the key if the object it names is there, too."""
-        record = self.record(key)
+        """The record of the key if the object it names is there, too; both stay while we live."""
+        record = self.hold(key)
         return record if record and self.object(record.output.digest).is_dir() else None
 
     def intact(self, record: ActionRecord) -> bool:
@@ -107,7 +123,11 @@ class Store:
 
     def quarantine(self, path: Path) -> None:
         """Set something damaged aside, where nothing looks for it."""
-        aside = Path(tempfile.mkdtemp(dir=self.root / "quarantine"))
+        self.set_aside(path, "quarantine")
+
+    def set_aside(self, path: Path, folder: str) -> None:
+        """Move `path`, at once and whole, into a new directory in `folder` of the store."""
+        aside = Path(tempfile.mkdtemp(dir=self.root / folder))
         with contextlib.suppress(FileNotFoundError):  # somebody else was faster
             if path.is_dir():
                 path.chmod(0o755)  # moving a directory writes to its ".."
@@ -128,24 +148,21 @@ class Store:
         Its flock tells that its maker lives; those that died at the same key leave theirs to us.
         """
         self._sweep(key)
-        path = Path(tempfile.mkdtemp(prefix=f"{key}-", dir=self.root / "tmp"))
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
+        with self.run.taking(key):
+            fresh = Path(tempfile.mkdtemp(dir=self.root / "tmp"))
+            descriptor = os.open(fresh, os.O_RDONLY)
             try_lock(descriptor)
+            path = fresh.rename(fresh.with_name(f"{key}-{fresh.name}"))  # nobody met it unlocked
+        try:
             yield path
         finally:
-            os.close(descriptor)
             shutil.rmtree(path, ignore_errors=True)
+            os.close(descriptor)
 
     def _sweep(self, key: str) -> None:
         for path in (self.root / "tmp").glob(f"{key}-*"):
-            with contextlib.suppress(FileNotFoundError):
-                descriptor = os.open(path, os.O_RDONLY)
-                try:
-                    if try_lock(descriptor):
-                        shutil.rmtree(path, ignore_errors=True)
-                finally:
-                    os.close(descriptor)
+            if is_held(path) is False:
+                shutil.rmtree(path, ignore_errors=True)
 
 
 open_store = functools.cache(Store.open)

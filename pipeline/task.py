@@ -168,7 +168,7 @@ class StoredTask(luigi.Task):
     def _recorded(self) -> ActionRecord:
         """The record of the artifact, even if the object was collected: its digest suffices."""
         store = current_store()
-        record = self._records.get(store.root) or store.record(self.action().key)
+        record = self._records.get(store.root) or store.hold(self.action().key)
         if record is None:
             raise NotBuiltError(f"{self} is not built")
         self._records[store.root] = record

@@ -26,7 +26,7 @@ def problems(store: Store, *, deep: bool) -> Iterator[str]:
             yield f"{path}: no valid record"
     for record in records(store):
         path, name = store.object(record.output.digest), record.provenance["label"]
-        if not store.find(record.action.key):
+        if not path.is_dir():
             yield f"{path}: the object of {name} is missing"
         elif not store.intact(record) or (deep and not _is_as_recorded(store, record)):
             yield f"{path}: the object of {name} is altered"

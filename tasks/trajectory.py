@@ -9,7 +9,8 @@ from pathlib import Path
 import luigi
 from luigi.cmdline_parser import CmdlineParser
 
-from pipeline.settings import adopt, command_parameters, out_root
+from pipeline.roots import show_in
+from pipeline.settings import adopt, command_parameters, current_store, out_root
 from pipeline.task import RunContext, artifact
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
@@ -82,6 +83,7 @@ class StylizedTrajectory(StyledStage):
         """Make the links, replacing what an earlier run left."""
         links = self._links(object_path)
         self.folder.mkdir(parents=True, exist_ok=True)
+        show_in(current_store(), self.folder)
         for name, target in links.items():
             partial = self.folder / f".{name}.{os.getpid()}"
             partial.unlink(missing_ok=True)

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 import tasks
+from pipeline.collection import collect
+from pipeline.store import Store
 from pipeline.task import artifact
 from styletrf.camera_table import read_cameras
 from styletrf.courtyard.capture import CourtyardConfig
@@ -134,6 +136,14 @@ def test_the_command_makes_everything_and_says_where_it_is(workplace: Workplace,
     for name in ("video.mp4", "unstylized.mp4"):
         assert video_info(first.report.with_name(name)).frames == FRAMES
     assert len(list(first.report.with_name("frames").iterdir())) == FRAMES
+
+
+def test_what_is_shown_outlives_a_collection(workplace: Workplace, first: Run):
+    store = Store.open(workplace.root / "store")
+    verdicts = collect(store, keep_last=0, grace_hours=0, delete=True)
+    assert {verdict.why for verdict in verdicts if not verdict.goes} == {"pinned or shown"}
+    assert not [verdict for verdict in verdicts if verdict.goes and verdict.what[0].isupper()]
+    assert all(link.exists() for link in first.report.parent.iterdir())
 
 
 @pytest.mark.usefixtures("first")
