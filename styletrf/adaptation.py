@@ -1,8 +1,8 @@
 """Adapting a field's appearance to stylised views, its density frozen (StyleTRF section 4.3).
 
-With the density frozen the samples and weights of a ray never change, so every ray that will be
-drawn is marched once and only the samples that carry its weight are kept; an iteration then costs
-an appearance look-up and the colour network.
+With the density frozen the samples and weights of a ray never change, so a ray is marched once and
+only the samples that carry its weight are kept; an iteration then costs an appearance look-up and
+the colour network.
 """
 
 import math
@@ -34,6 +34,7 @@ class AdaptationConfig:
     tv_weight: float = 1e-3
     tv_every: int = 4
     min_weight: float = 2e-3  # samples lighter than this are not kept
+    cache_bytes: int = 3 << 30  # a full cache is gone through again instead of growing
     termination: float = 1e-3
     seed: int = 0
 
@@ -51,8 +52,8 @@ class AdaptationPoint:
 class RayCache:
     """Rays with their samples' positions and weights, and the colours they should have.
 
-    The kept weights of a ray are scaled up to its opacity; `dropped` is the mean mass that was left
-    out before.
+    The kept weights of a ray are scaled up to its opacity (0 where none were kept); `dropped` is the
+    mean mass that was left out before.
     """
 
     offsets: Int64[Tensor, " rays_and_one"]
@@ -63,8 +64,10 @@ class RayCache:
     target: Float[Tensor, "rays 3"]
     dropped: float
 
-    def batch(self, first: int, last: int) -> tuple[Samples, slice]:
-        """Returns the samples of rays first ... last - 1."""
+    def batch(self, k: int, size: int) -> tuple[Samples, slice]:
+        """Returns the samples of the k-th `size` rays, starting over where the rays end."""
+        first = k % max(1, len(self.opacity) // size) * size
+        last = min(first + size, len(self.opacity))
         offsets = self.offsets[first : last + 1] - self.offsets[first]
         span = slice(int(self.offsets[first]), int(self.offsets[last]))
         ray = torch.repeat_interleave(offsets.diff())
@@ -96,7 +99,7 @@ def adapt_appearance(
     curve: list[AdaptationPoint] = []
     smooth, started = 0.0, time.monotonic()
     for k in range(config.iterations):
-        samples, drawn = cache.batch(k * config.batch, (k + 1) * config.batch)
+        samples, drawn = cache.batch(k, config.batch)
         color = _color(field.appearance, kernels, cache, samples, drawn)
         loss = (color - cache.target[drawn]).square().mean()
         mse = float(loss.detach())
@@ -127,11 +130,11 @@ def march_once(
     kernels: Kernels,
     generator: torch.Generator,
 ) -> RayCache:
-    """Returns the cache of all rays the adaptation will draw, in the order it draws them."""
+    """Returns the cache of the rays to adapt to: pixels drawn without replacement."""
     n_views, height, width = stylized.shape[:3]
     march = field.density.march(config.termination)
-    total = config.iterations * config.batch
-    draws = torch.randint(n_views * height * width, (total,), generator=generator)
+    draws = torch.randperm(n_views * height * width, generator=generator)
+    draws = draws[: config.iterations * config.batch]
     parts: list[tuple[Tensor, ...]] = []
     for draw in draws.to(stylized.device).split(1 << 15):
         view, pixel = draw // (height * width), draw % (height * width)
@@ -139,16 +142,19 @@ def march_once(
         segments = rays.segments(view, torch.stack([column, row], dim=-1).double() + 0.5)
         jitter = torch.rand(len(segments), generator=generator).to(stylized.device)
         samples = kernels.trace(field.density.factors, segments, jitter, march)
-        kept = samples.heavier_than(config.min_weight)
+        kept = kernels.heavy(samples, config.min_weight)
         opacity = _mass(samples, kernels)
         kept_mass = _mass(kept, kernels)
-        weights = kept.weights * (opacity / kept_mass.clamp(min=1e-6))[kept.ray]
+        covered = torch.where(kept_mass > 0, opacity, 0)
+        weights = kept.weights * (covered / kept_mass.clamp(min=1e-6))[kept.ray]
         parts.append(
             (
-                kept.offsets.diff(), kept.positions, weights, segments.view_directions, opacity,
+                kept.offsets.diff(), kept.positions, weights, segments.view_directions, covered,
                 stylized[view, row, column].float() / 255, opacity - kept_mass,
             )
         )  # fmt: skip
+        if sum(part.nbytes for ray_part in parts for part in ray_part) > config.cache_bytes:
+            break
     counts, positions, weights, directions, opacity, target, dropped = (
         torch.cat(column) for column in zip(*parts, strict=True)
     )
@@ -164,7 +170,7 @@ def _color(
     appearance: Appearance, kernels: Kernels, cache: RayCache, samples: Samples, drawn: slice
 ) -> Float[Tensor, "rays 3"]:
     components = kernels.features(appearance.factors, samples.positions)
-    colors = appearance.decode(components, cache.view_directions[drawn], samples.ray)
+    colors = appearance.decode(components, cache.view_directions[drawn], samples.ray, kernels)
     color = kernels.composite(samples, colors)
     return color + (1 - cache.opacity[drawn])[:, None] * torch.sigmoid(appearance.background)
 

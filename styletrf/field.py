@@ -18,7 +18,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from styletrf.configuration import configured
-from styletrf.kernels.samples import March
+from styletrf.kernels import Kernels, March
 from styletrf.tensor_vm import TensorVM
 
 
@@ -94,6 +94,7 @@ class Appearance(nn.Module):
         components: Float[Tensor, "samples components"],
         view_directions: Float[Tensor, "rays 3"],
         ray: Int64[Tensor, " samples"],
+        kernels: Kernels,
     ) -> Float[Tensor, "samples 3"]:
         """Returns the colours of samples in [0, 1] from their appearance components.
 
@@ -103,13 +104,14 @@ class Appearance(nn.Module):
         Args:
             components: Of each sample.
             view_directions: Of each ray, unit vectors.
-            ray: Of each sample.
+            ray: Of each sample, ascending.
+            kernels: The form to compute with.
         """
         n_features = self.basis.out_features
         of_components = self.hidden.weight[:, :n_features] @ self.basis.weight
         of_view = view_directions @ self.hidden.weight[:, n_features:].T + self.hidden.bias
-        hidden = torch.relu(components @ of_components.T + of_view.index_select(0, ray))
-        return torch.sigmoid(self.output(hidden))
+        layer = self.output
+        return kernels.decode(components, of_view, ray, of_components, layer.weight, layer.bias)
 
 
 class RadianceField(nn.Module):

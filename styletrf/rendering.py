@@ -14,6 +14,8 @@ from styletrf.field import Appearance, RadianceField
 from styletrf.kernels import Kernels, Samples, Segments
 from styletrf.space import ViewRays
 
+LEAST_OPACITY = 1e-3  # of a ray that hits something
+
 
 @dataclass(frozen=True, slots=True)
 class RenderConfig:
@@ -34,6 +36,7 @@ class Rendering:
 
     The depth is that of the mean position along the ray's grid segment, its clear part counted at
     the far end; in NDC that averages disparity, so a little haze before infinity does not spoil it.
+    Where nothing is hit (an opacity below 1e-3) it is infinite.
     """
 
     color: Float[Tensor, "*rays 3"]
@@ -50,17 +53,18 @@ def render_color(
 ) -> Float[Tensor, "rays 3"]:
     """Returns the colour of rays, differentiable in the appearance and the samples' weights.
 
-    Samples below `min_weight` are left out and their mass given to the others of the ray in
-    proportion, so that dropping them does not darken the ray.
+    Samples below `min_weight` are left out and their mass given to the ray's others in proportion,
+    or to the background where there are none: leaving them out darkens nothing.
     """
     opacity = kernels.composite(samples, torch.ones_like(samples.weights)[:, None])
-    heavy = samples.heavier_than(min_weight)
+    heavy = kernels.heavy(samples, min_weight)
     components = kernels.features(appearance.factors, heavy.positions)
-    colors = appearance.decode(components, segments.view_directions, heavy.ray)
+    colors = appearance.decode(components, segments.view_directions, heavy.ray, kernels)
     colored = kernels.composite(heavy, torch.cat([colors, torch.ones_like(colors[:, :1])], dim=1))
-    kept = colored[:, 3:].clamp(min=1e-6)
+    kept = colored[:, 3:]
+    covered = torch.where(kept > 0, opacity, 0)
     background = torch.sigmoid(appearance.background)
-    return colored[:, :3] * (opacity / kept) + (1 - opacity) * background
+    return colored[:, :3] * (covered / kept.clamp(min=1e-6)) + (1 - covered) * background
 
 
 @torch.no_grad()
@@ -76,6 +80,7 @@ def render_rays(
     opacity = sums[:, 0].clamp(max=1)
     mean_s = (sums[:, 1] + 1 - opacity).clamp(0, 1)
     depth = segments.depth_along(torch.arange(len(segments), device=mean_s.device), mean_s)
+    depth = torch.where(opacity < LEAST_OPACITY, torch.inf, depth)
     return Rendering(color.clamp(0, 1), opacity, depth)
 
 

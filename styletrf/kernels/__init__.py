@@ -25,7 +25,9 @@ class Kernels:
     features: Callable[[TensorVM, Tensor], Tensor]
     density: Callable[[TensorVM, Tensor], Tensor]
     trace: Callable[[TensorVM, Segments, Tensor, March], Samples]
+    heavy: Callable[[Samples, float], Samples]
     composite: Callable[[Samples, Tensor], Tensor]
+    decode: Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 FORMS = {
@@ -34,7 +36,9 @@ FORMS = {
         module.features,
         module.density,
         module.trace,
+        module.heavy,
         module.composite,
+        module.decode,
     )
     for module in (reference, fused)
 }

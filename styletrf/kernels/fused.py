@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.kernels import trace_numba, vm_numba
+from styletrf.kernels import decode_numba, trace_numba, vm_numba
 from styletrf.kernels.samples import March, Samples, Segments
 from styletrf.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 
@@ -43,12 +43,35 @@ def trace(
     return Samples(*samples)
 
 
+def heavy(samples: Samples, threshold: float) -> Samples:
+    """See `reference.heavy`."""
+    offsets, index = trace_numba.heavy_samples(
+        *_arrays(samples.offsets, samples.weights), np.float32(threshold)
+    )
+    return samples.chosen(torch.from_numpy(offsets), torch.from_numpy(index))
+
+
 def composite(
     samples: Samples, values: Float[Tensor, "samples channels"]
 ) -> Float[Tensor, "rays channels"]:
     """See `reference.composite`."""
     result: Tensor = _Composite.apply(  # type: ignore[no-untyped-call]
         samples.offsets, samples.ray, samples.weights, values
+    )
+    return result
+
+
+def decode(
+    components: Float[Tensor, "samples inputs"],
+    of_view: Float[Tensor, "rays hidden"],
+    ray: Int64[Tensor, " samples"],
+    matrix: Float[Tensor, "hidden inputs"],
+    output: Float[Tensor, "3 hidden"],
+    bias: Float[Tensor, " 3"],
+) -> Float[Tensor, "samples 3"]:
+    """See `reference.decode`."""
+    result: Tensor = _Decode.apply(  # type: ignore[no-untyped-call]
+        components, of_view, ray, matrix, output, bias
     )
     return result
 
@@ -124,6 +147,26 @@ class _Composite(torch.autograd.Function):
         grad = grads[0][ray]
         grad_weights = (grad * values).sum(dim=-1) if ctx.needs_input_grad[2] else None
         return None, None, grad_weights, weights[:, None] * grad
+
+
+class _Decode(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, components: Tensor, of_view: Tensor, ray: Tensor, *layers: Tensor) -> Any:
+        matrix, output, bias = layers
+        colors = torch.from_numpy(
+            decode_numba.decode_forward(*_arrays(components, of_view, ray, matrix.T, output, bias))
+        )
+        ctx.save_for_backward(components, of_view, ray, matrix, output, colors)
+        return colors
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        components, of_view, ray, matrix, output, colors = ctx.saved_tensors
+        gradients = decode_numba.decode_backward(
+            *_arrays(components, of_view, ray, matrix.T, matrix, output, colors, grads[0])
+        )
+        of_components, of_views, *of_layers = (torch.from_numpy(array) for array in gradients)
+        return of_components, of_views, None, *of_layers
 
 
 def _array(tensor: Tensor) -> Any:

@@ -62,12 +62,47 @@ def trace(
     )
 
 
+def heavy(samples: Samples, threshold: float) -> Samples:
+    """Returns the samples worth a colour, differentiable in the weights.
+
+    These are the samples heavier than `threshold`, and, of a ray that has none but more opacity
+    than that (haze), its heaviest one.
+    """
+    weights, rays = samples.weights.detach(), len(samples.offsets) - 1
+    opacity = weights.new_zeros(rays).index_add(0, samples.ray, weights)
+    largest = weights.new_zeros(rays).scatter_reduce(0, samples.ray, weights, "amax")
+    stands_for_haze = (opacity > threshold) & (largest <= threshold)
+    index = (weights > threshold) | (
+        stands_for_haze[samples.ray] & (weights == largest[samples.ray])
+    )
+    kept = index.nonzero()[:, 0]
+    bounds = torch.arange(rays + 1, device=kept.device)
+    return samples.chosen(torch.searchsorted(samples.ray[kept], bounds), kept)
+
+
 def composite(
     samples: Samples, values: Float[Tensor, "samples channels"]
 ) -> Float[Tensor, "rays channels"]:
     """Returns the weighted sum of the values along each ray."""
     out = values.new_zeros(len(samples.offsets) - 1, values.shape[1])
     return out.index_add(0, samples.ray, samples.weights[:, None] * values)
+
+
+def decode(
+    components: Float[Tensor, "samples inputs"],
+    of_view: Float[Tensor, "rays hidden"],
+    ray: Int64[Tensor, " samples"],
+    matrix: Float[Tensor, "hidden inputs"],
+    output: Float[Tensor, "3 hidden"],
+    bias: Float[Tensor, " 3"],
+) -> Float[Tensor, "samples 3"]:
+    """Returns the colours of samples in [0, 1], differentiable in all but `ray`.
+
+    sigmoid(output @ relu(matrix @ components + of_view[ray]) + bias); samples are in the order of
+    their rays, and `of_view` is what the view direction of a ray adds to the hidden layer.
+    """
+    hidden = torch.relu(components @ matrix.T + of_view.index_select(0, ray))
+    return torch.sigmoid(hidden @ output.T + bias)
 
 
 def _occupied(march: March, positions: Float[Tensor, "*batch 3"]) -> Tensor:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
@@ -64,12 +63,10 @@ class Samples:
     positions: Float[Tensor, "samples 3"]
     weights: Float[Tensor, " samples"]
 
-    def heavier_than(self, threshold: float) -> "Samples":
-        """Returns the samples whose weight exceeds `threshold`."""
-        keep = (self.weights.detach() > threshold).nonzero()[:, 0]
-        ray = self.ray[keep]
-        rays = torch.arange(len(self.offsets), device=ray.device)
+    def chosen(
+        self, offsets: Int64[Tensor, " rays_and_one"], index: Int64[Tensor, " kept"]
+    ) -> "Samples":
+        """Returns some of the samples, in their order; `offsets` says where their rays begin."""
         return Samples(
-            torch.searchsorted(ray, rays), ray, self.s[keep], self.positions[keep],
-            self.weights[keep],
-        )  # fmt: skip
+            offsets, self.ray[index], self.s[index], self.positions[index], self.weights[index]
+        )

@@ -177,6 +177,42 @@ def trace_backward(offsets, lengths, n_steps, raw, weight, grad_weight, shift, s
 
 
 @no_type_check
+@numba.njit(cache=True, inline="always", fastmath=FAST)
+def _heaviest_of_haze(weight, first, last, threshold):
+    """Returns the first heaviest sample of a ray that is opaque by light samples only, else -1."""
+    opacity, heaviest = np.float32(0), first
+    for i in range(first, last):
+        opacity += weight[i]
+        if weight[i] > weight[heaviest]:
+            heaviest = i
+    return heaviest if opacity > threshold and weight[heaviest] <= threshold else -1
+
+
+@no_type_check
+@numba.njit(cache=True, parallel=True)
+def heavy_samples(offsets, weight, threshold):
+    """Returns where each ray's kept samples begin, and which samples those are."""
+    n_rays = offsets.shape[0] - 1
+    kept = np.zeros(n_rays + 1, np.int64)
+    haze = np.empty(n_rays, np.int64)
+    for ray in numba.prange(n_rays):
+        if offsets[ray] == offsets[ray + 1]:
+            continue
+        haze[ray] = _heaviest_of_haze(weight, offsets[ray], offsets[ray + 1], threshold)
+        for i in range(offsets[ray], offsets[ray + 1]):
+            kept[ray + 1] += weight[i] > threshold or i == haze[ray]
+    kept = np.cumsum(kept)
+    index = np.empty(kept[-1], np.int64)
+    for ray in numba.prange(n_rays):
+        k = kept[ray]
+        for i in range(offsets[ray], offsets[ray + 1]):
+            if weight[i] > threshold or i == haze[ray]:
+                index[k] = i
+                k += 1
+    return kept, index
+
+
+@no_type_check
 @numba.njit(cache=True, parallel=True, fastmath=FAST)
 def composite_forward(offsets, weight, values):
     """Returns the weighted sum of the values of each ray's samples, `rays x c`."""

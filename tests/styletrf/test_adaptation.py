@@ -34,13 +34,13 @@ def test_the_cache_renders_what_the_field_renders(scene, field):
     cache = march_once(field, rays, scene.images, config, KERNELS, generator)
     samples, drawn = cache.batch(0, 300)
     components = KERNELS.features(field.appearance.factors, samples.positions)
-    colors = field.appearance.decode(components, cache.view_directions[drawn], samples.ray)
+    colors = field.appearance.decode(components, cache.view_directions[drawn], samples.ray, KERNELS)
     color = KERNELS.composite(samples, colors)
     background = torch.sigmoid(field.appearance.background)
     color = color + (1 - cache.opacity)[:, None] * background
 
     generator.manual_seed(7)
-    draw = torch.randint(len(scene.cameras) * 20 * 20, (300,), generator=generator)
+    draw = torch.randperm(len(scene.cameras) * 20 * 20, generator=generator)[:300]
     view, row, column = draw // 400, draw % 400 // 20, draw % 20
     pixels = torch.stack([column, row], dim=-1).double() + 0.5
     exact = render_rays(field, KERNELS, rays.segments(view, pixels), RenderConfig(0.0, 0.0))
@@ -74,3 +74,18 @@ def test_the_same_seed_gives_the_same_appearance(scene):
         )  # fmt: skip
         results.append(field.appearance.state_dict())
     assert all(torch.equal(results[0][name], results[1][name]) for name in results[0])
+
+
+def test_the_cache_is_bounded_and_gone_through_again(scene, field):
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    config = replace(ADAPTATION, iterations=10**4, cache_bytes=1)
+    generator = torch.Generator().manual_seed(0)
+    cache = march_once(field, rays, scene.images, config, KERNELS, generator)
+    n = len(cache.opacity)
+    assert n <= scene.images[..., 0].numel(), "no pixel is marched twice"
+    batches = n // 256
+    for k in (0, batches - 1):
+        first, second = cache.batch(k, 256), cache.batch(k + batches, 256)
+        assert first[1] == second[1]
+        assert torch.equal(first[0].positions, second[0].positions)
+    assert len(cache.opacity[cache.batch(0, 10 * n)[1]]) == n, "fewer rays than a batch"

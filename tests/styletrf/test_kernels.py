@@ -191,17 +191,66 @@ def test_scatter_does_not_depend_on_the_number_of_threads():
     assert all(torch.equal(a, b) for a, b in zip(*grads, strict=True))
 
 
-def test_heavier_than_keeps_offsets_consistent():
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+def test_heavy_samples_keep_their_rays_and_haze_keeps_its_heaviest(form):
     samples = Samples(
-        torch.tensor([0, 2, 2, 5]),
-        torch.tensor([0, 0, 2, 2, 2]),
-        torch.arange(5.0),
-        torch.zeros(5, 3),
-        torch.tensor([0.5, 0.01, 0.2, 0.02, 0.3]),
+        torch.tensor([0, 2, 2, 5, 7, 8]),
+        torch.tensor([0, 0, 2, 2, 2, 3, 3, 4]),
+        torch.arange(8.0),
+        torch.zeros(8, 3),
+        torch.tensor([0.5, 0.01, 0.2, 0.02, 0.3, 0.07, 0.09, 0.04]),
     )
-    heavy = samples.heavier_than(0.1)
-    assert heavy.offsets.tolist() == [0, 1, 1, 3]
-    assert heavy.s.tolist() == [0.0, 2.0, 4.0]
+    heavy = form.heavy(samples, 0.1)
+    assert heavy.offsets.tolist() == [0, 1, 1, 3, 4, 4]
+    assert heavy.ray.tolist() == [0, 2, 2, 3]
+    assert heavy.s.tolist() == [0.0, 2.0, 4.0, 6.0]
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.02, 2.0])
+def test_both_forms_keep_the_same_samples(threshold):
+    g = torch.Generator().manual_seed(0)
+    ray = torch.randint(0, 50, (1000,), generator=g).sort().values
+    offsets = torch.searchsorted(ray, torch.arange(51))
+    weights = torch.rand(1000, generator=g) ** 4 / 20
+    samples = Samples(offsets, ray, weights, torch.zeros(1000, 3), weights)
+    ours, theirs = (form.heavy(samples, threshold) for form in FORMS.values())
+    assert torch.equal(ours.offsets, theirs.offsets)
+    assert torch.equal(ours.s, theirs.s)
+
+
+@pytest.mark.parametrize(
+    ("n", "inputs", "hidden"), [(0, 5, 8), (1, 1, 1), (7, 6, 3), (500, 48, 64)]
+)
+def test_fused_colors_and_gradients_equal_the_float64_reference(n, inputs, hidden):
+    g = torch.Generator().manual_seed(n)
+    ray = torch.randint(0, 40, (n,), generator=g).sort().values
+    upstream = torch.randn(n, 3, generator=g)
+    shapes = [(n, inputs), (40, hidden), (hidden, inputs), (3, hidden), (3,)]
+    values = [torch.randn(shape, generator=g) for shape in shapes]
+    results = {}
+    for name, dtype in (("fused", torch.float32), ("reference", torch.float64)):
+        leaves = [value.detach().to(dtype).requires_grad_() for value in values]
+        colors = FORMS[name].decode(*leaves[:2], ray, *leaves[2:])
+        colors.backward(upstream.to(dtype))
+        results[name] = [colors.detach(), *(leaf.grad for leaf in leaves)]
+    for mine, exact in zip(results["fused"], results["reference"], strict=True):
+        torch.testing.assert_close(mine.double(), exact, rtol=1e-3, atol=1e-4)
+
+
+def test_color_gradients_do_not_depend_on_the_number_of_threads():
+    import numba
+
+    g = torch.Generator().manual_seed(0)
+    ray = torch.randint(0, 300, (5000,), generator=g).sort().values
+    shapes = [(5000, 12), (300, 16), (16, 12), (3, 16), (3,)]
+    grads = []
+    for n_threads in (1, numba.config.NUMBA_NUM_THREADS):
+        numba.set_num_threads(n_threads)
+        g.manual_seed(1)
+        leaves = [torch.randn(shape, generator=g).requires_grad_() for shape in shapes]
+        FUSED.decode(*leaves[:2], ray, *leaves[2:]).square().sum().backward()
+        grads.append([leaf.grad for leaf in leaves])
+    assert all(torch.equal(a, b) for a, b in zip(*grads, strict=True))
 
 
 def test_the_fastest_form_is_chosen_and_can_be_overridden():

@@ -7,9 +7,9 @@ import torch
 from mini_scene import painted_plane
 from test_field_training import CONFIG, fit
 
-from styletrf.field import set_occupancy
-from styletrf.kernels import kernels_for
-from styletrf.rendering import RenderConfig, render_view
+from styletrf.field import Appearance, FieldConfig, set_occupancy
+from styletrf.kernels import Samples, Segments, kernels_for
+from styletrf.rendering import LEAST_OPACITY, RenderConfig, render_color, render_view
 from styletrf.space import ViewRays
 
 CPU = torch.device("cpu")
@@ -44,18 +44,39 @@ def test_the_thresholds_cost_little(scene, field):
     assert (exact.color - quick.color).abs().max() < 0.05
 
 
-def test_an_empty_field_shows_the_background_at_the_far_end(scene, field):
+def test_an_empty_field_shows_the_background_at_infinity(scene, field):
     empty = fit(scene, replace(CONFIG, iterations=2))
     set_occupancy(empty.density, torch.zeros(2, 2, 2, dtype=torch.uint8))
     render = rendered(scene, empty, RenderConfig())
     background = torch.sigmoid(empty.appearance.background)
     torch.testing.assert_close(render.color, background.expand_as(render.color))
     assert (render.opacity == 0).all()
-    assert torch.isfinite(render.depth).all()
+    assert torch.isposinf(render.depth).all()
 
 
 def test_depth_is_positive_finite_and_color_in_range(scene, field):
     render = rendered(scene, field, RenderConfig())
-    assert torch.isfinite(render.depth).all()
+    assert torch.isfinite(render.depth[render.opacity >= LEAST_OPACITY]).all()
     assert (render.depth > 0).all()
     assert ((render.color >= 0) & (render.color <= 1)).all()
+
+
+@pytest.mark.parametrize("opacity", [1e-4, 0.05, 0.5, 0.99])
+@pytest.mark.parametrize("min_weight", [0.0, 1e-2])
+def test_white_fog_before_white_stays_white(opacity, min_weight):
+    """However thin its samples: dropping light ones must not turn haze black."""
+    n = 600
+    appearance = Appearance(FieldConfig(), (4, 4, 4))
+    with torch.no_grad():
+        appearance.output.weight.zero_()
+        appearance.output.bias.fill_(20.0)
+        appearance.background.fill_(20.0)
+    ray, s = torch.zeros(n, dtype=torch.int64), torch.linspace(0, 1, n)
+    weights = torch.full((n,), opacity / n)
+    samples = Samples(torch.tensor([0, n]), ray, s, torch.zeros(n, 3), weights)
+    one = torch.ones(1)
+    segments = Segments(
+        torch.zeros(1, 3), torch.ones(1, 3), one, torch.tensor([n]), torch.ones(1, 3), one, one, one
+    )
+    color = render_color(appearance, KERNELS, segments, samples, min_weight)
+    torch.testing.assert_close(color, torch.ones(1, 3), atol=1e-4, rtol=0)
