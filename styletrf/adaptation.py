@@ -52,8 +52,8 @@ class AdaptationPoint:
 class RayCache:
     """Rays with their samples' positions and weights, and the colours they should have.
 
-    The kept weights of a ray are scaled up to its opacity (0 where none were kept); `dropped` is the
-    mean mass that was left out before.
+    The kept weights of a ray are scaled up to its opacity (0 where none were kept); `dropped` is
+    the mean mass that was left out before.
     """
 
     offsets: Int64[Tensor, " rays_and_one"]
