@@ -5,6 +5,7 @@ import logging
 import shutil
 import socket
 import time
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -12,13 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.canonical import Json
 from pipeline.code_identity import closure, keep
-from pipeline.errors import TaskFailure
+from pipeline.errors import LostInputError, TaskFailure
 from pipeline.execution import EXECUTORS, Job, Report, is_interactive
 from pipeline.gpu import VISIBLE, Lease, leased
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import setting
+from pipeline.sharing import fetch, give, is_available, recorded
 from pipeline.store import Store
+from pipeline.verify import damage, mend
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
@@ -28,8 +31,10 @@ screen = logging.getLogger("pipeline")
 
 def find_or_build(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
     """The record of the action: the one there is, or that of a build of our own."""
-    if record := store.find(action.key):
+    record = recorded(store, action.key)
+    if record and is_available(store, record) and (task.published() or fetch(store, record)):
         return record
+
     say_so = partial(screen.info, "%s: another process is at it, waiting", task.label)
     is_locking = setting("store", "locks") == "true"
     with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():
@@ -65,7 +70,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
             (workspace / "out").mkdir()
             job = Job(
                 **_specification(task),
-                inputs={name: str(path) for name, path in inputs.items()},
+                inputs={n: str(store.object(r.output.digest)) for n, r in inputs.items()},
                 out=str(workspace / "out"),
                 resume=str(resume),
                 log=str(log),
@@ -75,6 +80,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
             report = EXECUTORS[setting("store", "executor")].run(job)
             _require_success(task, report, job)
             _require_unchanged(task, action)
+            _require_untouched(task, inputs.values(), store)
             provenance: dict[str, Json] = {
                 "task": str(task),
                 "label": task.label,
@@ -91,6 +97,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
     finally:
         with contextlib.suppress(OSError):  # it holds a checkpoint
             resume.rmdir()
+    give(store, record)
     screen.info("%s: done in %.0f s", task.label, report.seconds)
     return record
 
@@ -101,17 +108,16 @@ def _card(task: "StoredTask") -> contextlib.AbstractContextManager[Lease]:
     return leased(say_so) if task.needs_gpu else contextlib.nullcontext(({VISIBLE: ""}, ()))
 
 
-def _verified(task: "StoredTask", upstream: "StoredTask", store: Store) -> Path:
-    """Where the input lies, after a look at the sizes of its files."""
+def _verified(task: "StoredTask", upstream: "StoredTask", store: Store) -> ActionRecord:
+    """The record of an input that is here, every byte of it read and found right."""
     record = upstream.record()
-    if record and store.intact(record):
-        return store.object(record.output.digest)
+    if record and fetch(store, record):
+        if kind := damage(store, record, deep=True):
+            screen.warning("%s: its input %s is %s", task.label, upstream.label, kind)
+        if mend(store, record, kind):
+            return record
     upstream.forget()
-    if record:
-        store.quarantine(store.object(record.output.digest))
-    reason = "is damaged, and was set aside" if record else "is gone"
-    remedy = "Run the same command again to make it anew."
-    raise TaskFailure("changed", str(task), f"its input {upstream} {reason}. {remedy}")
+    raise LostInputError(upstream)
 
 
 def _specification(task: "StoredTask") -> dict[str, Any]:
@@ -148,6 +154,17 @@ def _require_success(task: "StoredTask", report: Report, job: Job) -> None:
     with contextlib.suppress(OSError), Path(job.log).open("a") as file:
         file.write(f"{reason}\n")  # for `ls --failed`
     raise TaskFailure(report.kind, str(task), reason)
+
+
+def _require_untouched(task: "StoredTask", inputs: Iterable[ActionRecord], store: Store) -> None:
+    """Raise when an input has other bytes than before the build, which may have read either."""
+    for record in inputs:
+        if kind := damage(store, record, deep=True):
+            mend(store, record, kind)
+        if kind in ("altered", "missing"):
+            what = f"its input {record.provenance['label']} was {kind} while it ran, and set aside"
+            remedy = "A build only reads its inputs. Its result was not kept: run it again"
+            raise TaskFailure("changed", str(task), f"{what}. {remedy}.")
 
 
 def _require_unchanged(task: "StoredTask", action: Action) -> None:

@@ -1,17 +1,21 @@
 """The commands of `python -m pipeline`: each turns a store and its options into rows."""
 
 import re
+import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
-from pipeline import roots
+from pipeline import roots, sharing
 from pipeline.canonical import Json
-from pipeline.collection import collect
+from pipeline.collection import closure, collect
 from pipeline.errors import StoreError
+from pipeline.execution import is_interactive
+from pipeline.progress import ProgressBar
 from pipeline.record import ActionRecord
+from pipeline.settings import current_remote
 from pipeline.store import Store
-from pipeline.verify import problems, records
+from pipeline.verify import problems, records, repair, strays
 
 Rows: TypeAlias = list[dict[str, Json]]
 Answer: TypeAlias = tuple[int, Rows]
@@ -29,7 +33,7 @@ def ls(store: Store, options: Namespace) -> Answer:
 def show(store: Store, options: Namespace) -> Answer:
     """A row a fact: all that is known of the artifacts whose key or digest begins so."""
     rows: Rows = []
-    for record in find_all(store, options.address):
+    for record in find_all(records(store), options.address):
         facts: dict[str, Json] = {
             "key": record.action.key,
             "object": str(store.object(record.output.digest)),
@@ -50,9 +54,44 @@ def show(store: Store, options: Namespace) -> Answer:
 
 
 def verify(store: Store, options: Namespace) -> Answer:
-    """A row a problem; status 1 where there is one."""
-    rows: Rows = [{"problem": problem} for problem in problems(store, deep=options.deep)]
-    return (1 if rows else 0), rows
+    """A row a problem and what was done, if asked; status 1 where one is left. Then, garbage."""
+    rows: Rows = []
+    for problem in problems(store, deep=options.deep):
+        label = problem.record.provenance["label"] if problem.record else None
+        done = repair(store, problem) if options.repair else None
+        rows.append({"found": problem.kind, "what": label, "path": str(problem.path), "done": done})
+    garbage: Rows = [{"found": "garbage, for gc", "path": str(path)} for path in strays(store)]
+    return int(bool(rows) and not options.repair), rows + garbage
+
+
+def push(store: Store, options: Namespace) -> Answer:
+    """A row an artifact uploaded to the shared store; status 1 where one could not be."""
+    chosen = [r for a in options.address for r in find_all(records(store), a)]
+    return _transfer(
+        chosen or list(records(store)), lambda r: sharing.push(store, r, current_remote())
+    )
+
+
+def pull(store: Store, options: Namespace) -> Answer:
+    """A row an artifact fetched from the shared store; status 1 where one could not be."""
+    remote = current_remote()
+    found = sharing.shared_records(remote)
+    chosen = [r for a in options.address for r in find_all(found, a)]
+    if options.closure:
+        known = {n: r for r in found for n in (r.output.digest, r.action.key)}
+        chosen = closure([r.action.key for r in chosen], known)
+    return _transfer(chosen, lambda r: sharing.pull(store, sharing.adopt(store, r), remote))
+
+
+def _transfer(chosen: list[ActionRecord], act: Callable[[ActionRecord], str]) -> Answer:
+    bar = ProgressBar("artifacts", sys.stderr, interactive=is_interactive())
+    rows: Rows = []
+    for i, record in enumerate(chosen):
+        bar(i, len(chosen))
+        rows.append({**_row(record), "done": act(record)})
+    bar.close()
+    rows = [row for row in rows if row["done"] not in ("is here", "is there")]
+    return int(any(row["done"] not in ("fetched", "pushed") for row in rows)), rows
 
 
 def gc(store: Store, options: Namespace) -> Answer:
@@ -82,7 +121,7 @@ def du(store: Store, _options: Namespace) -> Answer:
 def pin(store: Store, options: Namespace) -> Answer:
     """Keep an artifact, if one is given; a row a pin."""
     if options.address:
-        key = find_all(store, options.address)[-1].action.key
+        key = find_all(records(store), options.address)[-1].action.key
         roots.pin(store, key, options.name or key[:12])
     return 0, [{"name": name, "key": key} for name, key in roots.pins(store).items()]
 
@@ -93,33 +132,20 @@ def unpin(store: Store, options: Namespace) -> Answer:
     return 0, [{"name": name, "key": key} for name, key in roots.pins(store).items()]
 
 
-def find_all(store: Store, address: str) -> list[ActionRecord]:
-    """The records whose key or digest begins with `address`.
+def find_all(among: Iterable[ActionRecord], address: str) -> list[ActionRecord]:
+    """Those records whose key or digest begins with `address`.
 
     Raises:
         StoreError: When there is none.
     """
     found = [
         record
-        for record in records(store)
+        for record in among
         if any(name.startswith(address) for name in (record.action.key, record.output.digest))
     ]
     if not found:
-        raise StoreError(f"nothing in {store.root} begins with {address}")
+        raise StoreError(f"no key or digest begins with {address}")
     return found
-
-
-def _failures(store: Store, family: str) -> Rows:
-    """A row a log that no record names, with its last line: the attempt failed, or is under way."""
-    named = {str(record.provenance["log"]) for record in records(store)}
-    logs = sorted(
-        (store.root / "logs").glob(f"{family}/*.log"), key=lambda log: log.stat().st_mtime
-    )
-    return [
-        {"log": str(log), "end": log.read_text(errors="replace").strip().rpartition("\n")[2]}
-        for log in logs
-        if log.relative_to(store.root).as_posix() not in named
-    ]
 
 
 def _totals(parts: Iterable[tuple[Mapping[str, str], int]]) -> Rows:
@@ -137,6 +163,19 @@ def _scene(record: ActionRecord) -> str:
     """The scene that the task was asked for; none for what scenes share, such as a style."""
     asked = re.search(r"\bscene=([^,)]*)", str(record.provenance["task"]))
     return asked[1] if asked else "(none)"
+
+
+def _failures(store: Store, family: str) -> Rows:
+    """A row a log that no record names, with its last line: the attempt failed, or is under way."""
+    named = {str(record.provenance["log"]) for record in records(store)}
+    logs = sorted(
+        (store.root / "logs").glob(f"{family}/*.log"), key=lambda log: log.stat().st_mtime
+    )
+    return [
+        {"log": str(log), "end": log.read_text(errors="replace").strip().rpartition("\n")[2]}
+        for log in logs
+        if log.relative_to(store.root).as_posix() not in named
+    ]
 
 
 def _row(record: ActionRecord) -> dict[str, Json]:
@@ -169,7 +208,23 @@ COMMANDS: Mapping[str, Command] = {
     "verify": (
         verify,
         "look for damage; status 1 where there is some",
-        {"--deep": {"action": "store_true", "help": "read every byte"}},
+        {
+            "--deep": {"action": "store_true", "help": "read every byte"},
+            "--repair": {"action": "store_true", "help": "from the shared store, or set aside"},
+        },
+    ),
+    "push": (
+        push,
+        "upload what the shared store lacks",
+        {"address": {"nargs": "*", "help": "first digits of keys or digests; none: all"}},
+    ),
+    "pull": (
+        pull,
+        "fetch from the shared store",
+        {
+            "address": {"nargs": "+", "help": "first digits of keys or of digests"},
+            "--closure": {"action": "store_true", "help": "with all that they were made from"},
+        },
     ),
     "gc": (
         gc,

@@ -61,6 +61,14 @@ def tree_digest(root: Path) -> Tree:
     return Tree(typed_digest("pipeline-tree-v1", canonical_json(listing)), size, files)
 
 
+def is_tree(root: Path, tree: Tree) -> bool:
+    """Whether the directory `root` is there and holds just that; reads every byte."""
+    try:
+        return tree_digest(root) == tree
+    except (OSError, ValueError):
+        return False
+
+
 def measure(root: Path) -> tuple[int, int]:
     """Bytes and number of the files below `root`, without reading them (see `Tree`)."""
     sizes = [status.st_size for _, status in walk(root) if stat.S_ISREG(status.st_mode)]

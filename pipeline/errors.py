@@ -18,6 +18,10 @@ class NotBuiltError(StoreError):
     """The artifact is not in the store."""
 
 
+class LostInputError(Exception):
+    """The task that it names has to run again first: what it made is gone or was set aside."""
+
+
 class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is elsewhere
     """A task that failed for a reason worth one line; the trace, if there is one, is in a log.
 

@@ -10,17 +10,21 @@ at every instant an artifact is whole and recorded, or invisible.
 import errno
 import os
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline.canonical import Json
-from pipeline.digest import Tree, tree_digest, walk
+from pipeline.digest import Tree, is_tree, tree_digest, walk
 from pipeline.record import Action, ActionRecord
 from pipeline.store import Store
 
 
 def publish(
-    store: Store, out: Path, action: Action, provenance: Mapping[str, Json]
+    store: Store,
+    out: Path,
+    action: Action,
+    provenance: Mapping[str, Json],
+    expected: Tree | None = None,
 ) -> ActionRecord:
     """Make the directory `out` (on the store's file system) the artifact of `action`.
 
@@ -28,19 +32,21 @@ def publish(
         The record now in force: ours, or that of whoever was first with the same key.
 
     Raises:
-        ValueError: When `out` holds no file, or what is not a file.
+        ValueError: When `out` holds no file, or what is not a file, or not what is `expected`.
         OSError: When the disk fails or is full; nothing became visible.
     """
     tree = tree_digest(out)
     if not tree.files:
         raise ValueError("it made no file")
+    if tree != (expected or tree):
+        raise ValueError(f"its bytes have the digest {tree.digest}")
     store.reached("hashed")
     _sync_tree(out)
     store.reached("synced")
     with store.run.taking(action.key):
         _place(store, out, tree)
         store.reached("placed")
-        record = _commit(store, ActionRecord(action, tree, provenance))
+        record = commit(store, ActionRecord(action, tree, provenance), store.find)
     store.reached("committed")
     return record
 
@@ -52,54 +58,49 @@ def _place(store: Store, out: Path, tree: Tree) -> None:
     try:
         out.rename(target)
     except OSError as error:
-        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
             raise
-        if _is(target, tree):
-            return
-        store.quarantine(target)
-        out.rename(target)
+        if not is_tree(target, tree):
+            store.quarantine(target)
+            out.rename(target)
     store.reached("renamed")
-    _sync(target.parent)
-    _protect(target)
+    sync(target.parent)
+    protect(target)
 
 
-def _commit(store: Store, record: ActionRecord) -> ActionRecord:
-    """Link the record into place; adopt a valid one that is there, set an invalid one aside."""
+def commit(
+    store: Store, record: ActionRecord, good: Callable[[str], ActionRecord | None]
+) -> ActionRecord:
+    """Link the record into place; adopt a good one that is there, set any other aside."""
     key, target = record.action.key, store.action(record.action.key)
     target.parent.mkdir(exist_ok=True)
     temporary = store.root / "tmp" / f"{key}.{uuid.uuid4().hex}.json"
     try:
         temporary.write_bytes(record.to_json())
         temporary.chmod(0o444)
-        _sync(temporary)
+        sync(temporary)
         store.reached("record-written")
         try:
             target.hardlink_to(temporary)
         except FileExistsError:
-            if winner := store.find(key):
+            if winner := good(key):
                 return winner
             store.quarantine(target)
             temporary.replace(target)
         store.reached("linked")
-        _sync(target.parent)
+        sync(target.parent)
     finally:
         temporary.unlink(missing_ok=True)
     return record
 
 
-def _is(path: Path, tree: Tree) -> bool:
-    try:
-        return tree_digest(path) == tree
-    except (OSError, ValueError):
-        return False
-
-
 def _sync_tree(root: Path) -> None:
     for path in [root, *(path for path, _ in walk(root))]:
-        _sync(path)
+        sync(path)
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
+    """Have the disk hold the file's bytes, or the directory's names."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -107,7 +108,7 @@ def _sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def _protect(root: Path) -> None:
+def protect(root: Path) -> None:
     """Make all read-only: a guard against accidents, never taken for a proof of integrity."""
     for path in [root, *(path for path, _ in walk(root))]:
         path.chmod(0o555 if path.is_dir() else 0o444)

@@ -1,4 +1,4 @@
-"""What the user sets: `luigi.cfg`, and the two environment variables that win over it."""
+"""What the user sets: `luigi.cfg`, and the environment variables that win over it."""
 
 import os
 from collections.abc import Mapping
@@ -8,11 +8,15 @@ import luigi
 from luigi.cmdline_parser import CmdlineParser
 from luigi.task_register import Register
 
+from pipeline.remote import Remote, open_remote
 from pipeline.store import Store, open_store
 
 _DEFAULTS = {
     ("store", "root"): "store",  # STYLETRF_STORE wins
     ("store", "salt"): "",  # another word disowns all artifacts
+    ("store", "remote"): "",  # the shared store's path or URL, if any; STYLETRF_REMOTE wins
+    ("store", "remote_options"): "{}",  # JSON, for fsspec's file system
+    ("store", "push"): "true",  # whether what a run builds is uploaded to the shared store
     ("store", "identity"): "tasks/identity.json",  # the snapshot of the code, with adoptions
     ("store", "executor"): "subprocess",  # "inline" builds in this process, for tests
     ("store", "locks"): "true",  # whether one process at a time builds a key
@@ -34,6 +38,12 @@ def setting(section: str, name: str) -> str:
 def current_store() -> Store:
     """The store in STYLETRF_STORE, or in [store] root of `luigi.cfg`, or in ./store."""
     return open_store(Path(os.environ.get("STYLETRF_STORE") or setting("store", "root")).absolute())
+
+
+def current_remote() -> Remote:
+    """The shared store in STYLETRF_REMOTE, or in [store] remote of `luigi.cfg`; or none."""
+    url = os.environ.get("STYLETRF_REMOTE", setting("store", "remote"))
+    return open_remote(url, setting("store", "remote_options"))
 
 
 def data_root() -> Path:

@@ -5,7 +5,7 @@ import hashlib
 import multiprocessing
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,13 +14,15 @@ import luigi
 
 from pipeline.building import find_or_build
 from pipeline.canonical import canonical
-from pipeline.errors import NotBuiltError, TaskFailure, explain
+from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
 from pipeline.execution import RunContext, append_trace
 from pipeline.logs import report_plainly
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import current_store, require_configuration, setting
+from pipeline.sharing import is_available, recorded
 from pipeline.snapshot import code_in_key
 from pipeline.store import Store
+from pipeline.target import StoreTarget, artifact
 
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
 
@@ -112,12 +114,15 @@ class StoredTask(luigi.Task):
         except Exception:  # noqa: BLE001  run() meets it again and reports it
             return False
 
-    def output(self) -> "StoreTarget":
+    def output(self) -> StoreTarget:
         """The artifact, built or not."""
         return StoreTarget(self)
 
-    def run(self) -> None:
+    def run(self) -> "Generator[StoredTask, None, None] | None":
         """Find the artifact under its resolved key (early cut-off) or build it; then publish it.
+
+        Returns:
+            None, done; or, where an input was lost, what has Luigi make that again first.
 
         Raises:
             TaskFailure: With one line for the user.
@@ -129,10 +134,20 @@ class StoredTask(luigi.Task):
             record = self._records[store.root] = find_or_build(self, self.action(), store)
             if not self.published():
                 self.publish(store.object(record.output.digest))
+        except LostInputError as lost:
+            return self._run_after(lost.args[0])
         except TaskFailure:
             raise
         except Exception as error:
             raise self._failure(error, store) from error
+        return None
+
+    def _run_after(self, upstream: "StoredTask") -> "Generator[StoredTask, None, None]":
+        self.forget()
+        yield upstream
+        if self.run():
+            reason = f"its input {upstream} is lost again and again. Run the same command again."
+            raise TaskFailure("changed", str(self), reason)
 
     # Identity.
 
@@ -158,17 +173,17 @@ class StoredTask(luigi.Task):
         )
 
     def record(self) -> ActionRecord | None:
-        """The record of the artifact, if it is in the store; raises what keeps its key unknown."""
+        """The record of the artifact, if that can be had; raises what keeps its key unknown."""
         try:
             record = self._recorded()
         except NotBuiltError:
             return None
-        return record if current_store().object(record.output.digest).is_dir() else None
+        return record if is_available(current_store(), record) else None
 
     def _recorded(self) -> ActionRecord:
         """The record of the artifact, even if the object was collected: its digest suffices."""
         store = current_store()
-        record = self._records.get(store.root) or store.hold(self.action().key)
+        record = self._records.get(store.root) or recorded(store, self.action().key)
         if record is None:
             raise NotBuiltError(f"{self} is not built")
         self._records[store.root] = record
@@ -198,44 +213,6 @@ class StoredTask(luigi.Task):
         append_trace(log)
         kind, message = explain(error, log, self.user_errors, self.transient_errors)
         return TaskFailure(kind, str(self), message)
-
-
-class StoreTarget(luigi.Target):
-    """The place of a task's artifact; unknown, and absent, until the task's inputs are known."""
-
-    def __init__(self, task: StoredTask) -> None:
-        self.task = task
-
-    def exists(self) -> bool:
-        """Whether the artifact is in the store; never raises."""
-        return self.task.complete()
-
-    @property
-    def path(self) -> Path:
-        """The artifact's directory, read-only.
-
-        Raises:
-            NotBuiltError: When it is not built.
-        """
-        return artifact(self.task)
-
-    def __str__(self) -> str:
-        try:
-            return str(self.path)
-        except Exception:  # noqa: BLE001  Luigi prints targets in its own error messages
-            return f"{self.task} (not built)"
-
-
-def artifact(task: StoredTask) -> Path:
-    """The directory of a finished task's artifact, read-only.
-
-    Raises:
-        NotBuiltError: When it is not built.
-    """
-    record = task.record()
-    if record is None:
-        raise NotBuiltError(f"{task} is not built")
-    return current_store().object(record.output.digest)
 
 
 _first_code = functools.cache(code_in_key)

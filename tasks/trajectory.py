@@ -3,7 +3,7 @@
 import atexit
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import luigi
@@ -11,7 +11,7 @@ from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.roots import show_in
 from pipeline.settings import adopt, command_parameters, current_store, out_root
-from pipeline.task import RunContext, artifact
+from pipeline.task import RunContext, StoredTask, artifact
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
 from tasks.stage import Stage
@@ -72,16 +72,18 @@ class StylizedTrajectory(StyledStage):
         return super().complete()
 
     def published(self) -> bool:
-        """Whether every link in `out/SCENE/STYLE/` leads where it should."""
+        """Whether every link in `out/SCENE/STYLE/` leads where it should, to something there."""
         folder = self.folder
         return all(
-            (folder / name).is_symlink() and (folder / name).readlink() == target
-            for name, target in self._links(artifact(self)).items()
+            (folder / name).is_symlink()
+            and (folder / name).readlink() == target
+            and target.exists()
+            for name, target in self._links(lambda task: task.output().path).items()
         )
 
     def publish(self, object_path: Path) -> None:
         """Make the links, replacing what an earlier run left."""
-        links = self._links(object_path)
+        links = self._links(artifact)
         self.folder.mkdir(parents=True, exist_ok=True)
         show_in(current_store(), self.folder)
         for name, target in links.items():
@@ -93,19 +95,20 @@ class StylizedTrajectory(StyledStage):
             if path.is_symlink() and path.name not in links:
                 path.unlink()
 
-    def _links(self, object_path: Path) -> dict[str, Path]:
-        upstream = {name: artifact(task) for name, task in self.requires().items()}
+    def _links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        object_path = place(self)
+        upstream = self.requires()
         return {
             "report.html": object_path / "report.html",
             "summary.json": object_path / "summary.json",
             "poster.png": object_path / "poster.png",
-            "video.mp4": upstream["frames"] / "video.mp4",
-            "frames": upstream["frames"] / "frames",
-            "unstylized.mp4": upstream["trajectory"] / "video.mp4",
-            "priors": upstream["priors"] / "frames",
-            "style.png": upstream["style"] / "style.png",
-            "views.parquet": upstream["quality"] / "views.parquet",
-            "pairs.parquet": upstream["consistency"] / "pairs.parquet",
+            "video.mp4": place(upstream["frames"]) / "video.mp4",
+            "frames": place(upstream["frames"]) / "frames",
+            "unstylized.mp4": place(upstream["trajectory"]) / "video.mp4",
+            "priors": place(upstream["priors"]) / "frames",
+            "style.png": place(upstream["style"]) / "style.png",
+            "views.parquet": place(upstream["quality"]) / "views.parquet",
+            "pairs.parquet": place(upstream["consistency"]) / "pairs.parquet",
         }
 
 

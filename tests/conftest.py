@@ -12,6 +12,7 @@ import pytest
 def _isolated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A store under `tmp_path`; Luigi's register and instances as they were before the test."""
     monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "store"))
+    monkeypatch.delenv("STYLETRF_REMOTE", raising=False)
     known = list(register._reg) if (register := _register()) else None
     yield
     if register := _register():

@@ -1,9 +1,13 @@
-"""The folder in which the toys note that they were built."""
+"""The folder in which the toys note that they were built, and the stores they share."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from fsspec import get_filesystem_class
+from shared_stores import Place, Server
 
+from pipeline.remote import open_remote
 from pipeline.settings import current_store
 from pipeline.store import Store
 
@@ -15,6 +19,38 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     monkeypatch.setenv("STYLETRF_TOYS", str(folder))
     return folder
+
+
+@pytest.fixture(scope="session")
+def server() -> Iterator[Server]:
+    """An S3 server."""
+    server = Server()
+    yield server
+    server.kill()
+
+
+@pytest.fixture(autouse=True)
+def _forgetful() -> None:
+    """What this process knows of shared stores: which failed, and where S3 was."""
+    open_remote.cache_clear()
+    get_filesystem_class("s3").clear_instance_cache()
+
+
+@pytest.fixture(params=["directory", "s3"])
+def shared(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Place:
+    """An empty shared store, which is the current one: a directory, and a bucket."""
+    if request.param == "s3":
+        server: Server = request.getfixturevalue("server")
+        for name, value in server.environment().items():
+            monkeypatch.setenv(name, value)
+        place = server.bucket()
+    else:
+        place = Place(str(tmp_path / "shared"))
+        Path(place.url).mkdir()
+    monkeypatch.setenv("STYLETRF_REMOTE", place.url)
+    return place
 
 
 @pytest.fixture

@@ -231,6 +231,9 @@ def test_store_commands():
     file = current_store().object(record.output.digest) / "sentence.txt"
     file.chmod(0o644)
     file.write_text("jello world")
+    status, said = pipeline("verify")
+    assert (status, "writable" in said) == (1, True)
+    file.chmod(0o444)
     assert pipeline("verify")[0] == 0, "same length"
     status, said = pipeline("verify", "--deep")
     assert (status, "altered" in said) == (1, True)

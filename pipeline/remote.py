@@ -1,0 +1,157 @@
+"""The place of a shared store: bytes by name, in a directory or a bucket, never replaced."""
+
+import contextlib
+import functools
+import json
+import logging
+import os
+import shutil
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pipeline.errors import StoreError
+from pipeline.publication import sync
+from pipeline.store import nothing
+
+Answer = TypeVar("Answer")
+screen = logging.getLogger("pipeline")
+
+SECONDS_OF_SILENCE = 60.0
+_RETRIES = {"mode": "standard", "total_max_attempts": 3}  # lost connections, throttling, 5xx
+_S3: dict[str, Any] = {
+    "use_listings_cache": False,
+    "max_concurrency": 1,  # so that a download goes on where its connection broke
+    "config_kwargs": {"connect_timeout": 3, "read_timeout": 5, "retries": _RETRIES},
+}
+_REMEDY = (
+    "It has to be a folder that exists, or s3://BUCKET/PREFIX with a bucket that exists,"
+    " credentials and AWS_ENDPOINT_URL as for any S3 client, and `pip install 'styletrf[s3]'`"
+)
+
+
+@dataclass(frozen=True)
+class Remote:
+    """A directory (a path, `file://`) or a bucket (`s3://bucket/prefix`) that machines share.
+
+    Every method but `attempt` raises `StoreError` when the remote cannot be used, after attempts
+    enough at what may pass: unreachable, no such bucket, not permitted, no extra `s3` installed.
+
+    Attributes:
+        url: Where it is; "" for none.
+        options: JSON for the fsspec file system, beside the environment's AWS_ENDPOINT_URL etc.
+        reached: Called with the name of each point that an upload reaches; tests kill there.
+    """
+
+    url: str
+    options: str = "{}"
+    reached: Callable[[str], None] = nothing
+    _silent_until: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
+
+    def attempt(self, kind: str, call: Callable[["Remote"], Answer]) -> Answer | None:
+        """What `call` answers; None where there is no remote or, after a warning, it fails.
+
+        For a minute after a failure in "reading" nothing is called, and none of "writing" after
+        one in "writing".
+        """
+        silent_until = max(self._silent_until.get(each, 0) for each in ("reading", kind))
+        if not self.url or time.monotonic() < silent_until:
+            return None
+        try:
+            return call(self)
+        except (StoreError, OSError) as error:
+            self._silent_until[kind] = time.monotonic() + SECONDS_OF_SILENCE
+            screen.warning("%s Going on without %s there for a minute.", error, kind)
+            return None
+
+    def read(self, name: str) -> bytes | None:
+        """The bytes of that name, if there are any."""
+        with self._at(name) as (files, path):
+            try:
+                return bytes(files.cat_file(path))
+            except FileNotFoundError as error:
+                if "NoSuchBucket" in str(error.__cause__):
+                    raise
+                return None
+
+    def read_all(self, folder: str) -> list[bytes]:
+        """The bytes of every name in the folder."""
+        with self._at(folder) as (files, path):
+            names = files.find(path)
+            return list(files.cat(names, on_error="omit").values()) if names else []
+
+    def has(self, name: str) -> bool:
+        """Whether there is that name."""
+        with self._at(name) as (files, path):
+            return bool(files.exists(path))
+
+    def download(self, name: str, target: Path) -> None:
+        """Copy the bytes of that name, unchecked, into a file."""
+        with self._at(name) as (files, path):
+            files.retries = 3  # going on from where the connection broke
+            files.get_file(path, os.fspath(target))
+
+    def create(self, name: str, source: Path) -> bool:
+        """Give the bytes of a file that name, all at once; False where the name is taken."""
+        with self._at(name) as (files, path):
+            try:
+                if "file" in files.protocol:
+                    self._link(source, Path(path), Path(path.removesuffix(name)))
+                else:
+                    files.put_file(os.fspath(source), path, mode="create")
+            except OSError as error:
+                if "PreconditionFailed" in str(error.__cause__) or isinstance(
+                    error, FileExistsError
+                ):
+                    return False
+                raise
+        return True
+
+    def set_aside(self, name: str) -> None:
+        """Move the bytes of that name to where nothing looks for them."""
+        with self._at(name) as (files, path):
+            aside = f"{path.removesuffix(name)}quarantine/{uuid.uuid4().hex}"
+            files.makedirs(aside, exist_ok=True)
+            with contextlib.suppress(FileNotFoundError):  # somebody else was faster
+                files.mv(path, f"{aside}/{Path(name).name}")
+
+    def _link(self, source: Path, target: Path, root: Path) -> None:
+        """Only a link replaces nothing, even on NFS."""
+        temporary = root / "tmp" / uuid.uuid4().hex
+        for folder in (temporary.parent, target.parent):
+            folder.mkdir(parents=True, exist_ok=True)
+        try:
+            shutil.copyfile(source, temporary)
+            sync(temporary)
+            self.reached("copied")
+            target.hardlink_to(temporary)
+            self.reached("linked")
+            sync(target.parent)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def _at(self, name: str) -> Iterator[tuple[Any, str]]:
+        """The file system, and a name's path there; whatever goes wrong with it is told."""
+        try:
+            from fsspec.core import url_to_fs  # here, since most runs share nothing
+
+            if not self.url:
+                raise ValueError("none is set by STYLETRF_REMOTE or [store] remote")
+            is_s3 = self.url.startswith("s3://")
+            options = {**(_S3 if is_s3 else {}), **json.loads(self.options)}
+            files, path = url_to_fs(f"{self.url.rstrip('/')}/{name}", **options)
+            files.retries = 1  # by s3fs; each request already has its own
+            if not is_s3 and not Path(path.removesuffix(name)).is_dir():
+                raise FileNotFoundError("there is no such folder")
+            yield files, path
+        except Exception as error:
+            text = str(error).rstrip(".") or type(error).__name__
+            raise StoreError(f"the shared store {self.url}: {text}. {_REMEDY}.") from error
+
+
+open_remote = functools.cache(Remote)
+"""The `Remote` of a URL and its options, once a process."""

@@ -1,0 +1,144 @@
+"""What a store has from the shared one and gives to it: records by key, objects as archives.
+
+    objects/ab/<digest>.tar     uploaded first
+    actions/ab/<key>.json       then this; without its object it counts as absent
+
+Nothing from there is believed: an object comes in by the same way as a build's result, `publish`,
+and only with the digest that its record tells.
+"""
+
+import contextlib
+import logging
+import time
+from functools import partial
+from pathlib import Path
+
+from pipeline.archive import pack, unpack
+from pipeline.digest import is_tree
+from pipeline.publication import commit, publish
+from pipeline.record import ActionRecord
+from pipeline.remote import Remote
+from pipeline.settings import current_remote, setting
+from pipeline.store import Store
+
+SECONDS_OF_DISTRUST = 600.0
+screen = logging.getLogger("pipeline")
+
+
+def recorded(store: Store, key: str) -> ActionRecord | None:
+    """The record of the key: the store's, or the shared one's, which then is the store's too."""
+    if record := store.hold(key):
+        return record
+    record = current_remote().attempt("reading", lambda remote: shared_record(remote, key))
+    return record and adopt(store, record)
+
+
+def adopt(store: Store, record: ActionRecord) -> ActionRecord:
+    """Make a shared record the store's, which has none of that key or else keeps its own."""
+    with store.run.taking(record.action.key):
+        return commit(store, record, store.record)
+
+
+def is_available(store: Store, record: ActionRecord) -> bool:
+    """Whether the record's object is in the store or in the shared one."""
+    if store.object(record.output.digest).is_dir():
+        return True
+    with contextlib.suppress(FileNotFoundError):
+        if time.time() - _failure(store, record).stat().st_mtime < SECONDS_OF_DISTRUST:
+            return False
+    return bool(current_remote().attempt("reading", lambda r: r.has(_object(record))))
+
+
+def fetch(store: Store, record: ActionRecord) -> bool:
+    """Have the record's object in the store; where it cannot be had, it is not available either."""
+    if store.object(record.output.digest).is_dir():
+        return True
+    remote = current_remote()
+    if remote.attempt("reading", partial(pull, store, record)) == "fetched":
+        return True
+    if remote.url:  # tell our other processes, lest one waits for what another cannot have
+        _failure(store, record).touch()
+    return False
+
+
+def give(store: Store, record: ActionRecord) -> None:
+    """Upload a new artifact, unless [store] push says no; what fails is a warning."""
+    if setting("store", "push") == "true":
+        current_remote().attempt("writing", partial(push, store, record))
+
+
+def shared_record(remote: Remote, key: str) -> ActionRecord | None:
+    """The shared store's record of the key, if its object is there, too."""
+    record = _parsed(remote.read(_action(key)) or b"")
+    is_whole = record and record.action.key == key and remote.has(_object(record))
+    return record if is_whole else None
+
+
+def pull(store: Store, record: ActionRecord, remote: Remote) -> str:
+    """Bring a record's object into the store; returns what came of it, in words.
+
+    Wrong bytes are set aside over there, where that is permitted.
+    """
+    if store.object(record.output.digest).is_dir():
+        return "is here"
+    if not remote.has(_object(record)):
+        return "is not there"
+    with store.workspace(record.action.key) as workspace:
+        remote.download(_object(record), workspace / "object.tar")
+        try:
+            unpack(workspace / "object.tar", workspace / "out", record.output)
+            publish(store, workspace / "out", record.action, record.provenance, record.output)
+        except ValueError as error:
+            screen.warning("%s in %s is wrong: %s", _object(record), remote.url, error)
+            remote.attempt("writing", lambda r: r.set_aside(_object(record)))
+            return "is wrong there"
+    return "fetched"
+
+
+def push(store: Store, record: ActionRecord, remote: Remote) -> str:
+    """Upload an artifact that is not there yet; returns what came of it, in words."""
+    key, path = record.action.key, store.object(record.output.digest)
+    if shared_record(remote, key):
+        return "is there"
+    if not is_tree(path, record.output):
+        return "is missing or damaged here"
+    store.reached("push-checked")
+    with store.workspace(key) as workspace:
+        if not remote.has(_object(record)):
+            pack(path, workspace / "object.tar")
+            store.reached("push-packed")
+            remote.create(_object(record), workspace / "object.tar")
+        store.reached("push-object")
+        (workspace / "record.json").write_bytes(record.to_json())
+        if not remote.create(_action(key), workspace / "record.json"):
+            if shared_record(remote, key):
+                return "is there"
+            remote.set_aside(_action(key))
+            remote.create(_action(key), workspace / "record.json")
+        store.reached("push-record")
+    return "pushed"
+
+
+def shared_records(remote: Remote) -> list[ActionRecord]:
+    """Every readable record of the shared store."""
+    return [record for text in remote.read_all("actions") if (record := _parsed(text))]
+
+
+def _parsed(text: bytes) -> ActionRecord | None:
+    try:
+        return ActionRecord.from_json(text)
+    except ValueError:
+        return None
+
+
+def _failure(store: Store, record: ActionRecord) -> Path:
+    return store.root / "quarantine" / f"{record.output.digest}.lost"
+
+
+def _action(key: str) -> str:
+    return f"actions/{key[:2]}/{key}.json"
+
+
+def _object(record: ActionRecord) -> str:
+    digest = record.output.digest
+    return f"objects/{digest[:2]}/{digest}.tar"
