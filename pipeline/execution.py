@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import importlib
 import json
+import logging
 import multiprocessing
 import os
 import resource
@@ -15,6 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TextIO
+
+from tqdm import tqdm
 
 from pipeline.errors import FailureKind, explain
 from pipeline.progress import Progress, ProgressBar
@@ -173,13 +176,37 @@ def perform(job: Job, terminal: TextIO) -> tuple[Literal["built"] | FailureKind,
         inputs = {name: Path(path) for name, path in job.inputs.items()}
         records = (current_store().record(key) for key in job.lineage)
         lineage = tuple(record for record in records if record)
-        task.build(inputs, Path(job.out), RunContext(bar, Path(job.resume), log, lineage))
+        with _Warnings(job.label, terminal, log):
+            task.build(inputs, Path(job.out), RunContext(bar, Path(job.resume), log, lineage))
     except Exception as error:  # noqa: BLE001  whatever it is, it is this build's end
         append_trace(log)
         return explain(error, log, task_class.user_errors, task_class.transient_errors)
     finally:
         bar.close()
     return "built", ""
+
+
+class _Warnings(logging.Handler):
+    """What a build logs as a warning: a line above the bar of its terminal, and in its log."""
+
+    def __init__(self, label: str, terminal: TextIO, log: Path) -> None:
+        super().__init__(logging.WARNING)
+        self._label, self._terminal, self._log = label, terminal, log
+
+    def __enter__(self) -> None:
+        logging.getLogger().addHandler(self)
+
+    def __exit__(self, *_raised: object) -> None:
+        logging.getLogger().removeHandler(self)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write the warning; a terminal that is gone or a full disk is no reason to end."""
+        line = f"{self._label}: warning: {' '.join(record.getMessage().split())}"
+        with contextlib.suppress(OSError):
+            tqdm.write(line, file=self._terminal)
+            self._terminal.flush()
+        with contextlib.suppress(OSError), self._log.open("a") as file:
+            file.write(f"{line}\n")
 
 
 def append_trace(log: Path) -> None:

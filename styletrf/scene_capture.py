@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 import shutil
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
@@ -12,6 +13,7 @@ from styletrf.errors import InputError
 from styletrf.photographs import CAMERA_SUFFIXES, list_photographs, natural_order, read_photograph
 from styletrf.progress import Progress, silent
 
+_LOGGER = logging.getLogger(__name__)
 _NAMES_TOLD = 10
 
 
@@ -40,6 +42,7 @@ def capture_photographs(folder: Path, out_dir: Path, progress: Progress = silent
 
     `out_dir` receives `images/<file>` and, last, `capture.json` (see `read_capture`). A
     photograph's `name` is its file name without the suffix, or with it where any two would clash.
+    What is odd about them is logged as a warning, too.
 
     Raises:
         InputError: One for all that is wrong: too few photographs, unreadable or damaged ones,
@@ -57,6 +60,8 @@ def capture_photographs(folder: Path, out_dir: Path, progress: Progress = silent
         shutil.copyfile(file, out_dir / "images" / file.name)
     text = json.dumps(asdict(capture), sort_keys=True, indent=1, ensure_ascii=False)
     (out_dir / "capture.json").write_text(text + "\n", encoding="utf-8")
+    for warning in capture.warnings:
+        _LOGGER.warning(warning)
     return capture
 
 

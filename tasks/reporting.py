@@ -37,6 +37,7 @@ def report_content(
         scene=words["scene"],
         style=words["style"],
         quality=words["quality"],
+        summary=_placed(read_summary(inputs["poses"] / "poses.json")),
         video="video.mp4",
         unstylized_video="unstylized.mp4",
         poster="poster.png",
@@ -53,6 +54,16 @@ def report_content(
         digests={record.action.family: record.output.digest for record in lineage},
         command=_command(words, lineage),
     )
+
+
+def _placed(poses: Mapping[str, Any]) -> str:
+    """Returns how many photographs have a camera, and which have none."""
+    told = f"{poses['registered']} of {poses['total']} photographs placed"
+    if poses["unregistered"]:
+        told += f"; without a camera: {', '.join(poses['unregistered'])}"
+    if len(poses["pieces"]) > 1:
+        told += f"; they fall into {len(poses['pieces'])} pieces, of which the largest is used"
+    return f"{told}."
 
 
 def _command(words: Mapping[str, Any], lineage: Sequence[ActionRecord]) -> str:

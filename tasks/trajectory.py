@@ -14,6 +14,7 @@ from pipeline.settings import adopt, command_parameters, current_store, out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
+from tasks.scene import CameraPoses
 from tasks.stage import Stage
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StyledStage, StylizedField, StylizedFrames, StylizedPriors
@@ -36,6 +37,7 @@ class StylizedTrajectory(StyledStage):
             "trajectory": self.need(TrajectoryFrames),
             "priors": self.need(StylizedPriors),
             "style": self.need(StyleImage),
+            "poses": self.need(CameraPoses),
             "field": self.need(RadianceField),
             "network": self.need(StyleNetwork),
             "adaptation": self.need(StylizedField),

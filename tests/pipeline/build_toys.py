@@ -1,5 +1,6 @@
 """Tasks that end in every way a build can end, and that make Luigi stumble."""
 
+import logging
 import os
 import signal
 import subprocess
@@ -41,6 +42,11 @@ class Act(StoredTask):
 
     def sleep_a_little(self, run: RunContext) -> None:
         time.sleep(1)
+
+    def warn(self, run: RunContext) -> None:
+        run.progress(1, 2)
+        logging.getLogger("toys").warning("this is\nodd")
+        logging.getLogger("toys").info("this is not")
 
     def refuse(self, run: RunContext) -> None:
         raise ToyError("words/bad: is no word. Choose another one.")

@@ -44,6 +44,16 @@ def test_success(executor, job):
 
 
 @every_executor
+@pytest.mark.parametrize("interactive", [False, True])
+def test_a_warning_is_a_line_on_the_terminal_and_in_the_log(executor, job, interactive, capfd):
+    acted(executor, job, "warn", interactive=interactive)
+    said = capfd.readouterr().err.replace("\r", "\n").splitlines()
+    assert [line for line in said if "odd" in line] == ["Act: warning: this is odd"]
+    assert "Act: warning: this is odd\n" in Path(job.log).read_text()
+    assert not any("this is not" in line for line in said)
+
+
+@every_executor
 @pytest.mark.parametrize(
     ("act", "kind", "words"),
     [

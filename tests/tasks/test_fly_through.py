@@ -20,12 +20,13 @@ from pipeline.task import artifact
 from styletrf.camera_table import read_cameras
 from styletrf.courtyard.capture import CourtyardConfig
 from styletrf.courtyard.folder import write_courtyard
+from styletrf.images import write_rgb
 from styletrf.video import video_info
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
-FRAMES = 6
+FRAMES, STRAYS = 6, 4
 SETTINGS: dict[str, dict[str, Any]] = {
     "SceneModel": {"image_long_side": 80, "max_voxels": 32**3},
     "RadianceField": {
@@ -109,9 +110,13 @@ class Workplace:
 
 @pytest.fixture(scope="module")
 def workplace(tmp_path_factory: pytest.TempPathFactory, perceptual_file: Path) -> Workplace:
-    """Twelve photographs of the courtyard and two paintings."""
+    """Twelve photographs of the courtyard, four of nothing, one of a phone, and two paintings."""
     root = tmp_path_factory.mktemp("workplace")
     write_courtyard(root / "data/scenes/yard", CourtyardConfig(n_views=12, width=200, height=150))
+    images = root / "data/scenes/yard/images"
+    for k, noise in enumerate(np.random.default_rng(0).random((STRAYS, 150, 200, 3))):
+        write_rgb(images / f"stray{k}.png", noise.astype(np.float32))
+    (images / "phone.HEIC").touch()
     (root / "data/styles").mkdir()
     for name in ("brush", "dots"):
         shutil.copy(ROOT / "data/styles" / f"{name}.jpg", root / "data/styles")
@@ -136,6 +141,16 @@ def test_the_command_makes_everything_and_says_where_it_is(workplace: Workplace,
     for name in ("video.mp4", "unstylized.mp4"):
         assert video_info(first.report.with_name(name)).frames == FRAMES
     assert len(list(first.report.with_name("frames").iterdir())) == FRAMES
+
+
+def test_what_is_odd_about_the_photographs_is_told(first: Run):
+    named = "without a camera: stray0, stray1, stray2, stray3"
+    warnings = [line.split(": warning: ") for line in first.screen.splitlines()]
+    assert [(told[0].split()[0], told[1]) for told in warnings if len(told) > 1] == [
+        ("SceneCapture", "passed over, to be converted first: phone.HEIC"),
+        ("CameraPoses", f"only 12 of 16 photographs could be placed; {named}"),
+    ]
+    assert f"12 of 16 photographs placed; {named}." in first.report.read_text()
 
 
 def test_what_is_shown_outlives_a_collection(workplace: Workplace, first: Run):
