@@ -84,6 +84,7 @@ def solve_camera_poses(
     config: CameraPosesConfig,
     progress: Progress = silent,
     log_dir: Path | None = None,
+    scratch_dir: Path | None = None,
 ) -> PosesReport:
     """Finds the cameras of a capture and writes them, their points and undistorted images.
 
@@ -98,6 +99,7 @@ def solve_camera_poses(
         progress: Called phase by phase: photographs read, described, pairs matched, photographs
             placed, undistorted.
         log_dir: Where COLMAP's messages go; to standard error where it is None.
+        scratch_dir: Where COLMAP works; in the system's temporary folder where it is None.
 
     Raises:
         InputError: The photographs do not overlap, or fewer than three can be placed.
@@ -107,7 +109,9 @@ def solve_camera_poses(
     pycolmap.set_random_seed(config.seed)
     capture = read_capture(capture_dir)
     names = [photograph.name for photograph in capture.photographs]
-    with TemporaryDirectory(prefix="colmap-", ignore_cleanup_errors=True) as scratch:
+    with TemporaryDirectory(
+        prefix="colmap-", dir=scratch_dir, ignore_cleanup_errors=True
+    ) as scratch:
         images = prepare_images(
             capture_dir, capture, Path(scratch) / "images", config.max_image_long_side, progress
         )

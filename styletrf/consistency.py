@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.errors import InputError
+from styletrf.float_images import read_float_image
 from styletrf.flow import agreement, optical_flow, warp_to_a
 from styletrf.images import read_rgb
 from styletrf.metrics import mean_squared_error
@@ -21,6 +22,14 @@ from styletrf.progress import Progress, silent
 
 Image = Float[np.ndarray, "_ _ 3"]  # sizes are checked with a message
 SHORT_TERM, LONG_TERM = 1, 5
+
+
+@dataclass(frozen=True, slots=True)
+class ConsistencyConfig:
+    """Which frames are compared, and along which flow (see `styletrf.flow`)."""
+
+    method: str = "dis"
+    deltas: tuple[int, ...] = (SHORT_TERM, LONG_TERM)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +80,8 @@ def measure_consistency(
 
     For frames i and j = i + delta with the flow w from unstylised i to unstylised j, the error is
     the mean over pixels p and channels of (S_i(p) - S_j(p + w(p)))^2. Pixels that leave the image
-    take its nearest border pixel. Frames given as paths are read when their turn comes; at most
-    `max(deltas) + 1` of each kind are in memory.
+    take its nearest border pixel. Frames given as paths (PNG, OpenEXR) are read when their turn
+    comes; at most `max(deltas) + 1` of each kind are in memory.
 
     Raises:
         InputError: The two sequences differ in length, their frames in size, or there are too few
@@ -110,7 +119,9 @@ def _frame_pairs(
 
 
 def _loaded(frame: Image | Path) -> Image:
-    return read_rgb(frame) if isinstance(frame, Path) else frame
+    if not isinstance(frame, Path):
+        return frame
+    return read_float_image(frame).color if frame.suffix == ".exr" else read_rgb(frame)
 
 
 def _compare(

@@ -1,5 +1,6 @@
 """Which kind of content source a path is."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from styletrf.coco_fetch import coco_source
@@ -7,12 +8,12 @@ from styletrf.content_sources import ContentSource, folder_source, zip_source
 from styletrf.errors import InputError
 
 
-def content_source(path: Path, cache: Path) -> ContentSource:
+def content_source(path: Path, cache: Callable[[], Path]) -> ContentSource:
     """Returns the images of a folder, of a zip, or of a COCO annotations file.
 
     Args:
         path: The source.
-        cache: Where images fetched by an annotations file are kept.
+        cache: Tells an existing folder, where images fetched by an annotations file are kept.
 
     Raises:
         InputError: The path is none of these.
@@ -22,7 +23,7 @@ def content_source(path: Path, cache: Path) -> ContentSource:
     if path.suffix.lower() == ".zip":
         return zip_source(path)
     if path.suffix.lower() == ".json":
-        return coco_source(path, cache)
+        return coco_source(path, cache())
     problem = "is not a folder of images, a zip or a COCO annotations file"
     raise InputError(
         f"content {path}",

@@ -15,7 +15,7 @@ import numpy as np
 from styletrf.errors import InputError
 from styletrf.procedural_images import procedural_image
 
-SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
+CONTENT_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
 """What counts as an image by its name, in lower case."""
 
 _PROCEDURAL_SHAPE = (320, 400)  # height, width
@@ -82,11 +82,11 @@ def _procedural_png(seed: int, index: int) -> bytes:
 
 def _is_image(name: str) -> bool:
     hidden = any(part.startswith((".", "__MACOSX")) for part in name.split("/"))
-    return not hidden and Path(name).suffix.lower() in SUFFIXES
+    return not hidden and Path(name).suffix.lower() in CONTENT_SUFFIXES
 
 
 def _some(subject: str, names: tuple[str, ...]) -> tuple[str, ...]:
     if not names:
-        kinds = ", ".join(sorted(SUFFIXES))
+        kinds = ", ".join(sorted(CONTENT_SUFFIXES))
         raise InputError(subject, f"holds no image ({kinds})", "Give one that does")
     return names

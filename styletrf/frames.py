@@ -76,7 +76,9 @@ def write_pictures(
 
 
 def write_clip(
-    path: Path, images: Iterator[Float[np.ndarray, "height width 3"]], frames_per_second: int
+    path: Path,
+    images: Iterator[Float[np.ndarray, "height width 3"]],
+    frames_per_second: float | int,
 ) -> None:
     """Writes frames in [0, 1] as a video that browsers play."""
     pictures: Iterator[UInt8[np.ndarray, "height width 3"]] = (to_integers(i) for i in images)

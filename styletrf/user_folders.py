@@ -1,11 +1,13 @@
-"""Where users keep scenes and styles: `scenes/NAME/images/*` and `styles/NAME.jpg` under one root.
+"""Where users keep things under one root: `scenes/NAME/images/*`, `styles/NAME.jpg`, `content/*`.
 
 A name that leads nowhere is answered with the names that lead somewhere.
 """
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
+from styletrf.content_sources import CONTENT_SUFFIXES
 from styletrf.errors import InputError
 from styletrf.known_scenes import how_to_get
 from styletrf.photographs import PHOTOGRAPH_SUFFIXES, natural_order
@@ -52,6 +54,38 @@ def find_style(data_root: Path, name: str) -> Path:
     existing = [path.stem for path in images]
     remedy = f"Put a JPEG or PNG image into {styles} as {Path(name).stem}.jpg or .png"
     raise InputError(f"style {name!r}", _missing(styles, existing, problem), remedy)
+
+
+def find_content(data_root: Path, name: str) -> Path | None:
+    """Returns the photographs that a style network is to learn on; None is the embedded set.
+
+    Args:
+        data_root: The folder of `content/`.
+        name: `embedded`; `auto`, for the one folder with images, zip or annotations file that is
+            there, or else `embedded`; or what is there by its name, or anywhere by its path.
+
+    Raises:
+        InputError: `auto` finds several.
+    """
+    content = data_root / "content"
+    if name not in ("auto", "embedded"):
+        return content / name if (content / name).exists() else Path(name)
+    if name == "embedded" or not content.is_dir():
+        return None
+    entries = sorted(content.glob("[!.]*"), key=lambda path: natural_order(path.name))
+    found = [path for path in entries if path.suffix.lower() in (".zip", ".json")]
+    found += [path for path in entries if path.is_dir() and _holds_images(path.rglob("*"))]
+    if _holds_images(entries):
+        found.append(content)
+    if len(found) > 1:
+        names = ", ".join("the images beside them" if p == content else p.name for p in found)
+        remedy = f"Choose one with --content NAME, such as --content {found[0].name}"
+        raise InputError("--content auto", f"{content} holds several: {names}", remedy)
+    return found[0] if found else None
+
+
+def _holds_images(paths: Iterable[Path]) -> bool:
+    return any(path.suffix.lower() in CONTENT_SUFFIXES and path.is_file() for path in paths)
 
 
 def _check_name(kind: str, name: str) -> None:

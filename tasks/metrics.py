@@ -60,7 +60,7 @@ class QualityMetrics(TunedStage):
         write_summary(out / "summary.json", means)
 
 
-class ConsistencyMetrics(StyledStage):
+class ConsistencyMetrics(TunedStage, StyledStage):
     """The paper's short- and long-term error of the stylised frames, with floors.
 
     Leaves `pairs.parquet` and `summary.json`.
@@ -77,14 +77,19 @@ class ConsistencyMetrics(StyledStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Warp and compare."""
-        from styletrf.consistency import measure_consistency
-        from styletrf.frames import float_frames
+        from styletrf.camera_table import read_cameras
+        from styletrf.configuration import configured
+        from styletrf.consistency import ConsistencyConfig, measure_consistency
         from styletrf.tables import write_rows, write_summary
 
+        names = [camera.name for camera in read_cameras(inputs["unstylized"] / "cameras.parquet")]
+        config = configured(ConsistencyConfig, self.values())
         consistency = measure_consistency(
-            list(float_frames(inputs["unstylized"])),
-            sorted((inputs["stylized"] / "frames").glob("*.png")),
-            progress=run.progress,
+            [inputs["unstylized"] / "frames" / f"{name}.exr" for name in names],
+            [inputs["stylized"] / "frames" / f"{name}.png" for name in names],
+            config.deltas,
+            config.method,
+            run.progress,
         )
         write_rows(out / "pairs.parquet", consistency.pairs)
         write_summary(out / "summary.json", consistency.summary)

@@ -111,16 +111,20 @@ def _curve(title: str, quantity: str, rows: list[dict[str, Any]], column: str) -
 
 def _metrics(summary: Mapping[str, Any]) -> list[Metric]:
     quality, consistency = summary["quality"], summary["consistency"]
-    short, long = consistency["delta_1"], consistency["delta_5"]
     return [
         Metric("PSNR", f"{quality['psnr']:.2f} dB", "the field against photographs held out"),
         Metric("SSIM", f"{quality['ssim']:.3f}", "structure kept; 1 is the photograph itself"),
-        _consistency("short-term error", short, "change between neighbouring frames"),
-        _consistency("long-term error", long, "change between frames five apart"),
+        *(_consistency(int(name.rpartition("_")[2]), consistency[name]) for name in consistency),
     ]
 
 
-def _consistency(name: str, values: Mapping[str, Any], meaning: str) -> Metric:
+def _consistency(delta: int, values: Mapping[str, Any]) -> Metric:
+    name = "short-term error" if delta == 1 else "long-term error"
+    meaning = (
+        "change between frames that follow each other"
+        if delta == 1
+        else f"change between frames {delta} apart"
+    )
     error, floor = (values.get(key) for key in ("error", "floor"))
     told = ["not measured" if value is None else f"{value:.5f}" for value in (error, floor)]
     return Metric(name, told[0], f"{meaning}, along the flow of the unstylised frames", told[1])

@@ -43,7 +43,8 @@ class SceneCapture(Stage):
 class CameraPoses(TunedStage):
     """Poses, intrinsics, sparse points and undistorted images, by COLMAP.
 
-    Leaves `cameras.parquet`, `points.parquet`, `images/NAME.png` and `poses.json`.
+    Leaves `cameras.parquet`, `points.parquet`, `images/NAME.png` and `poses.json`. COLMAP's own
+    messages lie beside the log.
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
@@ -59,8 +60,11 @@ class CameraPoses(TunedStage):
         from styletrf.configuration import configured
 
         config = configured(CameraPosesConfig, self.values())
-        run.resume.mkdir(parents=True, exist_ok=True)
-        solve_camera_poses(inputs["capture"], out, config, run.progress, run.resume)
+        shutil.rmtree(run.resume, ignore_errors=True)  # what a killed build left
+        run.resume.mkdir(parents=True)
+        solve_camera_poses(
+            inputs["capture"], out, config, run.progress, run.log.with_suffix(".colmap"), run.resume
+        )
 
 
 class SceneModel(TunedStage):
@@ -86,8 +90,3 @@ class SceneModel(TunedStage):
         points = read_points(inputs["poses"] / "points.parquet")
         config = configured(SceneModelConfig, self.values())
         write_scene_model(out / "scene.json", decide_scene_model(cameras, points.xyz_world, config))
-
-
-def copy_into(out: Path, source: Path) -> None:
-    """Copies one file of an input into an artifact."""
-    shutil.copyfile(source, out / source.name)

@@ -43,30 +43,37 @@ class Stage(StoredTask):
         return stage(**{**shared, **others})
 
 
-class TunedStage(Stage):
-    """A stage whose configuration comes from the quality's column of `tasks/qualities.py`.
-
-    Its key covers the values, not the quality's name: two qualities that agree share the artifact.
-    """
+class GradedStage(Stage):
+    """A stage that depends on the quality, if only by what is upstream of it."""
 
     quality = luigi.ChoiceParameter(
         choices=list(QUALITIES),
         default="standard",
         description="draft for a look in minutes, standard, or the paper's own settings",
     )
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Nothing but the inputs."""
+        return {}
+
+
+class TunedStage(GradedStage):
+    """A stage whose configuration comes from the quality's column of `tasks/qualities.py`.
+
+    Its key covers the values, not the quality's name: two qualities that agree share the artifact.
+    """
+
     settings = luigi.DictParameter(  # type: ignore[var-annotated]
         default={}, description='values that replace the quality\'s, such as {"iterations": 500}'
     )
-    keyed: ClassVar[tuple[str, ...]] = ()
 
     def values(self) -> dict[str, Any]:
         """Returns the stage's settings: the quality's, then the user's."""
         return {**settings_for(self.task_family, self.quality), **_thawed(self.settings)}
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """The values of the settings, and of the parameters that `keyed` names."""
-        named = {name: self.param_kwargs[name] for name in self.keyed}
-        return {"settings": self.values(), **named}
+        """The values of the settings."""
+        return {"settings": self.values()}
 
 
 def _thawed(value: Any) -> Any:

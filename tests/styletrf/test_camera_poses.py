@@ -31,10 +31,15 @@ def solved(tmp_path_factory):
     photographs = {f"{i}.png": room_view(pose) for i, pose in enumerate(room_poses(VIEWS))}
     photographs["stray.png"] = texture(LENS.height, LENS.width, seed=99)
     capture, out = captured(folder, photographs)
-    calls = []
-    report = solve_camera_poses(
-        capture, out, CameraPosesConfig(), lambda *call: calls.append(call), folder / "log"
-    )
+    calls, scratch = [], folder / "scratch"
+    scratch.mkdir()
+
+    def progress(*call):
+        calls.append(call)
+        assert len(list(scratch.iterdir())) == 1
+
+    config = CameraPosesConfig()
+    report = solve_camera_poses(capture, out, config, progress, folder / "log", scratch)
     return out, report, calls
 
 
@@ -102,6 +107,12 @@ def test_the_report_is_in_the_file_and_names_no_time(solved):
     assert content["registered"] == report.registered
     assert content["mean_reprojection_error_px"] < 0.5
     assert not any("second" in key or "time" in key for key in content)
+
+
+def test_colmap_works_where_it_is_told_to_and_leaves_only_its_log(solved):
+    folder = solved[0].parent
+    assert not list((folder / "scratch").iterdir())
+    assert any(path.name.startswith("colmap.") for path in (folder / "log").iterdir())
 
 
 def test_progress_comes_in_phases_that_complete(solved):

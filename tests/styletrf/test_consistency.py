@@ -7,6 +7,7 @@ import pytest
 
 from styletrf.consistency import measure_consistency
 from styletrf.errors import InputError
+from styletrf.float_images import write_float_image
 from styletrf.images import write_rgb
 
 FRAMES, HEIGHT, WIDTH = 8, 72, 96
@@ -84,6 +85,16 @@ def test_files_and_arrays_give_the_same(tmp_path):
     from_arrays = measure(sides["plain"], sides["painted"], deltas=(1,))
     for file_row, array_row in zip(from_files.pairs, from_arrays.pairs, strict=True):
         assert astuple(file_row) == pytest.approx(astuple(array_row), rel=1e-2, abs=1e-6)
+
+
+def test_float_images_are_compared_as_they_are(tmp_path):
+    frames = pan(texture(0))[:2]
+    paths = [tmp_path / f"{i}.exr" for i in range(2)]
+    whole = np.ones((HEIGHT, WIDTH), np.float32)
+    for path, frame in zip(paths, frames, strict=True):
+        write_float_image(path, np.ascontiguousarray(frame), whole, whole, half=False)
+    from_files, from_arrays = (measure(side, frames, deltas=(1,)) for side in (paths, frames))
+    assert from_files.pairs == from_arrays.pairs
 
 
 def test_frames_are_read_when_their_turn_comes():

@@ -1,7 +1,7 @@
 import pytest
 
 from styletrf.errors import InputError
-from styletrf.user_folders import find_scene, find_style
+from styletrf.user_folders import find_content, find_scene, find_style
 
 
 @pytest.fixture
@@ -62,3 +62,43 @@ def test_no_data_at_all_is_told(tmp_path):
         find_scene(tmp_path, "garden")
     with pytest.raises(InputError, match="none"):
         find_style(tmp_path, "waves")
+
+
+@pytest.fixture
+def content(tmp_path):
+    (tmp_path / "content").mkdir()
+    for name in ("README.txt", ".fetched/x/a.jpg", "annotations/notes.txt"):
+        (tmp_path / "content" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "content" / name).touch()
+    return tmp_path / "content"
+
+
+@pytest.mark.parametrize("name", ["photos/sub/a.JPG", "train.zip", "instances.json"])
+def test_the_usual_content_is_what_can_be_content(content, name):
+    assert find_content(content.parent, "auto") is None
+    (content / name).parent.mkdir(parents=True, exist_ok=True)
+    (content / name).touch()
+    found = content / name.partition("/")[0]
+    assert find_content(content.parent, "auto") == found
+    assert find_content(content.parent, found.name) == found
+    assert find_content(content.parent, "embedded") is None
+
+
+def test_images_that_lie_in_the_folder_itself_are_the_content(content):
+    (content / "a.jpg").touch()
+    assert find_content(content.parent, "auto") == content
+
+
+def test_several_contents_are_not_guessed_between(content):
+    (content / "train.zip").touch()
+    (content / "val.zip").touch()
+    with pytest.raises(InputError, match=r"train\.zip, val\.zip.*--content"):
+        find_content(content.parent, "auto")
+
+
+def test_content_elsewhere_is_a_path(content, tmp_path):
+    assert find_content(content.parent, str(tmp_path)) == tmp_path
+
+
+def test_no_content_folder_is_no_content(tmp_path):
+    assert find_content(tmp_path, "auto") is None

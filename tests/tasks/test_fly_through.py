@@ -153,6 +153,13 @@ def test_what_is_odd_about_the_photographs_is_told(first: Run):
     assert f"12 of 16 photographs placed; {named}." in first.report.read_text()
 
 
+@pytest.mark.usefixtures("first")
+def test_colmaps_messages_lie_beside_the_log(workplace: Workplace):
+    logs = workplace.root / "store/logs/CameraPoses"
+    assert {path.suffix for path in logs.iterdir()} == {".log", ".colmap"}
+    assert list(logs.glob("*.colmap/colmap.*"))
+
+
 def test_what_is_shown_outlives_a_collection(workplace: Workplace, first: Run):
     store = Store.open(workplace.root / "store")
     verdicts = collect(store, keep_last=0, grace_hours=0, delete=True)

@@ -7,6 +7,9 @@ import sys
 import pytest
 
 import tasks
+from styletrf.configuration import configured
+from styletrf.errors import InputError
+from styletrf.rendering import RenderConfig
 
 WORDS = {"scene": "horns", "style": "mosaic", "quality": "draft"}
 
@@ -83,6 +86,27 @@ def test_settings_replace_those_of_the_quality():
         stage.identity_parameters()
         != tasks.RadianceField(scene="s", quality="draft").identity_parameters()
     )
+
+
+def test_settings_are_taken_where_they_are_used():
+    """A setting that a stage takes and its build ignores would change the key and nothing else."""
+    for name in set(tasks.__all__) - {"Grid"}:
+        stage = getattr(tasks, name)
+        is_used = "self.values()" in inspect.getsource(stage.build)
+        assert ("settings" in stage.get_param_names()) == is_used, name
+
+
+def test_frames_with_and_without_style_cannot_differ_in_path_or_rate():
+    for name in ("trajectory.frames", "frames_per_second"):
+        stage = tasks.StylizedFrames(settings={name: 30}, **WORDS)
+        with pytest.raises(InputError, match=name):
+            configured(RenderConfig, stage.values())
+
+
+def test_the_grid_takes_the_words_of_a_cell():
+    for words in ({"quality": "drfat"}, {"device": "gpu"}):
+        with pytest.raises(ValueError, match=next(iter(words.values()))):
+            tasks.Grid(scenes=["a"], styles=["x"], **words)
 
 
 def test_every_preset_names_real_settings():
