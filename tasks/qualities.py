@@ -1,4 +1,4 @@
-"""All values in which the qualities differ, side by side; measured in `docs/knobs.md`.
+"""All values in which the qualities differ, side by side; what each trades: `docs/knobs.md`.
 
 A row is a field of the stage's configuration (dots reach into nested ones); what is not listed is
 the configuration's own default. `draft` is for a look in minutes on two CPU cores, `standard` is
@@ -40,6 +40,19 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "learning_rate": (2e-3, 2e-3, 1e-3),
         "final_learning_rate": (3e-4, 3e-4, 1e-3),
         "identity_iterations": (150, 150, 0),
+        "loss.relative": (
+            True,
+            True,
+            False,
+        ),  # False fits torchvision's VGG16 only, as do 1e5, 1e10
+        "loss.content_weight": (3.0, 3.0, 1e5),
+        "loss.style_weight": (1.0, 1.0, 1e10),
+        "loss.style_layer_weights": (
+            [4.0, 2.0, 1.5, 1.0],
+            [4.0, 2.0, 1.5, 1.0],
+            [1.0, 1.0, 1.0, 1.0],
+        ),
+        "loss.tv_weight": (15.0, 15.0, 0.0),
         "bfloat16": (True, True, False),
     },
     "PriorRenders": {
@@ -54,8 +67,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "render.min_weight": (1e-2, 5e-3, 1e-3),
     },
     "StylizedFrames": {
-        "render.termination": (1e-2, 3e-3, 1e-3),
-        "render.min_weight": (1e-2, 5e-3, 1e-3),
+        "termination": (1e-2, 3e-3, 1e-3),
+        "min_weight": (1e-2, 5e-3, 1e-3),
     },
     "QualityMetrics": {
         "termination": (1e-2, 3e-3, 1e-3),

@@ -1,6 +1,8 @@
 """From a painting to a style network."""
 
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import luigi
@@ -8,8 +10,12 @@ import luigi
 from pipeline.digest import file_digest
 from pipeline.settings import data_root
 from pipeline.task import RunContext
+from styletrf.errors import InputError
+from tasks.large_files import remembered_digests
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
+
+_FEWEST_PROCEDURAL = 64  # made in about 5 s, with which three photographs are content enough
 
 
 class StyleImage(Stage):
@@ -48,7 +54,7 @@ class PerceptualWeights(Stage):
     def external_digests(self) -> Mapping[str, str]:
         """The digest of the user's own weights, if that is what `perceptual` names."""
         path = Path(self.perceptual)
-        return {"weights": file_digest(path)} if path.is_file() else {}
+        return remembered_digests({"weights": path}) if path.is_file() else {}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Fetch, check and convert the weights."""
@@ -62,7 +68,8 @@ class ContentImages(TunedStage):
 
     `content` is a folder, a zip or an annotations file, by path or by its name in `data/content`;
     `auto` takes what is in `data/content`, and where there is nothing, `embedded`: photographs of
-    the scene itself and procedural images.
+    the scene itself and as many procedural images, or 64. What an annotations file has fetched
+    stays in `data/content/.fetched`.
     """
 
     content = luigi.Parameter(default="auto", description="where the content images come from")
@@ -70,16 +77,21 @@ class ContentImages(TunedStage):
 
     def requires(self) -> Mapping[str, Stage]:
         """The scene's photographs, if they are the content."""
-        return {} if self._source() else {"capture": self.need(SceneCapture)}
+        with suppress(InputError):  # which the run tells
+            if self._source() is None:
+                return {"capture": self.need(SceneCapture)}
+        return {}
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of the source's files."""
         source = self._source()
         if source is None:
             return {}
-        files = sorted(source.rglob("*")) if source.is_dir() else [source]
-        names = {path: path.relative_to(source.parent).as_posix() for path in files}
-        return {name: file_digest(path) for path, name in names.items() if path.is_file()}
+        found = sorted(source.rglob("*")) if source.is_dir() else [source]
+        files = {path.relative_to(source.parent): path for path in found if path.is_file()}
+        return remembered_digests(
+            {name.as_posix(): path for name, path in files.items() if ".fetched" not in name.parts}
+        )
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Reduce the images and write the shards."""
@@ -92,28 +104,35 @@ class ContentImages(TunedStage):
         source = self._source()
         if source is None:
             photographs = sorted((inputs["capture"] / "images").iterdir())
-            chosen = embedded_source(photographs, len(photographs), config.seed)
+            n_procedural = max(len(photographs), _FEWEST_PROCEDURAL)
+            chosen = embedded_source(photographs, n_procedural, config.seed)
         else:
-            run.resume.mkdir(parents=True, exist_ok=True)
-            chosen = content_source(source, run.resume)
+            chosen = content_source(source, lambda: self.fetched(source, run.resume))
         write_content_images(chosen, out, config, run.progress)
+
+    def fetched(self, annotations: Path, otherwise: Path) -> Path:
+        """Returns the folder of the images fetched so far: the user's, if it can be written."""
+        name = f"{annotations.stem}-{file_digest(annotations)[:8]}"
+        kept = data_root() / "content/.fetched" / name
+        with suppress(OSError):
+            kept.mkdir(parents=True, exist_ok=True)
+            if os.access(kept, os.W_OK):
+                return kept
+        otherwise.mkdir(parents=True, exist_ok=True)
+        return otherwise
 
     def _source(self) -> Path | None:
         """Returns the user's content, or None for the embedded set."""
-        folder = data_root() / "content"
-        if self.content == "embedded":
-            return None
-        if self.content == "auto":
-            return min(folder.glob("[!.]*"), default=None)
-        named = folder / self.content
-        return named if named.exists() else Path(self.content)
+        from styletrf.user_folders import find_content
+
+        return find_content(data_root(), self.content)
 
 
 class StyleNetwork(TunedStage):
     """Johnson's network, trained for one painting.
 
-    Leaves `network.safetensors`, its configuration and `curve.parquet`. A killed run goes on from
-    its last checkpoint.
+    Leaves `style_network.safetensors`, its configuration and `curve.parquet`. A killed run goes on
+    from its last checkpoint.
     """
 
     style = luigi.Parameter(description="an image in data/styles")
