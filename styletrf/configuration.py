@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from styletrf.errors import InputError
 
@@ -15,7 +15,7 @@ def configured(config: type[Config], values: Mapping[str, Any]) -> Config:
     A name with dots reaches into a nested configuration: `network.width`. Lists become tuples.
 
     Raises:
-        InputError: A name is unknown, or a value is not of the default's type.
+        InputError: A name is unknown, or a value is not of the default's type or among its words.
     """
     result = config()
     for name, value in values.items():
@@ -24,7 +24,7 @@ def configured(config: type[Config], values: Mapping[str, Any]) -> Config:
 
 
 def _replaced(config: Any, path: list[str], value: Any, name: str) -> Any:
-    fields = {field.name for field in dataclasses.fields(config)}
+    fields = {field.name: field.type for field in dataclasses.fields(config)}
     if path[0] not in fields:
         known = ", ".join(sorted(fields))
         raise InputError(
@@ -37,10 +37,17 @@ def _replaced(config: Any, path: list[str], value: Any, name: str) -> Any:
         new = _replaced(present, path[1:], value, name)
     else:
         new = _of_the_kind(present, value, name)
+        _refuse_unknown_word(fields[path[0]], new, name)
     try:
         return dataclasses.replace(config, **{path[0]: new})
     except ValueError as error:
         raise InputError(f"setting {name!r}", str(error), "Give another value") from error
+
+
+def _refuse_unknown_word(hint: Any, value: Any, name: str) -> None:
+    if get_origin(hint) is Literal and value not in get_args(hint):
+        known = ", ".join(map(str, get_args(hint)))
+        raise InputError(f"setting {name!r}", f"{value!r} is unknown", f"Choose one of {known}")
 
 
 def _of_the_kind(present: Any, value: Any, name: str) -> Any:

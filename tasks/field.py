@@ -1,7 +1,8 @@
 """The radiance field and its renders."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import luigi
 
@@ -73,6 +74,10 @@ class PathRenders(TunedStage):
             "model": self.need(SceneModel),
         }
 
+    def path(self) -> Callable[..., list[Any]]:
+        """The function of the photographs' cameras, the model and a config that gives the path."""
+        raise NotImplementedError
+
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the path."""
         from styletrf.camera_table import read_cameras
@@ -87,12 +92,11 @@ class PathRenders(TunedStage):
             write_float_frames,
         )
         from styletrf.scene_model import read_scene_model
-        from styletrf.trajectories import fly_through
 
         config = configured(FramesConfig, self.values())
         model = read_scene_model(inputs["model"] / "scene.json")
         photographed = model.normalized(read_cameras(inputs["poses"] / "cameras.parquet"))
-        cameras = fly_through(photographed, model, config.trajectory)
+        cameras = self.path()(photographed, model, config.trajectory)
         renders = rendered(
             load_field(inputs["field"]),
             model.space,
@@ -108,6 +112,18 @@ class PathRenders(TunedStage):
 class PriorRenders(PathRenders):
     """The few views that the style network will paint, spread over what the path sees."""
 
+    def path(self) -> Callable[..., list[Any]]:
+        """The viewpoints that fill what the fly-through goes around."""
+        from styletrf.trajectories import prior_views
+
+        return prior_views
+
 
 class TrajectoryFrames(PathRenders):
     """The unstylised frames of the fly-through."""
+
+    def path(self) -> Callable[..., list[Any]]:
+        """The fly-through."""
+        from styletrf.trajectories import fly_through
+
+        return fly_through

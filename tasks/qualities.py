@@ -57,7 +57,6 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     },
     "PriorRenders": {
         "trajectory.frames": (20, 25, 30),
-        "trajectory.turns": (2.0, 2.0, 2.0),
         "render.termination": (1e-2, 3e-3, 1e-3),
         "render.min_weight": (1e-2, 5e-3, 1e-3),
     },

@@ -25,7 +25,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "field.features": 4,
         "field.hidden": 8,
     },
-    "PriorRenders": {"trajectory.frames": 3, "trajectory.turns": 2.0},
+    "PriorRenders": {"trajectory.frames": 3},
     "TrajectoryFrames": {"trajectory.frames": 7},
     "StyleNetwork": {
         "network.width": 4,

@@ -1,0 +1,55 @@
+"""Captures of several kinds, with the points that were seen; gravity along +y."""
+
+import numpy as np
+
+from styletrf.cameras import Camera
+from styletrf.trajectories import look_at
+
+GRAVITY = np.array([0.0, 1.0, 0.0])
+
+
+def looking(center, target, rng=None, down=GRAVITY) -> Camera:
+    """A camera held level, but for a roll of about a degree with `rng`."""
+    if rng is not None:
+        down = down + rng.normal(0, 0.02, 3)
+    return Camera("c", 60, 45, 50.0, 50.0, 30.0, 22.5, look_at(center, target, down))
+
+
+def arc(tilt_deg: float, extent_deg: float = 360.0, n: int = 40, seed: int = 0) -> list[Camera]:
+    """A hand-held walk around the origin, looking down at it by `tilt_deg`."""
+    rng = np.random.default_rng(seed)
+    angles = np.radians(extent_deg * (np.arange(n) / n - 0.5))
+    height = np.full(n, -3 * np.tan(np.radians(tilt_deg)))
+    centers = np.column_stack([3 * np.sin(angles), height, 3 * np.cos(angles)])
+    centers += rng.normal(0, 0.05, (n, 3))
+    return [looking(center, rng.normal(0, 0.05, 3), rng) for center in centers]
+
+
+def room(tilt_deg: float, n: int = 30) -> list[Camera]:
+    """A walk in a circle in the middle of a room, looking at its walls."""
+    outwards = np.column_stack([np.sin(a := 2 * np.pi * np.arange(n) / n), 0 * a, np.cos(a)])
+    down = np.tan(np.radians(tilt_deg)) * GRAVITY
+    return [looking(0.3 * out, 1.3 * out + down) for out in outwards]
+
+
+def nadir(yaw: str) -> list[Camera]:
+    """A drone over a plain, looking straight down from a flat grid of 6 x 6."""
+    rng = np.random.default_rng(0)
+    cameras = []
+    for k, (i, j) in enumerate(np.ndindex(6, 6)):
+        angle = {"same": 0.0, "serpentine": np.pi * (i % 2), "any": rng.uniform(0, 2 * np.pi)}[yaw]
+        center = np.array([0.8 * i, -1.0, 0.8 * j]) + (k % 3) * 0.01
+        image_down = np.array([np.sin(angle), 0, np.cos(angle)])
+        cameras.append(looking(center, center + GRAVITY, down=image_down))
+    return cameras
+
+
+def points_of(kind: str) -> np.ndarray:
+    """Sparse points of what the captures of a kind see."""
+    rng = np.random.default_rng(1)
+    if kind == "room":
+        angles = rng.uniform(0, 2 * np.pi, 600)
+        return np.column_stack([4 * np.sin(angles), rng.uniform(-1, 1.5, 600), 4 * np.cos(angles)])
+    if kind == "plain":
+        return rng.uniform([-0.5, -0.2, -0.5], [4.5, 0, 4.5], (600, 3))
+    return rng.uniform(-1, 1, (600, 3))
