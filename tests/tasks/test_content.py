@@ -82,6 +82,14 @@ def test_content_that_is_not_told_apart_fails_in_the_run_and_not_in_the_graph(da
         stage.external_digests()
 
 
+def test_content_of_an_unreadable_name_is_to_be_renamed(data: Path):
+    (data / "content/train.zip").unlink()
+    (data / "content/photos").mkdir()
+    (data / "content/photos" / os.fsdecode(b"caf\xe9.jpg")).touch()
+    with pytest.raises(InputError, match="Rename it"):
+        tasks.ContentImages(scene="s").external_digests()
+
+
 def test_what_is_fetched_stays_with_the_data(data: Path, build: Callable[..., Path]):
     """Offline, only what is kept can be read."""
     listed = [{"file_name": f"{k}.png", "coco_url": f"http://0.0.0.0/{k}"} for k in range(8)]

