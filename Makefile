@@ -6,7 +6,7 @@ SCENE ?= courtyard
 STYLE ?= stained_glass
 TEST_ARGS ?=
 
-.PHONY: demo test lint install clean
+.PHONY: demo test lint install clean distclean
 
 install: $(VENV)/installed
 
@@ -42,5 +42,10 @@ lint: install
 	$(RUN)/mypy
 	$(RUN)/lint-imports
 
+# What the next `make` makes again in minutes; all that was computed stays.
 clean:
-	rm -rf $(VENV) store out data/scenes/courtyard
+	rm -rf $(VENV) *.egg-info .*_cache .hypothesis
+
+# Everything that is not in the repository but the user's own data: store, results, the demo's scene.
+distclean: clean
+	rm -rf store out data/scenes/courtyard

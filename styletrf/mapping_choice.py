@@ -1,5 +1,6 @@
 """Which pairs to match and which mapper to believe, decided from the photographs themselves."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +10,8 @@ from styletrf.colmap_images import ColmapImages
 from styletrf.colmap_mapping import map_globally, map_incrementally, match_pairs
 from styletrf.image_pairs import Pairs, all_pairs, is_sequence, pairs_with, sequence_pairs
 from styletrf.progress import Progress
+
+_LOGGER = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +66,15 @@ def _pairs_to_match(
 ) -> tuple[str, Pairs]:
     if len(names) > exhaustive_up_to and is_sequence(names):
         return "sequential", sequence_pairs(len(names), sequence_overlap)
-    return "exhaustive", all_pairs(len(names))
+    pairs = all_pairs(len(names))
+    if len(names) > exhaustive_up_to:
+        _LOGGER.warning(
+            "the names of the %d photographs read like no sequence: all %d pairs are matched, which"
+            " may take hours; number them in the order they were taken in, or give fewer",
+            len(names),
+            len(pairs),
+        )
+    return "exhaustive", pairs
 
 
 def _globally(

@@ -4,7 +4,8 @@ Tensors: `network.NAME`, `exp_avg.NAME` and `exp_avg_sq.NAME` (Adam's moments) f
 and `curve`, a row an iteration in float64 with the columns of `CurveRow`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
 
@@ -13,7 +14,6 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from styletrf.errors import InputError
 from styletrf.style_network import StyleNetwork
 from styletrf.whole_files import whole_file
 
@@ -61,20 +61,32 @@ def write_checkpoint(path: Path, training: Training) -> None:
 
 
 def read_checkpoint(path: Path, training: Training) -> None:
-    """Puts the state of a checkpoint into a new training; leaves it as it is where there is none.
+    """Puts the state of a checkpoint into a new training.
 
-    Raises:
-        InputError: The file is damaged or is of another network.
+    Leaves it as it is where there is no checkpoint, or one that is damaged or of another network:
+    the training then starts anew.
     """
     if not path.exists():
         return
-    try:
+    with suppress(OSError, SafetensorError):
         tensors = load_file(path)
-        with torch.no_grad():
-            _restore(tensors, training)
-    except (KeyError, OSError, RuntimeError, SafetensorError) as error:
-        problem = f"is not a checkpoint of this training ({str(error).splitlines()[0]})"
-        raise InputError(str(path), problem, "Remove it to train from the start") from error
+        if _is_whole(tensors, training):
+            with torch.no_grad():
+                _restore(tensors, training)
+
+
+def _is_whole(tensors: Mapping[str, Tensor], training: Training) -> bool:
+    """Whether all that a restoration reads is there, and of the shape that it has here."""
+    curve = tensors.get("curve")
+    if curve is None or curve.ndim != 2 or curve.shape[1] != len(fields(CurveRow)):
+        return False
+    kinds = ("network", *_MOMENTS) if len(curve) else ("network",)
+    shapes = {
+        f"{kind}.{name}": parameter.shape
+        for name, parameter in training.network.named_parameters()
+        for kind in kinds
+    }
+    return all(n in tensors and tensors[n].shape == shape for n, shape in shapes.items())
 
 
 def _restore(tensors: dict[str, Tensor], training: Training) -> None:

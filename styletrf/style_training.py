@@ -170,7 +170,8 @@ def _check_finite(terms: PerceptualTerms, k: int) -> None:
             raise InputError(
                 "style training",
                 f"the {name} term became {value} in iteration {k + 1}",
-                "Lower the learning rate or that term's weight, and train from the start",
+                "Lower the learning rate, such as by --StyleNetwork-settings"
+                """ '{"learning_rate": 5e-4, "final_learning_rate": 1e-4}', and run it again""",
             )
 
 

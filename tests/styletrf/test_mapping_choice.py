@@ -80,6 +80,17 @@ def test_names_without_order_are_matched_exhaustively(tmp_path):
     assert (mapping.matcher, mapping.registered) == ("exhaustive", 12)
 
 
+def test_many_pairs_are_warned_of(tmp_path, caplog):
+    database, images = walked(tmp_path, street(12))
+    mapped(database, images, [f"{index**2}" for index in range(12)], 10)
+    (warning,) = caplog.messages
+    assert "12 photographs" in warning
+    assert "all 66 pairs" in warning
+    caplog.clear()
+    mapped(database, images, [f"{index**2}" for index in range(12)], 12)
+    assert not caplog.messages
+
+
 def test_what_a_sequence_leaves_out_is_matched_with_all(tmp_path):
     """The order lies: a photograph from the middle of the street comes far from its neighbours."""
     centers = street(PATH)

@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 
-from styletrf.errors import InputError
 from styletrf.style_checkpoint import CurveRow, Training, read_checkpoint, write_checkpoint
 from styletrf.style_network import StyleNetwork, StyleNetworkConfig
 
@@ -71,9 +71,23 @@ def test_a_write_that_fails_leaves_the_last_checkpoint(tmp_path: Path, monkeypat
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_damaged_checkpoint_is_an_input_error(tmp_path: Path):
-    path = tmp_path / "c.safetensors"
-    write_checkpoint(path, new_training())
-    path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(InputError, match="Remove it"):
-        read_checkpoint(path, new_training())
+@pytest.mark.parametrize("damage", ["cut short", "no tensor", "another network", "empty"])
+def test_a_damaged_checkpoint_lets_the_training_start_anew(tmp_path: Path, damage: str):
+    path, stored = tmp_path / "c.safetensors", new_training()
+    step(stored)
+    write_checkpoint(path, stored)
+    tensors = load_file(path)
+    last = max(name for name in tensors if name.startswith("network."))
+    if damage == "no tensor":
+        del tensors[last]
+    elif damage == "another network":
+        tensors[last] = torch.zeros(7)
+    save_file(tensors, path)
+    if damage in ("cut short", "empty"):
+        path.write_bytes(path.read_bytes()[: -100 if damage == "cut short" else 0])
+    training, fresh = new_training(seed=1), new_training(seed=1)
+    read_checkpoint(path, training)
+    assert training.curve == []
+    assert not training.optimizer.state
+    for a, b in zip(training.network.parameters(), fresh.network.parameters(), strict=True):
+        assert torch.equal(a, b), "not even half of it was taken over"
