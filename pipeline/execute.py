@@ -77,13 +77,13 @@ def _build(job: dict[str, Any], terminal: int) -> int:
 
     with open(terminal, "w") as screen:
         kind, message = perform(Job(**job), screen)
-    _say(report, kind=kind, message=message[:8000])  # the pipe holds as much unread
+    _say(report, kind=kind, message=message[:8000])  # the log has all of it
     return 0 if kind == "built" else 1
 
 
 def _say(descriptor: int, **fields: object) -> None:
     with open(descriptor, "w") as file:
-        file.write(json.dumps(fields) + "\n")
+        file.write(f"\n{json.dumps(fields)}\n")  # the line before may be half one of the killed
 
 
 def _die_with(supervisor: int) -> None:

@@ -15,7 +15,7 @@ import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TextIO
+from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, TextIO, cast
 
 from tqdm import tqdm
 
@@ -132,9 +132,9 @@ class Subprocess:
         specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
         with self._start(specification, job) as supervisor:
             try:
-                supervisor.wait()
+                said = cast("IO[bytes]", supervisor.stdout).read()
             finally:
-                said = supervisor.communicate()[0]  # which first closes its standard input
+                supervisor.communicate()  # which first closes its standard input
         return self._report(said, supervisor.returncode, job.log)
 
     def _start(self, specification: Path, job: Job) -> subprocess.Popen[bytes]:
@@ -158,7 +158,8 @@ class Subprocess:
         fields: dict[str, Any] = {"kind": "crash", "status": status}
         fields |= {"seconds": 0.0, "peak_memory_bytes": 0}
         for line in said.splitlines():
-            fields |= json.loads(line)
+            with contextlib.suppress(json.JSONDecodeError):  # a builder was killed at it
+                fields |= json.loads(line)
         silent = f"ended with status {fields['status']} before it was done. Its log: {log}"
         return Report(**{"message": silent, **fields})
 

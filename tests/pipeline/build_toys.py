@@ -1,8 +1,10 @@
 """Tasks that end in every way a build can end, and that make Luigi stumble."""
 
+import contextlib
 import logging
 import os
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -51,6 +53,14 @@ class Act(StoredTask):
     def refuse(self, run: RunContext) -> None:
         raise ToyError("words/bad: is no word. Choose another one.")
 
+    def lament(self, run: RunContext) -> None:
+        raise ToyError("\N{LOUDLY CRYING FACE}" * 100_000)
+
+    def be_killed_while_it_tells(self, run: RunContext) -> None:
+        (report,) = (n for n in range(3, 20) if _is_second_output(n))
+        os.write(report, b'{"kind": "built", "mess')
+        os.kill(os.getpid(), signal.SIGKILL)
+
     def crash(self, run: RunContext) -> None:
         raise RuntimeError("a defect")
 
@@ -88,6 +98,13 @@ class Act(StoredTask):
         pids.write_text(f"{os.getpid()} {child.pid}")
         pids.rename(pids.with_suffix(".txt"))
         time.sleep(60)
+
+
+def _is_second_output(descriptor: int) -> bool:
+    """Whether it is the pipe on which the builder reports, beside its standard error."""
+    with contextlib.suppress(OSError):
+        return stat.S_ISFIFO(os.fstat(descriptor).st_mode)
+    return False
 
 
 class Acts(luigi.WrapperTask):

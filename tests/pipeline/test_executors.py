@@ -79,9 +79,16 @@ def test_an_exception_is_told_in_its_words_and_traced_in_the_log(executor, job, 
     assert not (Path(job.out) / "whole.txt").exists()
 
 
+def test_a_long_reason_is_told_and_blocks_nobody(job):
+    """On the pipe it is 96 kB, more than a pipe holds unread."""
+    report = acted("subprocess", job, "lament", timeout_seconds=20.0)
+    assert (report.kind, report.message) == ("user", "\N{LOUDLY CRYING FACE}" * 8000)
+
+
 @pytest.mark.parametrize(
     ("act", "kind", "status"),
     [
+        ("be_killed_while_it_tells", "killed", -9),
         ("be_killed", "killed", -9),
         ("be_terminated", "killed", -15),
         ("leave_with_7", "crash", 7),
