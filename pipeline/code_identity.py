@@ -25,11 +25,12 @@ from pipeline.store import Store
 PROJECT = {"styletrf", "tasks"}
 IDENTITY = "identity_parameters"
 _HIDING = re.compile(
-    r"Name\(id='(?:eval|exec|globals|__doc__)'"
-    r"|(?:attr|name|arg)='(?:__doc__|__subclasses__|__init_subclass__|metaclass)'"
-    r"|='(?:import_module|__import__)', ctx=Load\(\)\), args=\[(?!Constant)"
+    r"(?:id|attr|name|arg)='(?:__doc__|__subclasses__|__init_subclass__|metaclass)'"
 )
 """In a syntax tree as `ast.dump` writes it: what uses more than its text names."""
+_RUNNING = re.compile(r"((builtins\.)?(eval|exec|globals)|sys\.modules|runpy)(\.|$)")
+"""The same among names, as written and as what they mean."""
+_IMPORTERS = {"__import__", ("builtins", "__import__"), ("importlib", "import_module")}
 _BESIDE = re.compile(r"__(file|path|spec|package)__|importlib\.resources|pkgutil")
 _MODULE = re.compile(r"\w+(\.\w+)+")
 _OWN = re.compile(r"self\.(\w+)(\(\))?")
@@ -120,7 +121,11 @@ class _Walk:
             self.pending += self._locate(tuple(string.split(".")))
         files = [file for file in self.files if any(f"/{s}/" in f"{file}/" for s in strings)]
         words = {*meanings, *(".".join(symbol) for each in meanings.values() for symbol in each)}
-        hiding = [*_HIDING.findall(text), *filter(_BESIDE.match, () if files else words)]
+        hiding = [*_HIDING.findall(text), *sorted(filter(_RUNNING.match, words))]
+        hiding += [
+            *_computed_imports(code, meanings),
+            *filter(_BESIDE.match, () if files else words),
+        ]
         if hiding:
             raise StoreError(
                 f"{self.task}: its build reaches {name}, where {hiding[0]} hides what is used."
@@ -196,3 +201,14 @@ class _Walk:
             targets = [(inner,)]
         found += [s for target in targets for s in self._locate((*target, *names[1:]))]
         return found or [(module,)]
+
+
+def _computed_imports(code: ast.AST, meanings: Mapping[str, list[Symbol]]) -> list[str]:
+    """Uses of what imports by name, however called here, other than for a name in the text."""
+    importers = {path for path, symbols in meanings.items() if _IMPORTERS & {path, *symbols}}
+    uses = [path for path in map(".".join, dotted_names(code)) if path in importers]
+    for call in ast.walk(code):
+        match call:
+            case ast.Call(func=called, args=[ast.Constant()]) if ast.unparse(called) in importers:
+                uses.remove(ast.unparse(called))
+    return uses

@@ -10,7 +10,7 @@ from pathlib import Path
 Symbol = tuple[str, ...]
 """A module, and the names to follow inside it."""
 Pieces = dict[str, list[ast.stmt]]
-"""Statements by the names they make or alter; by "" those that bind none, which always run."""
+"""Statements by the names they bind; by "" what else they do when run: `TABLE["x"] = f` too."""
 Imports = dict[str, list[Symbol]]
 """What a name stands for (several things where imports are tried); `*`: whole modules."""
 
@@ -23,7 +23,7 @@ class Source:
         package: What its relative imports start from.
         bindings: Its functions, classes and constants.
         members: Of each class the methods and constants, but not `x = luigi.SomeParameter()`, which
-            the key holds by value; by "" also its decorators, and what alters it from outside.
+            the key holds by value; by "" also its decorators, and what else binds its name.
         imports: What its imports bind, where they stand outside functions and classes.
     """
 
@@ -100,19 +100,29 @@ def _parse(text: bytes, module: str, is_package: bool) -> Source:  # noqa: FBT00
     imports = imports_in(ast.Module(plain, []), package)
     bindings = _pieces(p for p in tree.body if not isinstance(p, ast.Import | ast.ImportFrom))
     classes = [part for part in tree.body if isinstance(part, ast.ClassDef)]
-    members = {part.name: _members(part, bindings[part.name]) for part in classes}
+    members = {part.name: _members(part, bindings[part.name], imports) for part in classes}
     return Source(package, bindings, members, imports)
 
 
-def _members(definition: ast.ClassDef, binders: list[ast.stmt]) -> Pieces:
+def _members(definition: ast.ClassDef, binders: list[ast.stmt], imports: Imports) -> Pieces:
     around = ast.ClassDef(definition.name, [], definition.keywords, [], definition.decorator_list)
-    pieces = _pieces(definition.body)
+    pieces = _pieces(part for part in definition.body if not _is_parameter(part, imports))
     others = [statement for statement in binders if statement is not definition]
     return {**pieces, "": [*pieces.get("", []), around, *others]}
 
 
 def _is_string(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str)
+
+
+def _is_parameter(statement: ast.stmt, imports: Imports) -> bool:
+    """Whether it is `x = luigi.SomeParameter()`, by whatever name luigi was imported."""
+    call = getattr(statement, "value", None)
+    if not isinstance(call, ast.Call) or not ast.unparse(call.func).endswith("Parameter"):
+        return False
+    heads = [name for name, *_ in dotted_names(call.func)]
+    origins = [target[0].split(".")[0] for name in heads for target in imports.get(name, [])]
+    return set(origins) == {"luigi"}
 
 
 def _pieces(statements: Iterable[ast.stmt]) -> Pieces:
@@ -128,10 +138,13 @@ def _names_bound_by(statement: ast.stmt) -> set[str]:
         case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
             return {statement.name}
         case ast.Assign() | ast.AnnAssign() | ast.AugAssign():
-            if ast.unparse(getattr(statement.value, "func", statement)).endswith("Parameter"):
-                return set()
             kinds = ast.AnnAssign | ast.AugAssign | ast.NamedExpr
             targets = [part.target for part in ast.walk(statement) if isinstance(part, kinds)]
-            made = [*targets, *getattr(statement, "targets", [])]
-            return {n.id for part in made for n in ast.walk(part) if isinstance(n, ast.Name)}
+            parts = [
+                n for made in (*targets, *getattr(statement, "targets", [])) for n in ast.walk(made)
+            ]
+            stored = [n for n in parts if isinstance(getattr(n, "ctx", None), ast.Store)]
+            names = {n.id for n in stored if isinstance(n, ast.Name)}
+            alters = any(isinstance(n, ast.Subscript | ast.Attribute) for n in stored)
+            return names | {""} if alters or isinstance(statement, ast.AugAssign) else names
     return {""}

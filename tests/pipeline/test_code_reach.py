@@ -114,6 +114,90 @@ REACHED = {
             def value(task): return Value.gamma
         """
     },
+    "a table that another module fills": {
+        "a.py": """
+            import P.b
+            from P.c import TABLE
+            def value(task): return TABLE["one"]()
+        """,
+        "b.py": """
+            from P.c import TABLE
+            def one(): return 1001
+            def two(): return 2001
+            TABLE["one"] = one
+        """,
+        "c.py": "TABLE = {}",
+    },
+    "a table that another module adds to in place": {
+        "a.py": """
+            import P.b
+            from P.c import TABLE
+            def value(task): return TABLE[0]()
+        """,
+        "b.py": """
+            from P.c import TABLE
+            def one(): return 1001
+            TABLE += [one]
+        """,
+        "c.py": "TABLE = []",
+    },
+    "a constant that another module sets": {
+        "a.py": """
+            import P.b
+            from P import c
+            def value(task): return c.GAIN
+        """,
+        "b.py": """
+            from P import c
+            c.GAIN = 1001
+            other = 2001
+        """,
+        "c.py": "GAIN = 1",
+    },
+    "a function that another module puts in": {
+        "a.py": """
+            import P.b
+            from P import c
+            def value(task): return c.late()
+        """,
+        "b.py": """
+            from P import c
+            def patched(): return 1001
+            c.late = patched
+        """,
+        "c.py": "",
+    },
+    "a constant made by a Parameter that is not Luigi's": {
+        "a.py": """
+            from torch import nn
+            WEIGHT = nn.Parameter(1001)
+            def value(task): return WEIGHT
+        """
+    },
+    "a constant made by a function called like a parameter": {
+        "a.py": """
+            def MakeParameter(x): return x
+            SIZE = MakeParameter(1001)
+            def value(task): return SIZE
+        """
+    },
+    "a member of the task that is no parameter of Luigi's": {
+        "task.py": """
+            import luigi as l
+            from torch import nn
+            class Task:
+                scene = l.Parameter(description=2001)
+                weight = nn.Parameter(1001)
+                def build(self, inputs, out, run): print(self.scene, self.weight)
+        """
+    },
+    "a module imported by importlib under its name": {
+        "a.py": """
+            from importlib import import_module as load
+            def value(task): return load("P.b").one()
+        """,
+        "b.py": "def one(): return 1001",
+    },
     "a star import": {
         "a.py": """
             from P.b import *
@@ -343,18 +427,32 @@ def test_what_is_reached_counts_and_its_neighbour_does_not(project, files):
         "globals()['o' + 'ne']()",
         "__import__('P.' + task.name)",
         "importlib.import_module(f'P.{task.name}')",
+        "builtins.__import__('P.' + task.name)",
         "[kind() for kind in Base.__subclasses__()]",
         "value.__doc__",
         "Path(__file__).with_name(task.name).read_text()",
         "pkgutil.get_data('P', task.name)",
+        "builtins.exec('o' + 'ne')",
+        "im(f'P.{task.name}')",
+        "list(map(im, task.names))",
+        "sys.modules[task.name]",
+        "modules[task.name]",
+        "runpy.run_path(task.name)",
+        "run_module(task.name)",
     ],
 )
 def test_what_cannot_be_followed_is_refused(project, value):
     made = project(
         {
             "a.py": f"""
+                import builtins
                 import importlib
                 import pkgutil
+                import runpy
+                import sys
+                from importlib import import_module as im
+                from runpy import run_module
+                from sys import modules
                 from pathlib import Path
                 class Base: pass
                 def value(task):
