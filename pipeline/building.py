@@ -38,7 +38,12 @@ def find_or_build(task: "StoredTask", action: Action, store: Store) -> ActionRec
     say_so = partial(screen.info, "%s: another process is at it, waiting", task.label)
     is_locking = setting("store", "locks") == "true"
     with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():
-        return store.find(action.key) or build(task, action, store)
+        try:
+            return store.find(action.key) or build(task, action, store)
+        except TaskFailure as failure:
+            if failure.kind != "changed" and (record := store.find(action.key)):
+                return record  # of another process, which was at it, too
+            raise
 
 
 def build(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
@@ -62,41 +67,41 @@ def build(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
 
 def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
     inputs = {name: _verified(task, upstream, store) for name, upstream in task.requires().items()}
-    log, resume = store.new_log(task.task_family, action.key), store.resume(action.key)
-    try:
-        with store.workspace(action.key) as workspace, _card(task) as (environment, holds):
-            started = datetime.now(UTC)
-            screen.info("%s: started", task.label)
-            (workspace / "out").mkdir()
-            job = Job(
-                **_specification(task),
-                inputs={n: str(store.object(r.output.digest)) for n, r in inputs.items()},
-                out=str(workspace / "out"),
-                resume=str(resume),
-                log=str(log),
-                environment=environment,
-                holds=holds,
-            )
-            report = EXECUTORS[setting("store", "executor")].run(job)
-            _require_success(task, report, job)
-            _require_unchanged(task, action)
-            _require_untouched(task, inputs.values(), store)
-            provenance: dict[str, Json] = {
-                "task": str(task),
-                "label": task.label,
-                "host": socket.gethostname(),
-                "gpu": environment.get(VISIBLE, ""),
-                "started": started.isoformat(timespec="seconds"),
-                "seconds": round(report.seconds, 3),
-                "peak_memory_bytes": report.peak_memory_bytes,
-                "log": log.relative_to(store.root).as_posix(),
-                "closure": "" if task.revision else keep(closure(type(task)), store),
-            }
-            record = publish(store, workspace / "out", action, provenance)
+    log = store.new_log(task.task_family, action.key)
+    with (
+        store.workspace(action.key) as workspace,
+        store.resume(action.key, workspace) as resume,
+        _card(task) as (environment, holds),
+    ):
+        started = datetime.now(UTC)
+        screen.info("%s: started", task.label)
+        (workspace / "out").mkdir()
+        job = Job(
+            **_specification(task),
+            inputs={n: str(store.object(r.output.digest)) for n, r in inputs.items()},
+            out=str(workspace / "out"),
+            resume=str(resume),
+            log=str(log),
+            environment=environment,
+            holds=holds,
+        )
+        report = EXECUTORS[setting("store", "executor")].run(job)
+        _require_success(task, report, job)
+        _require_unchanged(task, action)
+        _require_untouched(task, inputs.values(), store)
+        provenance: dict[str, Json] = {
+            "task": str(task),
+            "label": task.label,
+            "host": socket.gethostname(),
+            "gpu": environment.get(VISIBLE, ""),
+            "started": started.isoformat(timespec="seconds"),
+            "seconds": round(report.seconds, 3),
+            "peak_memory_bytes": report.peak_memory_bytes,
+            "log": log.relative_to(store.root).as_posix(),
+            "closure": "" if task.revision else keep(closure(type(task)), store),
+        }
+        record = publish(store, workspace / "out", action, provenance)
         shutil.rmtree(resume, ignore_errors=True)
-    finally:
-        with contextlib.suppress(OSError):  # it holds a checkpoint
-            resume.rmdir()
     give(store, record)
     screen.info("%s: done in %.0f s", task.label, report.seconds)
     return record

@@ -34,7 +34,7 @@ class RunContext:
 
     Attributes:
         progress: To be called every second or so.
-        resume: A directory private to the key that survives kills, for checkpoints.
+        resume: A directory private to the build, for checkpoints; as a rule, it survives kills.
         log: The file that takes standard output and standard error.
         lineage: The records of all artifacts upstream, first things first.
     """

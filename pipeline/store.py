@@ -78,11 +78,24 @@ class Store:
         """Where what the code with this digest consists of is told, if it is."""
         return self.root / "code" / digest[:2] / f"{digest}.json"
 
-    def resume(self, key: str) -> Path:
-        """A directory private to the key, for the checkpoints of a build; survives kills."""
+    @contextlib.contextmanager
+    def resume(self, key: str, workspace: Path) -> Iterator[Path]:
+        """A directory for a build's checkpoints alone: the key's, which survives kills.
+
+        Where another build has that one, it lies in `workspace`.
+        """
         path = self.root / "resume" / key
         path.mkdir(exist_ok=True)
-        return path
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            if not try_lock(descriptor) or not os.fstat(descriptor).st_nlink:  # taken, or gone
+                path = workspace / "resume"
+                path.mkdir()
+            yield path
+        finally:
+            with contextlib.suppress(OSError):  # it holds a checkpoint
+                path.rmdir()
+            os.close(descriptor)
 
     def new_log(self, family: str, key: str) -> Path:
         """A new, empty log file for one more attempt at the key."""

@@ -60,10 +60,11 @@ class CameraPoses(TunedStage):
         from styletrf.configuration import configured
 
         config = configured(CameraPosesConfig, self.values())
-        shutil.rmtree(run.resume, ignore_errors=True)  # what a killed build left
-        run.resume.mkdir(parents=True)
+        work = run.resume / "colmap"
+        shutil.rmtree(work, ignore_errors=True)  # what a killed build left
+        work.mkdir()
         solve_camera_poses(
-            inputs["capture"], out, config, run.progress, run.log.with_suffix(".colmap"), run.resume
+            inputs["capture"], out, config, run.progress, run.log.with_suffix(".colmap"), work
         )
 
 

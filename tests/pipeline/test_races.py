@@ -15,6 +15,7 @@ from store_toys import built, mark
 
 from pipeline.collection import collect
 from pipeline.locks import is_held
+from pipeline.settings import current_store
 from pipeline.store import Store
 from pipeline.task import RunContext, StoredTask
 from pipeline.verify import records
@@ -84,6 +85,39 @@ def test_eight_processes_without_locks_are_one_record(crowd, store):
     assert not list((store.root / "tmp").iterdir())
     collect(store, keep_last=1, grace_hours=0, delete=True)
     assert [path.name for path in (store.root / "objects").glob("*/*")] == digests[:1]
+
+
+class Checkpointing(StoredTask):
+    """Two at once; the second goes on when the first is done, from its own checkpoint."""
+
+    stumbles = luigi.BoolParameter(significant=False)
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        (run.resume / "step").write_text(str(os.getpid()))
+        mark(self)
+        while len(built()) < 2:
+            time.sleep(0.01)
+        if (run.resume.parent.name != "resume") and self.wait_for_the_other() and self.stumbles:
+            raise RuntimeError("a defect")
+        assert (run.resume / "step").read_text() == str(os.getpid())
+        (out / "done").touch()
+
+    def wait_for_the_other(self) -> bool:
+        while not list(records(current_store())):
+            time.sleep(0.01)
+        time.sleep(0.2)
+        return True
+
+
+@pytest.mark.usefixtures("inline", "_without_locks")
+@pytest.mark.parametrize("stumbles", [False, True])
+def test_two_builds_of_one_key_share_no_checkpoint_and_one_record(store, stumbles):
+    """Whoever fails where another has the record adopts that."""
+    children = [forked(Checkpointing(stumbles).run) for _ in range(2)]
+    assert [ended(child) for child in children] == [0, 0]
+    assert len(list(records(store))) == 1
+    assert not list((store.root / "resume").iterdir())
+    assert not list((store.root / "tmp").iterdir())
 
 
 @pytest.mark.usefixtures("inline")
