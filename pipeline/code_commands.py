@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.commands import Answer, Command
+from pipeline.errors import StoreError
 from pipeline.explanation import explain
+from pipeline.settings import setting
 from pipeline.snapshot import Snapshot
 from pipeline.store import Store
 from pipeline.task import StoredTask
@@ -16,6 +18,7 @@ from pipeline.task import StoredTask
 
 def why(store: Store, options: Namespace) -> Answer:
     """A row a task of the graph, first things first; of one to be built, a row a difference."""
+    _import(options.module)
     words = ["--module", options.module, *options.task]
     with CmdlineParser.global_instance(words) as parser:
         return 0, list(explain(parser.get_task_obj(), store))
@@ -23,7 +26,7 @@ def why(store: Store, options: Namespace) -> Answer:
 
 def snapshot(_store: Store, options: Namespace) -> Answer:
     """Write the snapshot of the code as it is now; a row a family that changed."""
-    before, now = Snapshot.read(), Snapshot.of(families(options.module))
+    before, now = _then_and_now(options.module)
     dataclasses.replace(now, adopted=before.adopted).write()
     pairs = {f: (before.families.get(f), code) for f, code in now.families.items()}
     return 0, [{"family": f, "then": a, "now": b} for f, (a, b) in pairs.items() if a != b]
@@ -31,23 +34,44 @@ def snapshot(_store: Store, options: Namespace) -> Answer:
 
 def adopt(_store: Store, options: Namespace) -> Answer:
     """Declare that the present code of some families means what the snapshot's meant."""
-    before, now = Snapshot.read(), Snapshot.of(families(options.module))
+    before, now = _then_and_now(options.module)
     after = dataclasses.replace(before, code=now.code)
     for family in options.family:
-        code = now.families.get(family, before.families.get(family, ""))
-        after = after.adopting(family, code, options.reason)
+        if family not in now.families:
+            known = ", ".join(sorted(now.families))
+            raise StoreError(f"{options.module} has no stage {family}. It has {known}.")
+        after = after.adopting(family, now.families[family], options.reason)
     after.write()
     return 0, [dict(entry) for entry in after.adopted[len(before.adopted) :]]
 
 
 def families(module: str) -> list[type[StoredTask]]:
     """The stored tasks that a package defines and that build something."""
-    importlib.import_module(module)
+    _import(module)
     kinds: list[type[StoredTask]] = [StoredTask]
     for kind in kinds:
         kinds += kind.__subclasses__()
     ours = [kind for kind in kinds if kind.__module__.split(".")[0] == module.split(".")[0]]
     return [kind for kind in ours if kind.build is not StoredTask.build]
+
+
+def _then_and_now(module: str) -> tuple[Snapshot, Snapshot]:
+    """The snapshot in the file, and that of the package as it is now."""
+    then, now = Snapshot.read(), Snapshot.of(families(module))
+    others = then.packages() - {module.split(".")[0]}
+    if others:
+        raise StoreError(
+            f"{setting('store', 'identity')} is the snapshot of {', '.join(sorted(others))}."
+            f" Give {module} a file of its own: [store] identity in `luigi.cfg`."
+        )
+    return then, now
+
+
+def _import(module: str) -> None:
+    try:
+        importlib.import_module(module)
+    except ImportError as error:
+        raise StoreError(f"--module {module} cannot be imported: {error}") from error
 
 
 _MODULE = {"default": "tasks", "help": "the package of the tasks (tasks)"}

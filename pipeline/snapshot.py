@@ -59,6 +59,11 @@ class Snapshot:
             now.code.update({name: digest[:16] for name, digest in members.items()})
         return now
 
+    def packages(self) -> set[str]:
+        """The packages that define its families."""
+        classes = (name for name in self.code if name.endswith(".__mro__"))
+        return {name.partition(":")[0].split(".")[0] for name in classes}
+
     def original(self, family: str, code: str) -> str:
         """The oldest code of the family that `code` was declared to mean the same as."""
         earlier = {a["to"]: a["from"] for a in self.adopted if a["family"] == family}
@@ -70,11 +75,17 @@ class Snapshot:
         """This snapshot after the declaration that `code` is to the family what it had before.
 
         Raises:
-            StoreError: When the family's code is the same, or was not known.
+            StoreError: When the family's code is the same or was not known, or no reason is given.
         """
-        known = self.families.get(family, code)
+        if not reason.strip():
+            raise StoreError("say with --reason why the results are the same")
+        if family not in self.families:
+            raise StoreError(f"{family} is in no snapshot yet: `snapshot` adds it.")
+        known = self.families[family]
         if known == code:
-            raise StoreError(f"{family}: its code is that of the snapshot, or is in none yet.")
+            raise StoreError(
+                f"{family}: its code is that of the snapshot; nothing is to be adopted."
+            )
         words = {"family": family, "from": known, "to": code, "reason": reason}
         entry = {**words, "date": datetime.now(UTC).date().isoformat()}
         is_new = self.original(family, code) != self.original(family, known)

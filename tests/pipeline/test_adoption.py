@@ -134,6 +134,7 @@ def test_one_key_however_a_number_or_a_mapping_is_written(town: Town):
     assert town.built("House", "--height", "1.5", "--plan", plans[1]) == ["House"]
 
 
+@pytest.mark.usefixtures("store")
 def test_why_names_what_differs(town: Town):
     assert town.why("Street") == [
         ("House", "the first of its family", "", None, None),
@@ -215,6 +216,48 @@ def test_a_file_that_is_no_snapshot_is_one_line(town: Town, text: str):
     assert status == 2
     assert "town.json holds no snapshot" in said
     assert said.count("\n") == 1
+
+
+def test_the_snapshot_of_another_package_is_left_alone(town: Town):
+    assert town.run("pipeline", "snapshot", "--module", "town")[0] == 0
+    before = (town.folder / "town.json").read_text()
+    (town.folder / "city").mkdir()
+    (town.folder / "city/__init__.py").write_text(
+        "from pipeline.task import StoredTask\n"
+        "class Tower(StoredTask):\n    def build(self, inputs, out, run): pass\n"
+    )
+    for command in (["snapshot"], ["adopt", "Tower", "--reason", "none"]):
+        status, said = town.run("pipeline", *command, "--module", "city")
+        assert (status, said.count("\n")) == (2, 1)
+        assert "town.json is the snapshot of town" in said
+    assert (town.folder / "town.json").read_text() == before
+
+
+def test_what_cannot_be_adopted_is_told_with_what_to_do(town: Town):
+    def adopt(family: str, reason: str = "a rename") -> str:
+        words = ("adopt", "--module", "town", family, "--reason", reason)
+        status, said = town.run("pipeline", *words)
+        assert (status, said.count("\n")) == (2, 1)
+        return said
+
+    assert "House is in no snapshot yet: `snapshot` adds it" in adopt("House")
+    assert town.run("pipeline", "snapshot", "--module", "town")[0] == 0
+    assert "House: its code is that of the snapshot" in adopt("House")
+    assert "town has no stage Hose. It has Demand, House, Street" in adopt("Hose")
+    town.edit("SIZE = 2", "SIZE = 3")
+    before = town.snapshot()
+    assert "say with --reason why" in adopt("House", " ")
+    assert town.snapshot() == before
+
+
+@pytest.mark.parametrize("command", [["snapshot"], ["why"]])
+def test_a_module_there_is_not_is_one_line(town: Town, command: list[str]):
+    town.built()
+    status, said = town.run("pipeline", *command, "--module", "nosuch")
+    assert (status, said) == (
+        2,
+        "--module nosuch cannot be imported: No module named 'nosuch'\n",
+    )
 
 
 @pytest.mark.parametrize("task", [("Stret",), ("Street", "--x", "1"), ("Demand",)])
