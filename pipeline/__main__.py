@@ -8,18 +8,27 @@ from pipeline import code_commands, commands
 from pipeline.commands import Rows
 from pipeline.errors import StoreError
 from pipeline.settings import current_store
+from pipeline.store import Store
+
+_OF_CODE_ALONE = ("snapshot", "adopt")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit status: 0, 1 where something is amiss, 2 for misuse."""
     options = _parser().parse_args(arguments)
     try:
-        status, rows = options.run(current_store(), options)
+        store = _store(options.command)
+        status, rows = options.run(store, options)
     except StoreError as error:
         sys.stderr.write(f"{error}\n")
         return 2
     sys.stdout.write(json.dumps(rows, indent=1) + "\n" if options.json else _table(rows))
     return int(status)
+
+
+def _store(command: str) -> Store | None:
+    """The store, for those that look into it; only `pull` makes one where there is none."""
+    return None if command in _OF_CODE_ALONE else current_store(create=command == "pull")
 
 
 def _parser() -> argparse.ArgumentParser:

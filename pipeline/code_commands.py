@@ -24,7 +24,7 @@ def why(store: Store, options: Namespace) -> Answer:
         return 0, list(explain(parser.get_task_obj(), store))
 
 
-def snapshot(_store: Store, options: Namespace) -> Answer:
+def snapshot(_store: object, options: Namespace) -> Answer:
     """Write the snapshot of the code as it is now; a row a family that changed."""
     before, now = _then_and_now(options.module)
     dataclasses.replace(now, adopted=before.adopted).write()
@@ -32,7 +32,7 @@ def snapshot(_store: Store, options: Namespace) -> Answer:
     return 0, [{"family": f, "then": a, "now": b} for f, (a, b) in pairs.items() if a != b]
 
 
-def adopt(_store: Store, options: Namespace) -> Answer:
+def adopt(_store: object, options: Namespace) -> Answer:
     """Declare that the present code of some families means what the snapshot's meant."""
     before, now = _then_and_now(options.module)
     after = dataclasses.replace(before, code=now.code)

@@ -8,6 +8,7 @@ import luigi
 from luigi.cmdline_parser import CmdlineParser
 from luigi.task_register import Register
 
+from pipeline.errors import StoreError
 from pipeline.remote import Remote, open_remote
 from pipeline.store import Store, open_store
 
@@ -35,9 +36,16 @@ def setting(section: str, name: str) -> str:
     return str(config.get(section, name, _DEFAULTS[section, name]))
 
 
-def current_store() -> Store:
-    """The store in STYLETRF_STORE, or in [store] root of `luigi.cfg`, or in ./store."""
-    return open_store(Path(os.environ.get("STYLETRF_STORE") or setting("store", "root")).absolute())
+def current_store(*, create: bool = True) -> Store:
+    """The store in STYLETRF_STORE, or in [store] root of `luigi.cfg`, or in ./store.
+
+    Raises:
+        StoreError: When there is none and it cannot be made, or shall not.
+    """
+    root = Path(os.environ.get("STYLETRF_STORE") or setting("store", "root")).absolute()
+    if not create and not (root / "format").is_file():
+        raise StoreError(f"there is no store at {root}")
+    return open_store(root)
 
 
 def current_remote() -> Remote:

@@ -53,10 +53,7 @@ class Store:
         """
         try:
             if not root.exists() or os.access(root, os.W_OK):
-                for folder in _FOLDERS:
-                    (root / folder).mkdir(parents=True, exist_ok=True)
-                with contextlib.suppress(FileExistsError), (root / "format").open("x") as file:
-                    file.write(FORMAT)
+                _make(root)
             found = (root / "format").read_text()
         except OSError as error:
             raise StoreError(f"{root} cannot hold the store: {error.strerror}") from error
@@ -176,6 +173,21 @@ class Store:
         for path in (self.root / "tmp").glob(f"{key}-*"):
             if is_held(path) is False:
                 shutil.rmtree(path, ignore_errors=True)
+
+
+def _make(root: Path) -> None:
+    """Make the folders of a store; `format` first, so that whoever sees the others sees it, too."""
+    root.mkdir(parents=True, exist_ok=True)
+    names = [path.name for path in root.iterdir()]
+    others = [name for name in names if name != "lost+found" and not name.startswith(".")]
+    if others and not (root / "format").exists():
+        raise StoreError(
+            f"{root} holds other things and is no store: name an empty folder or a new one"
+        )
+    with contextlib.suppress(FileExistsError), (root / "format").open("x") as file:
+        file.write(FORMAT)
+    for folder in _FOLDERS:
+        (root / folder).mkdir(exist_ok=True)
 
 
 open_store = functools.cache(Store.open)

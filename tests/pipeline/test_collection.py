@@ -11,6 +11,7 @@ from store_toys import Sentence, Word
 from test_command import start
 
 import pipeline.collection
+from pipeline.__main__ import main
 from pipeline.collection import closure, collect
 from pipeline.digest import Tree, typed_digest
 from pipeline.errors import StoreError
@@ -300,6 +301,13 @@ def test_commands(store):
     assert pipeline_command("gc", *policy, "--delete")[0] == 0
     assert names(store) == []
     assert not wrong(store)
+
+
+@pytest.mark.parametrize("command", ["ls", "verify", "gc", "du", "pin", "push", "why Word"])
+def test_commands_make_no_store(tmp_path, command, capsys):
+    assert main(command.split()) == 2
+    assert f"there is no store at {tmp_path / 'store'}" in capsys.readouterr().err
+    assert not (tmp_path / "store").exists()
 
 
 def test_the_usual_policy_keeps_a_day_and_three_runs(store):

@@ -219,6 +219,21 @@ def test_a_store_of_a_newer_program_is_refused(tmp_path):
         Store.open(tmp_path / "new")
 
 
+def test_a_folder_of_other_things_does_not_become_a_store(tmp_path):
+    from pipeline.errors import StoreError
+
+    theirs = tmp_path / "theirs" / "runs" / "2024"
+    theirs.mkdir(parents=True)
+    with pytest.raises(StoreError, match="theirs holds other things and is no store"):
+        Store.open(tmp_path / "theirs")
+    assert list((tmp_path / "theirs").rglob("*")) == [theirs.parent, theirs]
+    (tmp_path / "disk" / "lost+found").mkdir(parents=True)
+    (tmp_path / "half").mkdir()
+    (tmp_path / "half" / "format").touch()  # its maker was killed
+    for name in ("disk", "disk", "half"):
+        assert Store.open(tmp_path / name).object("0" * 64).parents[1].is_dir()
+
+
 def test_a_store_that_cannot_be_made_is_refused(tmp_path):
     from pipeline.errors import StoreError
 

@@ -15,6 +15,7 @@ import pytest
 import tasks
 from pipeline.code_commands import families
 from pipeline.code_identity import closure
+from pipeline.settings import current_store
 from pipeline.snapshot import Snapshot
 
 ROOT = Path(__file__).parents[2]
@@ -182,6 +183,7 @@ def test_a_revision_stands_in_the_snapshot_as_such(project: Workbench):
 
 def test_why_of_the_whole_graph_is_quick_and_loads_no_torch(photographs: Path):
     words = ["--scene", "mini", "--style", "p", "--quality", "draft", "--content", "embedded"]
+    current_store()  # the command makes none
     code = f"""
 import sys, time
 started = time.perf_counter()
