@@ -135,7 +135,6 @@ def test_one_key_however_a_number_or_a_mapping_is_written(town: Town):
 
 
 @pytest.mark.usefixtures("store")
-@pytest.mark.usefixtures("store")
 def test_why_names_what_differs(town: Town):
     assert town.why("Street") == [
         ("House", "the first of its family", "", None, None),
