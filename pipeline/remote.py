@@ -1,6 +1,7 @@
 """The place of a shared store: bytes by name, in a directory or a bucket, never replaced."""
 
 import contextlib
+import errno
 import functools
 import json
 import logging
@@ -11,7 +12,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from pipeline.errors import StoreError
 from pipeline.publication import sync
@@ -62,9 +63,10 @@ class Remote:
             return None
         try:
             return call(self)
-        except (StoreError, OSError) as error:
+        except StoreError as error:
             self._silent_until[kind] = time.monotonic() + SECONDS_OF_SILENCE
-            screen.warning("%s Going on without %s there for a minute.", error, kind)
+            reason = str(error).rstrip(".")
+            screen.warning("%s. Going on without %s there for a minute.", reason, kind)
             return None
 
     def read(self, name: str) -> bytes | None:
@@ -89,10 +91,15 @@ class Remote:
             return bool(files.exists(path))
 
     def download(self, name: str, target: Path) -> None:
-        """Copy the bytes of that name, unchecked, into a file."""
-        with self._at(name) as (files, path):
-            files.retries = 3  # going on from where the connection broke
-            files.get_file(path, os.fspath(target))
+        """Copy the bytes of that name, unchecked, into a file; raises OSError when that is full."""
+        try:
+            with self._at(name) as (files, path):
+                files.retries = 3  # going on from where the connection broke
+                files.get_file(path, os.fspath(target))
+        except StoreError as error:
+            if getattr(error.__cause__, "errno", None) in (errno.ENOSPC, errno.EDQUOT):
+                raise OSError(*cast("OSError", error.__cause__).args, os.fspath(target)) from error
+            raise
 
     def create(self, name: str, source: Path) -> bool:
         """Give the bytes of a file that name, all at once; False where the name is taken."""

@@ -50,21 +50,28 @@ def is_available(store: Store, record: ActionRecord) -> bool:
 
 
 def fetch(store: Store, record: ActionRecord) -> bool:
-    """Have the record's object in the store; where it cannot be had, it is not available either."""
-    if store.object(record.output.digest).is_dir():
-        return True
-    remote = current_remote()
-    if remote.attempt("reading", partial(pull, store, record)) == "fetched":
-        return True
-    if remote.url:  # tell our other processes, lest one waits for what another cannot have
+    """Have the record's object in the store; where it cannot be had, it is not available either.
+
+    Raises:
+        OSError: When the store's own disk fails or is full.
+    """
+    path, remote = store.object(record.output.digest), current_remote()
+    if path.is_dir() or not remote.url:
+        return path.is_dir()
+    with store.lock(record.output.digest, lambda: None):  # many want it, and one downloads
+        remote.attempt("reading", partial(pull, store, record))
+    if not path.is_dir():  # tell our other processes, lest one waits for what another cannot have
         _failure(store, record).touch()
-    return False
+    return path.is_dir()
 
 
 def give(store: Store, record: ActionRecord) -> None:
     """Upload a new artifact, unless [store] push says no; what fails is a warning."""
     if setting("store", "push") == "true":
-        current_remote().attempt("writing", partial(push, store, record))
+        try:
+            current_remote().attempt("writing", partial(push, store, record))
+        except OSError as error:  # of our own disk
+            screen.warning("%s is not uploaded: %s", record.provenance["label"], error)
 
 
 def shared_record(remote: Remote, key: str) -> ActionRecord | None:

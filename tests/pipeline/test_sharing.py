@@ -1,4 +1,5 @@
 import contextlib
+import errno
 import io
 import json
 import os
@@ -22,7 +23,7 @@ from pipeline.__main__ import main
 from pipeline.errors import StoreError
 from pipeline.remote import Remote, open_remote
 from pipeline.settings import current_remote, current_store
-from pipeline.sharing import pull, push, recorded, shared_record
+from pipeline.sharing import fetch, pull, push, recorded, shared_record
 from pipeline.store import Store
 from pipeline.task import StoredTask, artifact
 from pipeline.verify import problems, records
@@ -229,6 +230,74 @@ def test_of_two_pushers_one_gives_the_record(shared, store, tmp_path, content):
     assert is_whole(reader)
 
 
+def test_of_many_readers_one_downloads_and_none_takes_that_for_a_loss(
+    shared, store, tmp_path, monkeypatch
+):
+    record = make(store, "a", "text")
+    push(store, record, current_remote())
+    there, download = Store.open(tmp_path / "there"), Remote.download
+
+    def slowly(remote: Remote, name: str, target: Path) -> None:
+        (tmp_path / f"downloaded.{os.getpid()}").touch()
+        time.sleep(0.3)
+        download(remote, name, target)
+
+    monkeypatch.setattr(Remote, "download", slowly)
+
+    def read() -> None:
+        assert fetch(Store(there.root), record)
+
+    assert [ended(child) for child in [forked(read) for _ in range(4)]] == [0] * 4
+    assert len(list(tmp_path.glob("downloaded.*"))) == 1
+    assert not list((there.root / "quarantine").iterdir())
+
+
+def test_what_another_fetched_meanwhile_is_no_loss(shared, store, tmp_path, monkeypatch):
+    record = make(store, "a", "text")
+    push(store, record, current_remote())
+    there = Store.open(tmp_path / "there")
+
+    def slower(*arguments) -> str:
+        pull(*arguments)
+        return pull(*arguments)
+
+    monkeypatch.setattr("pipeline.sharing.pull", slower)
+    assert fetch(there, record)
+    assert not list((there.root / "quarantine").iterdir())
+
+
+@pytest.mark.parametrize("full", ["download", "unpack"])
+def test_our_own_full_disk_is_not_the_shared_stores_failure(
+    shared, store, tmp_path, monkeypatch, caplog, full
+):
+    record = make(store, "a", "text")
+    push(store, record, current_remote())
+    there, download = Store.open(tmp_path / "there"), Remote.download
+    if full == "download":
+        to_full = lambda remote, name, target: download(remote, name, Path("/dev/full"))  # noqa: E731
+        monkeypatch.setattr(Remote, "download", to_full)
+    else:
+        failing = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        monkeypatch.setattr("pipeline.sharing.unpack", lambda *_arguments: raising(failing))
+    with pytest.raises(OSError, match="No space left") as failure:
+        fetch(there, record)
+    assert failure.value.errno == errno.ENOSPC
+    assert not list((there.root / "quarantine").iterdir())
+    assert not caplog.messages
+
+
+def raising(error: Exception) -> None:
+    raise error
+
+
+def test_a_failure_is_told_in_sentences(caplog):
+    def fail(_remote: Remote) -> None:
+        raise StoreError("it is away")
+
+    Remote("/nowhere").attempt("reading", fail)
+    assert caplog.messages == ["it is away. Going on without reading there for a minute."]
+
+
 @pytest.mark.parametrize(
     ("shared", "size"),
     [("directory", 10), ("s3", 10), pytest.param("s3", 120_000_000, id="s3 in parts")],
@@ -345,7 +414,7 @@ def test_a_record_without_its_object_counts_as_absent(shared, elsewhere):
         lambda text: b"",
         lambda text: text[:50],
         lambda text: text.replace(b'"Word"', b'"Ward"'),
-        lambda text: text.replace(b'"format": 1', b'"format": 2'),
+        lambda text: text.replace(b'"format": 2', b'"format": 3'),
     ],
 )
 def test_a_record_that_is_none_counts_as_absent_and_is_replaced(shared, elsewhere, garble):
