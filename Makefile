@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin
 SCENE ?= courtyard
 STYLE ?= stained_glass
-TEST_ARGS ?= -n auto --maxprocesses 4
+TEST_ARGS ?= -n auto --maxprocesses 4 --dist loadfile
 
 .PHONY: demo test lint install clean distclean
 
