@@ -35,7 +35,7 @@ def leased(say_so: Callable[[], object]) -> Iterator[Lease]:
         are no cards.
 
     Raises:
-        StoreError: When the folder of leases cannot be used.
+        StoreError: When the cards cannot be told, or the folder of leases cannot be used.
     """
     say_once, card = functools.cache(say_so), None
     files = {card: _open(card) for card in visible(_cards(), os.environ.get(VISIBLE))}
@@ -61,10 +61,15 @@ def visible(cards: Sequence[str], wanted: str | None) -> list[str]:
 def _cards() -> list[str]:
     if told := setting("gpu", "cards"):
         return told.replace(",", " ").split()
-    with contextlib.suppress(OSError, subprocess.SubprocessError):
+    try:
         ask = ["nvidia-smi", "-L"]
         return CARD.findall(subprocess.check_output(ask, text=True, timeout=60))
-    return []
+    except FileNotFoundError:
+        return []
+    except (OSError, subprocess.SubprocessError) as error:
+        reason = str(error).rstrip(".")
+        remedy = "Name the cards of this host by their UUIDs in [gpu] cards."
+        raise StoreError(f"no GPU can be leased: {reason}. {remedy}") from error
 
 
 def _open(card: str) -> int:

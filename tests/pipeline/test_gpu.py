@@ -132,6 +132,16 @@ def test_nvidia_smi_tells_the_cards(cards, tmp_path, monkeypatch):
     assert turns()["one"][0] == "GPU-5f8a-11"
 
 
+@pytest.mark.parametrize("mode", [0o755, 0o644], ids=["fails", "cannot be run"])
+def test_cards_that_cannot_be_told_are_no_cards_for_all(cards, tmp_path, monkeypatch, mode):
+    cards("")
+    (tmp_path / "nvidia-smi").write_text("#!/bin/sh\nexit 9\n")
+    (tmp_path / "nvidia-smi").chmod(mode)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(StoreError, match=r"Name the cards .* in \[gpu\] cards"), gpu.leased(print):
+        pass
+
+
 def test_a_divided_card_is_leased_in_its_parts():
     listing = """\
 GPU 0: NVIDIA A100-SXM4-40GB (UUID: GPU-aa)
