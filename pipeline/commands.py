@@ -121,7 +121,7 @@ def du(store: Store, _options: Namespace) -> Answer:
 def pin(store: Store, options: Namespace) -> Answer:
     """Keep an artifact, if one is given; a row a pin."""
     if options.address:
-        key = find_all(records(store), options.address)[-1].action.key
+        key = roots.only(find_all(records(store), options.address)).action.key
         roots.pin(store, key, options.name or key[:12])
     return 0, [{"name": name, "key": key} for name, key in roots.pins(store).items()]
 

@@ -12,6 +12,7 @@ from pipeline.digest import typed_digest
 from pipeline.errors import StoreError
 from pipeline.leases import Holders
 from pipeline.locks import locked
+from pipeline.record import ActionRecord
 from pipeline.store import Store
 
 
@@ -24,6 +25,18 @@ def pin(store: Store, key: str, name: str) -> None:
     if not name or Path(name).name != name or name.startswith("."):
         raise StoreError(f"{name!r} is no name for a pin: use letters and digits")
     _link(store, name, Path("..", *store.action(key).parts[-3:]))
+
+
+def only(found: list[ActionRecord]) -> ActionRecord:
+    """The newest of some records, which all made one object.
+
+    Raises:
+        StoreError: When they made several.
+    """
+    if len({record.output.digest for record in found}) > 1:
+        names = (f"{r.provenance['label']} ({r.action.key[:12]})" for r in found)
+        raise StoreError(f"several begin so, give more digits: {', '.join(names)}")
+    return max(found, key=lambda record: str(record.provenance["started"]))
 
 
 def unpin(store: Store, name: str) -> None:

@@ -15,6 +15,8 @@ import psutil
 import pytest
 from store_toys import built
 
+from pipeline.errors import StoreError
+from pipeline.roots import only
 from pipeline.settings import current_store
 from pipeline.verify import problems, records
 
@@ -204,6 +206,18 @@ def test_two_commands_one_build(toys):
     assert (first.returncode, second.returncode) == (0, 0), screens
     assert built() == ["Lasting"]
     assert any("another process is at it" in screen for screen in screens)
+
+
+def test_a_pin_is_of_one_artifact_and_of_its_makers_the_newest():
+    for words in (["hello", "2"], ["hello", "1"], ["hello", "3"], ["bye", "1"]):
+        assert luigi("Word", "--word", words[0], "--loudness", words[1])[0] == 0
+    made = sorted(records(current_store()), key=lambda r: str(r.provenance["started"]))
+    process = start("pipeline", "pin", made[0].output.digest, "--json")
+    (pinned,) = json.loads(process.communicate(timeout=30)[0])
+    assert pinned["key"] == made[2].action.key
+    with pytest.raises(StoreError, match=r"several begin so.*Word bye \(") as told:
+        only(made)
+    assert all(record.action.key[:12] in str(told.value) for record in made)
 
 
 def test_store_commands():
