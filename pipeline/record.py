@@ -3,15 +3,16 @@
 import dataclasses
 import functools
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pipeline.canonical import Json, canonical_json
 from pipeline.digest import Tree, typed_digest
 
-FORMAT = 1
+FORMAT = 2
 """Of the JSON below. A reader takes a record of any other format for absent."""
+
+_TOLD = {"label", "task", "started", "seconds", "log"}
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class ActionRecord:
         action: What was asked.
         output: What came out.
         provenance: How, told and never keyed: `task` and `label` (as shown), `host`, `started`
-            (UTC), `seconds`, `peak_memory_bytes` and `log` (relative to the store).
+            (UTC), `seconds`, `log` (relative to the store), and for builds `peak_memory_bytes`.
     """
 
     action: Action
@@ -59,8 +60,9 @@ class ActionRecord:
     provenance: Mapping[str, Json]
 
     def to_json(self) -> bytes:
-        """The record as indented JSON with sorted keys."""
+        """The record as indented JSON with sorted keys, and a checksum of all it says."""
         fields = {"format": FORMAT, "key": self.action.key, **dataclasses.asdict(self)}
+        fields["check"] = _check(fields)
         return json.dumps(fields, sort_keys=True, indent=1).encode()
 
     @classmethod
@@ -68,16 +70,22 @@ class ActionRecord:
         """The record that `to_json` wrote.
 
         Raises:
-            ValueError: For anything else: truncated, of another format, with a wrong key.
+            ValueError: For anything else: truncated, of another format, altered anywhere.
         """
         try:
             fields = json.loads(text)
             record = cls(
                 Action(**fields["action"]), Tree(**fields["output"]), dict(fields["provenance"])
             )
-            is_whole = (fields["format"], fields["key"]) == (FORMAT, record.action.key)
-            if not is_whole or not re.fullmatch("[0-9a-f]{64}", record.output.digest):
-                raise ValueError("another format, or its key is not the digest of its action")
+            check = fields.pop("check")
+            told = (fields["format"], fields["key"], check)
+            is_whole = told == (FORMAT, record.action.key, _check(fields))
+            if not (is_whole and record.provenance.keys() >= _TOLD):
+                raise ValueError("another format, or altered")
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an action record: {error!r}") from error
         return record
+
+
+def _check(fields: Mapping[str, Json]) -> str:
+    return typed_digest("pipeline-record-v2", canonical_json(fields))

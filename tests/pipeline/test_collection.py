@@ -322,7 +322,8 @@ def test_ten_thousand_records_are_collected_in_seconds(store):
     for number in range(10_000):
         digest = typed_digest("toy", str(number).encode())
         action = action_of(str(number), *([previous] if number % 2 and previous else []))
-        told = {"label": str(number), "task": "", "started": f"{number:06}", "seconds": 0.0}
+        told = {"label": str(number), "task": "", "started": f"{number:06}"}
+        told |= {"seconds": 0.0, "log": ""}
         record = ActionRecord(action, Tree(digest, 1, 1), told)
         store.action(action.key).parent.mkdir(exist_ok=True)
         store.action(action.key).write_bytes(record.to_json())

@@ -133,7 +133,7 @@ PUBLICATIONS = [
         for name, garble in {
             "empty": lambda text: b"",
             "garbage": lambda text: b"\xff\x00garbage",
-            "newer": lambda text: json.dumps({**json.loads(text), "format": 2}).encode(),
+            "newer": lambda text: json.dumps({**json.loads(text), "format": 3}).encode(),
             "of another key": lambda text: text.replace(b'"Toy"', b'"Tyo"'),
         }.items()
     ),

@@ -1,5 +1,6 @@
 """Every kind of damage is found, by `verify --deep` and by whoever reads, and made good again."""
 
+import dataclasses
 import json
 import shutil
 from collections.abc import Callable, Mapping
@@ -217,6 +218,40 @@ def test_a_record_that_is_none_is_restored_or_set_aside(store, shared, word, is_
     assert Word("hello").complete() == is_shared
     assert build(Word("hello"))
     assert verify(capsys, "--deep") == (0, [])
+
+
+def test_no_byte_of_a_record_can_change_unnoticed(store):
+    made = make(store, "a")
+    text = made.to_json()
+    for place in range(len(text)):
+        for byte in {text[place] ^ 1, text[place] ^ 16, *b'0 "'} - {text[place]}:
+            try:
+                read = ActionRecord.from_json(bytes([*text[:place], byte, *text[place + 1 :]]))
+            except ValueError:
+                continue
+            assert read == made
+
+
+@pytest.mark.parametrize("field", ["size", "files", "digest", "label"])
+def test_an_altered_record_is_the_records_fault(store, word, field, capsys):
+    path = store.action(word.action.key)
+    fields = json.loads(path.read_text())
+    part = fields["provenance" if field == "label" else "output"]
+    other = Word("world").record().output.digest
+    part[field] = other if field == "digest" else f"{part[field]}1"
+    path.chmod(0o644)
+    path.write_text(json.dumps(fields))
+    assert verify(capsys, "--repair")[1][0]["found"] == "no record"
+    assert store.object(word.output.digest).is_dir()
+    assert store.record(word.action.key) is None
+    assert build(Word("hello"))
+    assert is_right(store, word)
+
+
+def test_a_record_without_provenance_is_none(store):
+    record = dataclasses.replace(make(store, "a"), provenance={})
+    with pytest.raises(ValueError, match="altered"):
+        ActionRecord.from_json(record.to_json())
 
 
 def test_garbage_is_told_and_no_damage(store, word, capsys):

@@ -12,7 +12,7 @@ from pipeline.verify import problems
 
 POINTS = ["hashed", "synced", "renamed", "placed", "record-written", "linked", "committed"]
 ACTION = Action("Word", "code", {"word": "a"}, {}, {}, {})
-TOLD = {"label": "Word a", "task": "Word(a)", "started": "2026-01-01", "seconds": 1.0}
+TOLD = {"label": "Word a", "task": "Word(a)", "started": "2026-01-01", "seconds": 1.0, "log": ""}
 
 
 def attempt(store: Store, content: bytes = b"content", action: Action = ACTION):
@@ -141,7 +141,7 @@ def test_equal_content_is_kept_once(store):
         lambda text: b"\xff\x00garbage",
         lambda text: b"[]",
         lambda text: b"{}",
-        lambda text: text.replace(b'"format": 1', b'"format": 2'),
+        lambda text: text.replace(b'"format": 2', b'"format": 3'),
         lambda text: text.replace(b'"family": "Word"', b'"family": "Ward"'),
         lambda text: text.replace(b'"salt": ""', b'"salt": "", "news": 1'),
         lambda text: b"[" * 100_000,
