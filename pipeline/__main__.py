@@ -19,7 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         store = _store(options.command)
         status, rows = options.run(store, options)
-    except StoreError as error:
+    except (StoreError, OSError) as error:
         sys.stderr.write(f"{error}\n")
         return 2
     sys.stdout.write(json.dumps(rows, indent=1) + "\n" if options.json else _table(rows))

@@ -139,7 +139,7 @@ class Store:
         """Move `path`, at once and whole, into a new directory in `folder` of the store."""
         aside = Path(tempfile.mkdtemp(dir=self.root / folder))
         with contextlib.suppress(FileNotFoundError):  # somebody else was faster
-            if path.is_dir():
+            if path.is_dir() and not path.is_symlink():
                 path.chmod(0o755)  # moving a directory writes to its ".."
             path.rename(aside / path.name)
 
