@@ -1,9 +1,9 @@
 """A task's build from first to last: how failures are told, tried again and cleaned up after."""
 
-from pathlib import re
+import re
+from pathlib import Path
 
 import luigi
-import Path
 import psutil
 import pytest
 from build_toys import Act
