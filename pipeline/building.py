@@ -94,7 +94,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
             "label": task.label,
             "host": socket.gethostname(),
             "gpu": environment.get(VISIBLE, ""),
-            "started": started.isoformat(timespec="seconds"),
+            "started": started.isoformat(timespec="milliseconds"),
             "seconds": round(report.seconds, 3),
             "peak_memory_bytes": report.peak_memory_bytes,
             "log": log.relative_to(store.root).as_posix(),

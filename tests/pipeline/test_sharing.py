@@ -549,8 +549,6 @@ def test_a_shared_store_that_is_none_is_told_quickly_and_once(
 
 
 def test_no_shared_store_at_all_is_told(capsys):
-    status, said = command(capsys, "push")
-    assert status == 0, "there is nothing to push"
     make(current_store(), "a")
     status, said = command(capsys, "push")
     assert (status, "STYLETRF_REMOTE" in said) == (2, True)
