@@ -26,6 +26,8 @@ from pipeline.verify import damage, mend
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
 
+DONE = "done in"
+"""How the log of a build that was published ends; then come the seconds."""
 screen = logging.getLogger("pipeline")
 
 
@@ -102,6 +104,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
         }
         record = publish(store, workspace / "out", action, provenance)
         shutil.rmtree(resume, ignore_errors=True)
+        _note(log, f"{DONE} {report.seconds:.0f} s")
     give(store, record)
     screen.info("%s: done in %.0f s", task.label, report.seconds)
     return record
@@ -156,9 +159,14 @@ def _require_success(task: "StoredTask", report: Report, job: Job) -> None:
         spent = f"{report.seconds:.0f} s, {report.peak_memory_bytes / 2**30:.1f} GiB"
         remedy = _REMEDIES[report.kind].format(task.task_family)
         reason = f"{reason} ({spent}). {remedy}. Its log: {job.log}"
-    with contextlib.suppress(OSError), Path(job.log).open("a") as file:
-        file.write(f"{reason}\n")  # for `ls --failed`
+    _note(Path(job.log), reason)
     raise TaskFailure(report.kind, str(task), reason)
+
+
+def _note(log: Path, line: str) -> None:
+    """End the log with a line for `ls --failed`."""
+    with contextlib.suppress(OSError), log.open("a") as file:
+        file.write(f"{line}\n")
 
 
 def _require_untouched(task: "StoredTask", inputs: Iterable[ActionRecord], store: Store) -> None:

@@ -3,21 +3,20 @@
 import dataclasses
 import importlib
 from argparse import Namespace
-from collections.abc import Mapping
 
 from luigi.cmdline_parser import CmdlineParser
 
-from pipeline.commands import Answer, Command
+from pipeline.commands import Answer
 from pipeline.errors import StoreError
 from pipeline.explanation import explain
-from pipeline.settings import setting
+from pipeline.settings import identity_file
 from pipeline.snapshot import Snapshot
 from pipeline.store import Store
 from pipeline.task import StoredTask
 
 
 def why(store: Store, options: Namespace) -> Answer:
-    """A row a task of the graph, first things first; of one to be built, a row a difference."""
+    """Why tasks would run: what differs from the nearest artifact, first things first."""
     _import(options.module)
     words = ["--module", options.module, *options.task]
     with CmdlineParser.global_instance(words) as parser:
@@ -25,7 +24,7 @@ def why(store: Store, options: Namespace) -> Answer:
 
 
 def snapshot(_store: object, options: Namespace) -> Answer:
-    """Write the snapshot of the code as it is now; a row a family that changed."""
+    """Write down the code of all families, for review; tells which changed."""
     before, now = _then_and_now(options.module)
     dataclasses.replace(now, adopted=before.adopted).write()
     pairs = {f: (before.families.get(f), code) for f, code in now.families.items()}
@@ -33,7 +32,7 @@ def snapshot(_store: object, options: Namespace) -> Answer:
 
 
 def adopt(_store: object, options: Namespace) -> Answer:
-    """Declare that the present code of some families means what the snapshot's meant."""
+    """Declare that edits of the code changed no result, so that nothing is built again."""
     before, now = _then_and_now(options.module)
     after = dataclasses.replace(before, code=now.code)
     for family in options.family:
@@ -61,7 +60,7 @@ def _then_and_now(module: str) -> tuple[Snapshot, Snapshot]:
     others = then.packages() - {module.split(".")[0]}
     if others:
         raise StoreError(
-            f"{setting('store', 'identity')} is the snapshot of {', '.join(sorted(others))}."
+            f"{identity_file()} is the snapshot of {', '.join(sorted(others))}."
             f" Give {module} a file of its own: [store] identity in `luigi.cfg`."
         )
     return then, now
@@ -72,31 +71,3 @@ def _import(module: str) -> None:
         importlib.import_module(module)
     except ImportError as error:
         raise StoreError(f"--module {module} cannot be imported: {error}") from error
-
-
-_MODULE = {"default": "tasks", "help": "the package of the tasks (tasks)"}
-COMMANDS: Mapping[str, Command] = {
-    "why": (
-        why,
-        "why tasks would run: what differs from the nearest artifact",
-        {
-            "--module": _MODULE,
-            "task": {"nargs": "...", "help": "as Luigi takes it: TASK --parameter value ..."},
-        },
-    ),
-    "snapshot": (
-        snapshot,
-        "write down the code of all families, for review",
-        {"--module": _MODULE},
-    ),
-    "adopt": (
-        adopt,
-        "declare that edits of the code changed no result, so that nothing is built again",
-        {
-            "family": {"nargs": "+", "help": "the tasks for which it is so"},
-            "--reason": {"required": True, "help": "why it is so, for who reads the snapshot"},
-            "--module": _MODULE,
-        },
-    ),
-}
-"""As `pipeline.commands.COMMANDS`."""

@@ -6,11 +6,14 @@ the objects they name, nobody takes a lease or publishes; deleting takes its tim
 """
 
 import contextlib
+import glob
+import logging
 import os
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from pipeline.errors import StoreError
@@ -21,6 +24,7 @@ from pipeline.roots import roots
 from pipeline.store import Store
 from pipeline.verify import records
 
+screen = logging.getLogger("pipeline")
 _MONTH_HOURS = 30 * 24.0
 _SWEEPS = (  # where, at what age (None: the grace period), why; records go before objects
     ("actions/*/*.json", None, "nothing holds it"),
@@ -53,9 +57,9 @@ def collect(
 
     Args:
         store: Its `gc.lock` is held while the garbage is found, and moved to `trash/`.
-        keep_last: How many finished runs keep what they used.
+        keep_last: How many finished runs keep what they used, 0 or more.
         grace_hours: What was made, used or set aside more recently stays.
-        delete: Do it.
+        delete: Do it. If not, the store may be one that can only be read.
 
     Returns:
         What goes, and of all that stays the objects, each once.
@@ -64,7 +68,8 @@ def collect(
         StoreError: When a record cannot be read, so that nobody can tell what it needs.
         OSError: When the disk fails; what stays is whole.
     """
-    with locked(store.root / "gc.lock"):
+    say_so = partial(screen.warning, "The store is in use; waiting to collect from it.")
+    with locked(store.root / "gc.lock", say_so):
         verdicts = list(_verdicts(store, keep_last, grace_hours))
         store.reached("marked")
         for path in [verdict.path for verdict in verdicts if verdict.goes and delete]:
@@ -101,15 +106,14 @@ def _verdicts(store: Store, keep_last: int, grace_hours: float) -> Iterator[Verd
                 yield Verdict(path, "artifacts", record.output.size, why, goes=False)
             needed |= {path, store.action(record.action.key)}
             needed.add(store.code(str(told.get("closure", record.action.code))))
-            needed.add(store.root / str(told.get("log")))
+            needed |= set(_logs(store.root / str(told["log"])))
         needed |= {path for path, _ in holders} | {store.object(each) for each in addresses}
     for pattern, hours, why in _SWEEPS:
         for path in sorted(store.root.glob(pattern)):
             if path not in needed and not _is_younger(path, hours or grace_hours):
                 maker, folder = known.get(path.name), pattern.partition("/")[0]
                 what = str(maker.provenance.get("label")) if maker else folder
-                size = sum(p.lstat().st_size for p in (path, *path.rglob("*")) if not p.is_dir())
-                yield Verdict(path, what, size, why, goes=True)
+                yield Verdict(path, what, _size(path), why, goes=True)
 
 
 def _by_address(store: Store) -> dict[str, ActionRecord]:
@@ -141,6 +145,21 @@ def _holders(
             (path, held) for path, held in (*past, *made) if _is_younger(path, grace_hours)
         ],
     }
+
+
+def _logs(log: Path) -> Iterator[Path]:
+    """The log of a build, and what lies beside it under the same name."""
+    return log.parent.glob(f"{glob.escape(log.stem)}.*")
+
+
+def _size(path: Path) -> int:
+    """The bytes of a file or of a directory's files; of what vanishes meanwhile none."""
+    inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
+    size = 0
+    for file in inside if path.is_dir() and not path.is_symlink() else [path]:
+        with contextlib.suppress(FileNotFoundError):
+            size += file.lstat().st_size
+    return size
 
 
 def _delete(path: Path) -> None:

@@ -21,7 +21,8 @@ def locked(
     it would give a waiter a lock on nothing. A file system without flock goes unlocked.
     """
     mode = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
-    descriptor = os.open(path, os.O_CREAT | (os.O_RDONLY if shared else os.O_RDWR), 0o666)
+    reads = shared or (path.exists() and not os.access(path, os.W_OK))
+    descriptor = os.open(path, os.O_CREAT | (os.O_RDONLY if reads else os.O_RDWR), 0o666)
     try:
         if _flock(descriptor, mode) is False:
             on_wait()

@@ -8,6 +8,7 @@ at every instant an artifact is whole and recorded, or invisible.
 """
 
 import errno
+import logging
 import os
 import uuid
 from collections.abc import Callable, Mapping
@@ -17,6 +18,8 @@ from pipeline.canonical import Json
 from pipeline.digest import Tree, is_tree, tree_digest, walk
 from pipeline.record import Action, ActionRecord
 from pipeline.store import Store
+
+screen = logging.getLogger("pipeline")
 
 
 def publish(
@@ -85,6 +88,7 @@ def commit(
         except FileExistsError:
             if winner := good(key):
                 return winner
+            _tell_of_change(store.record(key), record)
             store.quarantine(target)
             temporary.replace(target)
         store.reached("linked")
@@ -92,6 +96,17 @@ def commit(
     finally:
         temporary.unlink(missing_ok=True)
     return record
+
+
+def _tell_of_change(lost: ActionRecord | None, record: ActionRecord) -> None:
+    if lost and lost.output != record.output:
+        screen.warning(
+            "%s: what was lost is made anew with other bytes (%s, before %s); what was made from it"
+            " will be made again.",
+            record.provenance["label"],
+            record.output.digest[:12],
+            lost.output.digest[:12],
+        )
 
 
 def _sync_tree(root: Path) -> None:

@@ -1,11 +1,14 @@
-"""Roots: what no collection takes. `roots/NAME` is a symbolic link that says what to keep.
+"""Roots: what no collection takes. Each is a file in `roots/` that says what to keep.
 
-It leads to a record of the store (a pin), or to a folder outside that shows artifacts by links
-into the store; such a root holds whatever the folder shows at the moment.
+A pin is a symbolic link to a record of the store. For a folder outside that shows artifacts by
+links into the store, JSON tells where it is and what it was last given to show: that counts while
+the file system of the folder is not mounted.
 """
 
+import json
 import os
 import uuid
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from pipeline.digest import typed_digest
@@ -24,7 +27,8 @@ def pin(store: Store, key: str, name: str) -> None:
     """
     if not name or Path(name).name != name or name.startswith("."):
         raise StoreError(f"{name!r} is no name for a pin: use letters and digits")
-    _link(store, name, Path("..", *store.action(key).parts[-3:]))
+    record = Path("..", *store.action(key).parts[-3:])
+    _put(store, name, lambda path: path.symlink_to(record))
 
 
 def only(found: list[ActionRecord]) -> ActionRecord:
@@ -40,14 +44,15 @@ def only(found: list[ActionRecord]) -> ActionRecord:
 
 
 def unpin(store: Store, name: str) -> None:
-    """Give up what `pin` keeps under a name.
+    """Give up what `pin` keeps under a name, or what the folder of that name shows.
 
     Raises:
-        StoreError: When there is no such pin.
+        StoreError: When there is no such pin or folder.
     """
-    if name not in pins(store):
+    path = store.root / "roots" / (name if name in pins(store) else _name_of(Path(name)))
+    if not path.is_symlink() and not path.exists():
         raise StoreError(f"{store.root} has no pin {name!r}: `pin` alone lists them")
-    (store.root / "roots" / name).unlink()
+    path.unlink()
 
 
 def pins(store: Store) -> dict[str, str]:
@@ -55,31 +60,57 @@ def pins(store: Store) -> dict[str, str]:
     return {path.name: path.readlink().stem for path in (store.root / "roots").glob("[!.]*")}
 
 
-def show_in(store: Store, folder: Path) -> None:
-    """Keep what the links in a folder outside the store show, as long as they show it."""
-    name = typed_digest("pipeline-root-v1", os.fsencode(folder.absolute()))
-    _link(store, f".{name}", folder.absolute())
+def show_in(store: Store, folder: Path, targets: Iterable[Path]) -> None:
+    """Keep what the links in a folder outside the store show, as long as they show it.
+
+    Args:
+        store: The store.
+        folder: It has to be there.
+        targets: Where its links lead, or soon will.
+    """
+    shows = sorted(address for target in targets for address in _addresses(store, target))
+    told = {"folder": str(folder.absolute()), "device": folder.stat().st_dev, "shows": shows}
+    _put(store, _name_of(folder), lambda path: path.write_text(json.dumps(told)))
 
 
 def roots(store: Store) -> Holders:
     """Every root that holds anything, with the keys and digests it holds.
 
     Raises:
+        StoreError: When a root cannot be read, so that nobody can tell what it keeps.
         OSError: When a folder cannot be looked into.
     """
-    found = [(root, _addresses(store, root)) for root in (store.root / "roots").iterdir()]
+    found = [(root, _held(store, root)) for root in (store.root / "roots").iterdir()]
     return [(root, addresses) for root, addresses in found if addresses]
 
 
-def _addresses(store: Store, root: Path) -> set[str]:
-    links = [root, *(root.iterdir() if root.is_dir() else ())]
-    home, places = store.root.resolve(), [Path(os.path.realpath(link)) for link in links]
-    inside = [place.relative_to(home).parts for place in places if place.is_relative_to(home)]
-    return {Path(parts[2]).stem for parts in inside if len(parts) > 2}
+def _held(store: Store, root: Path) -> set[str]:
+    if root.is_symlink():
+        return _addresses(store, root)
+    try:
+        told = json.loads(root.read_bytes())
+        folder, device, shows = Path(told["folder"]), told["device"], set[str](told["shows"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise StoreError(f"{root} cannot be read, so nobody can tell what it keeps") from error
+    links = folder.iterdir() if folder.is_dir() else ()
+    shown = {address for link in links for address in _addresses(store, link)}
+    place = next(path for path in (folder, *folder.parents) if path.exists())
+    return shown or (shows if place.stat().st_dev != device else set())
 
 
-def _link(store: Store, name: str, target: Path) -> None:
+def _addresses(store: Store, link: Path) -> set[str]:
+    """The key or digest, if any, of what a path leads to in the store."""
+    home, place = store.root.resolve(), Path(os.path.realpath(link))
+    parts = place.relative_to(home).parts if place.is_relative_to(home) else ()
+    return {Path(parts[2]).stem} if len(parts) > 2 else set()
+
+
+def _name_of(folder: Path) -> str:
+    return f".{typed_digest('pipeline-root-v1', os.fsencode(folder.absolute()))}"
+
+
+def _put(store: Store, name: str, write: Callable[[Path], object]) -> None:
     with locked(store.root / "gc.lock", shared=True):
         partial = store.root / "tmp" / uuid.uuid4().hex
-        partial.symlink_to(target)
+        write(partial)
         partial.replace(store.root / "roots" / name)

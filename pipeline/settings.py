@@ -1,12 +1,12 @@
 """What the user sets: `luigi.cfg`, and the environment variables that win over it."""
 
+import configparser
+import functools
 import os
-from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
-from luigi.task_register import Register
 
 from pipeline.errors import StoreError
 from pipeline.remote import Remote, open_remote
@@ -42,7 +42,7 @@ def current_store(*, create: bool = True) -> Store:
     Raises:
         StoreError: When there is none and it cannot be made, or shall not.
     """
-    root = Path(os.environ.get("STYLETRF_STORE") or setting("store", "root")).absolute()
+    root = _place("STYLETRF_STORE", "store")
     if not create and not (root / "format").is_file():
         raise StoreError(f"there is no store at {root}")
     return open_store(root)
@@ -56,32 +56,36 @@ def current_remote() -> Remote:
 
 def data_root() -> Path:
     """The user's data: STYLETRF_DATA, or [data] root of `luigi.cfg`, or ./data."""
-    return Path(os.environ.get("STYLETRF_DATA") or setting("data", "root")).absolute()
+    return _place("STYLETRF_DATA", "data")
 
 
 def out_root() -> Path:
     """Where results are shown: STYLETRF_OUT, or [out] root of `luigi.cfg`, or ./out."""
-    return Path(os.environ.get("STYLETRF_OUT") or setting("out", "root")).absolute()
+    return _place("STYLETRF_OUT", "out")
 
 
-def command_parameters() -> dict[str, dict[str, str]]:
-    """What the command line says of any family of tasks, as `--Family-name value`, by family."""
-    parser = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
-    given = vars(parser.known_args) if parser else {}
-    parameters: dict[str, dict[str, str]] = {}
-    known = Register.get_all_params()  # type: ignore[no-untyped-call]
-    for family, _, name, _ in known:
-        if (value := given.get(f"{family}_{name}")) is not None:
-            parameters.setdefault(family, {})[name] = str(value)
-    return parameters
+def identity_file() -> Path:
+    """The snapshot of the code: [store] identity of `luigi.cfg`, or ./tasks/identity.json."""
+    return _configured_path("store", "identity")
 
 
-def adopt(parameters: Mapping[str, Mapping[str, str]]) -> None:
-    """Make another process's `command_parameters` the defaults in this one."""
-    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
-    for family, values in parameters.items():
-        for name, value in values.items():
-            config.set(family, name, value.replace("%", "%%"))
+def _place(variable: str, section: str) -> Path:
+    """The folder in an environment variable, or in `root` of a section."""
+    told = os.environ.get(variable)
+    return (Path(told) if told else _configured_path(section, "root")).absolute()
+
+
+def _configured_path(section: str, name: str) -> Path:
+    """A path in the settings; a relative one starts at the folder of the file that names it."""
+    other = os.environ.get("LUIGI_CONFIG_PATH")
+    folder = Path(other).parent if other and _defines(other, section, name) else Path()
+    return folder / setting(section, name)
+
+
+@functools.cache
+def _defines(file: str, section: str, name: str) -> bool:
+    config = configparser.ConfigParser(interpolation=None, strict=False)
+    return bool(config.read(file)) and config.has_option(section, name)
 
 
 def require_configuration() -> None:

@@ -40,8 +40,8 @@ def adopt(store: Store, record: ActionRecord) -> ActionRecord:
 
 
 def is_available(store: Store, record: ActionRecord) -> bool:
-    """Whether the record's object is in the store or in the shared one."""
-    if store.object(record.output.digest).is_dir():
+    """Whether the record's object is intact in the store, or in the shared one."""
+    if store.intact(record):
         return True
     with contextlib.suppress(FileNotFoundError):
         if time.time() - _failure(store, record).stat().st_mtime < SECONDS_OF_DISTRUST:
@@ -55,14 +55,15 @@ def fetch(store: Store, record: ActionRecord) -> bool:
     Raises:
         OSError: When the store's own disk fails or is full.
     """
-    path, remote = store.object(record.output.digest), current_remote()
-    if path.is_dir() or not remote.url:
-        return path.is_dir()
+    remote = current_remote()
+    if store.intact(record) or not remote.url:
+        return store.intact(record)
     with store.lock(record.output.digest, lambda: None):  # many want it, and one downloads
         remote.attempt("reading", partial(pull, store, record))
-    if not path.is_dir():  # tell our other processes, lest one waits for what another cannot have
+    is_here = store.intact(record)
+    if not is_here:  # tell our other processes, lest one waits for what another cannot have
         _failure(store, record).touch()
-    return path.is_dir()
+    return is_here
 
 
 def give(store: Store, record: ActionRecord) -> None:
@@ -86,7 +87,7 @@ def pull(store: Store, record: ActionRecord, remote: Remote) -> str:
 
     Wrong bytes are set aside over there, where that is permitted.
     """
-    if store.object(record.output.digest).is_dir():
+    if store.intact(record):
         return "is here"
     if not remote.has(_object(record)):
         return "is not there"

@@ -4,12 +4,11 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.code_identity import closure, code_digest
 from pipeline.errors import StoreError
-from pipeline.settings import setting
+from pipeline.settings import identity_file
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
@@ -37,7 +36,7 @@ class Snapshot:
         Raises:
             StoreError: When the file holds something else.
         """
-        path = Path(setting("store", "identity"))
+        path = identity_file()
         try:
             return cls(**json.loads(path.read_bytes())) if path.exists() else cls()
         except (TypeError, ValueError) as error:
@@ -46,7 +45,7 @@ class Snapshot:
     def write(self) -> None:
         """Replace the file that `read` reads."""
         text = json.dumps(asdict(self), sort_keys=True, indent=1)
-        Path(setting("store", "identity")).write_text(f"{text}\n")
+        identity_file().write_text(f"{text}\n")
 
     @classmethod
     def of(cls, tasks: Iterable[type["StoredTask"]]) -> "Snapshot":

@@ -82,8 +82,7 @@ class Store:
         Where another build has that one, it lies in `workspace`.
         """
         path = self.root / "resume" / key
-        path.mkdir(exist_ok=True)
-        descriptor = os.open(path, os.O_RDONLY)
+        descriptor = _opened(path)
         try:
             if not try_lock(descriptor) or not os.fstat(descriptor).st_nlink:  # taken, or gone
                 path = workspace / "resume"
@@ -119,9 +118,9 @@ class Store:
             return self.record(key)
 
     def find(self, key: str) -> ActionRecord | None:
-        """The record of the key if the object it names is there, too; both stay while we live."""
+        """The record of the key if the object it names is intact, too; both stay while we live."""
         record = self.hold(key)
-        return record if record and self.object(record.output.digest).is_dir() else None
+        return record if record and self.intact(record) else None
 
     def intact(self, record: ActionRecord) -> bool:
         """Whether the object has the number of files and bytes it was published with."""
@@ -173,6 +172,14 @@ class Store:
         for path in (self.root / "tmp").glob(f"{key}-*"):
             if is_held(path) is False:
                 shutil.rmtree(path, ignore_errors=True)
+
+
+def _opened(folder: Path) -> int:
+    """An open directory, made where there is none, even if others remove it meanwhile."""
+    while True:
+        folder.mkdir(exist_ok=True)
+        with contextlib.suppress(FileNotFoundError):
+            return os.open(folder, os.O_RDONLY)
 
 
 def _make(root: Path) -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
+from luigi.task_register import Register
 
 from pipeline.roots import show_in
-from pipeline.settings import adopt, command_parameters, current_store, out_root
+from pipeline.settings import current_store, out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
@@ -87,7 +88,7 @@ class StylizedTrajectory(StyledStage):
         """Make the links, replacing what an earlier run left."""
         links = self._links(artifact)
         self.folder.mkdir(parents=True, exist_ok=True)
-        show_in(current_store(), self.folder)
+        show_in(current_store(), self.folder, links.values())
         for name, target in links.items():
             partial = self.folder / f".{name}.{os.getpid()}"
             partial.unlink(missing_ok=True)
@@ -142,11 +143,31 @@ def _announce_at_exit(task: StylizedTrajectory) -> None:
     if not is_command or task.announced:
         return
     task.announced = True
-    process, parameters = os.getpid(), command_parameters()
+    process, parameters = os.getpid(), _command_parameters()
 
     def announce() -> None:
-        adopt(parameters)  # Luigi has forgotten the command line by then
+        _adopt(parameters)  # Luigi has forgotten the command line by then
         if os.getpid() == process and StyledStage.complete(task):
             print(task.folder / "report.html")  # noqa: T201  the command's answer
 
     atexit.register(announce)
+
+
+def _command_parameters() -> dict[str, dict[str, str]]:
+    """What the command line says of any family of tasks, as `--Family-name value`, by family."""
+    parser = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+    given = vars(parser.known_args) if parser else {}
+    parameters: dict[str, dict[str, str]] = {}
+    known = Register.get_all_params()  # type: ignore[no-untyped-call]
+    for family, _, name, _ in known:
+        if (value := given.get(f"{family}_{name}")) is not None:
+            parameters.setdefault(family, {})[name] = str(value)
+    return parameters
+
+
+def _adopt(parameters: Mapping[str, Mapping[str, str]]) -> None:
+    """Make another process's `_command_parameters` the defaults in this one."""
+    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
+    for family, values in parameters.items():
+        for name, value in values.items():
+            config.set(family, name, value.replace("%", "%%"))

@@ -1,5 +1,7 @@
 import json
 import os
+import subprocess
+import sys
 import tempfile
 import time
 from functools import partial
@@ -15,6 +17,8 @@ from pipeline.__main__ import main
 from pipeline.collection import closure, collect
 from pipeline.digest import Tree, typed_digest
 from pipeline.errors import StoreError
+from pipeline.locks import locked
+from pipeline.publication import commit
 from pipeline.record import ActionRecord
 from pipeline.roots import pin, pins, show_in, unpin
 from pipeline.settings import current_store
@@ -87,7 +91,7 @@ def test_a_folder_that_shows_artifacts_keeps_them_as_long_as_it_does(store, tmp_
     out.mkdir(parents=True)
     (out / "notes.txt").write_text("the user's own")
     (out / "elsewhere").symlink_to("/nowhere")
-    show_in(store, out)
+    show_in(store, out, [])
     for record, expected in ((old, ["old"]), (new, ["new", "source"]), (None, [])):
         (out / "frames").unlink(missing_ok=True)
         if record:
@@ -102,11 +106,88 @@ def test_a_folder_that_shows_artifacts_keeps_them_as_long_as_it_does(store, tmp_
 
 def test_what_a_folder_shows_stays_though_its_record_was_lost(store, tmp_path):
     record = made(store, "a")
-    show_in(store, tmp_path)
+    show_in(store, tmp_path, [])
     (tmp_path / "link").symlink_to(store.object(record.output.digest))
     store.action(record.action.key).unlink()
     collect_all(store)
     assert (tmp_path / "link" / "deep" / "0").read_text() == "a"
+
+
+def test_what_a_folder_showed_stays_while_its_disk_is_away(store, tmp_path):
+    """A link stands for the mount: without it, the folder's file system is not to be seen."""
+    if Path("/dev/shm").stat().st_dev == tmp_path.stat().st_dev:
+        pytest.skip("wants a second file system at /dev/shm")
+    target = store.object(made(store, "a").output.digest) / "deep"
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as disk:
+        mount, out = tmp_path / "mount", tmp_path / "mount" / "out"
+        mount.symlink_to(disk)
+        out.mkdir()
+        show_in(store, out, [target])
+        mount.unlink()
+        collect_all(store)
+        assert names(store) == ["a"]
+        mount.symlink_to(disk)
+        out.rmdir()
+        collect_all(store)
+        assert names(store) == [], "the disk is back, and the folder was deleted"
+
+
+def test_what_a_folder_away_showed_can_be_given_up(store, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    show_in(store, out, [store.object(made(store, "a").output.digest)])
+    (root,) = (store.root / "roots").iterdir()
+    told = json.loads(root.read_text())
+    root.write_text(json.dumps({**told, "device": told["device"] + 1}))
+    out.rmdir()
+    collect_all(store)
+    assert names(store) == ["a"]
+    unpin(store, str(out))
+    collect_all(store)
+    assert names(store) == []
+
+
+def test_a_root_that_cannot_be_read_stops_it_before_anything_goes(store, tmp_path):
+    made(store, "a")
+    show_in(store, tmp_path, [])
+    (root,) = (store.root / "roots").iterdir()
+    root.write_text("{")
+    with pytest.raises(StoreError, match="nobody can tell what it keeps"):
+        collect_all(store)
+    assert names(store) == ["a"]
+
+
+def test_what_lies_beside_a_log_stays_with_it(store):
+    record = made(store, "a")
+    folder = store.root / "logs" / "Toy"
+    folder.mkdir()
+    for name in ("mine.1.log", "mine.1.colmap", "other.1.colmap"):
+        (folder / name).touch()
+    told = dict(record.provenance) | {"log": "logs/Toy/mine.1.log"}
+    store.action(record.action.key).unlink()
+    commit(store, ActionRecord(record.action, record.output, told), store.find)
+    pin(store, record.action.key, "kept")
+    verdicts = pipeline.collection.collect(store, keep_last=0, grace_hours=0)
+    assert {v.path.name for v in verdicts if v.what == "logs"} <= {"other.1.colmap"}
+    assert set(pipeline.collection._logs(folder / "mine.1.log")) == {
+        folder / "mine.1.log",
+        folder / "mine.1.colmap",
+    }
+
+
+def test_what_vanishes_meanwhile_counts_nothing(store, tmp_path):
+    (tmp_path / "link").symlink_to(store.root)
+    assert pipeline.collection._size(tmp_path / "gone") == 0
+    assert pipeline.collection._size(tmp_path / "link") == len(str(store.root)), "not what is there"
+
+
+def test_a_collection_that_has_to_wait_says_so(store):
+    with locked(store.root / "gc.lock", shared=True):
+        process = start("pipeline", "gc", "--delete")
+        assert "The store is in use; waiting" in process.stderr.readline()
+        assert process.poll() is None
+    process.communicate(timeout=30)
+    assert process.returncode == 0
 
 
 def test_the_last_runs_keep_what_they_used_whoever_made_it(store):
@@ -244,6 +325,7 @@ def test_a_store_that_can_only_be_read_is_read(public):
         store = Store.open(public / "store")
         assert store.find(action_of("a").key)
         assert store.find("0" * 64) is None
+        assert [v.what for v in collect(store, keep_last=0, grace_hours=0) if v.goes]
 
     for path in [public / "store", *(public / "store").rglob("*")]:
         path.chmod(0o555 if path.is_dir() else 0o444)
@@ -301,6 +383,36 @@ def test_commands(store):
     assert pipeline_command("gc", *policy, "--delete")[0] == 0
     assert names(store) == []
     assert not wrong(store)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("gc --grace nan", "nan is not 0 or more"),
+        ("gc --grace -1", "-1 is not 0 or more"),
+        ("gc --keep-last -1", "-1 is not 0 or more"),
+        ("ls Wrd", "has nothing of Wrd, but of Toy"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(store, words, said, capsys):
+    made(store, "a")
+    (store.root / "logs" / "Toy").mkdir()
+    try:
+        status = main(words.split())
+    except SystemExit as end:
+        status = end.code
+    assert status == 2
+    assert said in capsys.readouterr().err
+
+
+def test_what_nobody_reads_to_its_end_is_no_error(store):
+    for name in map(str, range(100)):
+        made(store, name) if name == "0" else make(store, name)
+    line = f"{sys.executable} -m pipeline ls --json | head -0"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
 
 
 @pytest.mark.parametrize("command", ["ls", "verify", "gc", "du", "pin", "push", "why Word"])

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from killing import make
 from store_toys import built
 
 from pipeline.errors import StoreError
@@ -218,6 +219,47 @@ def test_a_pin_is_of_one_artifact_and_of_its_makers_the_newest():
     with pytest.raises(StoreError, match=r"several begin so.*Word bye \(") as told:
         only(made)
     assert all(record.action.key[:12] in str(told.value) for record in made)
+
+
+def test_failed_attempts_are_those_that_published_nothing(toys):
+    def failed() -> list[tuple[str, str]]:
+        process = start("pipeline", "ls", "--failed", "--json")
+        rows = json.loads(process.communicate(timeout=30)[0])
+        return [(row["state"], row["end"]) for row in rows]
+
+    assert luigi("Batch", "--words", '["hello", "bad"]')[0] != 0
+    ((state, end),) = failed()
+    assert (state, "is no word" in end) == ("ended", True)
+    for record in records(current_store()):
+        current_store().action(record.action.key).unlink()  # as a collection does
+    assert len(failed()) == 1, "what was built did not fail"
+    process = start("luigi", "--module", "store_toys", "Slow", stderr=subprocess.DEVNULL)
+    pids_of_slow(toys)
+    assert [state for state, _ in failed()] == ["ended", "under way"]
+    process.kill()
+    process.communicate()
+    assert are_gone(pids_of_slow(toys))
+    assert [state for state, _ in failed()] == ["ended", "ended"]
+
+
+def test_what_is_no_longer_here_is_shown_so():
+    luigi("Word", "--word", "hello")
+    store = current_store()
+    (record,) = records(store)
+    (store.root / str(record.provenance["log"])).unlink()
+    store.object(record.output.digest).rename(store.root / "elsewhere")
+    said = start("pipeline", "show", record.action.key).communicate(timeout=30)[0]
+    assert said.count("(no longer here)") == 2
+
+
+def test_an_artifact_is_not_shown_as_made_from_itself(store):
+    """Its bytes are those of its input."""
+    source = make(store, "source", "same")
+    record = make(store, "copy", "same", inputs=[source])
+    said = start("pipeline", "show", record.action.key).communicate(timeout=30)[0]
+    (line,) = (line for line in said.splitlines() if line.startswith("input"))
+    assert "by source" in line
+    assert "copy" not in line
 
 
 def test_store_commands():

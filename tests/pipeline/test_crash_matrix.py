@@ -176,8 +176,9 @@ def shown(store: Store) -> None:
     rubbish(store)
     folder = store.root.with_name(f"{store.root.name}-out")
     folder.mkdir()
-    show_in(store, folder)
-    (folder / "file").symlink_to(store.object(make(store, "shown").output.digest) / "deep" / "0")
+    target = store.object(make(store, "shown").output.digest) / "deep" / "0"
+    show_in(store, folder, [target])
+    (folder / "file").symlink_to(target)
 
 
 def shared(store: Store) -> None:

@@ -1,9 +1,11 @@
 import errno
 import os
+import shutil
 import signal
 from pathlib import Path
 
 import pytest
+from killing import make
 
 from pipeline.publication import publish
 from pipeline.record import Action
@@ -240,3 +242,32 @@ def test_a_store_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(StoreError, match="cannot hold the store"):
         Store.open(tmp_path / "file" / "store")
+
+
+def test_what_is_made_anew_with_other_bytes_is_told(store, caplog):
+    lost = make(store, "a", "one")
+    for content, told in (("one", 0), ("two", 1)):
+        caplog.clear()
+        shutil.rmtree(store.object(lost.output.digest))
+        made = make(store, "a", content)
+        assert len(caplog.messages) == told
+    assert "a: what was lost is made anew with other bytes" in caplog.text
+    assert made.output.digest[:12] in caplog.text
+    assert lost.output.digest[:12] in caplog.text
+
+
+def test_a_folder_of_checkpoints_may_vanish_before_it_is_opened(store, tmp_path, monkeypatch):
+    """Another build of the key ends between our two calls."""
+    real, calls = os.open, []
+
+    def after_another_ended(path, *arguments, **options):
+        if Path(path).parent.name == "resume" and not calls:
+            calls.append(path)
+            Path(path).rmdir()
+        return real(path, *arguments, **options)
+
+    monkeypatch.setattr(os, "open", after_another_ended)
+    with store.resume("0" * 64, tmp_path) as folder:
+        assert folder == store.root / "resume" / ("0" * 64)
+        assert folder.is_dir()
+    assert calls
