@@ -85,8 +85,9 @@ def roots(store: Store) -> Holders:
 
 
 def _held(store: Store, root: Path) -> set[str]:
-    if root.is_symlink():
-        return _addresses(store, root)
+    if root.is_symlink():  # to a record; before, to a folder, too
+        links = [root, *(root.iterdir() if root.is_dir() else ())]
+        return {address for link in links for address in _addresses(store, link)}
     try:
         told = json.loads(root.read_bytes())
         folder, device, shows = Path(told["folder"]), told["device"], set[str](told["shows"])
