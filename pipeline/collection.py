@@ -6,7 +6,6 @@ the objects they name, nobody takes a lease or publishes; deleting takes its tim
 """
 
 import contextlib
-import glob
 import logging
 import os
 import shutil
@@ -106,11 +105,12 @@ def _verdicts(store: Store, keep_last: int, grace_hours: float) -> Iterator[Verd
                 yield Verdict(path, "artifacts", record.output.size, why, goes=False)
             needed |= {path, store.action(record.action.key)}
             needed.add(store.code(str(told.get("closure", record.action.code))))
-            needed |= set(_logs(store.root / str(told["log"])))
+            needed.add(store.root / str(told["log"]))
         needed |= {path for path, _ in holders} | {store.object(each) for each in addresses}
     for pattern, hours, why in _SWEEPS:
         for path in sorted(store.root.glob(pattern)):
-            if path not in needed and not _is_younger(path, hours or grace_hours):
+            is_needed = path in needed or path.with_suffix(".log") in needed  # it lies beside that
+            if not is_needed and not _is_younger(path, hours or grace_hours):
                 maker, folder = known.get(path.name), pattern.partition("/")[0]
                 what = str(maker.provenance.get("label")) if maker else folder
                 yield Verdict(path, what, _size(path), why, goes=True)
@@ -145,11 +145,6 @@ def _holders(
             (path, held) for path, held in (*past, *made) if _is_younger(path, grace_hours)
         ],
     }
-
-
-def _logs(log: Path) -> Iterator[Path]:
-    """The log of a build, and what lies beside it under the same name."""
-    return log.parent.glob(f"{glob.escape(log.stem)}.*")
 
 
 def _size(path: Path) -> int:

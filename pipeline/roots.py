@@ -86,17 +86,17 @@ def roots(store: Store) -> Holders:
 
 def _held(store: Store, root: Path) -> set[str]:
     if root.is_symlink():  # to a record; before, to a folder, too
-        links = [root, *(root.iterdir() if root.is_dir() else ())]
-        return {address for link in links for address in _addresses(store, link)}
+        shown = root.iterdir() if root.is_dir() else ()
+        return {address for link in (root, *shown) for address in _addresses(store, link)}
     try:
         told = json.loads(root.read_bytes())
         folder, device, shows = Path(told["folder"]), told["device"], set[str](told["shows"])
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{root} cannot be read, so nobody can tell what it keeps") from error
     links = folder.iterdir() if folder.is_dir() else ()
-    shown = {address for link in links for address in _addresses(store, link)}
+    now = {address for link in links for address in _addresses(store, link)}
     place = next(path for path in (folder, *folder.parents) if path.exists())
-    return shown or (shows if place.stat().st_dev != device else set())
+    return now or (shows if place.stat().st_dev != device else set())
 
 
 def _addresses(store: Store, link: Path) -> set[str]:
