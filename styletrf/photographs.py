@@ -39,6 +39,9 @@ CAMERA_SUFFIXES = frozenset(
 )
 """Photographs too, but ones that have to be converted first."""
 
+VIDEO_SUFFIXES = frozenset([".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm"])
+"""Videos, whose frames may serve as photographs."""
+
 FEWEST_PHOTOGRAPHS = 3
 
 # What libjpeg says of damaged data. It also warns of harmless things: padding before the last

@@ -18,6 +18,13 @@ _NAMES_TOLD = 10
 
 
 @dataclass(frozen=True, slots=True)
+class CaptureConfig:
+    """Of a video, at most `video_frames` frames are taken for photographs."""
+
+    video_frames: int = 60
+
+
+@dataclass(frozen=True, slots=True)
 class Photograph:
     """One photograph of a capture; `width` and `height` are those of its upright pixels."""
 
@@ -54,15 +61,20 @@ def capture_photographs(folder: Path, out_dir: Path, progress: Progress = silent
     if problems:
         remedy = "Replace or remove these files; all photographs must come from one camera setting"
         raise InputError(str(folder), "; ".join(problems), remedy)
-    capture = Capture(tuple(photographs), tuple(_warnings(folder, photographs)))
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
     for file in files:
         shutil.copyfile(file, out_dir / "images" / file.name)
+    capture = Capture(tuple(photographs), tuple(_warnings(folder, photographs)))
+    write_capture(out_dir, capture)
+    return capture
+
+
+def write_capture(out_dir: Path, capture: Capture) -> None:
+    """Writes `capture.json`, and tells the warnings."""
     text = json.dumps(asdict(capture), sort_keys=True, indent=1, ensure_ascii=False)
     (out_dir / "capture.json").write_text(text + "\n", encoding="utf-8")
     for warning in capture.warnings:
         _LOGGER.warning(warning)
-    return capture
 
 
 def read_capture(capture_dir: Path) -> Capture:

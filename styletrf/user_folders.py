@@ -4,31 +4,51 @@ A name that leads nowhere is answered with the names that lead somewhere.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from pathlib import Path
 
 from styletrf.content_sources import CONTENT_SUFFIXES
 from styletrf.errors import InputError
 from styletrf.known_scenes import how_to_get
-from styletrf.photographs import PHOTOGRAPH_SUFFIXES, natural_order, require_readable_name
+from styletrf.photographs import (
+    PHOTOGRAPH_SUFFIXES,
+    VIDEO_SUFFIXES,
+    natural_order,
+    require_readable_name,
+)
 
 _NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
 
 
 def find_scene(data_root: Path, name: str) -> Path:
-    """Returns the folder of a scene's photographs, `data_root/scenes/NAME/images`.
+    """Returns the folder of a scene's photographs, or the one video of it.
+
+    The folder is `data_root/scenes/NAME/images`, or, without `images`, `NAME` itself; the video
+    lies in one of them, or is `data_root/scenes/NAME.mp4` (or .mov and so on).
 
     Raises:
-        InputError: The name is not one of a plain folder, or there is no such scene; lists the
-            scenes that exist and, for a well-known public one, says where to get it.
+        InputError: The name is not one of a plain folder, there are several videos, or there is
+            no such scene; lists the scenes that exist and, for a well-known public one, says
+            where to get it.
     """
     _check_name("scene", name)
     scenes = data_root / "scenes"
-    images = scenes / name / "images"
-    if images.is_dir():
-        return images
-    existing = [path.parent.name for path in scenes.glob("*/images") if path.is_dir()]
-    remedy = how_to_get(name) or f"Put its photographs into scenes/{name}/images"
+    folder = scenes / name / "images" if (scenes / name / "images").is_dir() else scenes / name
+    if folder.is_dir() and _of_suffix(folder.glob("[!.]*"), PHOTOGRAPH_SUFFIXES):
+        return folder
+    beside = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
+    videos = _of_suffix([*folder.glob("*"), *beside], VIDEO_SUFFIXES)
+    if len(videos) > 1:
+        told = ", ".join(sorted(video.name for video in videos))
+        raise InputError(f"scene {name!r}", f"has several videos: {told}", "Leave one")
+    if videos or folder.name == "images":
+        return videos[0] if videos else folder
+    existing = [
+        path.stem
+        for path in scenes.glob("*")
+        if path.is_dir() or _of_suffix([path], VIDEO_SUFFIXES)
+    ]
+    remedy = how_to_get(name) or f"Put its photographs into scenes/{name}/images, or a video"
     raise InputError(f"scene {name!r}", _missing(scenes, existing), f"{remedy} under {data_root}")
 
 
@@ -75,8 +95,10 @@ def find_content(data_root: Path, name: str) -> Path | None:
         return None
     entries = sorted(content.glob("[!.]*"), key=lambda path: natural_order(path.name))
     found = [path for path in entries if path.suffix.lower() in (".zip", ".json")]
-    found += [path for path in entries if path.is_dir() and _holds_images(path.rglob("*"))]
-    if _holds_images(entries):
+    found += [
+        path for path in entries if path.is_dir() and _of_suffix(path.rglob("*"), CONTENT_SUFFIXES)
+    ]
+    if _of_suffix(entries, CONTENT_SUFFIXES):
         found.append(content)
     if len(found) > 1:
         names = ", ".join("the images beside them" if p == content else p.name for p in found)
@@ -85,8 +107,8 @@ def find_content(data_root: Path, name: str) -> Path | None:
     return found[0] if found else None
 
 
-def _holds_images(paths: Iterable[Path]) -> bool:
-    return any(path.suffix.lower() in CONTENT_SUFFIXES and path.is_file() for path in paths)
+def _of_suffix(paths: Iterable[Path], suffixes: Set[str]) -> list[Path]:
+    return [path for path in paths if path.suffix.lower() in suffixes and path.is_file()]
 
 
 def _check_name(kind: str, name: str) -> None:

@@ -87,14 +87,15 @@ def video_info(path: Path) -> VideoInfo:
 
 
 def video_frames(path: Path) -> Iterator[Frame]:
-    """Yields the decoded frames as RGB, one at a time.
+    """Yields the decoded frames as RGB, one at a time, upright as the phone that filmed was held.
 
     Raises:
         InputError: The file is missing or holds no video.
     """
     with _opened(path) as container:
         for frame in container.decode(video=0):
-            yield frame.to_ndarray(format="rgb24")
+            pixels = frame.to_ndarray(format="rgb24")
+            yield np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
 
 
 def _encode(path: Path, first: Frame, others: Iterator[Frame], rate: Fraction) -> None:

@@ -52,6 +52,7 @@ def configurations() -> dict[str, type]:
     from styletrf.field_training import FieldTrainingConfig
     from styletrf.frames import FramesConfig
     from styletrf.rendering import RenderConfig
+    from styletrf.scene_capture import CaptureConfig
     from styletrf.scene_model import SceneModelConfig
     from styletrf.style_training import StyleTrainingConfig
 
@@ -62,6 +63,7 @@ def configurations() -> dict[str, type]:
         "PriorRenders": FramesConfig,
         "QualityMetrics": RenderConfig,
         "RadianceField": FieldTrainingConfig,
+        "SceneCapture": CaptureConfig,
         "SceneModel": SceneModelConfig,
         "StyleNetwork": StyleTrainingConfig,
         "StylizedField": AdaptationConfig,

@@ -12,32 +12,38 @@ from pipeline.task import RunContext
 from tasks.stage import Stage, TunedStage
 
 
-class SceneCapture(Stage):
-    """The user's photographs, checked and kept as they are.
+class SceneCapture(TunedStage):
+    """The user's photographs, checked and kept as they are, or frames of the user's video.
 
     Leaves `images/` and `capture.json`; made anew when a photograph changes.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
-
-    def identity_parameters(self) -> Mapping[str, object]:
-        """Nothing but the photographs."""
-        return {}
+    scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
 
     def external_digests(self) -> Mapping[str, str]:
-        """The digest of each photograph."""
+        """The digest of each photograph, or of the video."""
         from styletrf.photographs import list_photographs
         from styletrf.user_folders import find_scene
 
-        photographs = list_photographs(find_scene(data_root(), self.scene))
-        return {path.name: file_digest(path) for path in photographs}
+        found = find_scene(data_root(), self.scene)
+        files = list_photographs(found) if found.is_dir() else [found]
+        return {path.name: file_digest(path) for path in files}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Check and copy the photographs."""
-        from styletrf.scene_capture import capture_photographs
+        """Check and copy the photographs, or choose frames."""
+        from styletrf.configuration import configured
+        from styletrf.scene_capture import CaptureConfig, capture_photographs
         from styletrf.user_folders import find_scene
+        from styletrf.video_capture import capture_video
 
-        capture_photographs(find_scene(data_root(), self.scene), out, run.progress)
+        found, config = (
+            find_scene(data_root(), self.scene),
+            configured(CaptureConfig, self.values()),
+        )
+        if found.is_dir():
+            capture_photographs(found, out, run.progress)
+        else:
+            capture_video(found, out, config.video_frames, run.progress)
 
 
 class CameraPoses(TunedStage):

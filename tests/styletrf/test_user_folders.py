@@ -37,6 +37,34 @@ def test_a_missing_scene_is_answered_with_those_that_exist(data, name):
         find_scene(data, name)
 
 
+def test_photographs_may_lie_in_the_scenes_own_folder(data):
+    (data / "scenes" / "empty" / "1.JPG").touch()
+    assert find_scene(data, "empty") == data / "scenes/empty"
+
+
+@pytest.mark.parametrize("place", ["walk.mp4", "walk/film.MOV", "walk/images/film.webm"])
+def test_a_video_is_a_scene(data, place):
+    video = data / "scenes" / place
+    video.parent.mkdir(parents=True, exist_ok=True)
+    video.touch()
+    assert find_scene(data, "walk") == video
+    with pytest.raises(InputError, match=r"garden10, walk\)"):
+        find_scene(data, "nowhere")
+
+
+def test_two_videos_are_not_guessed_between(data):
+    for name in ("empty.mp4", "empty/a.mov"):
+        (data / "scenes" / name).touch()
+    with pytest.raises(InputError, match=r"several videos: a\.mov, empty\.mp4"):
+        find_scene(data, "empty")
+
+
+def test_a_video_beside_photographs_is_passed_over(data):
+    for name in ("empty/a.mov", "empty/1.jpg"):
+        (data / "scenes" / name).touch()
+    assert find_scene(data, "empty") == data / "scenes/empty"
+
+
 def test_a_public_scene_is_answered_with_its_archive(data):
     with pytest.raises(InputError, match=r"garden9.*nerf_llff_data\.zip.*" + str(data)):
         find_scene(data, "fern")
