@@ -5,7 +5,6 @@
 It falls when the weights of a ray gather at one place: haze and doubled surfaces pay.
 """
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -19,15 +18,8 @@ def distortion(samples: Samples, segments: Segments) -> Float[Tensor, ""]:
     2 sum_i w_i (s_i W_i - S_i), W_i and S_i the sums of w and w s before sample i.
     """
     weights, s = samples.weights.double(), samples.s.double()
-    before = _sums_before(weights, samples)
-    moment_before = _sums_before(weights * s, samples)
+    before, moment_before = samples.sums_before(weights), samples.sums_before(weights * s)
     between = 2 * (weights * (s * before - moment_before)).sum()
     step = 1 / segments.n_steps.clamp(min=1)[samples.ray]
     within = (weights.square() * step).sum() / 3
     return ((between + within) / max(len(segments), 1)).float()
-
-
-def _sums_before(values: Float[Tensor, " samples"], samples: Samples) -> Float[Tensor, " samples"]:
-    """Returns the sums over the samples before each one of the same ray."""
-    sums = torch.cat([values.new_zeros(1), values.cumsum(0)])
-    return sums[:-1] - sums[samples.offsets[:-1]][samples.ray]
