@@ -167,16 +167,17 @@ class FieldTrainer:
         self.seconds += time.monotonic() - started
         if self.iteration % 50 == 0:
             self.curve.append(self._curve_point(samples))
-        return self._psnr()
+        return self.psnr()
 
-    def _psnr(self) -> float:
+    def psnr(self) -> float:
+        """Returns the smoothed PSNR of the training rays."""
         return -10 * math.log10(max(self.smooth_mse, 1e-10))
 
     def _curve_point(self, samples: Samples) -> CurvePoint:
         rays = self.config.batch
         colored = int((samples.weights > self.config.min_weight).sum())
         return CurvePoint(
-            self.iteration, self.seconds, self._psnr(), math.prod(self.field.resolution),
+            self.iteration, self.seconds, self.psnr(), math.prod(self.field.resolution),
             len(samples.ray) / rays, colored / rays,
         )  # fmt: skip
 
