@@ -5,10 +5,9 @@ outside they are clamped. Planes are channels-last `[v, u, c]`, lines `[w, c]`, 
 of a cell are one vector load. Arrays are indexed by numbers, never sliced, in the inner loops: a
 slice costs numba two atomic operations.
 
-Gradients are scattered with the samples sorted by plane row and the rows dealt out in bands of
-about equal work. A band writes to its own rows; the one row it shares with the next band goes to a
-halo of its own that is added afterwards. The number of bands is fixed, so the result is the same on
-any number of threads.
+Gradients are scattered with the rows of a plane dealt out in bands of about equal work. A band
+writes to its own rows; the one row it shares with the next band goes to a halo of its own that is
+added afterwards. The number of bands is fixed, so the result is the same on any number of threads.
 """
 
 from typing import no_type_check
@@ -93,34 +92,31 @@ def features_forward(positions, plane0, plane1, plane2, line0, line1, line2):
 
 @no_type_check
 @numba.njit(cache=True)
-def _sorted_by_row(positions, axis, n_rows):
-    """Returns the samples' order by lower plane row, and where each row starts in it."""
+def _bands(positions, axis, n_rows):
+    """Returns each band's first row and, band after band in their order, the samples of its rows.
+
+    Bands hold about equally many samples, and `starts` says where theirs begin. Those of a ray stay
+    together: they mostly touch the same cells, and their gradients lie side by side.
+    """
     n = positions.shape[0]
-    starts = np.zeros(n_rows + 1, np.int64)
+    counts = np.zeros(n_rows, np.int64)
     rows = np.empty(n, np.int32)
     for i in range(n):
         rows[i] = cell(positions[i, axis], n_rows)[0]
-        starts[rows[i] + 1] += 1
-    starts = np.cumsum(starts)
+        counts[rows[i]] += 1
+    ends = np.cumsum(counts)
+    band_of_row = np.minimum((ends - counts) * BANDS // max(n, 1), BANDS - 1)
+    first = np.searchsorted(band_of_row, np.arange(BANDS + 1))
+    starts = np.zeros(BANDS + 1, np.int64)
+    for band in range(BANDS):
+        starts[band + 1] = ends[first[band + 1] - 1] if first[band + 1] > 0 else 0
     fill = starts[:-1].copy()
     order = np.empty(n, np.int32)
     for i in range(n):
-        order[fill[rows[i]]] = i
-        fill[rows[i]] += 1
-    return order, starts
-
-
-@no_type_check
-@numba.njit(cache=True)
-def _bands(starts):
-    """Returns the first row of each band, so that bands hold about equally many samples."""
-    n_rows, n = starts.shape[0] - 1, starts[-1]
-    first = np.full(BANDS + 1, n_rows, np.int64)
-    first[0] = 0
-    for band in range(1, BANDS):
-        row = np.searchsorted(starts, n * band // BANDS)
-        first[band] = min(max(first[band - 1], row), n_rows)
-    return first
+        band = band_of_row[rows[i]]
+        order[fill[band]] = i
+        fill[band] += 1
+    return first, starts, order
 
 
 @no_type_check
@@ -172,14 +168,13 @@ def scatter_gradients(positions, axes, grad, offset, plane, line):
         line: The line, `w c`.
     """
     n_rows, width, channels = plane.shape
-    order, starts = _sorted_by_row(positions, axes[1], n_rows)
-    first = _bands(starts)
+    first, starts, order = _bands(positions, axes[1], n_rows)
     grad_plane = np.zeros(plane.shape, np.float32)
     halo = np.zeros((BANDS, width, channels), np.float32)
     grad_lines = np.zeros((BANDS, line.shape[0], channels), np.float32)
     for band in numba.prange(BANDS):
         buffer = np.empty((3, channels), np.float32)
-        for k in range(starts[first[band]], starts[first[band + 1]]):
+        for k in range(starts[band], starts[band + 1]):
             i = order[k]
             u0, u1, fu = cell(positions[i, axes[0]], width)
             v0, v1, fv = cell(positions[i, axes[1]], n_rows)
