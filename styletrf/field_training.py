@@ -45,7 +45,8 @@ class FieldTrainingConfig:
 
     field: FieldConfig = field(default_factory=FieldConfig)
     iterations: int = 3000  # [n_iters]
-    batch: int = 1536  # rays an iteration [batch_size]
+    batch: int = 1536  # least rays an iteration [batch_size]
+    batch_samples: int = 48 << 10  # more rays, up to eight times `batch`, while they have so few
     initial_voxels: int = 80**3  # [N_voxel_init]
     upsample_at: tuple[int, ...] = (200, 400, 700, 1000)  # [upsamp_list]
     steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
@@ -58,7 +59,7 @@ class FieldTrainingConfig:
     tv_every: int = 4  # iterations between steps of L1 and total variation, weighted up to match
     distortion_weight: float = 0.0  # see `styletrf.distortion`
     occupancy_every: int = 200
-    occupancy_alpha: float = 5e-3  # opacity of one step that counts as occupied [alpha_mask_thre]
+    occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]
     min_weight: float = 3e-3  # samples lighter than this get no colour [rm_weight_mask_thre]
     termination: float = 1e-4
     checkpoint_seconds: float = 60.0
@@ -109,7 +110,8 @@ def train_field(
     return trainer.field, trainer.curve
 
 
-_COUNTERS = ("iteration", "seconds", "smooth_mse", "stage_start")
+LEAST_MISSED = 64  # rays that tell the background
+_COUNTERS = ("iteration", "batch", "seconds", "smooth_mse", "stage_start")
 
 
 class FieldTrainer:
@@ -133,9 +135,10 @@ class FieldTrainer:
         self.generator = torch.Generator().manual_seed(config.seed)
         coarse = self._resolution(stage=0)
         self.field = RadianceField(config.field, coarse, self.generator).to(images.device)
-        self.seconds, self.smooth_mse = 0.0, 0.0
+        self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
         self.curve: list[CurvePoint] = []
         self._begin_stage()
+        self._begin_with_background()
         if checkpoint_dir is not None:
             self.restore(checkpoint_dir)
 
@@ -143,7 +146,7 @@ class FieldTrainer:
         """Runs one iteration and returns the smoothed PSNR of the training rays."""
         started = time.monotonic()
         self._grow_and_refresh()
-        segments, target = self._draw()
+        segments, target = self._draw(self.batch)
         samples, color = self._render(segments)
         loss = (color - target).square().mean()
         mse = float(loss.detach())
@@ -167,6 +170,7 @@ class FieldTrainer:
         self.seconds += time.monotonic() - started
         if self.iteration % 50 == 0:
             self.curve.append(self._curve_point(samples))
+            self.batch = self._batch_of(len(samples.ray) / self.batch)
         return self.psnr()
 
     def psnr(self) -> float:
@@ -174,18 +178,35 @@ class FieldTrainer:
         return -10 * math.log10(max(self.smooth_mse, 1e-10))
 
     def _curve_point(self, samples: Samples) -> CurvePoint:
-        rays = self.config.batch
+        rays = self.batch
         colored = int((samples.weights > self.config.min_weight).sum())
         return CurvePoint(
             self.iteration, self.seconds, self.psnr(), math.prod(self.field.resolution),
             len(samples.ray) / rays, colored / rays,
         )  # fmt: skip
 
-    def _draw(self) -> tuple[Segments, Float[Tensor, "rays 3"]]:
+    def _batch_of(self, samples_a_ray: float) -> int:
+        least = self.config.batch
+        wanted = int(self.config.batch_samples / max(samples_a_ray, 1.0))
+        return min(max(wanted, least), 8 * least)
+
+    @torch.no_grad()
+    def _begin_with_background(self) -> None:
+        """Sets the background to the mean colour of rays that miss the grid, if there are any.
+
+        Learning it takes a thousand iterations, long enough for walls of its colour to grow.
+        """
+        segments, target = self._draw(1 << 14)
+        missed = target[segments.n_steps == 0]
+        if len(missed) >= LEAST_MISSED:
+            color = missed.mean(dim=0).clamp(1 / 512, 1 - 1 / 512)
+            self.field.appearance.background.copy_(torch.logit(color))
+
+    def _draw(self, rays: int) -> tuple[Segments, Float[Tensor, "rays 3"]]:
         n_views, height, width = self.images.shape[:3]
-        draw = torch.randint(
-            n_views * height * width, (self.config.batch,), generator=self.generator
-        ).to(self.images.device)
+        draw = torch.randint(n_views * height * width, (rays,), generator=self.generator).to(
+            self.images.device
+        )
         view, pixel = draw // (height * width), draw % (height * width)
         row, column = pixel // width, pixel % width
         centers = torch.stack([column, row], dim=-1).double() + 0.5

@@ -11,12 +11,12 @@ from mini_scene import MiniScene, painted_plane
 
 from styletrf.checkpoints import load_checkpoint
 from styletrf.errors import NotFiniteError
-from styletrf.field import FieldConfig, RadianceField, load_field, save_field
+from styletrf.field import FieldConfig, RadianceField, load_field, save_field, set_occupancy
 from styletrf.field_training import FieldTrainer, FieldTrainingConfig, train_field
 from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
-from styletrf.space import ViewRays
+from styletrf.space import Space, ViewRays
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -26,6 +26,7 @@ CONFIG = FieldTrainingConfig(
     batch=256,
     initial_voxels=10**3,
     upsample_at=(40, 80),
+    batch_samples=8000,
     occupancy_every=20,
 )
 
@@ -158,6 +159,40 @@ def test_a_gradient_that_was_not_finite_is_named_before_the_parameter_it_spoilt(
     trainer.step()
     with pytest.raises(NotFiniteError, match=r"gradient of appearance\.basis\.weight"):
         trainer.step()
+
+
+def around_a_box(
+    scene: MiniScene, color: tuple[int, int, int], batch_samples: int = 0
+) -> FieldTrainer:
+    """One wide view of a small box, everything in one colour."""
+    pose = np.column_stack([np.eye(3), [0, 0, -4]])
+    camera = replace(scene.cameras[0], world_from_camera=pose)
+    images = torch.tensor(color, dtype=torch.uint8).expand(1, 20, 20, 3).clone()
+    box = Space("box", np.eye(4), (1.0, 1.0, 1.0), depth_min=0.1)
+    config = replace(CONFIG, batch_samples=batch_samples, occupancy_every=1000, upsample_at=())
+    return FieldTrainer([camera], images, box, (12, 12, 12), config, KERNELS)
+
+
+def test_what_rays_beside_the_box_see_is_the_background(scene):
+    trainer = around_a_box(scene, (255, 128, 0))
+    background = torch.sigmoid(trainer.field.appearance.background)
+    torch.testing.assert_close(background, torch.tensor([1.0, 0.5, 0.0]), atol=0.003, rtol=0)
+
+
+def test_where_every_ray_meets_the_grid_the_background_is_left_to_be_learned(scene):
+    model = scene.model
+    trainer = FieldTrainer(
+        scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS
+    )
+    assert (trainer.field.appearance.background == 0).all()
+
+
+def test_a_batch_has_more_rays_where_they_have_few_samples(scene):
+    trainer = around_a_box(scene, (255, 255, 255), batch_samples=1 << 20)
+    set_occupancy(trainer.field.density, torch.zeros(2, 2, 2, dtype=torch.uint8))
+    for _ in range(50):
+        trainer.step()
+    assert trainer.batch == 8 * CONFIG.batch
 
 
 def test_a_field_reads_back_as_it_was_written(scene, tmp_path: Path):
