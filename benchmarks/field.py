@@ -174,13 +174,16 @@ def compare(options: argparse.Namespace) -> None:
             trainer.field.density.occupancy = load_field(options.field).density.occupancy
             trainer.field.load_state_dict(load_field(options.field).state_dict())
         trainer.step()
-        first, losses = trainer.seconds, []
+        first, cpu, losses = trainer.seconds, time.process_time(), []
         for _ in range(options.iterations - 1):
             trainer.step()
             losses.append(10 ** (-trainer.psnr() / 10))
         told(options, {
             "kernels": trainer.kernels.name,
             "ms_per_iteration": 1e3 * (trainer.seconds - first) / (options.iterations - 1),
+            "cpu_ms_per_iteration": 1e3
+            * (time.process_time() - cpu)
+            / (options.iterations - 1),
             "losses": losses,
         })  # fmt: skip
 

@@ -16,6 +16,7 @@ import numba
 import numpy as np
 
 BANDS = 16
+BLOCK = 64  # samples whose gradients are fetched together
 # Reordering sums is allowed; ignoring NaN and infinity is not.
 FAST = {"reassoc", "contract", "nsz", "arcp"}
 ONE = np.float32(1)
@@ -128,21 +129,25 @@ def _add_to_plane(grad_plane, v, u, scale, values, row):
 
 @no_type_check
 @numba.njit(cache=True, inline="always", fastmath=FAST)
-def _component_gradients(grad, i, offset, out):
-    """Copies sample i's upstream gradient; one number stands for all summed components."""
-    for c in range(out.shape[1]):
-        out[2, c] = grad[i, offset + c] if offset >= 0 else grad[i, 0]
+def _component_gradients(grad, order, first, last, offset, out):
+    """Copies the upstream gradients of some samples; one number stands for all summed components.
+
+    They lie far apart: fetched in one short loop, many are under way at a time.
+    """
+    for k in range(first, last):
+        for c in range(out.shape[1]):
+            out[k - first, c] = grad[order[k], offset + c] if offset >= 0 else grad[order[k], 0]
 
 
 @no_type_check
 @numba.njit(cache=True, inline="always", fastmath=FAST)
-def _factor_gradients(plane, line, corners, weights, buffer):
+def _factor_gradients(plane, line, corners, weights, upstream, k, buffer):
     """Fills buffer[0] with the gradient of the plane's value, buffer[1] with the line's."""
     u0, u1, v0, v1, w0, w1 = corners
     w00, w01, w10, w11, fw = weights
     # One target a loop: nothing can alias, so each loop is vectorised.
     for c in range(plane.shape[2]):
-        buffer[0, c] = buffer[2, c] * ((ONE - fw) * line[w0, c] + fw * line[w1, c])
+        buffer[0, c] = upstream[k, c] * ((ONE - fw) * line[w0, c] + fw * line[w1, c])
     for c in range(plane.shape[2]):
         on_plane = (
             w00 * plane[v0, u0, c]
@@ -150,7 +155,7 @@ def _factor_gradients(plane, line, corners, weights, buffer):
             + w10 * plane[v1, u0, c]
             + w11 * plane[v1, u1, c]
         )
-        buffer[1, c] = buffer[2, c] * on_plane
+        buffer[1, c] = upstream[k, c] * on_plane
 
 
 @no_type_check
@@ -173,26 +178,29 @@ def scatter_gradients(positions, axes, grad, offset, plane, line):
     halo = np.zeros((BANDS, width, channels), np.float32)
     grad_lines = np.zeros((BANDS, line.shape[0], channels), np.float32)
     for band in numba.prange(BANDS):
-        buffer = np.empty((3, channels), np.float32)
-        for k in range(starts[band], starts[band + 1]):
-            i = order[k]
-            u0, u1, fu = cell(positions[i, axes[0]], width)
-            v0, v1, fv = cell(positions[i, axes[1]], n_rows)
-            w0, w1, fw = cell(positions[i, axes[2]], line.shape[0])
-            w00, w01, w10, w11 = bilinear(fu, fv)
-            _component_gradients(grad, i, offset, buffer)
-            corners, weights = (u0, u1, v0, v1, w0, w1), (w00, w01, w10, w11, fw)
-            _factor_gradients(plane, line, corners, weights, buffer)
-            _add_to_plane(grad_plane, v0, u0, w00, buffer, 0)
-            _add_to_plane(grad_plane, v0, u1, w01, buffer, 0)
-            if v1 < first[band + 1]:
-                _add_to_plane(grad_plane, v1, u0, w10, buffer, 0)
-                _add_to_plane(grad_plane, v1, u1, w11, buffer, 0)
-            else:
-                _add_to_plane(halo, band, u0, w10, buffer, 0)
-                _add_to_plane(halo, band, u1, w11, buffer, 0)
-            _add_to_plane(grad_lines, band, w0, ONE - fw, buffer, 1)
-            _add_to_plane(grad_lines, band, w1, fw, buffer, 1)
+        buffer = np.empty((2, channels), np.float32)
+        upstream = np.empty((BLOCK, channels), np.float32)
+        for start in range(starts[band], starts[band + 1], BLOCK):
+            end = min(start + BLOCK, starts[band + 1])
+            _component_gradients(grad, order, start, end, offset, upstream)
+            for k in range(start, end):
+                i = order[k]
+                u0, u1, fu = cell(positions[i, axes[0]], width)
+                v0, v1, fv = cell(positions[i, axes[1]], n_rows)
+                w0, w1, fw = cell(positions[i, axes[2]], line.shape[0])
+                w00, w01, w10, w11 = bilinear(fu, fv)
+                corners, weights = (u0, u1, v0, v1, w0, w1), (w00, w01, w10, w11, fw)
+                _factor_gradients(plane, line, corners, weights, upstream, k - start, buffer)
+                _add_to_plane(grad_plane, v0, u0, w00, buffer, 0)
+                _add_to_plane(grad_plane, v0, u1, w01, buffer, 0)
+                if v1 < first[band + 1]:
+                    _add_to_plane(grad_plane, v1, u0, w10, buffer, 0)
+                    _add_to_plane(grad_plane, v1, u1, w11, buffer, 0)
+                else:
+                    _add_to_plane(halo, band, u0, w10, buffer, 0)
+                    _add_to_plane(halo, band, u1, w11, buffer, 0)
+                _add_to_plane(grad_lines, band, w0, ONE - fw, buffer, 1)
+                _add_to_plane(grad_lines, band, w1, fw, buffer, 1)
     for band in range(BANDS):
         if first[band] < first[band + 1] < n_rows:
             grad_plane[first[band + 1]] += halo[band]
