@@ -65,7 +65,7 @@ def measurements(
     while trainer.iteration < settings.training.iterations:
         trainer.step()
         at_end = trainer.iteration == settings.training.iterations
-        if at_end or (waiting and trainer.seconds >= waiting[0]):
+        if trainer.curve and (at_end or (waiting and trainer.seconds >= waiting[0])):
             waiting = [seconds for seconds in waiting if seconds > trainer.seconds]
             before += time.process_time() - started
             yield _reached(trainer) | {"cpu_seconds": before} | held_out(scene, trainer, settings)
