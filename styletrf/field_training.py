@@ -1,13 +1,13 @@
 """Fitting a radiance field to photographs (TensoRF section 4): coarse to fine, in minutes.
 
-Rays are drawn from (view, pixel) and never stored. The grid grows geometrically from `initial` to
-the scene's resolution at the steps in `upsample_at`, the learning rates restart there, and the
-occupancy grid is refreshed from the density all along.
+Rays are drawn from (view, pixel) and never stored. The grid grows geometrically from
+`initial_voxels` to the scene's resolution at the steps in `upsample_at`, the learning rates restart
+there, and the occupancy grid is refreshed from the density all along.
 """
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from styletrf.checkpoints import (
     restore_optimizer,
     save_checkpoint,
 )
+from styletrf.distortion import distortion
 from styletrf.errors import NotFiniteError
 from styletrf.field import FieldConfig, RadianceField, set_occupancy
 from styletrf.kernels import Kernels, Samples, Segments
@@ -29,6 +30,13 @@ from styletrf.occupancy import occupied_voxels
 from styletrf.progress import Progress, silent
 from styletrf.rendering import render_color
 from styletrf.space import Space, ViewRays
+from styletrf.training_guard import (
+    camera_stages,
+    first_not_finite,
+    iteration_stages,
+    parameter_stages,
+)
+from styletrf.training_schedule import decay, march_step, stage_resolution
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +45,8 @@ class FieldTrainingConfig:
 
     field: FieldConfig = field(default_factory=FieldConfig)
     iterations: int = 3000  # [n_iters]
-    batch: int = 1536  # rays an iteration [batch_size]
+    batch: int = 1536  # least rays an iteration [batch_size]
+    batch_samples: int = 48 << 10  # more rays, up to eight times `batch`, while they have so few
     initial_voxels: int = 80**3  # [N_voxel_init]
     upsample_at: tuple[int, ...] = (200, 400, 700, 1000)  # [upsamp_list]
     steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
@@ -47,9 +56,10 @@ class FieldTrainingConfig:
     l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
     tv_density: float = 0.01  # [TV_weight_density]
     tv_appearance: float = 0.003  # [TV_weight_app]
-    tv_every: int = 4  # iterations between total-variation steps, weighted up to match
+    tv_every: int = 4  # iterations between steps of L1 and total variation, weighted up to match
+    distortion_weight: float = 0.0  # see `styletrf.distortion`
     occupancy_every: int = 200
-    occupancy_alpha: float = 5e-3  # opacity of one step that counts as occupied [alpha_mask_thre]
+    occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]
     min_weight: float = 3e-3  # samples lighter than this get no colour [rm_weight_mask_thre]
     termination: float = 1e-4
     checkpoint_seconds: float = 60.0
@@ -84,15 +94,15 @@ def train_field(
     with the same arguments goes on from it, to the same parameters up to the rounding of sums.
 
     Raises:
-        NotFiniteError: The loss stopped being finite.
+        NotFiniteError: Something stopped being finite; it names what did first. The state is then
+            in `checkpoint_dir/not_finite`.
     """
-    trainer = _Trainer(cameras, images, space, resolution, config, kernels)
-    if checkpoint_dir is not None:
-        trainer.restore(checkpoint_dir)
+    trainer = FieldTrainer(cameras, images, space, resolution, config, kernels, checkpoint_dir)
     saved = time.monotonic()
     while trainer.iteration < config.iterations:
         psnr = trainer.step()
         if checkpoint_dir is not None and time.monotonic() - saved > config.checkpoint_seconds:
+            trainer.require_finite(parameter_stages(trainer.field, trainer.optimizer))
             trainer.save(checkpoint_dir)
             saved = time.monotonic()
         progress(trainer.iteration, config.iterations, psnr=psnr)
@@ -100,11 +110,12 @@ def train_field(
     return trainer.field, trainer.curve
 
 
-_COUNTERS = ("iteration", "seconds", "smooth_mse", "stage_start")
+LEAST_MISSED = 64  # rays that tell the background
+_COUNTERS = ("iteration", "batch", "seconds", "smooth_mse", "stage_start")
 
 
-class _Trainer:
-    """The mutable state of one fit."""
+class FieldTrainer:
+    """The mutable state of one fit; `train_field` runs it to its end."""
 
     def __init__(
         self,
@@ -114,26 +125,42 @@ class _Trainer:
         resolution: tuple[int, int, int],
         config: FieldTrainingConfig,
         kernels: Kernels,
+        checkpoint_dir: Path | None = None,
     ) -> None:
         self.config, self.kernels, self.images = config, kernels, images
+        self.checkpoint_dir, self.iteration = None, 0
+        self.require_finite(camera_stages(cameras))
+        self.checkpoint_dir = checkpoint_dir
         self.cameras, self.space, self.final_resolution = cameras, space, resolution
         self.generator = torch.Generator().manual_seed(config.seed)
-        coarse = coarse_resolution(resolution, config, stage=0)
+        coarse = self._resolution(stage=0)
         self.field = RadianceField(config.field, coarse, self.generator).to(images.device)
-        self.iteration, self.seconds, self.smooth_mse = 0, 0.0, 0.0
+        self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
         self.curve: list[CurvePoint] = []
         self._begin_stage()
+        self._begin_with_background()
+        if checkpoint_dir is not None:
+            self.restore(checkpoint_dir)
 
     def step(self) -> float:
         """Runs one iteration and returns the smoothed PSNR of the training rays."""
         started = time.monotonic()
         self._grow_and_refresh()
-        segments, target = self._draw()
-        samples, heavy_fraction, loss = self._loss(segments, target)
+        segments, target = self._draw(self.batch)
+        samples, color = self._render(segments)
+        loss = (color - target).square().mean()
         mse = float(loss.detach())
-        if not math.isfinite(mse):
-            raise NotFiniteError("field training", "loss", f"iteration {self.iteration}")
-        self._regularized(loss).backward()
+        # a NaN among the weights need not reach the loss
+        if not math.isfinite(mse + float(samples.weights.detach().sum())):
+            self.require_finite(parameter_stages(self.field, self.optimizer))
+            self.require_finite(
+                iteration_stages(self.field, self.kernels, segments, samples, color.detach())
+            )
+            self.require_finite([("loss", loss.detach())])
+        if self.config.distortion_weight:
+            loss = loss + self.config.distortion_weight * distortion(samples, segments)
+        loss.backward()
+        self._regularize()
         self._set_rates()
         self.optimizer.step()
         self.optimizer.zero_grad()
@@ -141,56 +168,74 @@ class _Trainer:
         keep = 0.98 if self.iteration > 1 else 0.0
         self.smooth_mse = keep * self.smooth_mse + (1 - keep) * mse
         self.seconds += time.monotonic() - started
-        psnr = -10 * math.log10(max(self.smooth_mse, 1e-10))
         if self.iteration % 50 == 0:
-            density_samples = len(samples.ray) / self.config.batch
-            self.curve.append(
-                CurvePoint(
-                    self.iteration, self.seconds, psnr, math.prod(self.field.resolution),
-                    density_samples, density_samples * heavy_fraction,
-                )
-            )  # fmt: skip
-        return psnr
+            self.curve.append(self._curve_point(samples))
+            self.batch = self._batch_of(len(samples.ray) / self.batch)
+        return self.psnr()
 
-    def _draw(self) -> tuple[Segments, Float[Tensor, "rays 3"]]:
+    def psnr(self) -> float:
+        """Returns the smoothed PSNR of the training rays."""
+        return -10 * math.log10(max(self.smooth_mse, 1e-10))
+
+    def _curve_point(self, samples: Samples) -> CurvePoint:
+        rays = self.batch
+        colored = int((samples.weights > self.config.min_weight).sum())
+        return CurvePoint(
+            self.iteration, self.seconds, self.psnr(), math.prod(self.field.resolution),
+            len(samples.ray) / rays, colored / rays,
+        )  # fmt: skip
+
+    def _batch_of(self, samples_a_ray: float) -> int:
+        least = self.config.batch
+        wanted = int(self.config.batch_samples / max(samples_a_ray, 1.0))
+        return min(max(wanted, least), 8 * least)
+
+    @torch.no_grad()
+    def _begin_with_background(self) -> None:
+        """Sets the background to the mean colour of rays that miss the grid, if there are any.
+
+        Learning it takes a thousand iterations, long enough for walls of its colour to grow.
+        """
+        segments, target = self._draw(1 << 14)
+        missed = target[segments.n_steps == 0]
+        if len(missed) >= LEAST_MISSED:
+            color = missed.mean(dim=0).clamp(1 / 512, 1 - 1 / 512)
+            self.field.appearance.background.copy_(torch.logit(color))
+
+    def _draw(self, rays: int) -> tuple[Segments, Float[Tensor, "rays 3"]]:
         n_views, height, width = self.images.shape[:3]
-        draw = torch.randint(
-            n_views * height * width, (self.config.batch,), generator=self.generator
-        ).to(self.images.device)
+        draw = torch.randint(n_views * height * width, (rays,), generator=self.generator).to(
+            self.images.device
+        )
         view, pixel = draw // (height * width), draw % (height * width)
         row, column = pixel // width, pixel % width
         centers = torch.stack([column, row], dim=-1).double() + 0.5
         target = self.images[view, row, column].float() / 255
         return self.rays.segments(view, centers), target
 
-    def _loss(
-        self, segments: Segments, target: Float[Tensor, "rays 3"]
-    ) -> tuple[Samples, float, Float[Tensor, ""]]:
-        jitter = torch.rand(len(segments), generator=self.generator).to(target)
+    def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
+        jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)
         march = self.field.density.march(self.config.termination)
         samples = self.kernels.trace(self.field.density.factors, segments, jitter, march)
         color = render_color(
             self.field.appearance, self.kernels, segments, samples, self.config.min_weight
         )
-        heavy = float((samples.weights > self.config.min_weight).float().mean())
-        return samples, heavy, (color - target).square().mean()
+        return samples, color
 
-    def _regularized(self, loss: Float[Tensor, ""]) -> Float[Tensor, ""]:
+    def _regularize(self) -> None:
+        """Adds the gradients of L1 and, decaying with the iterations, total variation."""
         config, every = self.config, self.config.tv_every
         if self.iteration % every:
-            return loss
-        decay = self._decay()
+            return
+        fading = every * decay(config.rate_decay, self.iteration, config.iterations)
         density, appearance = self.field.density.factors, self.field.appearance.factors
-        loss = loss + every * config.l1_weight * density.l1()
-        loss = loss + every * decay * config.tv_density * density.total_variation()
-        return loss + every * decay * config.tv_appearance * appearance.total_variation()
-
-    def _decay(self) -> float:
-        return float(self.config.rate_decay ** (self.iteration / self.config.iterations))
+        density.add_l1_gradient(every * config.l1_weight)
+        density.add_total_variation_gradient(fading * config.tv_density)
+        appearance.add_total_variation_gradient(fading * config.tv_appearance)
 
     def _set_rates(self) -> None:
-        since_growth = self.config.rate_decay ** (
-            (self.iteration - self.stage_start) / self.config.iterations
+        since_growth = decay(
+            self.config.rate_decay, self.iteration - self.stage_start, self.config.iterations
         )
         for group in self.optimizer.param_groups:
             group["lr"] = group["initial_rate"] * since_growth
@@ -198,10 +243,14 @@ class _Trainer:
     def _grow_and_refresh(self) -> None:
         if self.iteration in self.config.upsample_at:
             stage = self.config.upsample_at.index(self.iteration) + 1
-            self.field.upsample(coarse_resolution(self.final_resolution, self.config, stage))
+            self.field.upsample(self._resolution(stage))
             self._begin_stage()
         if self.iteration and self.iteration % self.config.occupancy_every == 0:
             self.refresh_occupancy()
+
+    def _resolution(self, stage: int) -> tuple[int, int, int]:
+        initial, stages = self.config.initial_voxels, len(self.config.upsample_at)
+        return stage_resolution(self.final_resolution, initial, stage, stages)
 
     def _begin_stage(self) -> None:
         """Sets the step and a fresh optimiser for the present resolution."""
@@ -219,7 +268,8 @@ class _Trainer:
         self.optimizer = torch.optim.Adam(groups, lr=0.0, betas=(0.9, 0.99), fused=True)
 
     def refresh_occupancy(self) -> None:
-        """Looks again where the density is."""
+        """Looks again where the density is; NaN would count as none."""
+        self.require_finite(parameter_stages(self.field, self.optimizer))
         density = self.field.density
         set_occupancy(
             density,
@@ -227,6 +277,15 @@ class _Trainer:
                 density, self.kernels, self.field.step_length, self.config.occupancy_alpha
             ),
         )
+
+    def require_finite(self, stages: Iterable[tuple[str, Tensor]]) -> None:
+        """Saves the state and stops where one of the named tensors is not finite."""
+        name = first_not_finite(stages)
+        if name is None:
+            return
+        if self.checkpoint_dir is not None:
+            self.save(self.checkpoint_dir / "not_finite")
+        raise NotFiniteError("field training", name, f"iteration {self.iteration}")
 
     def save(self, folder: Path) -> None:
         """Writes a checkpoint."""
@@ -256,19 +315,3 @@ class _Trainer:
         for name in _COUNTERS:
             setattr(self, name, state[name])
         self.curve = [CurvePoint(**point) for point in state["curve"]]
-
-
-def coarse_resolution(
-    final: Sequence[int], config: FieldTrainingConfig, stage: int
-) -> tuple[int, int, int]:
-    """Returns the resolution of a stage, between `initial_voxels` and `final` geometrically."""
-    share = stage / len(config.upsample_at) if config.upsample_at else 1.0
-    ratio = min(1.0, config.initial_voxels / math.prod(final)) ** ((1 - share) / 3)
-    x, y, z = (max(2, round(n * ratio)) for n in final)
-    return x, y, z
-
-
-def march_step(space: Space, resolution: Sequence[int], steps_per_voxel: float) -> float:
-    """Returns the optical length of a step: `steps_per_voxel` steps to the mean voxel side."""
-    sides = [2 * length / (n - 1) for length, n in zip(space.axis_lengths, resolution, strict=True)]
-    return float(math.prod(sides) ** (1 / 3)) / steps_per_voxel

@@ -44,7 +44,7 @@ def rendered(
     for k, camera in enumerate(cameras):
         render = render_view(radiance, kernels_for(device), rays, k, camera, config)
         progress(k + 1, len(cameras))
-        yield Rendering(render.color.cpu(), render.opacity.cpu(), render.depth.cpu())
+        yield Rendering(*(getattr(render, name).cpu() for name in render.__slots__))
 
 
 def write_float_frames(

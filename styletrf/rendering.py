@@ -22,12 +22,14 @@ class RenderConfig:
     """What rendering trades: see `docs/knobs.md`.
 
     A ray ends at transmittance `termination`; samples lighter than `min_weight` get no colour;
-    rays are rendered `tile` at a time.
+    rays are rendered `tile` at a time. `deferred` runs the colour network once a ray, on the mean
+    features of its samples, instead of once a sample.
     """
 
     termination: float = 3e-3
     min_weight: float = 5e-3
     tile: int = 8192
+    deferred: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +38,15 @@ class Rendering:
 
     The depth is that of the mean position along the ray's grid segment, its clear part counted at
     the far end; in NDC that averages disparity, so a little haze before infinity does not spoil it.
-    Where nothing is hit (an opacity below 1e-3) it is infinite.
+    Where nothing is hit (an opacity below 1e-3) it is infinite. The median depth is where the
+    transmittance falls to one half, infinite where it never does: it lies on one of two surfaces
+    that share a pixel, where the mean lies between them.
     """
 
     color: Float[Tensor, "*rays 3"]
     opacity: Float[Tensor, "*rays"]
     depth: Float[Tensor, "*rays"]
+    median_depth: Float[Tensor, "*rays"]
 
 
 def render_color(
@@ -50,21 +55,30 @@ def render_color(
     segments: Segments,
     samples: Samples,
     min_weight: float,
+    *,
+    deferred: bool = False,
 ) -> Float[Tensor, "rays 3"]:
     """Returns the colour of rays, differentiable in the appearance and the samples' weights.
 
     Samples below `min_weight` are left out and their mass given to the ray's others in proportion,
-    or to the background where there are none: leaving them out darkens nothing.
+    or to the background where there are none: leaving them out darkens nothing. For `deferred` see
+    `RenderConfig`; without it the colour is the mean of the samples' colours.
     """
     opacity = kernels.composite(samples, torch.ones_like(samples.weights)[:, None])
     heavy = kernels.heavy(samples, min_weight)
-    components = kernels.features(appearance.factors, heavy.positions)
-    colors = appearance.decode(components, segments.view_directions, heavy.ray, kernels)
-    colored = kernels.composite(heavy, torch.cat([colors, torch.ones_like(colors[:, :1])], dim=1))
-    kept = colored[:, 3:]
+    values = kernels.features(appearance.factors, heavy.positions)
+    directions = segments.view_directions
+    if not deferred:
+        values = appearance.decode(values, directions, heavy.ray, kernels)
+    sums = kernels.composite(heavy, torch.cat([values, torch.ones_like(values[:, :1])], dim=1))
+    kept = sums[:, -1:]
+    color = sums[:, :-1] / kept.clamp(min=1e-6)
+    if deferred:
+        color = appearance.decode(
+            color, directions, torch.arange(len(color)).to(heavy.ray), kernels
+        )
     covered = torch.where(kept > 0, opacity, 0)
-    background = torch.sigmoid(appearance.background)
-    return colored[:, :3] * (covered / kept.clamp(min=1e-6)) + (1 - covered) * background
+    return covered * color + (1 - covered) * torch.sigmoid(appearance.background)
 
 
 @torch.no_grad()
@@ -75,13 +89,25 @@ def render_rays(
     jitter = torch.full_like(segments.lengths, 0.5)
     march = field.density.march(config.termination)
     samples = kernels.trace(field.density.factors, segments, jitter, march)
-    color = render_color(field.appearance, kernels, segments, samples, config.min_weight)
+    color = render_color(
+        field.appearance, kernels, segments, samples, config.min_weight, deferred=config.deferred
+    )
     sums = kernels.composite(samples, torch.stack([torch.ones_like(samples.s), samples.s], dim=1))
     opacity = sums[:, 0].clamp(max=1)
     mean_s = (sums[:, 1] + 1 - opacity).clamp(0, 1)
-    depth = segments.depth_along(torch.arange(len(segments), device=mean_s.device), mean_s)
-    depth = torch.where(opacity < LEAST_OPACITY, torch.inf, depth)
-    return Rendering(color.clamp(0, 1), opacity, depth)
+    rays = torch.arange(len(segments), device=mean_s.device)
+    depth = torch.where(opacity < LEAST_OPACITY, torch.inf, segments.depth_along(rays, mean_s))
+    return Rendering(color.clamp(0, 1), opacity, depth, median_depth(segments, samples))
+
+
+def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]:
+    """Returns the depth Z of the sample at which each ray's weights have summed to one half."""
+    before = samples.sums_before(samples.weights)
+    median = ((before < 0.5) & (before + samples.weights >= 0.5)).nonzero()[:, 0]
+    ray = samples.ray[median]
+    depth = torch.full_like(segments.lengths, torch.inf)
+    depth[ray] = segments.depth_along(ray, samples.s[median])
+    return depth
 
 
 @torch.no_grad()
@@ -101,4 +127,5 @@ def render_view(
         torch.cat([part.color for part in parts]).reshape(*shape, 3),
         torch.cat([part.opacity for part in parts]).reshape(shape),
         torch.cat([part.depth for part in parts]).reshape(shape),
+        torch.cat([part.median_depth for part in parts]).reshape(shape),
     )

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
@@ -62,6 +63,12 @@ class Samples:
     s: Float[Tensor, " samples"]
     positions: Float[Tensor, "samples 3"]
     weights: Float[Tensor, " samples"]
+
+    def sums_before(self, values: Float[Tensor, " samples"]) -> Float[Tensor, " samples"]:
+        """Returns, of each sample, the float64 sum of the values of its ray's samples before it."""
+        sums = values.double().cumsum(0)
+        sums = torch.cat([sums.new_zeros(1), sums])
+        return sums[:-1] - sums[self.offsets[:-1]][self.ray]
 
     def chosen(
         self, offsets: Int64[Tensor, " rays_and_one"], index: Int64[Tensor, " kept"]

@@ -5,10 +5,9 @@ outside they are clamped. Planes are channels-last `[v, u, c]`, lines `[w, c]`, 
 of a cell are one vector load. Arrays are indexed by numbers, never sliced, in the inner loops: a
 slice costs numba two atomic operations.
 
-Gradients are scattered with the samples sorted by plane row and the rows dealt out in bands of
-about equal work. A band writes to its own rows; the one row it shares with the next band goes to a
-halo of its own that is added afterwards. The number of bands is fixed, so the result is the same on
-any number of threads.
+Gradients are scattered with the rows of a plane dealt out in bands of about equal work. A band
+writes to its own rows; the one row it shares with the next band goes to a halo of its own that is
+added afterwards. The number of bands is fixed, so the result is the same on any number of threads.
 """
 
 from typing import no_type_check
@@ -17,6 +16,7 @@ import numba
 import numpy as np
 
 BANDS = 16
+BLOCK = 64  # samples whose gradients are fetched together
 # Reordering sums is allowed; ignoring NaN and infinity is not.
 FAST = {"reassoc", "contract", "nsz", "arcp"}
 ONE = np.float32(1)
@@ -93,34 +93,31 @@ def features_forward(positions, plane0, plane1, plane2, line0, line1, line2):
 
 @no_type_check
 @numba.njit(cache=True)
-def _sorted_by_row(positions, axis, n_rows):
-    """Returns the samples' order by lower plane row, and where each row starts in it."""
+def _bands(positions, axis, n_rows):
+    """Returns each band's first row and, band after band in their order, the samples of its rows.
+
+    Bands hold about equally many samples, and `starts` says where theirs begin. Those of a ray stay
+    together: they mostly touch the same cells, and their gradients lie side by side.
+    """
     n = positions.shape[0]
-    starts = np.zeros(n_rows + 1, np.int64)
+    counts = np.zeros(n_rows, np.int64)
     rows = np.empty(n, np.int32)
     for i in range(n):
         rows[i] = cell(positions[i, axis], n_rows)[0]
-        starts[rows[i] + 1] += 1
-    starts = np.cumsum(starts)
+        counts[rows[i]] += 1
+    ends = np.cumsum(counts)
+    band_of_row = np.minimum((ends - counts) * BANDS // max(n, 1), BANDS - 1)
+    first = np.searchsorted(band_of_row, np.arange(BANDS + 1))
+    starts = np.zeros(BANDS + 1, np.int64)
+    for band in range(BANDS):
+        starts[band + 1] = ends[first[band + 1] - 1] if first[band + 1] > 0 else 0
     fill = starts[:-1].copy()
     order = np.empty(n, np.int32)
     for i in range(n):
-        order[fill[rows[i]]] = i
-        fill[rows[i]] += 1
-    return order, starts
-
-
-@no_type_check
-@numba.njit(cache=True)
-def _bands(starts):
-    """Returns the first row of each band, so that bands hold about equally many samples."""
-    n_rows, n = starts.shape[0] - 1, starts[-1]
-    first = np.full(BANDS + 1, n_rows, np.int64)
-    first[0] = 0
-    for band in range(1, BANDS):
-        row = np.searchsorted(starts, n * band // BANDS)
-        first[band] = min(max(first[band - 1], row), n_rows)
-    return first
+        band = band_of_row[rows[i]]
+        order[fill[band]] = i
+        fill[band] += 1
+    return first, starts, order
 
 
 @no_type_check
@@ -132,21 +129,25 @@ def _add_to_plane(grad_plane, v, u, scale, values, row):
 
 @no_type_check
 @numba.njit(cache=True, inline="always", fastmath=FAST)
-def _component_gradients(grad, i, offset, out):
-    """Copies sample i's upstream gradient; one number stands for all summed components."""
-    for c in range(out.shape[1]):
-        out[2, c] = grad[i, offset + c] if offset >= 0 else grad[i, 0]
+def _component_gradients(grad, order, first, last, offset, out):
+    """Copies the upstream gradients of some samples; one number stands for all summed components.
+
+    They lie far apart: fetched in one short loop, many are under way at a time.
+    """
+    for k in range(first, last):
+        for c in range(out.shape[1]):
+            out[k - first, c] = grad[order[k], offset + c] if offset >= 0 else grad[order[k], 0]
 
 
 @no_type_check
 @numba.njit(cache=True, inline="always", fastmath=FAST)
-def _factor_gradients(plane, line, corners, weights, buffer):
+def _factor_gradients(plane, line, corners, weights, upstream, k, buffer):
     """Fills buffer[0] with the gradient of the plane's value, buffer[1] with the line's."""
     u0, u1, v0, v1, w0, w1 = corners
     w00, w01, w10, w11, fw = weights
     # One target a loop: nothing can alias, so each loop is vectorised.
     for c in range(plane.shape[2]):
-        buffer[0, c] = buffer[2, c] * ((ONE - fw) * line[w0, c] + fw * line[w1, c])
+        buffer[0, c] = upstream[k, c] * ((ONE - fw) * line[w0, c] + fw * line[w1, c])
     for c in range(plane.shape[2]):
         on_plane = (
             w00 * plane[v0, u0, c]
@@ -154,7 +155,7 @@ def _factor_gradients(plane, line, corners, weights, buffer):
             + w10 * plane[v1, u0, c]
             + w11 * plane[v1, u1, c]
         )
-        buffer[1, c] = buffer[2, c] * on_plane
+        buffer[1, c] = upstream[k, c] * on_plane
 
 
 @no_type_check
@@ -172,32 +173,34 @@ def scatter_gradients(positions, axes, grad, offset, plane, line):
         line: The line, `w c`.
     """
     n_rows, width, channels = plane.shape
-    order, starts = _sorted_by_row(positions, axes[1], n_rows)
-    first = _bands(starts)
+    first, starts, order = _bands(positions, axes[1], n_rows)
     grad_plane = np.zeros(plane.shape, np.float32)
     halo = np.zeros((BANDS, width, channels), np.float32)
     grad_lines = np.zeros((BANDS, line.shape[0], channels), np.float32)
     for band in numba.prange(BANDS):
-        buffer = np.empty((3, channels), np.float32)
-        for k in range(starts[first[band]], starts[first[band + 1]]):
-            i = order[k]
-            u0, u1, fu = cell(positions[i, axes[0]], width)
-            v0, v1, fv = cell(positions[i, axes[1]], n_rows)
-            w0, w1, fw = cell(positions[i, axes[2]], line.shape[0])
-            w00, w01, w10, w11 = bilinear(fu, fv)
-            _component_gradients(grad, i, offset, buffer)
-            corners, weights = (u0, u1, v0, v1, w0, w1), (w00, w01, w10, w11, fw)
-            _factor_gradients(plane, line, corners, weights, buffer)
-            _add_to_plane(grad_plane, v0, u0, w00, buffer, 0)
-            _add_to_plane(grad_plane, v0, u1, w01, buffer, 0)
-            if v1 < first[band + 1]:
-                _add_to_plane(grad_plane, v1, u0, w10, buffer, 0)
-                _add_to_plane(grad_plane, v1, u1, w11, buffer, 0)
-            else:
-                _add_to_plane(halo, band, u0, w10, buffer, 0)
-                _add_to_plane(halo, band, u1, w11, buffer, 0)
-            _add_to_plane(grad_lines, band, w0, ONE - fw, buffer, 1)
-            _add_to_plane(grad_lines, band, w1, fw, buffer, 1)
+        buffer = np.empty((2, channels), np.float32)
+        upstream = np.empty((BLOCK, channels), np.float32)
+        for start in range(starts[band], starts[band + 1], BLOCK):
+            end = min(start + BLOCK, starts[band + 1])
+            _component_gradients(grad, order, start, end, offset, upstream)
+            for k in range(start, end):
+                i = order[k]
+                u0, u1, fu = cell(positions[i, axes[0]], width)
+                v0, v1, fv = cell(positions[i, axes[1]], n_rows)
+                w0, w1, fw = cell(positions[i, axes[2]], line.shape[0])
+                w00, w01, w10, w11 = bilinear(fu, fv)
+                corners, weights = (u0, u1, v0, v1, w0, w1), (w00, w01, w10, w11, fw)
+                _factor_gradients(plane, line, corners, weights, upstream, k - start, buffer)
+                _add_to_plane(grad_plane, v0, u0, w00, buffer, 0)
+                _add_to_plane(grad_plane, v0, u1, w01, buffer, 0)
+                if v1 < first[band + 1]:
+                    _add_to_plane(grad_plane, v1, u0, w10, buffer, 0)
+                    _add_to_plane(grad_plane, v1, u1, w11, buffer, 0)
+                else:
+                    _add_to_plane(halo, band, u0, w10, buffer, 0)
+                    _add_to_plane(halo, band, u1, w11, buffer, 0)
+                _add_to_plane(grad_lines, band, w0, ONE - fw, buffer, 1)
+                _add_to_plane(grad_lines, band, w1, fw, buffer, 1)
     for band in range(BANDS):
         if first[band] < first[band + 1] < n_rows:
             grad_plane[first[band + 1]] += halo[band]

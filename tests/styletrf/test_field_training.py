@@ -1,19 +1,22 @@
 """Fitting: it learns, resumes exactly, and stops at what is not finite."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from mini_scene import MiniScene, painted_plane
 
+from styletrf.checkpoints import load_checkpoint
 from styletrf.errors import NotFiniteError
-from styletrf.field import FieldConfig, RadianceField, load_field, save_field
-from styletrf.field_training import FieldTrainingConfig, coarse_resolution, train_field
+from styletrf.field import FieldConfig, RadianceField, load_field, save_field, set_occupancy
+from styletrf.field_training import FieldTrainer, FieldTrainingConfig, train_field
 from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
-from styletrf.space import ViewRays
+from styletrf.space import Space, ViewRays
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -23,6 +26,7 @@ CONFIG = FieldTrainingConfig(
     batch=256,
     initial_voxels=10**3,
     upsample_at=(40, 80),
+    batch_samples=8000,
     occupancy_every=20,
 )
 
@@ -88,8 +92,107 @@ def test_a_damaged_checkpoint_counts_as_none(scene, tmp_path: Path):
 
 def test_what_is_not_finite_stops_the_training(scene):
     config = replace(CONFIG, factor_rate=1e30, network_rate=1e30, iterations=20)
-    with pytest.raises(NotFiniteError, match="field training: loss"):
+    with pytest.raises(NotFiniteError, match="field training: density is not finite"):
         fit(scene, config)
+
+
+def infinity_less_infinity(trainer: FieldTrainer) -> None:
+    for k, sign in ((0, 1), (1, -1)):
+        trainer.field.density.factors.lines[k].data.fill_(100)
+        trainer.field.density.factors.planes[k].data.fill_(sign * torch.finfo().max)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "named"),
+    [
+        (lambda t: first_plane(t).fill_(torch.nan), "parameter density.factors.planes.0"),
+        (infinity_less_infinity, "density"),
+        (lambda t: color_plane(t).fill_(torch.finfo().max), "features"),
+        (lambda t: background(t).fill_(torch.nan), "parameter appearance.background"),
+        (lambda t: t.field.appearance.hidden.weight.data.fill_(3e38), "color"),
+    ],
+)  # fmt: skip
+def test_the_first_stage_that_is_not_finite_is_named_and_the_state_saved(
+    scene, tmp_path: Path, spoil, named
+):
+    model = scene.model
+    trainer = FieldTrainer(
+        scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS, tmp_path
+    )
+    trainer.step()
+    spoil(trainer)
+    with pytest.raises(NotFiniteError, match=re.escape(f": {named} is not finite at iteration 1")):
+        trainer.step()
+    assert load_checkpoint(tmp_path / "not_finite", CPU) is not None
+    assert load_checkpoint(tmp_path, CPU) is None
+
+
+def first_plane(trainer: FieldTrainer) -> torch.Tensor:
+    return trainer.field.density.factors.planes[0].data
+
+
+def color_plane(trainer: FieldTrainer) -> torch.Tensor:
+    trainer.field.appearance.factors.lines[0].data.fill_(100)
+    return trainer.field.appearance.factors.planes[0].data
+
+
+def background(trainer: FieldTrainer) -> torch.Tensor:
+    return trainer.field.appearance.background.data
+
+
+def test_a_camera_that_is_not_finite_is_named(scene):
+    nowhere = replace(scene.cameras[1], world_from_camera=np.full((3, 4), np.nan))
+    model = scene.model
+    with pytest.raises(NotFiniteError, match="field training: camera 1 is not finite"):
+        FieldTrainer(
+            [scene.cameras[0], nowhere], scene.images[:2], model.space, model.resolution,
+            CONFIG, KERNELS,
+        )  # fmt: skip
+
+
+def test_a_gradient_that_was_not_finite_is_named_before_the_parameter_it_spoilt(scene):
+    model = scene.model
+    trainer = FieldTrainer(
+        scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS
+    )
+    trainer.field.appearance.basis.weight.register_hook(lambda grad: grad * torch.nan)
+    trainer.step()
+    with pytest.raises(NotFiniteError, match=r"gradient of appearance\.basis\.weight"):
+        trainer.step()
+
+
+def around_a_box(
+    scene: MiniScene, color: tuple[int, int, int], batch_samples: int = 0
+) -> FieldTrainer:
+    """One wide view of a small box, everything in one colour."""
+    pose = np.column_stack([np.eye(3), [0, 0, -4]])
+    camera = replace(scene.cameras[0], world_from_camera=pose)
+    images = torch.tensor(color, dtype=torch.uint8).expand(1, 20, 20, 3).clone()
+    box = Space("box", np.eye(4), (1.0, 1.0, 1.0), depth_min=0.1)
+    config = replace(CONFIG, batch_samples=batch_samples, occupancy_every=1000, upsample_at=())
+    return FieldTrainer([camera], images, box, (12, 12, 12), config, KERNELS)
+
+
+def test_what_rays_beside_the_box_see_is_the_background(scene):
+    trainer = around_a_box(scene, (255, 128, 0))
+    background = torch.sigmoid(trainer.field.appearance.background)
+    torch.testing.assert_close(background, torch.tensor([1.0, 0.5, 0.0]), atol=0.003, rtol=0)
+
+
+def test_where_every_ray_meets_the_grid_the_background_is_left_to_be_learned(scene):
+    model = scene.model
+    trainer = FieldTrainer(
+        scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS
+    )
+    assert (trainer.field.appearance.background == 0).all()
+
+
+def test_a_batch_has_more_rays_where_they_have_few_samples(scene):
+    trainer = around_a_box(scene, (255, 255, 255), batch_samples=1 << 20)
+    set_occupancy(trainer.field.density, torch.zeros(2, 2, 2, dtype=torch.uint8))
+    for _ in range(50):
+        trainer.step()
+    assert trainer.batch == 8 * CONFIG.batch
 
 
 def test_a_field_reads_back_as_it_was_written(scene, tmp_path: Path):
@@ -107,12 +210,3 @@ def test_one_view_and_a_white_scene_stay_finite(scene):
     config = replace(CONFIG, iterations=50)
     field, _ = train_field(scene.cameras[:1], white, model.space, model.resolution, config, KERNELS)
     assert all(torch.isfinite(p).all() for p in field.parameters())
-
-
-def test_the_grid_grows_from_coarse_to_the_final_resolution():
-    final = (300, 200, 100)
-    stages = [coarse_resolution(final, CONFIG, k) for k in range(3)]
-    assert stages[-1] == final
-    sizes = [x * y * z for x, y, z in stages]
-    assert sizes == sorted(sizes)
-    assert abs(sizes[0] - 10**3) < 300

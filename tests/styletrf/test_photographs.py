@@ -169,6 +169,16 @@ def test_a_missing_file_is_refused(tmp_path):
         read_photograph(tmp_path / "none.jpg")
 
 
+def test_nan_in_one_pixel_is_refused_by_the_name_of_its_file(tmp_path):
+    """A format that can hold NaN holds floats."""
+    pixels = np.full((4, 4, 3), 0.5, np.float32)
+    pixels[1, 2, 0] = np.nan
+    path = tmp_path / "spoilt.tiff"
+    path.write_bytes(cv2.imencode(".tiff", pixels)[1].tobytes())
+    with pytest.raises(InputError, match=r"spoilt\.tiff: has float32 pixels"):
+        read_photograph(path)
+
+
 def test_float_pixels_are_refused(tmp_path):
     data = cv2.imencode(".tiff", np.ones((4, 4, 3), np.float32))[1].tobytes()
     refused(tmp_path, data, "a.tiff")

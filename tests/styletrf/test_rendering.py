@@ -9,7 +9,7 @@ from test_field_training import CONFIG, fit
 
 from styletrf.field import Appearance, FieldConfig, set_occupancy
 from styletrf.kernels import Samples, Segments, kernels_for
-from styletrf.rendering import LEAST_OPACITY, RenderConfig, render_color, render_view
+from styletrf.rendering import LEAST_OPACITY, RenderConfig, median_depth, render_color, render_view
 from styletrf.space import ViewRays
 
 CPU = torch.device("cpu")
@@ -59,6 +59,25 @@ def test_depth_is_positive_finite_and_color_in_range(scene, field):
     assert torch.isfinite(render.depth[render.opacity >= LEAST_OPACITY]).all()
     assert (render.depth > 0).all()
     assert ((render.color >= 0) & (render.color <= 1)).all()
+
+
+def test_deferred_shading_of_one_surface_is_near_shading_its_samples(scene, field):
+    exact = rendered(scene, field, RenderConfig())
+    deferred = rendered(scene, field, RenderConfig(deferred=True))
+    assert (exact.color - deferred.color).abs().mean() < 0.01
+    torch.testing.assert_close(exact.depth, deferred.depth)
+
+
+def test_the_median_depth_is_where_half_the_light_is_lost():
+    """Two surfaces of weights 0.3 and 0.6, and a ray that never gets dark."""
+    offsets, ray = torch.tensor([0, 2, 3]), torch.tensor([0, 0, 1])
+    s, weights = torch.tensor([0.25, 0.75, 0.5]), torch.tensor([0.3, 0.6, 0.4])
+    samples = Samples(offsets, ray, s, torch.zeros(3, 3), weights)
+    vectors, ones = torch.ones(2, 3), torch.ones(2)
+    segments = Segments(
+        vectors, vectors, ones, torch.tensor([4, 4]), vectors, ones, 5 * ones, ones
+    )  # affine: depth 1 + 4 s
+    assert median_depth(segments, samples).tolist() == [4.0, torch.inf]
 
 
 @pytest.mark.parametrize("opacity", [1e-4, 0.05, 0.5, 0.99])

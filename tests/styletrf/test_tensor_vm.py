@@ -42,3 +42,15 @@ def test_one_voxel_axes_have_no_neighbours_and_no_nan():
     factors.total_variation().backward()
     assert factors.total_variation() == 0
     assert factors.l1() > 0
+
+
+def test_gradients_added_in_place_are_those_of_the_backward_pass():
+    factors = TensorVM((4, 3, 1), (2, 3, 1), generator=torch.Generator().manual_seed(1))
+    (0.3 * factors.total_variation() + 0.2 * factors.l1()).backward()
+    expected = [p.grad.clone() for p in factors.parameters()]
+    for parameter in factors.parameters():
+        parameter.grad.zero_()
+    factors.add_total_variation_gradient(0.3)
+    factors.add_l1_gradient(0.2)
+    for parameter, grad in zip(factors.parameters(), expected, strict=True):
+        torch.testing.assert_close(parameter.grad, grad)

@@ -1,0 +1,244 @@
+"""What the radiance field costs and shows, from given poses: `python benchmarks/field.py --help`.
+
+Scenes lie below `STYLETRF_DATA`; a row of JSON is printed a measurement. Seconds and milliseconds
+are those of training alone, the clock stands while held-out views are rendered.
+
+    field.py train horns --at 200 900 --set training.iterations=12000 training.field.hidden=64
+    field.py sweep horns training.min_weight 0.001 0.003 0.01
+    field.py frame horns --field FOLDER
+    field.py compare horns --iterations 20
+"""
+
+import argparse
+import json
+import resource
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from given_scenes import GivenScene, load_given_scene
+
+from styletrf.cameras import resized
+from styletrf.configuration import configured
+from styletrf.field import RadianceField, load_field, save_field
+from styletrf.field_training import FieldTrainer, FieldTrainingConfig
+from styletrf.frames import rendered
+from styletrf.images import from_integers, write_rgb
+from styletrf.kernels import kernels_for
+from styletrf.metrics import psnr
+from styletrf.rendering import RenderConfig
+from styletrf.scene_model import SceneModelConfig
+from tasks.qualities import QUALITIES, settings_for
+
+EXHAUSTIVE = RenderConfig(termination=1e-4, min_weight=0.0)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of the scene's model, the fit, and the frames it is judged by."""
+
+    model: SceneModelConfig = field(default_factory=SceneModelConfig)
+    training: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)
+    render: RenderConfig = field(default_factory=lambda: RenderConfig(1e-3, 1e-3))
+
+
+def trainer_of(scene: GivenScene, settings: Settings, kernels: str | None) -> FieldTrainer:
+    """Returns a fit that has not begun."""
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    return FieldTrainer(
+        scene.train.cameras, scene.train.images.to(device), scene.model.space,
+        scene.model.resolution, settings.training, kernels_for(device, kernels),
+    )  # fmt: skip
+
+
+def measurements(
+    scene: GivenScene, settings: Settings, kernels: str | None, at: list[float],
+    folder: Path | None = None,
+) -> Iterator[dict[str, Any]]:  # fmt: skip
+    """Yields what a fit has reached after each of the given seconds and at its end."""
+    trainer = trainer_of(scene, settings, kernels)
+    started, before, waiting = time.process_time(), 0.0, sorted(at)
+    while trainer.iteration < settings.training.iterations:
+        trainer.step()
+        at_end = trainer.iteration == settings.training.iterations
+        if trainer.curve and (at_end or (waiting and trainer.seconds >= waiting[0])):
+            waiting = [seconds for seconds in waiting if seconds > trainer.seconds]
+            before += time.process_time() - started
+            yield _reached(trainer) | {"cpu_seconds": before} | held_out(scene, trainer, settings)
+            started = time.process_time()
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        trainer.refresh_occupancy()
+        save_field(folder, trainer.field)
+
+
+def _reached(trainer: FieldTrainer) -> dict[str, Any]:
+    recent = trainer.curve[-min(10, len(trainer.curve)) :]
+    spent = recent[-1].seconds - recent[0].seconds
+    bytes_of_field = sum(t.nbytes for t in trainer.field.state_dict().values())
+    return {
+        "iteration": trainer.iteration,
+        "seconds": trainer.seconds,
+        "ms_per_iteration": 1e3 * spent / max(1, recent[-1].iteration - recent[0].iteration),
+        "density_samples": recent[-1].density_samples,
+        "color_samples": recent[-1].color_samples,
+        "resolution": trainer.field.resolution,
+        "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "model_mb": bytes_of_field / 2**20,
+    }
+
+
+def held_out(scene: GivenScene, trainer: FieldTrainer, settings: Settings) -> dict[str, float]:
+    """Returns the mean PSNR of all held-out views."""
+    values = [
+        psnr(color, from_integers(photograph.numpy()))
+        for color, photograph in zip(
+            colors(scene, trainer.field, settings.render), scene.test.images, strict=True
+        )
+    ]
+    return {"psnr": float(np.mean(values)), "views": len(values)}
+
+
+def colors(
+    scene: GivenScene, radiance: RadianceField, config: RenderConfig, views: slice = slice(None)
+) -> Iterator[np.ndarray]:
+    """Yields the renders of held-out views."""
+    device = radiance.appearance.background.device
+    cameras = scene.test.cameras[views]
+    for render in rendered(radiance, scene.model.space, cameras, config, device):
+        yield render.color.numpy()
+
+
+def train(options: argparse.Namespace) -> None:
+    """Prints what a fit reaches, and with `--field` keeps it there with its first render."""
+    settings = settings_of(options)
+    scene = load_given_scene(options.scene, settings.model)
+    for row in measurements(scene, settings, options.kernels, options.at, options.field):
+        told(options, row)
+    if options.field is not None:
+        first = next(colors(scene, load_field(options.field), settings.render, slice(1)))
+        pair = [first, from_integers(scene.test.images[0].numpy())]
+        write_rgb(options.field / "first_held_out_view.png", np.concatenate(pair, axis=1))
+
+
+def sweep(options: argparse.Namespace) -> None:
+    """Prints what a fit reaches at each value of one knob."""
+    for value in options.values:
+        options.set = [*options.set[: options.given], f"{options.knob}={value}"]
+        settings = settings_of(options)
+        scene = load_given_scene(options.scene, settings.model)
+        for row in measurements(scene, settings, options.kernels, []):
+            told(options, {options.knob: json.loads(value)} | row)
+
+
+def frame(options: argparse.Namespace) -> None:
+    """Prints the best seconds of a frame, and its PSNR to the photograph and the exhaustive one."""
+    settings = settings_of(options)
+    scene = load_given_scene(options.scene, settings.model)
+    if options.long_side:
+        scene = _larger(scene, options.long_side)
+    radiance = load_field(options.field)
+    exhaustive = next(colors(scene, radiance, EXHAUSTIVE, slice(1)))
+    shown, seconds = exhaustive, []
+    for _ in range(options.repeats):
+        started = time.monotonic()
+        shown = next(colors(scene, radiance, settings.render, slice(1)))
+        seconds.append(time.monotonic() - started)
+    row = {"seconds": min(seconds), "psnr_to_exhaustive": psnr(shown, exhaustive)}
+    photograph = from_integers(scene.test.images[0].numpy())
+    if shown.shape == photograph.shape:
+        row |= {"psnr": psnr(shown, photograph), "psnr_exhaustive": psnr(exhaustive, photograph)}
+    told(options, row | {"pixels": shown.shape[:2]})
+
+
+def _larger(scene: GivenScene, long_side: int) -> GivenScene:
+    cameras = [
+        resized(c, *(round(n * long_side / max(c.width, c.height)) for n in (c.width, c.height)))
+        for c in scene.test.cameras
+    ]
+    return replace(scene, test=replace(scene.test, cameras=cameras))
+
+
+def compare(options: argparse.Namespace) -> None:
+    """Prints milliseconds an iteration at the final resolution of both forms, and their losses."""
+    settings = settings_of(options)
+    scene = load_given_scene(options.scene, settings.model)
+    training = replace(settings.training, upsample_at=(), iterations=options.iterations)
+    for kernels in (options.kernels, "reference"):
+        trainer = trainer_of(scene, replace(settings, training=training), kernels)
+        if options.field is not None:
+            trainer.field.density.occupancy = load_field(options.field).density.occupancy
+            trainer.field.load_state_dict(load_field(options.field).state_dict())
+        trainer.step()
+        first, cpu, losses = trainer.seconds, time.process_time(), []
+        for _ in range(options.iterations - 1):
+            trainer.step()
+            losses.append(10 ** (-trainer.psnr() / 10))
+        told(options, {
+            "kernels": trainer.kernels.name,
+            "ms_per_iteration": 1e3 * (trainer.seconds - first) / (options.iterations - 1),
+            "cpu_ms_per_iteration": 1e3
+            * (time.process_time() - cpu)
+            / (options.iterations - 1),
+            "losses": losses,
+        })  # fmt: skip
+
+
+def settings_of(options: argparse.Namespace) -> Settings:
+    """Returns the quality's settings with the given ones in their place."""
+    values = {
+        f"{part}.{name}": value
+        for part, family in (("model", "SceneModel"), ("training", "RadianceField"))
+        for name, value in settings_for(family, options.quality).items()
+    }
+    values |= {"training.seed": options.seed}
+    for setting in options.set:
+        name, _, value = setting.partition("=")
+        values[name] = json.loads(value)
+    return configured(Settings, values)
+
+
+def told(options: argparse.Namespace, row: dict[str, Any]) -> None:
+    """Prints a row."""
+    rounded = {k: round(v, 5) if isinstance(v, float) else v for k, v in row.items()}
+    print(json.dumps({"scene": options.scene} | rounded), flush=True)  # noqa: T201
+
+
+def parser() -> argparse.ArgumentParser:
+    """Returns the parser of the command line."""
+    result = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    modes = result.add_subparsers(required=True)
+    for mode in (train, sweep, frame, compare):
+        one = modes.add_parser(mode.__name__, help=mode.__doc__)
+        one.add_argument("scene")
+        if mode is sweep:
+            one.add_argument("knob")
+            one.add_argument("values", nargs="+")
+        one.add_argument("--quality", choices=QUALITIES, default="draft")
+        one.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
+        one.add_argument("--kernels")
+        one.add_argument("--seed", type=int, default=0)
+        one.add_argument("--field", type=Path, required=mode is frame)
+        one.add_argument("--at", type=float, nargs="*", default=[], metavar="SECONDS")
+        one.add_argument("--repeats", type=int, default=5)
+        one.add_argument("--iterations", type=int, default=20)
+        one.add_argument("--long-side", type=int, default=0)
+        one.set_defaults(run=mode)
+    return result
+
+
+def main() -> None:
+    """Runs the mode that the command line names."""
+    options = parser().parse_args()
+    options.given = len(options.set)
+    options.run(options)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""Poses as LLFF keeps them: `poses_bounds.npy`, one row a photograph in the order of their names.
+
+A row is the 3x5 matrix [rotation | centre | height, width, focal] and the depths of the nearest and
+the farthest points. The columns of the rotation are the camera's down, right and backwards axes in
+the world; the optical axis goes through the middle of the image (Mildenhall et al. 2019).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.cameras import Camera, pixel_centers, resized
+from styletrf.errors import InputError
+
+_REMEDY = "Write it anew with the photographs that are there"
+
+
+@dataclass(frozen=True, slots=True)
+class LLFFPoses:
+    """Cameras at the size of the photographs, and the depths Z between which each sees points."""
+
+    cameras: tuple[Camera, ...]
+    near: Float[np.ndarray, " views"]
+    far: Float[np.ndarray, " views"]
+
+
+def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -> LLFFPoses:
+    """Returns the cameras of photographs of `width` x `height`, whatever size they were posed at.
+
+    Args:
+        path: The `poses_bounds.npy`.
+        names: Of the photographs, sorted as the rows are.
+        width: Of the photographs, in pixels.
+        height: Likewise.
+
+    Raises:
+        InputError: The file is no such table, or not of so many photographs, or not finite.
+    """
+    try:
+        rows = np.load(path, allow_pickle=False).astype(np.float64)
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), "is no table of numbers", _REMEDY) from error
+    if rows.shape != (len(names), 17) or not np.isfinite(rows).all():
+        problem = f"is not 17 finite numbers for each of {len(names)} photographs"
+        raise InputError(str(path), problem, _REMEDY)
+    cameras = [
+        resized(_camera(name, row[:15].reshape(3, 5)), width, height)
+        for name, row in zip(names, rows, strict=True)
+    ]
+    return LLFFPoses(tuple(cameras), rows[:, 15], rows[:, 16])
+
+
+def points_at_bounds(poses: LLFFPoses, every: int = 16) -> Float[np.ndarray, "points 3"]:
+    """Returns world points that stand in for a sparse reconstruction.
+
+    They lie on the rays through each view's pixels, a lattice of `every` x `every`, at the depth
+    nearest to it, the farthest, and the one with the mean disparity of the two.
+    """
+    points = []
+    for camera, near, far in zip(poses.cameras, poses.near, poses.far, strict=True):
+        x, y = pixel_centers(every, every).T / every
+        x = (x * camera.width - camera.cx) / camera.fx
+        y = (y * camera.height - camera.cy) / camera.fy
+        rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_camera[:, :3].T
+        depths = (near, 2 / (1 / near + 1 / far), far)
+        points += [camera.center_world + depth * rays for depth in depths]
+    return np.concatenate(points)
+
+
+def _camera(name: str, matrix: Float[np.ndarray, "3 5"]) -> Camera:
+    down, right, backwards, center = matrix[:, :4].T
+    height, width, focal = matrix[:, 4]
+    pose = np.column_stack([right, down, -backwards, center])
+    return Camera(name, round(width), round(height), focal, focal, width / 2, height / 2, pose)

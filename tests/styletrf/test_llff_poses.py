@@ -1,0 +1,55 @@
+"""LLFF's table of poses: its axes, its pixels, its bounds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from styletrf.cameras import project
+from styletrf.errors import InputError
+from styletrf.llff_poses import points_at_bounds, read_llff_poses
+
+
+def row(down, right, back, center, height=40.0, width=60.0, focal=50.0, near=2.0, far=8.0):
+    matrix = np.column_stack([down, right, back, center, [height, width, focal]])
+    return np.concatenate([matrix.reshape(-1), [near, far]])
+
+
+LEVEL = row([0, -1, 0], [1, 0, 0], [0, 0, 1], [1, 2, 3])  # y up, looking along -z
+
+
+def written(tmp_path: Path, rows) -> Path:
+    np.save(tmp_path / "poses_bounds.npy", np.array(rows, dtype=np.float64))
+    return tmp_path / "poses_bounds.npy"
+
+
+def test_a_point_is_seen_where_the_axes_say(tmp_path):
+    (camera,) = read_llff_poses(written(tmp_path, [LEVEL]), ["a"], 60, 40).cameras
+    ahead = np.array([1.0, 2.0, 3.0 - 5.0])
+    pixels, depth = project(camera, ahead + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    np.testing.assert_allclose(pixels, [[30, 20], [40, 20], [30, 10]])
+    np.testing.assert_allclose(depth, 5)
+
+
+def test_the_focal_length_follows_the_size_of_the_photographs(tmp_path):
+    (camera,) = read_llff_poses(written(tmp_path, [LEVEL]), ["a"], 30, 20).cameras
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (25, 25, 15, 10)
+
+
+def test_points_lie_at_the_bounds_of_their_view(tmp_path):
+    poses = read_llff_poses(written(tmp_path, [LEVEL]), ["a"], 60, 40)
+    pixels, depth = project(poses.cameras[0], points_at_bounds(poses, every=4))
+    assert sorted(set(np.round(depth, 9))) == [2.0, 3.2, 8.0]
+    assert ((pixels > 0) & (pixels < [60, 40])).all()
+
+
+@pytest.mark.parametrize("rows", [[LEVEL, LEVEL], [LEVEL[:16]], [LEVEL * np.nan]])
+def test_a_table_of_something_else_is_told(tmp_path, rows):
+    with pytest.raises(InputError, match=r"poses_bounds\.npy: is not 17 finite numbers"):
+        read_llff_poses(written(tmp_path, rows), ["a"], 60, 40)
+
+
+def test_a_file_that_is_no_table_is_told(tmp_path):
+    (tmp_path / "poses_bounds.npy").write_bytes(b"no table")
+    with pytest.raises(InputError, match="is no table of numbers"):
+        read_llff_poses(tmp_path / "poses_bounds.npy", ["a"], 60, 40)

@@ -1,0 +1,48 @@
+"""Occupancy: where density is and one voxel around, never nowhere."""
+
+import torch
+
+from styletrf.field import Density, FieldConfig
+from styletrf.kernels import kernels_for
+from styletrf.occupancy import occupied_voxels
+
+KERNELS = kernels_for(torch.device("cpu"))
+
+
+def slab(opaque: float = 40.0) -> Density:
+    """Opaque in the upper half of x, empty in the lower."""
+    density = Density(FieldConfig((1, 1, 1), (1, 1, 1)), (17, 17, 17))
+    with torch.no_grad():
+        for factor in density.factors.parameters():
+            factor.zero_()
+        density.factors.planes[0][:, 9:] = opaque
+        density.factors.lines[0].fill_(1)
+    return density
+
+
+def test_it_is_where_the_density_is_and_one_voxel_around():
+    occupied = occupied_voxels(slab(), KERNELS, 0.05, 0.01)
+    assert occupied.shape == (8, 8, 8)
+    assert occupied.unique_consecutive(dim=0)[:, 0, 0].tolist() == [0, 1]
+    assert occupied[:3].sum() == 0
+    assert occupied[3:].all()
+
+
+def test_more_is_occupied_at_a_lower_opacity_and_a_longer_step():
+    generator = torch.Generator().manual_seed(0)
+    density = Density(FieldConfig((4, 4, 4), (1, 1, 1)), (17, 17, 17), generator)
+
+    def count(step_length, min_alpha):
+        return int(occupied_voxels(density, KERNELS, step_length, min_alpha).sum())
+
+    assert count(0.01, 0.02) >= count(0.01, 0.05)
+    assert count(0.02, 0.05) >= count(0.01, 0.05)
+
+
+def test_where_nothing_is_everything_counts_as_occupied():
+    assert occupied_voxels(slab(opaque=0.0), KERNELS, 0.05, 0.5).all()
+
+
+def test_a_lattice_of_one_point_has_an_occupancy():
+    density = Density(FieldConfig((1, 1, 1), (1, 1, 1)), (1, 1, 1))
+    assert occupied_voxels(density, KERNELS, 0.1, 0.01).shape == (2, 2, 2)
