@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
@@ -30,6 +31,15 @@ class Segments:
 
     def __len__(self) -> int:
         return self.origins.shape[0]
+
+    def step_thickness(self, scale: float) -> Float[Tensor, " rays"]:
+        """Returns the optical thickness of one step of each ray per softplus(raw + shift).
+
+        It saturates at the largest finite number, so that an infinite density over no length, and
+        one that underflows over any, is transparent.
+        """
+        largest = torch.finfo(self.lengths.dtype).max
+        return (self.lengths / self.n_steps.clamp(min=1) * min(scale, largest)).clamp(max=largest)
 
     def depth_along(
         self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]

@@ -19,15 +19,16 @@ import numpy as np
 BANDS = 16
 # Reordering sums is allowed; ignoring NaN and infinity is not.
 FAST = {"reassoc", "contract", "nsz", "arcp"}
-ONE = np.float32(1)
+ZERO, ONE = np.float32(0), np.float32(1)
 
 
 @no_type_check
 @numba.njit(cache=True, inline="always", fastmath=FAST)
 def cell(x, n):
     """Returns the two lattice indices around coordinate x on n points, and the fraction."""
-    position = (min(max(x, -ONE), ONE) + ONE) * np.float32(0.5) * np.float32(n - 1)
-    lower = min(np.int64(position), np.int64(max(n - 2, 0)))
+    x = -ONE if x < -ONE else ONE if x > ONE else x  # NaN stays
+    position = (x + ONE) * np.float32(0.5) * np.float32(n - 1)
+    lower = min(np.int64(position if position > ZERO else ZERO), np.int64(max(n - 2, 0)))
     return lower, min(lower + 1, n - 1), position - np.float32(lower)
 
 
