@@ -125,13 +125,17 @@ def _interpolate(
     plane: Float[Tensor, "v u c"], x: Float[Tensor, " samples"], y: Float[Tensor, " samples"]
 ) -> Float[Tensor, "samples c"]:
     """Bilinear, clamped at the border, lattice points on the border (align_corners)."""
-    grid = torch.stack([x, y], dim=-1)[None, :, None]
+    grid = torch.stack([x, y], dim=-1)
+    is_nan = torch.isnan(grid)  # which grid_sample takes for -1, and its gradient out of bounds
     image = plane.permute(2, 0, 1)[None]
     values = functional.grid_sample(
-        image, grid, mode="bilinear", padding_mode="border", align_corners=True
+        image,
+        grid.masked_fill(is_nan, 0)[None, :, None],
+        mode="bilinear",
+        padding_mode="border",
+        align_corners=True,
     )
-    not_numbers = (torch.isnan(x) | torch.isnan(y))[:, None]  # grid_sample takes them for -1
-    return torch.where(not_numbers, torch.nan, values[0, :, :, 0].T)
+    return torch.where(is_nan.any(dim=1)[:, None], torch.nan, values[0, :, :, 0].T)
 
 
 def rays_of(offsets: Int64[Tensor, " rays_and_one"]) -> Int64[Tensor, " samples"]:

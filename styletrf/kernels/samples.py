@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
+
+THICKEST = 1e30
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +36,11 @@ class Segments:
     def step_thickness(self, scale: float) -> Float[Tensor, " rays"]:
         """Returns the optical thickness of one step of each ray per softplus(raw + shift).
 
-        It saturates at the largest finite number, so that an infinite density over no length, and
-        one that underflows over any, is transparent.
+        It, its length and `scale` saturate at THICKEST: 0 times an infinite one is 0, and its
+        gradients do not overflow.
         """
-        largest = torch.finfo(self.lengths.dtype).max
-        return (self.lengths / self.n_steps.clamp(min=1) * min(scale, largest)).clamp(max=largest)
+        step_lengths = self.lengths.clamp(max=THICKEST) / self.n_steps.clamp(min=1)
+        return (step_lengths * min(scale, THICKEST)).clamp(max=THICKEST)
 
     def depth_along(
         self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]

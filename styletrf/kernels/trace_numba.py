@@ -15,17 +15,17 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from styletrf.kernels.samples import THICKEST
 from styletrf.kernels.vm_numba import FAST, ONE, ZERO, vm_sum
 
-LARGEST = np.finfo(np.float32).max
+MOST = np.float32(THICKEST)
 
 
 @no_type_check
 @numba.njit(cache=True, inline="always")
 def _voxel(x, n):
     """Returns the index of the voxel that holds coordinate x, clamped to the grid."""
-    position = (x + ONE) * np.float32(0.5 * n)
-    position = position if position > ZERO else ZERO  # and where it is NaN
+    position = max(ZERO, (x + ONE) * np.float32(0.5 * n))  # in this order NaN gives 0
     return np.int64(min(position, np.float32(n - 1)))
 
 
@@ -47,9 +47,10 @@ def sigmoid(x):
 @no_type_check
 @numba.njit(cache=True, inline="always")
 def _step_thickness(length, n_steps, scale):
-    """Returns what scales softplus into the optical thickness of a step, at most LARGEST."""
-    factor = length / np.float32(n_steps) * min(scale, LARGEST)
-    return LARGEST if factor > LARGEST else factor
+    """See `Segments.step_thickness`."""
+    length = MOST if length > MOST else length
+    thickness = length / np.float32(n_steps) * min(scale, MOST)
+    return MOST if thickness > MOST else thickness
 
 
 @no_type_check

@@ -26,9 +26,9 @@ ZERO, ONE = np.float32(0), np.float32(1)
 @numba.njit(cache=True, inline="always", fastmath=FAST)
 def cell(x, n):
     """Returns the two lattice indices around coordinate x on n points, and the fraction."""
-    x = -ONE if x < -ONE else ONE if x > ONE else x  # NaN stays
-    position = (x + ONE) * np.float32(0.5) * np.float32(n - 1)
-    lower = min(np.int64(position if position > ZERO else ZERO), np.int64(max(n - 2, 0)))
+    # Where one is NaN, min and max return their first argument: x stays NaN, its cell is 0.
+    position = (min(max(x, -ONE), ONE) + ONE) * np.float32(0.5) * np.float32(n - 1)
+    lower = min(np.int64(max(ZERO, position)), np.int64(max(n - 2, 0)))
     return lower, min(lower + 1, n - 1), position - np.float32(lower)
 
 
