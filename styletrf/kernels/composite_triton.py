@@ -12,10 +12,8 @@ import triton.language as tl
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.kernels.trace_triton import starts
+from styletrf.kernels.trace_triton import STEPS, starts
 from styletrf.kernels.vm_triton import BLOCK, channel_tile
-
-STEPS = 32
 
 
 @no_type_check

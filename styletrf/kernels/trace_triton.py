@@ -21,46 +21,11 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.kernels.samples import March, Samples, Segments
+from styletrf.kernels.thickness_triton import opacity, sigmoid, softplus
 from styletrf.kernels.vm_triton import density_feature, kernel_factors
 
 SIZES = ["n_x", "n_y", "n_z", "v_x", "v_y", "v_z"]  # of lattice and voxels: not compiled for each
 STEPS = 32  # at a time: one a lane
-
-
-@no_type_check
-@triton.jit
-def log1p_unit(e):
-    """Returns log(1 + e) for e in [0, 1], exact for small e: 2 artanh(e / (2 + e))."""
-    z = e / (2.0 + e)
-    q = z * z
-    series = 1.0 / 11 + q * (1.0 / 13 + q * (1.0 / 15))
-    series = 1.0 / 5 + q * (1.0 / 7 + q * (1.0 / 9 + q * series))
-    return 2.0 * z * (1.0 + q * (1.0 / 3 + q * series))
-
-
-@no_type_check
-@triton.jit
-def softplus(x):
-    """Returns log(1 + exp(x)) without overflow."""
-    return tl.where(x > 0.0, x, 0.0) + log1p_unit(tl.exp(-tl.abs(x)))
-
-
-@no_type_check
-@triton.jit
-def sigmoid(x):
-    """Returns the derivative of softplus, without overflow."""
-    e = tl.exp(-tl.abs(x))
-    return tl.where(x < 0.0, e, 1.0) / (1.0 + e)
-
-
-@no_type_check
-@triton.jit
-def opacity(tau):
-    """Returns 1 - exp(-tau), exact for thin fog: the power series where it converges in float32."""
-    t = tl.where(tau < 0.5, tau, 0.5)
-    series = 1.0 / 24 - t * (1.0 / 120 - t * (1.0 / 720 - t * (1.0 / 5040)))
-    series = t * (1.0 - t * (1.0 / 2 - t * (1.0 / 6 - t * series)))
-    return tl.where(tau < 0.5, series, 1.0 - tl.exp(-tau))
 
 
 @no_type_check

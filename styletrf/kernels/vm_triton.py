@@ -6,7 +6,7 @@ of two pads its tile, and the padding is masked. Grid coordinates and their clam
 `reference`; a coordinate that is NaN reads within bounds and gives NaN.
 
 Gradients are added atomically: which of many samples is added first varies from run to run, and
-with it the last bits of the sums. Sorting, as on the CPU, would cost more than it orders.
+with it the last bits of the sums. (On the CPU samples are sorted, and sums always the same.)
 
 Sample and cell numbers are 64-bit before they are multiplied: positions times channels pass 2^31.
 """
