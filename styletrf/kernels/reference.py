@@ -15,7 +15,10 @@ from styletrf.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 def features(
     factors: TensorVM, positions: Float[Tensor, "samples 3"]
 ) -> Float[Tensor, "samples components"]:
-    """Returns plane x line of every component at grid positions, differentiable in the factors."""
+    """Returns plane x line of every component at grid positions, differentiable in the factors.
+
+    Positions outside the grid take the value at its border; one that is NaN gives NaN.
+    """
     columns = []
     for (u, v), w, plane, line in zip(
         PLANE_AXES, LINE_AXES, factors.planes, factors.lines, strict=True
@@ -40,7 +43,8 @@ def trace(
 
         weight_i = exp(-sum_{j < i} tau_j) (1 - exp(-tau_i))        (Max 1995)
 
-    and a ray ends after the sample that brings its transmittance below `march.termination`.
+    and a ray ends after the sample that brings its transmittance below `march.termination`. Where
+    the factors are NaN the weights are, and the ray goes on.
     """
     steps = torch.arange(int(segments.n_steps.max()) if len(segments) else 0)
     steps = steps.to(segments.origins.device)
@@ -49,12 +53,15 @@ def trace(
     positions = segments.origins[:, None] + s[..., None] * segments.directions[:, None]
     mask = (steps < segments.n_steps[:, None]) & _occupied(march, positions)
     raw = torch.zeros_like(s).masked_scatter(mask, density(factors, positions[mask]))
-    length = (segments.lengths / n[:, 0])[:, None]
-    tau = torch.where(mask, march.scale * functional.softplus(raw + march.shift) * length, 0.0)
-    optical_depth = torch.cumsum(tau, dim=1) - tau
+    thickness = segments.step_thickness(march.scale)[:, None]
+    tau = torch.where(mask, thickness * functional.softplus(raw + march.shift), 0.0)
+    # Summed before the sample, not up to it and subtracted again: tau may be infinite.
+    optical_depth = torch.cat(
+        [torch.zeros_like(tau[:, :1]), torch.cumsum(tau, dim=1)[:, :-1]], dim=1
+    )
     transmittance = torch.exp(-optical_depth)
     weights = transmittance * -torch.expm1(-tau)
-    mask = mask & (transmittance.detach() >= march.termination)
+    mask = mask & ~(transmittance.detach() < march.termination)
     ray, step = mask.nonzero(as_tuple=True)
     counts = torch.cat([mask.new_zeros(1, dtype=torch.int64), mask.sum(dim=1)])
     return Samples(
@@ -66,16 +73,18 @@ def heavy(samples: Samples, threshold: float) -> Samples:
     """Returns the samples worth a colour, differentiable in the weights.
 
     These are the samples heavier than `threshold`, and, of a ray that has none but more opacity
-    than that (haze), its heaviest one.
+    than that (haze), its first heaviest one. A weight that is NaN is kept, so that it is seen.
     """
-    weights, rays = samples.weights.detach(), len(samples.offsets) - 1
+    weights, rays, n = samples.weights.detach(), len(samples.offsets) - 1, len(samples.weights)
     opacity = weights.new_zeros(rays).index_add(0, samples.ray, weights)
     largest = weights.new_zeros(rays).scatter_reduce(0, samples.ray, weights, "amax")
     stands_for_haze = (opacity > threshold) & (largest <= threshold)
-    index = (weights > threshold) | (
-        stands_for_haze[samples.ray] & (weights == largest[samples.ray])
-    )
-    kept = index.nonzero()[:, 0]
+    sample = torch.arange(n, device=weights.device)
+    heaviest = torch.full_like(samples.offsets[1:], n)
+    ties = weights == largest[samples.ray]
+    heaviest = heaviest.scatter_reduce(0, samples.ray[ties], sample[ties], "amin")
+    of_haze = stands_for_haze[samples.ray] & (sample == heaviest[samples.ray])
+    kept = (~(weights <= threshold) | of_haze).nonzero()[:, 0]
     bounds = torch.arange(rays + 1, device=kept.device)
     return samples.chosen(torch.searchsorted(samples.ray[kept], bounds), kept)
 
@@ -107,8 +116,8 @@ def decode(
 
 def _occupied(march: March, positions: Float[Tensor, "*batch 3"]) -> Tensor:
     n = torch.tensor(march.occupancy.shape, device=positions.device)
-    voxel = ((positions + 1) * (0.5 * n)).long().clamp(min=0)
-    voxel = torch.minimum(voxel, n - 1)
+    voxel = torch.nan_to_num((positions + 1) * (0.5 * n), nan=0.0).clamp(min=0)
+    voxel = torch.minimum(voxel, (n - 1).to(voxel)).long()
     return march.occupancy[voxel[..., 0], voxel[..., 1], voxel[..., 2]] != 0
 
 
@@ -116,12 +125,17 @@ def _interpolate(
     plane: Float[Tensor, "v u c"], x: Float[Tensor, " samples"], y: Float[Tensor, " samples"]
 ) -> Float[Tensor, "samples c"]:
     """Bilinear, clamped at the border, lattice points on the border (align_corners)."""
-    grid = torch.stack([x, y], dim=-1)[None, :, None]
+    grid = torch.stack([x, y], dim=-1)
+    is_nan = torch.isnan(grid)  # which grid_sample takes for -1, and its gradient out of bounds
     image = plane.permute(2, 0, 1)[None]
     values = functional.grid_sample(
-        image, grid, mode="bilinear", padding_mode="border", align_corners=True
+        image,
+        grid.masked_fill(is_nan, 0)[None, :, None],
+        mode="bilinear",
+        padding_mode="border",
+        align_corners=True,
     )
-    return values[0, :, :, 0].T
+    return torch.where(is_nan.any(dim=1)[:, None], torch.nan, values[0, :, :, 0].T)
 
 
 def rays_of(offsets: Int64[Tensor, " rays_and_one"]) -> Int64[Tensor, " samples"]:

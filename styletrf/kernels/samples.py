@@ -6,6 +6,8 @@ import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
+THICKEST = 1e30
+
 
 @dataclass(frozen=True, slots=True)
 class Segments:
@@ -31,6 +33,15 @@ class Segments:
 
     def __len__(self) -> int:
         return self.origins.shape[0]
+
+    def step_thickness(self, scale: float) -> Float[Tensor, " rays"]:
+        """Returns the optical thickness of one step of each ray per softplus(raw + shift).
+
+        It, its length and `scale` saturate at THICKEST: 0 times an infinite one is 0, and its
+        gradients do not overflow.
+        """
+        step_lengths = self.lengths.clamp(max=THICKEST) / self.n_steps.clamp(min=1)
+        return (step_lengths * min(scale, THICKEST)).clamp(max=THICKEST)
 
     def depth_along(
         self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]

@@ -15,14 +15,18 @@ from typing import no_type_check
 import numba
 import numpy as np
 
-from styletrf.kernels.vm_numba import FAST, ONE, vm_sum
+from styletrf.kernels.samples import THICKEST
+from styletrf.kernels.vm_numba import FAST, ONE, ZERO, vm_sum
+
+MOST = np.float32(THICKEST)
 
 
 @no_type_check
 @numba.njit(cache=True, inline="always")
 def _voxel(x, n):
     """Returns the index of the voxel that holds coordinate x, clamped to the grid."""
-    return min(max(np.int64((x + ONE) * np.float32(0.5 * n)), 0), n - 1)
+    position = max(ZERO, (x + ONE) * np.float32(0.5 * n))  # in this order NaN gives 0
+    return np.int64(min(position, np.float32(n - 1)))
 
 
 @no_type_check
@@ -38,6 +42,15 @@ def sigmoid(x):
     """Returns the derivative of softplus, without overflow."""
     e = np.float32(math.exp(-abs(x)))
     return ONE / (ONE + e) if x >= 0 else e / (ONE + e)
+
+
+@no_type_check
+@numba.njit(cache=True, inline="always")
+def _step_thickness(length, n_steps, scale):
+    """See `Segments.step_thickness`."""
+    length = MOST if length > MOST else length
+    thickness = length / np.float32(n_steps) * min(scale, MOST)
+    return MOST if thickness > MOST else thickness
 
 
 @no_type_check
@@ -102,7 +115,7 @@ def trace_forward(
         if n_steps[ray] == 0:
             continue
         step = ONE / np.float32(n_steps[ray])
-        tau_of_density = lengths[ray] * step * scale
+        thickness = _step_thickness(lengths[ray], n_steps[ray], scale)
         transmittance = ONE
         kept = 0
         for k in range(n_steps[ray]):
@@ -113,7 +126,7 @@ def trace_forward(
             if occupancy[_voxel(x, nx), _voxel(y, ny), _voxel(z, nz)] == 0:
                 continue
             feature = density_feature(planes, lines, x, y, z)
-            tau = tau_of_density * softplus(feature + shift)
+            tau = thickness * softplus(feature + shift)
             w = -transmittance * np.float32(math.expm1(-tau))
             along[ray, kept] = s
             raw[ray, kept] = feature
@@ -168,11 +181,11 @@ def trace_backward(offsets, lengths, n_steps, raw, weight, grad_weight, shift, s
             behind += grad_weight[i] * weight[i]
         transmittance = ONE
         for i in range(offsets[ray], offsets[ray + 1]):
-            tau_of_density = lengths[ray] / np.float32(n_steps[ray]) * scale
+            slope = _step_thickness(lengths[ray], n_steps[ray], scale) * sigmoid(raw[i] + shift)
             transmittance -= weight[i]
             behind -= grad_weight[i] * weight[i]
             grad_tau = grad_weight[i] * transmittance - np.float32(behind)
-            grad_raw[i, 0] = grad_tau * tau_of_density * sigmoid(raw[i] + shift)
+            grad_raw[i, 0] = grad_tau * slope
     return grad_raw
 
 
@@ -189,6 +202,13 @@ def _heaviest_of_haze(weight, first, last, threshold):
 
 
 @no_type_check
+@numba.njit(cache=True, inline="always")
+def _is_heavy(weight, threshold):
+    """Returns whether a weight is above the threshold, or NaN, so that NaN is seen."""
+    return not weight <= threshold
+
+
+@no_type_check
 @numba.njit(cache=True, parallel=True)
 def heavy_samples(offsets, weight, threshold):
     """Returns where each ray's kept samples begin, and which samples those are."""
@@ -200,13 +220,13 @@ def heavy_samples(offsets, weight, threshold):
             continue
         haze[ray] = _heaviest_of_haze(weight, offsets[ray], offsets[ray + 1], threshold)
         for i in range(offsets[ray], offsets[ray + 1]):
-            kept[ray + 1] += weight[i] > threshold or i == haze[ray]
+            kept[ray + 1] += _is_heavy(weight[i], threshold) or i == haze[ray]
     kept = np.cumsum(kept)
     index = np.empty(kept[-1], np.int64)
     for ray in numba.prange(n_rays):
         k = kept[ray]
         for i in range(offsets[ray], offsets[ray + 1]):
-            if weight[i] > threshold or i == haze[ray]:
+            if _is_heavy(weight[i], threshold) or i == haze[ray]:
                 index[k] = i
                 k += 1
     return kept, index

@@ -19,15 +19,16 @@ BANDS = 16
 BLOCK = 64  # samples whose gradients are fetched together
 # Reordering sums is allowed; ignoring NaN and infinity is not.
 FAST = {"reassoc", "contract", "nsz", "arcp"}
-ONE = np.float32(1)
+ZERO, ONE = np.float32(0), np.float32(1)
 
 
 @no_type_check
 @numba.njit(cache=True, inline="always", fastmath=FAST)
 def cell(x, n):
     """Returns the two lattice indices around coordinate x on n points, and the fraction."""
+    # Where one is NaN, min and max return their first argument: x stays NaN, its cell is 0.
     position = (min(max(x, -ONE), ONE) + ONE) * np.float32(0.5) * np.float32(n - 1)
-    lower = min(np.int64(position), np.int64(max(n - 2, 0)))
+    lower = min(np.int64(max(ZERO, position)), np.int64(max(n - 2, 0)))
     return lower, min(lower + 1, n - 1), position - np.float32(lower)
 
 

@@ -1,0 +1,29 @@
+"""Every form of the kernels as one fixture.
+
+Triton's kernels run on the GPU; where there is none, in Triton's interpreter, which is chosen
+before Triton is first imported.
+"""
+
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+HAS_GPU = torch.cuda.is_available()
+if not HAS_GPU:
+    os.environ.setdefault("TRITON_INTERPRET", "1")
+
+
+@pytest.fixture(params=["reference", "fused", "triton"])
+def form(request: pytest.FixtureRequest) -> Iterator[Any]:
+    """Each form in turn; within the test new tensors are made on the device it runs on."""
+    from styletrf.kernels import kernels_for  # not before its shapes are checked
+
+    if request.param == "triton":
+        pytest.importorskip("triton", reason="Triton is not installed (extra gpu)")
+    device = torch.device("cuda" if HAS_GPU and request.param == "triton" else "cpu")
+    with device, np.errstate(all="ignore"):  # numpy warns of overflow where a card does not
+        yield kernels_for(device, request.param)

@@ -1,0 +1,71 @@
+"""Rays and factors to try the kernels on, on torch's default device."""
+
+from dataclasses import fields, replace
+
+import torch
+from torch import Tensor
+
+from styletrf.kernels import Kernels, March, Samples, Segments, kernels_for
+from styletrf.tensor_vm import TensorVM
+
+REFERENCE = kernels_for(torch.device("cpu"), "reference")
+
+
+def generator(seed: int) -> torch.Generator:
+    return torch.Generator(torch.get_default_device()).manual_seed(seed)
+
+
+def make_segments(n: int, seed: int, max_steps: int = 40, reach: float = 1.0) -> Segments:
+    """Segments between random points of the cube of half side `reach`."""
+    g = generator(seed)
+    origins = reach * (2 * torch.rand(n, 3, generator=g) - 1)
+    ends = reach * (2 * torch.rand(n, 3, generator=g) - 1)
+    steps = torch.randint(0, max_steps + 1, (n,), generator=g)
+    return segments_between(origins, ends, steps)
+
+
+def segments_between(origins: Tensor, ends: Tensor, n_steps: Tensor | int) -> Segments:
+    ones, directions = torch.ones_like(origins[:, 0]), ends - origins
+    n_steps = torch.as_tensor(n_steps).expand(len(origins))
+    lengths = directions.norm(dim=-1)
+    return Segments(origins, directions, lengths, n_steps, directions, ones, 2 * ones, ones)
+
+
+def with_steps(segments: Segments, n_steps: int) -> Segments:
+    return replace(segments, n_steps=torch.full_like(segments.n_steps, n_steps))
+
+
+def doubled(segments: Segments) -> Segments:
+    values = [getattr(segments, f.name) for f in fields(segments)]
+    return Segments(*(v.double() if v.is_floating_point() else v for v in values))
+
+
+def constant_factors(raw: float, resolution=(2, 2, 2)) -> TensorVM:
+    """Factors of one component that make the raw density `raw` everywhere."""
+    factors = TensorVM(resolution, (1, 1, 1), mean=0.0, scale=0.0)
+    with torch.no_grad():
+        factors.planes[0].fill_(raw)
+        factors.lines[0].fill_(1.0)
+    return factors
+
+
+def whole_grid(scale: float = 1.0, shift: float = 0.0, termination: float = 0.0) -> March:
+    """A march that passes over nothing."""
+    return March(torch.ones(1, 1, 1, dtype=torch.uint8), shift, scale, termination)
+
+
+def opacity_of(form: Kernels, samples: Samples) -> Tensor:
+    return form.composite(samples, torch.ones_like(samples.weights)[:, None])[:, 0]
+
+
+def packed(counts: list[int], weights: Tensor) -> Samples:
+    """Samples of rays with so many each."""
+    counts_of = torch.tensor(counts, dtype=torch.int64)
+    offsets = torch.nn.functional.pad(torch.cumsum(counts_of, 0), (1, 0))
+    ray = torch.repeat_interleave(counts_of)
+    s = torch.arange(len(weights), dtype=weights.dtype)
+    return Samples(offsets, ray, s, torch.zeros(len(weights), 3, dtype=weights.dtype), weights)
+
+
+def with_samples(samples: Samples, weights: Tensor) -> Samples:
+    return replace(samples, weights=weights)
