@@ -1,10 +1,10 @@
 """Cameras in Parquet: one row an image, readable by any tool.
 
-Columns: name, width, height, model, fx, fy, cx, cy, distortion (list), registered, and
+Columns: name, width, height, model, fx, fy, cx, cy, distortion (list), registered, held_out, and
 world_from_camera (12 numbers, row-major 3x4; null where the image is not registered).
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +25,23 @@ _SCHEMA = pa.schema(
         ("cy", pa.float64()),
         ("distortion", pa.list_(pa.float64())),
         ("registered", pa.bool_()),
+        ("held_out", pa.bool_()),
         ("world_from_camera", pa.list_(pa.float64())),
     ]
 )
 
 
-def write_cameras(path: Path, cameras: Sequence[Camera], unregistered: Sequence[str] = ()) -> None:
-    """Writes pinhole cameras in the order given, then the names of the unregistered images."""
-    rows = [_row(camera) for camera in cameras]
+def write_cameras(
+    path: Path,
+    cameras: Sequence[Camera],
+    unregistered: Sequence[str] = (),
+    held_out: Set[str] = frozenset(),
+) -> None:
+    """Writes pinhole cameras in the order given, then the names of the unregistered images.
+
+    Those whose names are in `held_out` are for measuring only.
+    """
+    rows = [{**_row(camera), "held_out": camera.name in held_out} for camera in cameras]
     rows += [{"name": name, "registered": False} for name in unregistered]
     pq.write_table(pa.Table.from_pylist(rows, schema=_SCHEMA), path)
 
@@ -40,6 +49,15 @@ def write_cameras(path: Path, cameras: Sequence[Camera], unregistered: Sequence[
 def read_cameras(path: Path) -> list[Camera]:
     """Returns the registered cameras, in the order of the table."""
     return [_camera(row) for row in pq.read_table(path).to_pylist() if row["registered"]]
+
+
+def read_split(path: Path) -> tuple[list[Camera], list[Camera]]:
+    """Returns the registered cameras to fit to, and those held out to measure by."""
+    parts: tuple[list[Camera], list[Camera]] = ([], [])
+    for row in pq.read_table(path).to_pylist():
+        if row["registered"]:
+            parts[row["held_out"]].append(_camera(row))
+    return parts
 
 
 def read_unregistered(path: Path) -> list[str]:

@@ -14,6 +14,8 @@ from jaxtyping import Float
 
 from styletrf.cameras import Camera, pixel_centers, resized
 from styletrf.errors import InputError
+from styletrf.given_poses import GivenPoses, GivenView, Lens, given_poses, rigid
+from styletrf.photographs import list_photographs, read_photograph
 
 _REMEDY = "Write it anew with the photographs that are there"
 
@@ -51,6 +53,31 @@ def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -
         for name, row in zip(names, rows, strict=True)
     ]
     return LLFFPoses(tuple(cameras), rows[:, 15], rows[:, 16])
+
+
+def read_llff_folder(folder: Path) -> GivenPoses | None:
+    """Returns the views of `poses_bounds.npy` and `images` in a folder; None without the former.
+
+    Raises:
+        InputError: As `read_llff_poses`.
+    """
+    path = folder / "poses_bounds.npy"
+    if not path.exists():
+        return None
+    files = sorted(list_photographs(folder / "images"))
+    height, width, _ = read_photograph(files[0]).shape
+    poses = read_llff_poses(path, [file.stem for file in files], width, height)
+    views = [
+        GivenView(
+            file,
+            Lens(
+                "PINHOLE", (float(camera.fx), float(camera.fy), camera.cx, camera.cy), width, height
+            ),
+            rigid(file.name, path, camera.world_from_camera),
+        )
+        for file, camera in zip(files, poses.cameras, strict=True)
+    ]
+    return given_poses(path, views)
 
 
 def points_at_bounds(poses: LLFFPoses, every: int = 16) -> Float[np.ndarray, "points 3"]:

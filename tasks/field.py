@@ -28,7 +28,7 @@ class RadianceField(TunedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Fit the field."""
-        from styletrf.camera_table import read_cameras
+        from styletrf.camera_table import read_split
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.field import save_field
@@ -36,12 +36,11 @@ class RadianceField(TunedStage):
         from styletrf.kernels import kernels_for
         from styletrf.scene_model import read_scene_model
         from styletrf.tables import write_rows
-        from styletrf.views import load_views, split_views
+        from styletrf.views import load_views
 
         device = device_named(self.device)
         model = read_scene_model(inputs["model"] / "scene.json")
-        cameras = model.normalized(read_cameras(inputs["poses"] / "cameras.parquet"))
-        cameras = [cameras[k] for k in split_views(len(cameras))[0]]
+        cameras = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[0])
         field, curve = train_field(
             cameras,
             load_views(inputs["poses"] / "images", cameras).to(device),

@@ -32,7 +32,7 @@ class QualityMetrics(TunedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the views held out and compare."""
-        from styletrf.camera_table import read_cameras
+        from styletrf.camera_table import read_split
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.field import load_field
@@ -40,11 +40,10 @@ class QualityMetrics(TunedStage):
         from styletrf.rendering import RenderConfig
         from styletrf.scene_model import read_scene_model
         from styletrf.tables import write_rows, write_summary
-        from styletrf.views import load_views, split_views
+        from styletrf.views import load_views
 
         model = read_scene_model(inputs["model"] / "scene.json")
-        cameras = model.normalized(read_cameras(inputs["poses"] / "cameras.parquet"))
-        cameras = [cameras[k] for k in split_views(len(cameras))[1]]
+        cameras = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[1])
         (out / "views").mkdir()
         rows, means = measure_quality(
             load_field(inputs["field"]),
