@@ -16,7 +16,7 @@ class FieldTrainingConfig:
     initial_voxels: int = 80**3  # [N_voxel_init]
     upsample_at: tuple[int, ...] = (200, 400, 700, 1000)  # [upsamp_list]
     steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
-    factor_rate: float = 0.05  # [lr_init]
+    factor_rate: float = 0.03  # [lr_init]
     network_rate: float = 3e-3  # [lr_basis]
     rate_decay: float = 0.1  # over all iterations [lr_decay_target_ratio]
     l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
