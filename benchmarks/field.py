@@ -25,7 +25,8 @@ from given_scenes import GivenScene, load_given_scene
 from styletrf.cameras import resized
 from styletrf.configuration import configured
 from styletrf.field import RadianceField, load_field, save_field
-from styletrf.field_training import FieldTrainer, FieldTrainingConfig
+from styletrf.field_training import FieldTrainer
+from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.frames import rendered
 from styletrf.images import from_integers, write_rgb
 from styletrf.kernels import kernels_for
@@ -61,6 +62,7 @@ def measurements(
 ) -> Iterator[dict[str, Any]]:  # fmt: skip
     """Yields what a fit has reached after each of the given seconds and at its end."""
     trainer = trainer_of(scene, settings, kernels)
+    trainer.step()  # compiles
     started, before, waiting = time.process_time(), 0.0, sorted(at)
     while trainer.iteration < settings.training.iterations:
         trainer.step()
@@ -68,7 +70,11 @@ def measurements(
         if trainer.curve and (at_end or (waiting and trainer.seconds >= waiting[0])):
             waiting = [seconds for seconds in waiting if seconds > trainer.seconds]
             before += time.process_time() - started
-            yield _reached(trainer) | {"cpu_seconds": before} | held_out(scene, trainer, settings)
+            cpu = {
+                "cpu_seconds": before,
+                "cpu_ms_per_iteration": 1e3 * before / (trainer.iteration - 1),
+            }
+            yield _reached(trainer) | cpu | held_out(scene, trainer, settings)
             started = time.process_time()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)

@@ -18,6 +18,7 @@ from styletrf.cameras import Camera
 from styletrf.errors import NotFiniteError
 from styletrf.field import Appearance, RadianceField
 from styletrf.kernels import Kernels, Samples
+from styletrf.pixel_rays import pixel_rays
 from styletrf.progress import Progress, silent
 from styletrf.space import Space, ViewRays
 
@@ -131,15 +132,12 @@ def march_once(
     generator: torch.Generator,
 ) -> RayCache:
     """Returns the cache of the rays to adapt to: pixels drawn without replacement."""
-    n_views, height, width = stylized.shape[:3]
     march = field.density.march(config.termination)
-    draws = torch.randperm(n_views * height * width, generator=generator)
+    draws = torch.randperm(stylized.shape[:3].numel(), generator=generator)
     draws = draws[: config.iterations * config.batch]
     parts: list[tuple[Tensor, ...]] = []
     for draw in draws.to(stylized.device).split(1 << 15):
-        view, pixel = draw // (height * width), draw % (height * width)
-        row, column = pixel // width, pixel % width
-        segments = rays.segments(view, torch.stack([column, row], dim=-1).double() + 0.5)
+        segments, target = pixel_rays(rays, stylized, draw)
         jitter = torch.rand(len(segments), generator=generator).to(stylized.device)
         samples = kernels.trace(field.density.factors, segments, jitter, march)
         kept = kernels.heavy(samples, config.min_weight)
@@ -150,7 +148,7 @@ def march_once(
         parts.append(
             (
                 kept.offsets.diff(), kept.positions, weights, segments.view_directions, covered,
-                stylized[view, row, column].float() / 255, opacity - kept_mass,
+                target, opacity - kept_mass,
             )
         )  # fmt: skip
         if sum(part.nbytes for ray_part in parts for part in ray_part) > config.cache_bytes:

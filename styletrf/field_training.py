@@ -8,7 +8,7 @@ there, and the occupancy grid is refreshed from the density all along.
 import math
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
@@ -24,9 +24,11 @@ from styletrf.checkpoints import (
 )
 from styletrf.distortion import distortion
 from styletrf.errors import NotFiniteError
-from styletrf.field import FieldConfig, RadianceField, set_occupancy
+from styletrf.field import RadianceField, set_occupancy
+from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import Kernels, Samples, Segments
 from styletrf.occupancy import occupied_voxels
+from styletrf.pixel_rays import pixel_rays
 from styletrf.progress import Progress, silent
 from styletrf.rendering import render_color
 from styletrf.space import Space, ViewRays
@@ -37,33 +39,6 @@ from styletrf.training_guard import (
     parameter_stages,
 )
 from styletrf.training_schedule import decay, march_step, stage_resolution
-
-
-@dataclass(frozen=True, slots=True)
-class FieldTrainingConfig:
-    """How a field is fitted; names in brackets are TensoRF's."""
-
-    field: FieldConfig = field(default_factory=FieldConfig)
-    iterations: int = 3000  # [n_iters]
-    batch: int = 1536  # least rays an iteration [batch_size]
-    batch_samples: int = 48 << 10  # more rays, up to eight times `batch`, while they have so few
-    initial_voxels: int = 80**3  # [N_voxel_init]
-    upsample_at: tuple[int, ...] = (200, 400, 700, 1000)  # [upsamp_list]
-    steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
-    factor_rate: float = 0.05  # [lr_init]
-    network_rate: float = 3e-3  # [lr_basis]
-    rate_decay: float = 0.1  # over all iterations [lr_decay_target_ratio]
-    l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
-    tv_density: float = 0.01  # [TV_weight_density]
-    tv_appearance: float = 0.003  # [TV_weight_app]
-    tv_every: int = 4  # iterations between steps of L1 and total variation, weighted up to match
-    distortion_weight: float = 0.0  # see `styletrf.distortion`
-    occupancy_every: int = 200
-    occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]
-    min_weight: float = 3e-3  # samples lighter than this get no colour [rm_weight_mask_thre]
-    termination: float = 1e-4
-    checkpoint_seconds: float = 60.0
-    seed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,15 +178,9 @@ class FieldTrainer:
             self.field.appearance.background.copy_(torch.logit(color))
 
     def _draw(self, rays: int) -> tuple[Segments, Float[Tensor, "rays 3"]]:
-        n_views, height, width = self.images.shape[:3]
-        draw = torch.randint(n_views * height * width, (rays,), generator=self.generator).to(
-            self.images.device
-        )
-        view, pixel = draw // (height * width), draw % (height * width)
-        row, column = pixel // width, pixel % width
-        centers = torch.stack([column, row], dim=-1).double() + 0.5
-        target = self.images[view, row, column].float() / 255
-        return self.rays.segments(view, centers), target
+        n_pixels = self.images.shape[:3].numel()
+        pixels = torch.randint(n_pixels, (rays,), generator=self.generator)
+        return pixel_rays(self.rays, self.images, pixels.to(self.images.device))
 
     def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
         jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)

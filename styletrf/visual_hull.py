@@ -37,7 +37,7 @@ def extremes_of_hull(
     margin = 2 * reach / (_LATTICE - 1)
     lattice = _lattice(points.min(axis=0) - margin, points.max(axis=0) + margin)
     hull = _carved(lattice, cameras, silhouettes)
-    extremes: Points = hull[(hull @ _directions().T).argmax(axis=0)]
+    extremes: Points = hull[[int((hull @ direction).argmax()) for direction in _directions()]]
     return extremes
 
 

@@ -49,7 +49,7 @@ def configurations() -> dict[str, type]:
     from styletrf.camera_poses import CameraPosesConfig
     from styletrf.consistency import ConsistencyConfig
     from styletrf.content_images import ContentConfig
-    from styletrf.field_training import FieldTrainingConfig
+    from styletrf.field_training_config import FieldTrainingConfig
     from styletrf.frames import FramesConfig
     from styletrf.rendering import RenderConfig
     from styletrf.scene_capture import CaptureConfig

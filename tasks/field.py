@@ -32,7 +32,8 @@ class RadianceField(TunedStage):
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.field import save_field
-        from styletrf.field_training import FieldTrainingConfig, train_field
+        from styletrf.field_training import train_field
+        from styletrf.field_training_config import FieldTrainingConfig
         from styletrf.kernels import kernels_for
         from styletrf.scene_model import read_scene_model
         from styletrf.tables import write_rows

@@ -9,7 +9,8 @@ import torch
 from styletrf.cameras import pixel_centers
 from styletrf.courtyard import CourtyardConfig, capture_courtyard, courtyard_cameras, exact_flow
 from styletrf.courtyard import render_view as photographed
-from styletrf.field_training import FieldTrainingConfig, train_field
+from styletrf.field_training import train_field
+from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.flow import agreement, optical_flow
 from styletrf.kernels import kernels_for
 from styletrf.rendering import RenderConfig, render_view

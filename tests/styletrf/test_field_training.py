@@ -12,7 +12,8 @@ from mini_scene import MiniScene, painted_plane
 from styletrf.checkpoints import load_checkpoint
 from styletrf.errors import NotFiniteError
 from styletrf.field import FieldConfig, RadianceField, load_field, save_field, set_occupancy
-from styletrf.field_training import FieldTrainer, FieldTrainingConfig, train_field
+from styletrf.field_training import FieldTrainer, train_field
+from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
