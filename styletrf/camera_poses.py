@@ -1,8 +1,8 @@
 """Structure from motion: where each photograph was taken from, and the points they share.
 
 Features, matches and reconstruction are COLMAP's (Schönberger and Frahm 2016; its global mapper:
-Pan et al. 2024), with one lens for all photographs. What comes out is undistorted: pinhole cameras
-and the images they would have taken.
+Pan et al. 2024), with one lens for all photographs; of poses that came with them only the points
+are sought. What comes out is undistorted: pinhole cameras and the images they would have taken.
 """
 
 import json
@@ -11,19 +11,22 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Literal
 
 from styletrf.camera_table import write_cameras
 from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages, prepare_images, write_png
 from styletrf.colmap_mapping import extract_features, log_to
 from styletrf.errors import InputError
+from styletrf.known_poses import map_known_poses
 from styletrf.mapping_choice import Mapping, map_images
 from styletrf.photographs import FEWEST_PHOTOGRAPHS, read_photograph
 from styletrf.point_table import write_points
 from styletrf.progress import Progress, silent
 from styletrf.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
-from styletrf.scene_capture import read_capture
+from styletrf.scene_capture import given_views, read_capture
 from styletrf.undistortion import undistorted_image
+from styletrf.views import held_out_names
 
 _LOGGER = logging.getLogger(__name__)
 _ENOUGH_REGISTERED = 0.8
@@ -38,6 +41,7 @@ class CameraPosesConfig:
     """How photographs become poses.
 
     Args:
+        poses: `solved` leaves poses aside that came with the photographs.
         max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
         max_features: SIFT features kept of one photograph.
         exhaustive_up_to: Up to so many photographs, all pairs are matched; beyond, sequences are
@@ -47,6 +51,7 @@ class CameraPosesConfig:
         seed: Of RANSAC and the mappers.
     """
 
+    poses: Literal["auto", "solved"] = "auto"
     max_image_long_side: int = 1600
     max_features: int = 4096
     exhaustive_up_to: int = 90
@@ -115,12 +120,22 @@ def solve_camera_poses(
         images = prepare_images(
             capture_dir, capture, Path(scratch) / "images", config.max_image_long_side, progress
         )
-        mapping = _solve(Path(scratch) / "colmap.db", images, names, config, progress)
+        database = Path(scratch) / "colmap.db"
+        extract_features(database, images, config.camera_model, config.max_features, progress)
+        given = given_views(capture_dir) if config.poses == "auto" else None
+        if given:
+            views = [given[1][name] for name in names]
+            mapping = map_known_poses(database, images, views, given[0], config.seed, progress)
+        else:
+            mapping = _solve(database, images, names, config, progress)
+        mapping.models[0].extract_colors_for_all_images(images.folder)
         files = dict(zip(images.files, names, strict=True))
         placed = placed_photographs(mapping.models[0], files)
         _write_undistorted(out_dir / "images", images, placed, progress)
     report = _report(images, names, mapping, placed)
-    write_cameras(out_dir / "cameras.parquet", [one.camera for one in placed], report.unregistered)
+    cameras = [one.camera for one in placed]
+    held_out = held_out_names(cameras, given[1] if given else {})
+    write_cameras(out_dir / "cameras.parquet", cameras, report.unregistered, held_out)
     write_points(out_dir / "points.parquet", sparse_points(mapping.models[0], placed))
     text = json.dumps(asdict(report), sort_keys=True, indent=1, ensure_ascii=False)
     (out_dir / "poses.json").write_text(text + "\n", encoding="utf-8")
@@ -136,8 +151,7 @@ def _solve(
     config: CameraPosesConfig,
     progress: Progress,
 ) -> Mapping:
-    """Returns a mapping of at least three photographs, its points colored."""
-    extract_features(database, images, config.camera_model, config.max_features, progress)
+    """Returns a mapping of at least three photographs."""
     mapping = map_images(
         database,
         images,
@@ -154,7 +168,6 @@ def _solve(
             f"({mapping.verified_pairs} pairs show the same things)"
         )
         raise InputError(f"the {len(names)} photographs", problem, _BETTER_PHOTOGRAPHS)
-    mapping.models[0].extract_colors_for_all_images(images.folder)
     return mapping
 
 

@@ -40,7 +40,7 @@ class GivenView:
 
 @dataclass(frozen=True, slots=True)
 class GivenPoses:
-    """All views with a pose, the file or folder that told them, and photographs it names in vain."""
+    """Views with a pose, the file or folder that told them, and photographs it names in vain."""
 
     source: Path
     views: tuple[GivenView, ...]

@@ -10,11 +10,21 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from styletrf.errors import InputError
-from styletrf.photographs import CAMERA_SUFFIXES, list_photographs, natural_order, read_photograph
+from styletrf.given_poses import GivenPoses, GivenView, read_given_poses, write_given_poses
+from styletrf.photographs import (
+    CAMERA_SUFFIXES,
+    PHOTOGRAPH_SUFFIXES,
+    list_photographs,
+    natural_order,
+    read_photograph,
+)
 from styletrf.progress import Progress, silent
 
 _LOGGER = logging.getLogger(__name__)
 _NAMES_TOLD = 10
+
+GIVEN_POSES = "given_poses.json"
+"""In a capture, the poses that came with the photographs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,27 +54,36 @@ class Capture:
     warnings: tuple[str, ...]
 
 
-def capture_photographs(folder: Path, out_dir: Path, progress: Progress = silent) -> Capture:
+def capture_photographs(
+    folder: Path, out_dir: Path, progress: Progress = silent, given: GivenPoses | None = None
+) -> Capture:
     """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
 
     `out_dir` receives `images/<file>` and, last, `capture.json` (see `read_capture`). A
     photograph's `name` is its file name without the suffix, or with it where any two would clash.
-    What is odd about them is logged as a warning, too.
+    What is odd about them is logged as a warning, too. With poses that are `given`, their
+    photographs alone are taken, and `given_poses.json` is written.
 
     Raises:
         InputError: One for all that is wrong: too few photographs, unreadable or damaged ones,
             different sizes. Nothing is written then.
     """
-    files = list_photographs(folder)
-    photographs, problems = _examined(files, progress)
+    files = [view.file for view in given.views] if given else list_photographs(folder)
+    stored = _stored_names(files)
+    photographs, problems = _examined(files, stored, progress)
     problems += _different_sizes(photographs)
     if problems:
         remedy = "Replace or remove these files; all photographs must come from one camera setting"
         raise InputError(str(folder), "; ".join(problems), remedy)
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
-    for file in files:
-        shutil.copyfile(file, out_dir / "images" / file.name)
-    capture = Capture(tuple(photographs), tuple(_warnings(folder, photographs)))
+    for file, name in zip(files, stored, strict=True):
+        shutil.copyfile(file, out_dir / "images" / name)
+    warnings = _warnings(folder, photographs)
+    if given:
+        named = {p.name: view for p, view in zip(photographs, given.views, strict=True)}
+        write_given_poses(out_dir / GIVEN_POSES, given.source.name, named)
+        warnings += _warnings_of_poses(folder, given)
+    capture = Capture(tuple(photographs), tuple(warnings))
     write_capture(out_dir, capture)
     return capture
 
@@ -85,10 +104,25 @@ def read_capture(capture_dir: Path) -> Capture:
     return Capture(photographs, tuple(content["warnings"]))
 
 
-def _examined(files: Sequence[Path], progress: Progress) -> tuple[list[Photograph], list[str]]:
-    names = _unique_names(files)
+def _stored_names(files: Sequence[Path]) -> list[str]:
+    """Returns the file names; with their folder's before them where any two would clash."""
+    if len({file.name.casefold() for file in files}) == len(files):
+        return [file.name for file in files]
+    return [f"{file.parent.name}_{file.name}" for file in files]
+
+
+def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:
+    """Returns where the poses that came with a capture are from, and its views by name; or None."""
+    path = capture_dir / GIVEN_POSES
+    return read_given_poses(path) if path.exists() else None
+
+
+def _examined(
+    files: Sequence[Path], stored: Sequence[str], progress: Progress
+) -> tuple[list[Photograph], list[str]]:
+    names = _unique_names(stored)
     photographs, problems = [], []
-    for done, (file, name) in enumerate(zip(files, names, strict=True)):
+    for done, (file, file_name, name) in enumerate(zip(files, stored, names, strict=True)):
         progress(done, len(files))
         try:
             height, width, _ = read_photograph(file).shape
@@ -97,15 +131,15 @@ def _examined(files: Sequence[Path], progress: Progress) -> tuple[list[Photograp
             continue
         data = file.read_bytes()
         sha256 = hashlib.sha256(data).hexdigest()
-        photographs.append(Photograph(name, file.name, width, height, len(data), sha256))
+        photographs.append(Photograph(name, file_name, width, height, len(data), sha256))
     progress(len(files), len(files))
     return photographs, problems
 
 
-def _unique_names(files: Sequence[Path]) -> list[str]:
-    stems = [file.stem for file in files]
+def _unique_names(files: Sequence[str]) -> list[str]:
+    stems = [Path(file).stem for file in files]
     clash = len({stem.casefold() for stem in stems}) < len(stems)
-    return [file.name for file in files] if clash else stems
+    return list(files) if clash else stems
 
 
 def _different_sizes(photographs: Sequence[Photograph]) -> list[str]:
@@ -127,10 +161,22 @@ def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
     for sha256 in sorted(digest for digest, times in count.items() if times > 1):
         same = [photograph.file for photograph in photographs if photograph.sha256 == sha256]
         warnings.append(f"the same photograph {len(same)} times: {_told(same)}")
-    foreign = [path.name for path in folder.iterdir() if path.suffix.lower() in CAMERA_SUFFIXES]
+    beside = folder.iterdir() if folder.is_dir() else ()
+    foreign = [path.name for path in beside if path.suffix.lower() in CAMERA_SUFFIXES]
     if foreign:
         warnings.append(f"passed over, to be converted first: {_told(foreign)}")
     return warnings
+
+
+def _warnings_of_poses(folder: Path, given: GivenPoses) -> list[str]:
+    used = {view.file for view in given.views}
+    beside = folder.iterdir() if folder.is_dir() else ()
+    others = [p.name for p in beside if p.suffix.lower() in PHOTOGRAPH_SUFFIXES and p not in used]
+    told = {
+        "names photographs that are missing": given.missing,
+        "has no poses of": others,
+    }
+    return [f"{given.source.name} {what}: {_told(names)}" for what, names in told.items() if names]
 
 
 def _told(names: Iterable[str]) -> str:

@@ -43,6 +43,8 @@ def find_scene(data_root: Path, name: str) -> Path:
         raise InputError(f"scene {name!r}", f"has several videos: {told}", "Leave one")
     if videos or folder.name == "images":
         return videos[0] if videos else folder
+    if (folder / "transforms_train.json").exists() or (folder / "transforms.json").exists():
+        return folder  # whose photographs lie where these say
     existing = [
         path.stem
         for path in scenes.glob("*")
@@ -50,6 +52,11 @@ def find_scene(data_root: Path, name: str) -> Path:
     ]
     remedy = how_to_get(name) or f"Put its photographs into scenes/{name}/images, or a video"
     raise InputError(f"scene {name!r}", _missing(scenes, existing), f"{remedy} under {data_root}")
+
+
+def scene_folder(photographs: Path) -> Path:
+    """Returns the folder of a scene from that of its photographs: where poses may lie."""
+    return photographs.parent if photographs.name == "images" else photographs
 
 
 def find_style(data_root: Path, name: str) -> Path:

@@ -1,6 +1,6 @@
 """A scene's photographs as a tensor, and which of them are held out."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from styletrf.cameras import Camera
+from styletrf.given_poses import GivenView
 from styletrf.images import read_rgb, to_integers
 
 HOLD_OUT_EVERY = 8  # LLFF's protocol: views 0, 8, 16, ... of the sorted names
@@ -25,6 +26,13 @@ def load_views(folder: Path, cameras: Sequence[Camera]) -> UInt8[Tensor, "views 
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         views.append(to_integers(image))
     return torch.from_numpy(np.stack(views))
+
+
+def held_out_names(cameras: Sequence[Camera], given: Mapping[str, GivenView]) -> set[str]:
+    """Returns the names of the views to measure by: those of a published split, or every eighth."""
+    if any(view.held_out for view in given.values()):
+        return {camera.name for camera in cameras if given[camera.name].held_out}
+    return {cameras[k].name for k in split_views(len(cameras))[1]}
 
 
 def split_views(n_views: int) -> tuple[list[int], list[int]]:

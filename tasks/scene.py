@@ -23,17 +23,22 @@ class SceneCapture(TunedStage):
     def external_digests(self) -> Mapping[str, str]:
         """The digest of each photograph, or of the video."""
         from styletrf.photographs import list_photographs
-        from styletrf.user_folders import find_scene
+        from styletrf.pose_formats import find_given_poses
+        from styletrf.user_folders import find_scene, scene_folder
 
         found = find_scene(data_root(), self.scene)
-        files = list_photographs(found) if found.is_dir() else [found]
-        return {path.name: file_digest(path) for path in files}
+        if not found.is_dir():
+            return {found.name: file_digest(found)}
+        given = find_given_poses(scene_folder(found))
+        files = given.files if given else list_photographs(found)
+        return {f"{path.parent.name}/{path.name}": file_digest(path) for path in files}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Check and copy the photographs, or choose frames."""
         from styletrf.configuration import configured
+        from styletrf.pose_formats import find_given_poses
         from styletrf.scene_capture import CaptureConfig, capture_photographs
-        from styletrf.user_folders import find_scene
+        from styletrf.user_folders import find_scene, scene_folder
         from styletrf.video_capture import capture_video
 
         found, config = (
@@ -41,7 +46,8 @@ class SceneCapture(TunedStage):
             configured(CaptureConfig, self.values()),
         )
         if found.is_dir():
-            capture_photographs(found, out, run.progress)
+            given = find_given_poses(scene_folder(found))
+            capture_photographs(found, out, run.progress, given)
         else:
             capture_video(found, out, config.video_frames, run.progress)
 
