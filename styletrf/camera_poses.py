@@ -30,6 +30,7 @@ from styletrf.views import held_out_names
 
 _LOGGER = logging.getLogger(__name__)
 _ENOUGH_REGISTERED = 0.8
+_LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
 _BETTER_PHOTOGRAPHS = (
     "Take photographs from different places, each sharing most of what it shows with its "
     "neighbours, of things that have texture and keep still, in focus; 20 or more are better"
@@ -121,11 +122,12 @@ def solve_camera_poses(
             capture_dir, capture, Path(scratch) / "images", config.max_image_long_side, progress
         )
         database = Path(scratch) / "colmap.db"
-        extract_features(database, images, config.camera_model, config.max_features, progress)
         given = given_views(capture_dir) if config.poses == "auto" else None
         if given:
             views = [given[1][name] for name in names]
-            mapping = map_known_poses(database, images, views, given[0], config.seed, progress)
+            mapping = map_known_poses(
+                database, images, views, given[0], config.max_features, config.seed, progress
+            )
         else:
             mapping = _solve(database, images, names, config, progress)
         mapping.models[0].extract_colors_for_all_images(images.folder)
@@ -152,6 +154,7 @@ def _solve(
     progress: Progress,
 ) -> Mapping:
     """Returns a mapping of at least three photographs."""
+    extract_features(database, images, config.camera_model, config.max_features, progress)
     mapping = map_images(
         database,
         images,
@@ -193,6 +196,7 @@ def _report(
     registered = {one.camera.name for one in placed}
     unregistered = tuple(name for name in names if name not in registered)
     pieces = tuple(int(piece.num_reg_images()) for piece in mapping.models)
+    error_share = model.compute_mean_reprojection_error() / max(images.width, images.height)
     return PosesReport(
         registered=len(placed),
         total=len(names),
@@ -210,12 +214,19 @@ def _report(
         focal_prior_px=images.focal_prior_px,
         width=images.width,
         height=images.height,
-        warnings=tuple(_warnings(len(names), unregistered, pieces)),
+        warnings=tuple(_warnings(len(names), unregistered, pieces, error_share)),
     )
 
 
-def _warnings(total: int, unregistered: Sequence[str], pieces: Sequence[int]) -> list[str]:
+def _warnings(
+    total: int, unregistered: Sequence[str], pieces: Sequence[int], error_share: float
+) -> list[str]:
     warnings = []
+    if error_share > _LARGE_ERROR:
+        warnings.append(
+            f"the points are {error_share:.1%} of an image's longer side off on average, too much"
+            " for sharp renders: the poses, the lens or the order of the photographs may be wrong"
+        )
     if total - len(unregistered) < _ENOUGH_REGISTERED * total:
         warnings.append(
             f"only {total - len(unregistered)} of {total} photographs could be placed; "

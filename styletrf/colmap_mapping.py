@@ -36,14 +36,17 @@ def extract_features(
     camera_model: str,
     max_features: int,
     progress: Progress,
+    *,
+    each_its_lens: bool = False,
 ) -> None:
-    """Fills the database with the images, one camera for all, and their SIFT features.
+    """Fills the database with the images, one camera for all or each its own, and SIFT features.
 
-    The camera starts from the images' focal prior, or from COLMAP's guess where there is none.
+    The one camera starts from the images' focal prior, or from COLMAP's guess where there is none.
     """
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features = max_features
     reader = pycolmap.ImageReaderOptions(camera_model=camera_model)
+    modes = pycolmap.CameraMode
     portion = 2 * (os.cpu_count() or 1)
     for done in range(0, len(images.files), portion):
         progress(done, len(images.files))
@@ -51,12 +54,12 @@ def extract_features(
             database,
             images.folder,
             list(images.files[done : done + portion]),
-            camera_mode=pycolmap.CameraMode.SINGLE,
+            camera_mode=modes.PER_IMAGE if each_its_lens else modes.SINGLE,
             reader_options=reader,
             extraction_options=options,
             device=pycolmap.Device.cpu,
         )
-        if done == 0:
+        if done == 0 and not each_its_lens:
             reader.existing_camera_id = _first_camera(database, images.focal_prior_px)
     progress(len(images.files), len(images.files))
 

@@ -141,14 +141,18 @@ class RadianceField(nn.Module):
 
 
 def save_field(folder: Path, field: RadianceField) -> None:
-    """Writes `density.safetensors`, `appearance.safetensors` and `field.json` to the folder."""
-    save_file(_contiguous(field.density.state_dict()), folder / "density.safetensors")
+    """Writes `density.safetensors`, `appearance.safetensors` and `field.json` to the folder.
+
+    Factors are rounded to 16 bits, unless one is beyond 65,504: half the size, and renders that
+    no eye can tell from the exact ones (`benchmarks/README.md`).
+    """
+    save_file(_stored(field.density.state_dict()), folder / "density.safetensors")
     save_appearance(folder, field)
 
 
 def save_appearance(folder: Path, field: RadianceField) -> None:
     """Writes `appearance.safetensors` and `field.json`: the field but for its density."""
-    save_file(_contiguous(field.appearance.state_dict()), folder / "appearance.safetensors")
+    save_file(_stored(field.appearance.state_dict()), folder / "appearance.safetensors")
     values = {
         "config": asdict(field.config),
         "resolution": list(field.resolution),
@@ -175,5 +179,13 @@ def set_occupancy(density: Density, occupancy: UInt8[Tensor, "x y z"]) -> None:
     density.occupancy = occupancy
 
 
-def _contiguous(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    return {name: tensor.contiguous() for name, tensor in state.items()}
+def _stored(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {
+        name: (_halved(tensor) if name.startswith("factors.") else tensor).contiguous()
+        for name, tensor in state.items()
+    }
+
+
+def _halved(tensor: Tensor) -> Tensor:
+    half = tensor.half()
+    return half if bool(torch.isfinite(half).all()) else tensor

@@ -8,7 +8,6 @@ there, and the occupancy grid is refreshed from the density all along.
 import math
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
@@ -16,15 +15,10 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from styletrf.cameras import Camera
-from styletrf.checkpoints import (
-    load_checkpoint,
-    optimizer_tensors,
-    restore_optimizer,
-    save_checkpoint,
-)
 from styletrf.distortion import distortion
 from styletrf.errors import NotFiniteError
 from styletrf.field import RadianceField, set_occupancy
+from styletrf.field_checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import Kernels, Samples, Segments
 from styletrf.occupancy import occupied_voxels
@@ -39,18 +33,6 @@ from styletrf.training_guard import (
     parameter_stages,
 )
 from styletrf.training_schedule import decay, march_step, stage_resolution
-
-
-@dataclass(frozen=True, slots=True)
-class CurvePoint:
-    """One row of the training curve."""
-
-    iteration: int
-    seconds: float
-    psnr: float
-    voxels: int
-    density_samples: float  # a ray
-    color_samples: float  # a ray
 
 
 def train_field(
@@ -78,7 +60,7 @@ def train_field(
         psnr = trainer.step()
         if checkpoint_dir is not None and time.monotonic() - saved > config.checkpoint_seconds:
             trainer.require_finite(parameter_stages(trainer.field, trainer.optimizer))
-            trainer.save(checkpoint_dir)
+            save_fit(checkpoint_dir, trainer)
             saved = time.monotonic()
         progress(trainer.iteration, config.iterations, psnr=psnr)
     trainer.refresh_occupancy()
@@ -86,7 +68,6 @@ def train_field(
 
 
 LEAST_MISSED = 64  # rays that tell the background
-_COUNTERS = ("iteration", "batch", "seconds", "smooth_mse", "stage_start")
 
 
 class FieldTrainer:
@@ -112,10 +93,10 @@ class FieldTrainer:
         self.field = RadianceField(config.field, coarse, self.generator).to(images.device)
         self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
         self.curve: list[CurvePoint] = []
-        self._begin_stage()
+        self.begin_stage()
         self._begin_with_background()
         if checkpoint_dir is not None:
-            self.restore(checkpoint_dir)
+            restore_fit(checkpoint_dir, self)
 
     def step(self) -> float:
         """Runs one iteration and returns the smoothed PSNR of the training rays."""
@@ -213,7 +194,7 @@ class FieldTrainer:
         if self.iteration in self.config.upsample_at:
             stage = self.config.upsample_at.index(self.iteration) + 1
             self.field.upsample(self._resolution(stage))
-            self._begin_stage()
+            self.begin_stage()
         if self.iteration and self.iteration % self.config.occupancy_every == 0:
             self.refresh_occupancy()
 
@@ -221,7 +202,7 @@ class FieldTrainer:
         initial, stages = self.config.initial_voxels, len(self.config.upsample_at)
         return stage_resolution(self.final_resolution, initial, stage, stages)
 
-    def _begin_stage(self) -> None:
+    def begin_stage(self) -> None:
         """Sets the step and a fresh optimiser for the present resolution."""
         config, self.stage_start = self.config, self.iteration
         self.field.step_length = march_step(
@@ -253,34 +234,5 @@ class FieldTrainer:
         if name is None:
             return
         if self.checkpoint_dir is not None:
-            self.save(self.checkpoint_dir / "not_finite")
+            save_fit(self.checkpoint_dir / "not_finite", self)
         raise NotFiniteError("field training", name, f"iteration {self.iteration}")
-
-    def save(self, folder: Path) -> None:
-        """Writes a checkpoint."""
-        tensors = {f"field.{name}": value for name, value in self.field.state_dict().items()}
-        tensors |= optimizer_tensors(self.optimizer)
-        tensors["generator"] = self.generator.get_state()
-        state = {name: getattr(self, name) for name in _COUNTERS}
-        curve = [asdict(point) for point in self.curve]
-        save_checkpoint(folder, tensors, {**state, "curve": curve})
-
-    def restore(self, folder: Path) -> None:
-        """Goes on from the checkpoint in `folder`, if there is one."""
-        checkpoint = load_checkpoint(folder, self.images.device)
-        if checkpoint is None:
-            return
-        tensors, state = checkpoint
-        self.iteration = state["stage_start"]
-        self.field.upsample(
-            [tensors[f"field.density.factors.lines.{k}"].shape[0] for k in (2, 1, 0)]
-        )
-        self._begin_stage()
-        field = {k.removeprefix("field."): v for k, v in tensors.items() if k.startswith("field.")}
-        set_occupancy(self.field.density, field["density.occupancy"])
-        self.field.load_state_dict(field)
-        restore_optimizer(self.optimizer, tensors)
-        self.generator.set_state(tensors["generator"].cpu())
-        for name in _COUNTERS:
-            setattr(self, name, state[name])
-        self.curve = [CurvePoint(**point) for point in state["curve"]]

@@ -11,9 +11,9 @@ import numpy as np
 
 from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
-from styletrf.colmap_mapping import match_pairs
+from styletrf.colmap_mapping import extract_features, match_pairs
 from styletrf.errors import InputError
-from styletrf.given_poses import GivenView
+from styletrf.given_poses import GivenView, Lens
 from styletrf.image_pairs import Pairs, all_pairs
 from styletrf.mapping_choice import Mapping as Mapped
 from styletrf.progress import Progress
@@ -21,7 +21,7 @@ from styletrf.progress import Progress
 NEIGHBOURS = 20  # with which each photograph is matched, where there are more
 _WIDEST_DEG = 60.0  # between the views of photographs that are matched
 _FEWEST_POINTS = 16
-_LARGEST_ERROR = 0.01  # of the longer side, of a reprojection
+_LEAST_SHARE = 0.3  # of the matched features, that have a point; right poses have 0.9
 
 
 def map_known_poses(
@@ -29,32 +29,40 @@ def map_known_poses(
     images: ColmapImages,
     views: Sequence[GivenView],
     source: str,
+    max_features: int,
     seed: int,
     progress: Progress,
 ) -> Mapped:
-    """Returns the model of images whose features the database holds, at the given poses.
+    """Returns the model of images at the given poses.
 
     Args:
-        database: COLMAP's.
+        database: COLMAP's, to be filled.
         images: In the order of `views`.
         views: Where each was taken from, and with which lens.
         source: Where the poses are from, for messages.
+        max_features: SIFT features kept of one image.
         seed: Of the verification of matches.
-        progress: Called for the pairs matched.
+        progress: Called for the images described, then for the pairs matched.
 
     Raises:
-        InputError: The photographs do not fit the poses.
+        InputError: The photographs do not fit the poses, or have lenses of several models.
     """
+    lens_models = {view.lens.model for view in views}
+    if len(lens_models) > 1:
+        problem = f"has lenses of several models: {', '.join(sorted(lens_models))}"
+        raise InputError(source, problem, "Export all views with one of them")
+    (lens,) = lens_models
+    extract_features(database, images, lens, max_features, progress, each_its_lens=True)
     pairs = neighbouring_pairs(views)
     verified = match_pairs(database, images, pairs, seed, progress)
     posed = _posed(database, images, views)
     model = pycolmap.triangulate_points(posed, database, images.folder, database.parent)
-    error_px = float(model.compute_mean_reprojection_error())
-    if model.num_points3D() < _FEWEST_POINTS or error_px > _LARGEST_ERROR * images.width:
+    share = model.compute_num_observations() / max(_matched_features(database), 1)
+    if model.num_points3D() < _FEWEST_POINTS or share < _LEAST_SHARE:
         raise InputError(
             source,
             f"does not fit the photographs: at its poses they share {model.num_points3D()} points,"
-            f" {error_px:.1f} px off",
+            f" seen by {share:.0%} of the features that match",
             "Check its axes and the photographs' names, or have the poses solved with"
             """ --CameraPoses-settings '{"poses": "solved"}'""",
         )
@@ -84,6 +92,19 @@ def neighbouring_pairs(views: Sequence[GivenView]) -> Pairs:
     return sorted(pairs)
 
 
+def _matched_features(database: Path) -> int:
+    """Returns how many features have a verified match."""
+    with closing(pycolmap.Database.open(database)) as opened:
+        pairs, geometries = opened.read_two_view_geometries()
+    found = set()
+    for pair, geometry in zip(pairs, geometries, strict=True):
+        for image, feature in zip(
+            pycolmap.pair_id_to_image_pair(pair), geometry.inlier_matches.T, strict=True
+        ):
+            found |= {(image, int(index)) for index in feature}
+    return len(found)
+
+
 def _posed(
     database: Path, images: ColmapImages, views: Sequence[GivenView]
 ) -> pycolmap.Reconstruction:
@@ -91,25 +112,21 @@ def _posed(
     model = pycolmap.Reconstruction()
     by_file: Mapping[str, GivenView] = dict(zip(images.files, views, strict=True))
     with closing(pycolmap.Database.open(database)) as opened:
-        found = opened.read_all_images()
-    for number, image in enumerate(found, start=1):
-        view = by_file[image.name]
-        model.add_camera_with_trivial_rig(_camera(view, images, number))
-        image.camera_id = number
-        rotation = pycolmap.Rotation3d(view.world_from_camera[:, :3])
-        world_from_camera = pycolmap.Rigid3d(rotation, view.world_from_camera[:, 3])
-        model.add_image_with_trivial_frame(image, world_from_camera.inverse())
+        for image in opened.read_all_images():
+            view = by_file[image.name]
+            camera = _told(opened.read_camera(image.camera_id), view.lens)
+            opened.update_camera(camera)
+            model.add_camera_with_trivial_rig(camera)
+            rotation = pycolmap.Rotation3d(view.world_from_camera[:, :3])
+            world_from_camera = pycolmap.Rigid3d(rotation, view.world_from_camera[:, 3])
+            model.add_image_with_trivial_frame(image, world_from_camera.inverse())
     return model
 
 
-def _camera(view: GivenView, images: ColmapImages, number: int) -> pycolmap.Camera:
-    """Returns the view's lens at the size of the images."""
-    lens = view.lens
-    camera = pycolmap.Camera(
-        model=lens.model, width=lens.width, height=lens.height, params=list(lens.params)
-    )
-    camera.camera_id = number
-    if not camera.verify_params():
-        raise InputError(view.file.name, f"has an impossible lens: {lens}", "Check its poses")
-    camera.rescale(images.width, images.height)
+def _told(camera: pycolmap.Camera, lens: Lens) -> pycolmap.Camera:
+    """Returns the camera with a lens, brought to its size."""
+    width, height = camera.width, camera.height
+    camera.width, camera.height, camera.params = lens.width, lens.height, list(lens.params)
+    camera.rescale(width, height)
+    camera.has_prior_focal_length = True
     return camera

@@ -1,6 +1,7 @@
 """Scenes that already have poses, in every format, held to their photographs by reprojection."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pycolmap
@@ -169,16 +170,31 @@ def test_poses_can_be_solved_all_the_same(tmp_path):
     assert report.mapper in ("global", "incremental")
 
 
-def test_poses_of_other_photographs_are_refused(tmp_path):
-    poses = room_poses(VIEWS)
-    llff(tmp_path, poses)
-    rows = np.load(tmp_path / "poses_bounds.npy")
-    np.save(tmp_path / "poses_bounds.npy", np.roll(rows, 3, axis=0))
-    found = find_given_poses(tmp_path)
-    capture_photographs(tmp_path / "images", tmp_path / "capture", given=found)
-    (tmp_path / "out").mkdir()
+def solved_with_rows(folder, change):
+    llff(folder, room_poses(VIEWS))
+    np.save(folder / "poses_bounds.npy", change(np.load(folder / "poses_bounds.npy")))
+    found = find_given_poses(folder)
+    capture_photographs(folder / "images", folder / "capture", given=found)
+    (folder / "out").mkdir()
+    return solve_camera_poses(folder / "capture", folder / "out", CameraPosesConfig())
+
+
+def test_poses_of_another_convention_are_refused(tmp_path):
+    """Camera from world where world from camera is wanted: another centre."""
+
+    def inverted(rows):
+        poses = rows[:, :15].reshape(-1, 3, 5)
+        poses[:, :, 3] = -np.einsum("nji,nj->ni", poses[:, :, :3], poses[:, :, 3])
+        return np.column_stack([poses.reshape(-1, 15), rows[:, 15:]])
+
     with pytest.raises(InputError, match=r"poses_bounds\.npy: does not fit the photographs"):
-        solve_camera_poses(tmp_path / "capture", tmp_path / "out", CameraPosesConfig())
+        solved_with_rows(tmp_path, inverted)
+
+
+def test_poses_in_the_wrong_order_are_told(tmp_path):
+    """Along an even arc the photograph's neighbour stood about as the photograph itself."""
+    report = solved_with_rows(tmp_path, lambda rows: np.roll(rows, 3, axis=0))
+    assert any("off on average" in warning for warning in report.warnings)
 
 
 def ngp_with(folder, **changes):
@@ -237,7 +253,7 @@ def test_many_views_are_matched_with_their_neighbours_that_look_the_same_way():
         ahead = np.array([np.cos(angle), 0, np.sin(angle)])
         right = np.array([-np.sin(angle), 0, np.cos(angle)])
         pose = np.column_stack([right, np.cross(ahead, right), ahead, 3 * ahead])
-        views.append(GivenView("", lens, pose))
+        views.append(GivenView(Path(), lens, pose))
     pairs = neighbouring_pairs(views)
     steps = [min(j - i, 100 - (j - i)) for i, j in pairs]
     assert max(steps) == 10
