@@ -9,7 +9,6 @@ from torch.nn import functional
 
 from styletrf.field import Density
 from styletrf.kernels import Kernels
-from styletrf.kernels.clearance_numba import clearance
 
 VOXELS_PER_LATTICE_POINT = 0.5  # along each axis
 
@@ -18,7 +17,7 @@ VOXELS_PER_LATTICE_POINT = 0.5  # along each axis
 def occupied_voxels(
     density: Density, kernels: Kernels, step_length: float, min_alpha: float
 ) -> UInt8[Tensor, "x y z"]:
-    """Returns the occupancy (see `March`) of a grid half as fine as the density's.
+    """Returns the occupancy of a grid half as fine as the density's.
 
     A voxel is occupied where a step through its centre, or through that of a neighbour, would have
     an opacity above `min_alpha`. If nothing is, everything counts as occupied: an empty grid would
@@ -36,9 +35,7 @@ def occupied_voxels(
         alpha.reshape(1, 1, *shape), kernel_size=3, stride=1, padding=1
     )[0, 0]
     occupied = dilated > min_alpha
-    if not bool(occupied.any()):
-        return torch.ones_like(occupied, dtype=torch.uint8)
-    return torch.from_numpy(clearance(occupied.cpu().numpy())).to(occupied.device)
+    return (occupied if bool(occupied.any()) else torch.ones_like(occupied)).to(torch.uint8)
 
 
 def _centers(shape: Sequence[int], density: Density) -> Float[Tensor, "voxels 3"]:

@@ -105,12 +105,12 @@ class _Trace(torch.autograd.Function):
         origins, directions = _arrays(segments.origins, segments.directions)
         lengths, n_steps = _arrays(segments.lengths, segments.n_steps)
         shift, scale = np.float32(march.shift), np.float32(march.scale)
-        spread = trace_numba.trace_forward(
+        padded = trace_numba.trace_forward(
             origins, directions, lengths, n_steps, _array(jitter), _array(march.occupancy),
             _arrays(*factors[:3]), _arrays(*factors[3:]), shift, scale,
             np.float32(march.termination),
         )  # fmt: skip
-        packed = trace_numba.pack(origins, directions, *spread)
+        packed = trace_numba.pack(origins, directions, *padded)
         offsets, ray, s, positions, raw, weights = (torch.from_numpy(array) for array in packed)
         ctx.save_for_backward(offsets, positions, raw, weights, *factors)
         ctx.march = (lengths, n_steps, shift, scale)

@@ -118,7 +118,7 @@ def _occupied(march: March, positions: Float[Tensor, "*batch 3"]) -> Tensor:
     n = torch.tensor(march.occupancy.shape, device=positions.device)
     voxel = torch.nan_to_num((positions + 1) * (0.5 * n), nan=0.0).clamp(min=0)
     voxel = torch.minimum(voxel, (n - 1).to(voxel)).long()
-    return march.occupancy[voxel[..., 0], voxel[..., 1], voxel[..., 2]] == 1
+    return march.occupancy[voxel[..., 0], voxel[..., 1], voxel[..., 2]] != 0
 
 
 def _interpolate(

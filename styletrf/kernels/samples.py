@@ -57,11 +57,7 @@ class Segments:
 
 @dataclass(frozen=True, slots=True)
 class March:
-    """How rays are sampled: density = scale x softplus(raw + shift); see `trace`.
-
-    `occupancy` is 1 where density may be. 0 or k > 1: there is none there, nor, for the latter, in
-    any voxel whose index differs by less than k along each axis.
-    """
+    """How rays are sampled: density = scale x softplus(raw + shift); see `trace`."""
 
     occupancy: UInt8[Tensor, "x y z"]
     shift: float

@@ -75,56 +75,6 @@ def density_features(positions, planes, lines):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always")
-def _voxels_a_step(directions, ray, n_steps, shape):
-    """Returns how many voxels a step passes at most, along any axis."""
-    x = abs(directions[ray, 0]) * np.float32(shape[0])
-    y = abs(directions[ray, 1]) * np.float32(shape[1])
-    z = abs(directions[ray, 2]) * np.float32(shape[2])
-    return np.float32(0.5) * max(x, y, z) / np.float32(n_steps)
-
-
-@no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
-def _next_occupied(origins, directions, ray, n_steps, jitter, occupancy, k):
-    """Returns the first step from k on whose sample lies in an occupied voxel, else n_steps.
-
-    Where nothing is for c voxels around, the steps that stay within c - 1 voxels are passed over.
-    """
-    nx, ny, nz = occupancy.shape
-    step = ONE / np.float32(n_steps)
-    # in this order NaN gives the former
-    stride = max(np.float32(1e-6), _voxels_a_step(directions, ray, n_steps, occupancy.shape))
-    while k < n_steps:
-        s = (np.float32(k) + jitter) * step
-        free = occupancy[
-            _voxel(origins[ray, 0] + s * directions[ray, 0], nx),
-            _voxel(origins[ray, 1] + s * directions[ray, 1], ny),
-            _voxel(origins[ray, 2] + s * directions[ray, 2], nz),
-        ]
-        if free == 1:
-            return k
-        # a hundredth less, for the rounding of the samples' positions
-        k += 1 + np.int64(np.float32(max(free, 1) - 1) * np.float32(0.99) / stride)
-    return n_steps
-
-
-@no_type_check
-@numba.njit(cache=True, parallel=True)
-def occupied_steps(origins, directions, n_steps, jitter, occupancy):
-    """Returns where each ray's samples begin, if all steps in occupied voxels are kept."""
-    n_rays = origins.shape[0]
-    starts = np.zeros(n_rays + 1, np.int64)
-    for ray in numba.prange(n_rays):
-        n, k = n_steps[ray], np.int64(0)
-        while k < n:
-            k = _next_occupied(origins, directions, ray, n, jitter[ray], occupancy, k)
-            starts[ray + 1] += k < n
-            k += 1
-    return np.cumsum(starts)
-
-
-@no_type_check
 @numba.njit(cache=True, parallel=True, fastmath=FAST)
 def trace_forward(
     origins,
@@ -139,9 +89,7 @@ def trace_forward(
     scale,
     termination,
 ):
-    """Returns the samples of every ray: starts, count, s, raw density, weight.
-
-    Ray r has `count[r]` of them from `starts[r]` on; what follows up to `starts[r + 1]` is unused.
+    """Returns the samples of every ray in padded rows: count, s, raw density, weight.
 
     Args:
         origins: Of the segments in grid coordinates, `rays 3`.
@@ -149,7 +97,7 @@ def trace_forward(
         lengths: Optical length of each whole segment, in the density's unit of length.
         n_steps: Steps of each ray.
         jitter: Where in each step its sample lies, in [0, 1), one number a ray.
-        occupancy: `x y z`, see `March`.
+        occupancy: `x y z`, non-zero where density may be.
         planes: Density factors.
         lines: Density factors.
         shift: density = scale * softplus(raw + shift).
@@ -157,62 +105,65 @@ def trace_forward(
         termination: Transmittance at which a ray ends.
     """
     n_rays = origins.shape[0]
-    starts = occupied_steps(origins, directions, n_steps, jitter, occupancy)
+    capacity = max(n_steps.max(), 1) if n_rays > 0 else 1
     count = np.zeros(n_rays, np.int64)
-    along = np.empty(starts[-1], np.float32)
-    raw = np.empty(starts[-1], np.float32)
-    weight = np.empty(starts[-1], np.float32)
+    along = np.empty((n_rays, capacity), np.float32)
+    raw = np.empty((n_rays, capacity), np.float32)
+    weight = np.empty((n_rays, capacity), np.float32)
+    nx, ny, nz = occupancy.shape
     for ray in numba.prange(n_rays):
-        if starts[ray] == starts[ray + 1]:
+        if n_steps[ray] == 0:
             continue
-        n, k = n_steps[ray], np.int64(0)
-        step = ONE / np.float32(n)
-        thickness = _step_thickness(lengths[ray], n, scale)
+        step = ONE / np.float32(n_steps[ray])
+        thickness = _step_thickness(lengths[ray], n_steps[ray], scale)
         transmittance = ONE
-        i = starts[ray]
-        while i < starts[ray + 1]:
-            k = _next_occupied(origins, directions, ray, n, jitter[ray], occupancy, k)
+        kept = 0
+        for k in range(n_steps[ray]):
             s = (np.float32(k) + jitter[ray]) * step
             x = origins[ray, 0] + s * directions[ray, 0]
             y = origins[ray, 1] + s * directions[ray, 1]
             z = origins[ray, 2] + s * directions[ray, 2]
+            if occupancy[_voxel(x, nx), _voxel(y, ny), _voxel(z, nz)] == 0:
+                continue
             feature = density_feature(planes, lines, x, y, z)
             tau = thickness * softplus(feature + shift)
             w = -transmittance * np.float32(math.expm1(-tau))
-            along[i] = s
-            raw[i] = feature
-            weight[i] = w
-            i += 1
-            k += 1
+            along[ray, kept] = s
+            raw[ray, kept] = feature
+            weight[ray, kept] = w
+            kept += 1
             transmittance -= w
             if transmittance < termination:
                 break
-        count[ray] = i - starts[ray]
-    return starts, count, along, raw, weight
+        count[ray] = kept
+    return count, along, raw, weight
 
 
 @no_type_check
 @numba.njit(cache=True, parallel=True)
-def pack(origins, directions, starts, count, along, raw, weight):
-    """Returns the samples packed ray after ray: offsets, ray, s, position, raw, weight."""
+def pack(origins, directions, count, along, raw, weight):
+    """Returns padded samples packed ray after ray: offsets, ray, s, position, raw, weight."""
     n_rays = count.shape[0]
     offsets = np.zeros(n_rays + 1, np.int64)
-    offsets[1:] = np.cumsum(count)
+    for ray in range(n_rays):
+        offsets[ray + 1] = offsets[ray] + count[ray]
     n = offsets[-1]
     ray_of = np.empty(n, np.int64)
-    s_of = np.empty(n, np.float32)
-    raw_of = np.empty(n, np.float32)
-    weight_of = np.empty(n, np.float32)
+    s_of, raw_of, weight_of = (
+        np.empty(n, np.float32),
+        np.empty(n, np.float32),
+        np.empty(n, np.float32),
+    )
     positions = np.empty((n, 3), np.float32)
     for ray in numba.prange(n_rays):
         for k in range(count[ray]):
-            i, j = offsets[ray] + k, starts[ray] + k
+            i = offsets[ray] + k
             ray_of[i] = ray
-            s_of[i] = along[j]
-            raw_of[i] = raw[j]
-            weight_of[i] = weight[j]
+            s_of[i] = along[ray, k]
+            raw_of[i] = raw[ray, k]
+            weight_of[i] = weight[ray, k]
             for axis in range(3):
-                positions[i, axis] = origins[ray, axis] + along[j] * directions[ray, axis]
+                positions[i, axis] = origins[ray, axis] + along[ray, k] * directions[ray, axis]
     return offsets, ray_of, s_of, positions, raw_of, weight_of
 
 

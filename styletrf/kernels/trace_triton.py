@@ -60,7 +60,7 @@ def is_occupied(x, y, z, occupancy, voxels, live):
     """Returns which points lie in occupied voxels."""
     n_x, n_y, n_z = voxels
     cell = voxel(x, n_x).to(tl.int64) * n_y + voxel(y, n_y)
-    return tl.load(occupancy + cell * n_z + voxel(z, n_z), mask=live, other=0) == 1
+    return tl.load(occupancy + cell * n_z + voxel(z, n_z), mask=live, other=0) != 0
 
 
 @no_type_check
