@@ -1,8 +1,8 @@
 """Fitting a radiance field to photographs (TensoRF section 4): coarse to fine, in minutes.
 
 Rays are drawn from (view, pixel) and never stored. The grid grows geometrically from
-`initial_voxels` to the scene's resolution at the steps in `upsample_at`, the learning rates restart
-there, and the occupancy grid is refreshed from the density all along.
+`initial_voxels` to the scene's resolution at the shares of the iterations in `upsample_at`, the
+learning rates restart there, and the occupancy grid is refreshed from the density all along.
 """
 
 import math
@@ -191,8 +191,8 @@ class FieldTrainer:
             group["lr"] = group["initial_rate"] * since_growth
 
     def _grow_and_refresh(self) -> None:
-        if self.iteration in self.config.upsample_at:
-            stage = self.config.upsample_at.index(self.iteration) + 1
+        if self.iteration in (steps := self.config.upsample_steps):
+            stage = len([step for step in steps if step <= self.iteration])
             self.field.upsample(self._resolution(stage))
             self.begin_stage()
         if self.iteration and self.iteration % self.config.occupancy_every == 0:

@@ -14,7 +14,7 @@ class FieldTrainingConfig:
     batch: int = 1536  # least rays an iteration [batch_size]
     batch_samples: int = 48 << 10  # more rays, up to eight times `batch`, while they have so few
     initial_voxels: int = 80**3  # [N_voxel_init]
-    upsample_at: tuple[int, ...] = (200, 400, 700, 1000)  # [upsamp_list]
+    upsample_at: tuple[float, ...] = (0.06, 0.12, 0.2, 0.3)  # of the iterations [upsamp_list]
     steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
     factor_rate: float = 0.03  # [lr_init]
     network_rate: float = 3e-3  # [lr_basis]
@@ -30,3 +30,12 @@ class FieldTrainingConfig:
     termination: float = 1e-4
     checkpoint_seconds: float = 60.0
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not all(0 < share < 1 for share in self.upsample_at):
+            raise ValueError(f"upsample_at is {self.upsample_at}, not shares of the iterations")
+
+    @property
+    def upsample_steps(self) -> tuple[int, ...]:
+        """The iterations at which the grid grows."""
+        return tuple(max(1, round(share * self.iterations)) for share in self.upsample_at)

@@ -47,7 +47,7 @@ def test_depth_of_a_field_is_that_of_the_surfaces():
     )
     cameras, cpu = model.normalized(capture.cameras), torch.device("cpu")
     images = torch.from_numpy(np.stack(capture.images))
-    config = FieldTrainingConfig(iterations=500, batch=1024, upsample_at=(100, 200, 300))
+    config = FieldTrainingConfig(iterations=500, batch=1024, upsample_at=(0.2, 0.4, 0.6))
     kernels = kernels_for(cpu)
     field, _ = train_field(cameras[1:], images[1:], model.space, model.resolution, config, kernels)
     rays = ViewRays(cameras[:1], model.space, field.step_length, cpu)

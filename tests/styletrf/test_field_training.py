@@ -26,7 +26,7 @@ CONFIG = FieldTrainingConfig(
     iterations=120,
     batch=256,
     initial_voxels=10**3,
-    upsample_at=(40, 80),
+    upsample_at=(1 / 3, 2 / 3),
     batch_samples=8000,
     occupancy_every=20,
 )
@@ -43,6 +43,18 @@ def fit(scene: MiniScene, config=CONFIG, kernels=KERNELS, **more) -> RadianceFie
         scene.cameras, scene.images, model.space, model.resolution, config, kernels, **more
     )
     return field
+
+
+@pytest.mark.parametrize("iterations", [1, 2, 5, 37])
+def test_a_fit_of_any_length_reaches_the_final_resolution(scene, iterations):
+    field = fit(scene, replace(CONFIG, iterations=iterations, upsample_at=(0.06, 0.12, 0.2, 0.3)))
+    assert field.resolution == (scene.model.resolution if iterations > 1 else field.resolution)
+
+
+@pytest.mark.parametrize("share", [200, 1.0, 0.0, -0.1, float("nan")])
+def test_growth_is_told_in_shares_of_the_iterations(share):
+    with pytest.raises(ValueError, match="shares of the iterations"):
+        FieldTrainingConfig(upsample_at=(share,))
 
 
 def parameters(field: RadianceField) -> dict[str, torch.Tensor]:

@@ -18,7 +18,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "iterations": 30,
         "batch": 64,
         "initial_voxels": 8**3,
-        "upsample_at": [10],
+        "upsample_at": [0.3],
         "occupancy_every": 10,
         "field.density_ranks": [2, 2, 2],
         "field.appearance_ranks": [2, 2, 2],

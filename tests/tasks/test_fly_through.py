@@ -33,7 +33,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "iterations": 60,
         "batch": 256,
         "initial_voxels": 16**3,
-        "upsample_at": [20],
+        "upsample_at": [0.3],
         "occupancy_every": 20,
     },
     "ContentImages": {"count": 16},
