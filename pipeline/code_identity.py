@@ -58,9 +58,20 @@ def keep(members: Mapping[str, str], store: Store) -> str:
     """Write what `closure` found into the store, unless it is there; returns its digest."""
     digest = code_digest(members)
     if kept(digest, store) is None:
-        store.code(digest).parent.mkdir(exist_ok=True)
-        store.code(digest).write_bytes(canonical_json(members))
+        keep_text(canonical_json(members), digest, store)
     return digest
+
+
+def keep_text(text: bytes, digest: str, store: Store) -> None:
+    """Write what `keep` writes, wherever it is from.
+
+    Raises:
+        ValueError: When it is something else.
+    """
+    if code_digest(json.loads(text)) != digest:
+        raise ValueError(f"it is not the code {digest}")
+    store.code(digest).parent.mkdir(exist_ok=True)
+    store.code(digest).write_bytes(text)
 
 
 def kept(digest: str, store: Store) -> dict[str, str] | None:

@@ -1,6 +1,7 @@
 """What a store has from the shared one and gives to it: records by key, objects as archives.
 
     objects/ab/<digest>.tar     uploaded first
+    code/ab/<digest>.json       what the code with this digest consists of, for `why`
     actions/ab/<key>.json       then this; without its object it counts as absent
 
 Nothing from there is believed: an object comes in by the same way as a build's result, `publish`,
@@ -14,6 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.archive import pack, unpack
+from pipeline.code_identity import keep_text, kept
 from pipeline.digest import is_tree
 from pipeline.publication import commit, publish
 from pipeline.record import ActionRecord
@@ -29,12 +31,20 @@ def recorded(store: Store, key: str) -> ActionRecord | None:
     """The record of the key: the store's, or the shared one's, which then is the store's too."""
     if record := store.hold(key):
         return record
-    record = current_remote().attempt("reading", lambda remote: shared_record(remote, key))
-    return record and adopt(store, record)
+
+    def take(remote: Remote) -> ActionRecord | None:
+        record = shared_record(remote, key)
+        return record and adopt(store, record, remote)
+
+    return current_remote().attempt("reading", take)
 
 
-def adopt(store: Store, record: ActionRecord) -> ActionRecord:
+def adopt(store: Store, record: ActionRecord, remote: Remote) -> ActionRecord:
     """Make a shared record the store's, which has none of that key or else keeps its own."""
+    code = str(record.provenance.get("closure", ""))
+    if code and kept(code, store) is None:
+        with contextlib.suppress(ValueError):  # garbage: `why` then tells less
+            keep_text(remote.read(_code(code)) or b"", code, store)
     with store.run.taking(record.action.key):
         return commit(store, record, store.record)
 
@@ -117,6 +127,9 @@ def push(store: Store, record: ActionRecord, remote: Remote) -> str:
             store.reached("push-packed")
             remote.create(_object(record), workspace / "object.tar")
         store.reached("push-object")
+        code = str(record.provenance.get("closure", ""))
+        if code and kept(code, store) is not None:
+            remote.create(_code(code), store.code(code))
         (workspace / "record.json").write_bytes(record.to_json())
         if not remote.create(_action(key), workspace / "record.json"):
             if shared_record(remote, key):
@@ -145,6 +158,10 @@ def _failure(store: Store, record: ActionRecord) -> Path:
 
 def _action(key: str) -> str:
     return f"actions/{key[:2]}/{key}.json"
+
+
+def _code(digest: str) -> str:
+    return f"code/{digest[:2]}/{digest}.json"
 
 
 def _object(record: ActionRecord) -> str:

@@ -42,7 +42,7 @@ def pull(store: Store, options: Namespace) -> Answer:
     if options.closure:
         known = {n: r for r in found for n in (r.output.digest, r.action.key)}
         chosen = closure([r.action.key for r in chosen], known)
-    return _transfer(chosen, lambda r: sharing.pull(store, sharing.adopt(store, r), remote))
+    return _transfer(chosen, lambda r: sharing.pull(store, sharing.adopt(store, r, remote), remote))
 
 
 def _transfer(chosen: list[ActionRecord], act: Callable[[ActionRecord], str]) -> Answer:

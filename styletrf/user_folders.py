@@ -13,10 +13,13 @@ from styletrf.known_scenes import how_to_get
 from styletrf.photographs import (
     PHOTOGRAPH_SUFFIXES,
     VIDEO_SUFFIXES,
+    list_photographs,
     natural_order,
     require_readable_name,
 )
 
+_POSES = ("poses_bounds.npy", "transforms*.json", "sparse/**/*.*", "colmap/sparse/**/*.*")
+"""Files of the formats that `pose_formats` reads."""
 _NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
 
 
@@ -55,8 +58,24 @@ def find_scene(data_root: Path, name: str) -> Path:
 
 
 def scene_folder(photographs: Path) -> Path:
-    """Returns the folder of a scene from that of its photographs: where poses may lie."""
-    return photographs.parent if photographs.name == "images" else photographs
+    """Returns the folder of a scene from what `find_scene` found: where poses may lie."""
+    is_inside = photographs.name == "images" or not photographs.is_dir()
+    return photographs.parent if is_inside else photographs
+
+
+def scene_files(found: Path) -> list[Path]:
+    """Returns all files that what `find_scene` found may be read from: photographs and poses.
+
+    Raises:
+        InputError: There are too few photographs.
+    """
+    if not found.is_dir():
+        return [found]
+    folder = scene_folder(found)
+    poses = [path for pattern in _POSES for path in sorted(folder.glob(pattern))]
+    if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
+        return [*sorted(_of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES)), *poses]
+    return [*list_photographs(found), *poses]
 
 
 def find_style(data_root: Path, name: str) -> Path:

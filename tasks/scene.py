@@ -21,17 +21,12 @@ class SceneCapture(TunedStage):
     scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
 
     def external_digests(self) -> Mapping[str, str]:
-        """The digest of each photograph, or of the video."""
-        from styletrf.photographs import list_photographs
-        from styletrf.pose_formats import find_given_poses
-        from styletrf.user_folders import find_scene, scene_folder
+        """The digest of each photograph and file of poses, or of the video."""
+        from styletrf.user_folders import find_scene, scene_files, scene_folder
 
         found = find_scene(data_root(), self.scene)
-        if not found.is_dir():
-            return {found.name: file_digest(found)}
-        given = find_given_poses(scene_folder(found))
-        files = given.files if given else list_photographs(found)
-        return {f"{path.parent.name}/{path.name}": file_digest(path) for path in files}
+        below = scene_folder(found)
+        return {str(path.relative_to(below)): file_digest(path) for path in scene_files(found)}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Check and copy the photographs, or choose frames."""

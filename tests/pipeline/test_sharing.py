@@ -20,6 +20,7 @@ from store_toys import Sentence, Word, built
 from test_command import start
 
 from pipeline.__main__ import main
+from pipeline.code_identity import kept
 from pipeline.errors import StoreError
 from pipeline.remote import Remote, open_remote
 from pipeline.settings import current_remote, current_store
@@ -95,6 +96,29 @@ def test_another_machine_builds_nothing_and_fetches_only_what_it_reads(shared, e
     assert sorted(set(built()) - set(before)) == ["Word moon"]
     assert built().count("Word hello") == 1, "its object was fetched for the new sentence"
     assert is_whole(there)
+
+
+@pytest.mark.usefixtures("inline")
+def test_another_machine_is_told_which_function_differs(shared, elsewhere):
+    build(Word("hello"))
+    (code,) = shared.names("code")
+    record = Word("hello").record()
+    members = kept(str(record.provenance["closure"]), current_store())
+    there = elsewhere()
+    assert Word("hello").complete()
+    assert members
+    assert kept(str(record.provenance["closure"]), there) == members
+    assert Path(code).stem == record.provenance["closure"]
+
+
+@pytest.mark.usefixtures("inline")
+def test_shared_code_that_is_garbage_is_passed_over(shared, elsewhere):
+    build(Word("hello"))
+    closure = str(Word("hello").record().provenance["closure"])
+    shared.write(f"code/{closure[:2]}/{closure}.json", b'{"a": "b"}')
+    there = elsewhere()
+    assert Word("hello").complete()
+    assert kept(closure, there) is None
 
 
 @pytest.mark.parametrize("workers", ["1", "2"])

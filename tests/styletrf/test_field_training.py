@@ -51,7 +51,7 @@ def test_a_fit_of_any_length_reaches_the_final_resolution(scene, iterations):
     assert field.resolution == (scene.model.resolution if iterations > 1 else field.resolution)
 
 
-@pytest.mark.parametrize("share", [200, 1.0, 0.0, -0.1, float("nan")])
+@pytest.mark.parametrize("share", [200.0, 1.0, 0.0, -0.1, float("nan")])
 def test_growth_is_told_in_shares_of_the_iterations(share):
     with pytest.raises(ValueError, match="shares of the iterations"):
         FieldTrainingConfig(upsample_at=(share,))

@@ -65,7 +65,7 @@ def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
         color = 0.5 + 0.4 * np.sin(plane + np.array([0.0, 1.0, 2.0]))
         write_rgb(folder / "images" / f"{k}.png", color.reshape(16, 16, 3).astype(np.float32))
         cameras.append(camera)
-    write_cameras(folder / "cameras.parquet", cameras)
+    write_cameras(folder / "cameras.parquet", cameras, held_out={"0"})
     rng = np.random.default_rng(0)
     xyz = np.column_stack([rng.uniform(-2, 2, (100, 2)), rng.uniform(3.8, 4.2, 100)])
     points = SparsePoints(

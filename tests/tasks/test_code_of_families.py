@@ -117,7 +117,7 @@ def test_comments_docstrings_and_formatting_change_no_code(project: Workbench):
 
 CLIPS = "PathRenders PriorRenders TrajectoryFrames StylizedFrames"
 EDITS = {  # file, what is replaced by what, and the families whose results may change
-    "a constant": ("styletrf/views.py", "EVERY = 8", "EVERY = 9", "RadianceField QualityMetrics"),
+    "a constant": ("styletrf/views.py", "EVERY = 8", "EVERY = 9", "CameraPoses"),
     "two imports away": ("styletrf/occupancy.py", "POINT = 0.5", "POINT = 0.6", "RadianceField"),
     "three imports away": ("styletrf/video.py", "_ENCODERS = {", "_ENCODERS = {**{},", CLIPS),
     "of the network": (
@@ -137,8 +137,8 @@ EDITS = {  # file, what is replaced by what, and the families whose results may 
     "a template": ("styletrf/report_template.html", "<title>", "<title>A ", "StylizedTrajectory"),
     "a setting, in the keys by value, but told by the report": (
         "tasks/qualities.py",
-        "1536, 2048",
-        "1537, 2048",
+        "1536, 3072",
+        "1537, 3072",
         "StylizedTrajectory",
     ),
     "what no stage uses": ("styletrf/courtyard/lighting.py", "2.7, 2.3", "2.8, 2.3", ""),
@@ -156,20 +156,20 @@ def test_an_edit_changes_exactly_what_depends_on_it(
 def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
     users = {"RadianceField", "QualityMetrics"}
     for path in project.folder.glob("*/*.py"):
-        if "split_views" in path.read_text():
-            project.edit(path.relative_to(project.folder), r"\bsplit_views\b", "views_split")
+        if "read_split" in path.read_text():
+            project.edit(path.relative_to(project.folder), r"\bread_split\b", "split_read")
     assert project.changed() == users
     project.pipeline("adopt", "RadianceField", "--reason", "a rename")
     assert project.changed() == {"QualityMetrics"}, "a declaration speaks of its family only"
     project.pipeline("adopt", "QualityMetrics", "--reason", "a rename")
     assert project.changed() == set()
-    project.edit("styletrf/views.py", "views_split", "parted")
-    project.edit("tasks/field.py", "views_split", "parted")
-    project.edit("tasks/metrics.py", "views_split", "parted")
+    project.edit("styletrf/camera_table.py", "split_read", "parted")
+    project.edit("tasks/field.py", "split_read", "parted")
+    project.edit("tasks/metrics.py", "split_read", "parted")
     assert project.changed() == users
     project.pipeline("adopt", *users, "--reason", "another rename")
     assert project.changed() == set(), "adoptions form a chain"
-    project.edit("styletrf/views.py", "EVERY = 8", "EVERY = 9")
+    project.edit("styletrf/camera_table.py", "parts.row", "parts[not row")
     assert project.changed() == users
 
 
