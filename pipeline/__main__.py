@@ -44,6 +44,7 @@ def _parser() -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(dest="command", required=True)
 
     def command(run: Callable[..., Answer], **positional: Any) -> Callable[..., Any]:
+        """Adds a command named and explained as its function; returns what adds its options."""
         told = str(run.__doc__)
         added = subparsers.add_parser(run.__name__, help=told.partition(".")[0], description=told)
         added.set_defaults(run=run)

@@ -113,6 +113,7 @@ class _Shards:
         self._folder, self._rows, self._bytes, self._written = folder, list[Row](), 0, 0
 
     def add(self, row: Row) -> None:
+        """Takes one row, and writes those that wait once they are 64 MB."""
         self._rows.append(row)
         self._bytes += len(row["encoded"])
         self.count += 1
@@ -120,6 +121,7 @@ class _Shards:
             self.flush()
 
     def flush(self) -> None:
+        """Writes the rows that wait, if any."""
         if not self._rows:
             return
         path = self._folder / f"content-{self._written:05d}.parquet"
