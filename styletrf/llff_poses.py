@@ -6,13 +6,12 @@ the world; the optical axis goes through the middle of the image (Mildenhall et 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.cameras import Camera, pixel_centers, resized
+from styletrf.cameras import Camera, resized
 from styletrf.errors import InputError
 from styletrf.given_poses import GivenPoses, GivenView, Lens, given_poses, rigid
 from styletrf.photographs import list_photographs, read_photograph
@@ -20,16 +19,7 @@ from styletrf.photographs import list_photographs, read_photograph
 _REMEDY = "Write it anew with the photographs that are there"
 
 
-@dataclass(frozen=True, slots=True)
-class LLFFPoses:
-    """Cameras at the size of the photographs, and the depths Z between which each sees points."""
-
-    cameras: tuple[Camera, ...]
-    near: Float[np.ndarray, " views"]
-    far: Float[np.ndarray, " views"]
-
-
-def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -> LLFFPoses:
+def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -> list[Camera]:
     """Returns the cameras of photographs of `width` x `height`, whatever size they were posed at.
 
     Args:
@@ -48,11 +38,10 @@ def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -
     if rows.shape != (len(names), 17) or not np.isfinite(rows).all():
         problem = f"is not 17 finite numbers for each of {len(names)} photographs"
         raise InputError(str(path), problem, _REMEDY)
-    cameras = [
+    return [
         resized(_camera(name, row[:15].reshape(3, 5)), width, height)
         for name, row in zip(names, rows, strict=True)
     ]
-    return LLFFPoses(tuple(cameras), rows[:, 15], rows[:, 16])
 
 
 def read_llff_folder(folder: Path) -> GivenPoses | None:
@@ -66,7 +55,7 @@ def read_llff_folder(folder: Path) -> GivenPoses | None:
         return None
     files = sorted(list_photographs(folder / "images"))
     height, width, _ = read_photograph(files[0]).shape
-    poses = read_llff_poses(path, [file.stem for file in files], width, height)
+    cameras = read_llff_poses(path, [file.stem for file in files], width, height)
     views = [
         GivenView(
             file,
@@ -75,26 +64,9 @@ def read_llff_folder(folder: Path) -> GivenPoses | None:
             ),
             rigid(file.name, path, camera.world_from_camera),
         )
-        for file, camera in zip(files, poses.cameras, strict=True)
+        for file, camera in zip(files, cameras, strict=True)
     ]
     return given_poses(path, views)
-
-
-def points_at_bounds(poses: LLFFPoses, every: int = 16) -> Float[np.ndarray, "points 3"]:
-    """Returns world points that stand in for a sparse reconstruction.
-
-    They lie on the rays through each view's pixels, a lattice of `every` x `every`, at the depth
-    nearest to it, the farthest, and the one with the mean disparity of the two.
-    """
-    points = []
-    for camera, near, far in zip(poses.cameras, poses.near, poses.far, strict=True):
-        x, y = pixel_centers(every, every).T / every
-        x = (x * camera.width - camera.cx) / camera.fx
-        y = (y * camera.height - camera.cy) / camera.fy
-        rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_camera[:, :3].T
-        depths = (near, 2 / (1 / near + 1 / far), far)
-        points += [camera.center_world + depth * rays for depth in depths]
-    return np.concatenate(points)
 
 
 def _camera(name: str, matrix: Float[np.ndarray, "3 5"]) -> Camera:

@@ -53,7 +53,10 @@ def find_scene(data_root: Path, name: str) -> Path:
         for path in scenes.glob("*")
         if path.is_dir() or _of_suffix([path], VIDEO_SUFFIXES)
     ]
-    remedy = how_to_get(name) or f"Put its photographs into scenes/{name}/images, or a video"
+    remedy = (
+        how_to_get(name)
+        or f"Put its photographs into scenes/{name}/images, or a video as scenes/{name}.mp4,"
+    )
     raise InputError(f"scene {name!r}", _missing(scenes, existing), f"{remedy} under {data_root}")
 
 
