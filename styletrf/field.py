@@ -9,7 +9,7 @@ and own the second.
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import torch
@@ -26,16 +26,40 @@ from styletrf.tensor_vm import TensorVM
 class FieldConfig:
     """The size of a field; names in brackets are TensoRF's.
 
-    Ranks are per axis pair xy, xz, yz [n_lamb_sigma, n_lamb_sh].
+    Ranks are per axis pair xy, xz, yz [n_lamb_sigma, n_lamb_sh]; one alone is that of the first
+    pair, and the space decides the others', see `in_space`.
     """
 
-    density_ranks: tuple[int, int, int] = (16, 4, 4)
-    appearance_ranks: tuple[int, int, int] = (24, 12, 12)
+    density_ranks: tuple[int, ...] = (16,)
+    appearance_ranks: tuple[int, ...] = (24,)
     features: int = 27  # [data_dim_color]
     hidden: int = 64  # [featureC]
     density_shift: float = -7.0  # [density_shift]: no raw density is empty space
     density_scale: float = 25.0  # [distance_scale]
     initial_raw_density: float = 3.0  # a thin fog that light gets through and gradients see
+
+    def __post_init__(self) -> None:
+        for ranks in (self.density_ranks, self.appearance_ranks):
+            if len(ranks) not in (1, 3) or not all(rank > 0 for rank in ranks):
+                raise ValueError(f"ranks are {ranks}, not one or three positive numbers")
+
+    def in_space(self, kind: str) -> "FieldConfig":
+        """Returns the configuration with a rank for every axis pair.
+
+        NDC looks along z: what is seen varies over xy, and the pairs with z need a quarter of the
+        density's components and half of the appearance's. The axes of a box are alike.
+        """
+        of_density, of_appearance = (4, 2) if kind == "ndc" else (1, 1)
+
+        def spread(ranks: tuple[int, ...], share: int) -> tuple[int, ...]:
+            others = max(1, ranks[0] // share)
+            return ranks if len(ranks) == 3 else (ranks[0], others, others)
+
+        return replace(
+            self,
+            density_ranks=spread(self.density_ranks, of_density),
+            appearance_ranks=spread(self.appearance_ranks, of_appearance),
+        )
 
 
 class Density(nn.Module):

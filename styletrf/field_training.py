@@ -8,6 +8,7 @@ learning rates restart there, and the occupancy grid is refreshed from the densi
 import math
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -20,7 +21,7 @@ from styletrf.errors import NotFiniteError
 from styletrf.field import RadianceField, set_occupancy
 from styletrf.field_checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field_training_config import FieldTrainingConfig
-from styletrf.kernels import Kernels, Samples, Segments
+from styletrf.kernels import Kernels, Samples, Segments, Thinning
 from styletrf.occupancy import occupied_voxels
 from styletrf.pixel_rays import pixel_rays
 from styletrf.progress import Progress, silent
@@ -83,6 +84,7 @@ class FieldTrainer:
         kernels: Kernels,
         checkpoint_dir: Path | None = None,
     ) -> None:
+        config = replace(config, field=config.field.in_space(space.kind))
         self.config, self.kernels, self.images = config, kernels, images
         self.checkpoint_dir, self.iteration = None, 0
         self.require_finite(camera_stages(cameras))
@@ -165,12 +167,20 @@ class FieldTrainer:
 
     def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
         jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)
-        march = self.field.density.march(self.config.termination)
+        march = replace(
+            self.field.density.march(self.config.termination),
+            thinning=self._thinning(self.config.gradient_threshold),
+        )
         samples = self.kernels.trace(self.field.density.factors, segments, jitter, march)
         color = render_color(
-            self.field.appearance, self.kernels, segments, samples, self.config.min_weight
-        )
+            self.field.appearance, self.kernels, segments, samples, self.config.min_weight,
+            thinning=self._thinning(self.config.color_threshold),
+        )  # fmt: skip
         return samples, color
+
+    def _thinning(self, threshold: float) -> Thinning:
+        offset = float(torch.rand((), generator=self.generator))
+        return Thinning(threshold, offset)
 
     def _regularize(self) -> None:
         """Adds the gradients of L1 and, decaying with the iterations, total variation."""

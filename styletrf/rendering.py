@@ -11,7 +11,7 @@ from torch import Tensor
 
 from styletrf.cameras import Camera, pixel_centers
 from styletrf.field import Appearance, RadianceField
-from styletrf.kernels import Kernels, Samples, Segments
+from styletrf.kernels import Kernels, Samples, Segments, Thinning, thin_gradient
 from styletrf.space import ViewRays
 
 LEAST_OPACITY = 1e-3  # of a ray that hits something
@@ -57,12 +57,14 @@ def render_color(
     min_weight: float,
     *,
     deferred: bool = False,
+    thinning: Thinning | None = None,
 ) -> Float[Tensor, "rays 3"]:
     """Returns the colour of rays, differentiable in the appearance and the samples' weights.
 
     Samples below `min_weight` are left out and their mass given to the ray's others in proportion,
     or to the background where there are none: leaving them out darkens nothing. For `deferred` see
-    `RenderConfig`; without it the colour is the mean of the samples' colours.
+    `RenderConfig`; without it the colour is the mean of the samples' colours. `thinning` is that of
+    the gradient of these.
     """
     opacity = kernels.composite(samples, torch.ones_like(samples.weights)[:, None])
     heavy = kernels.heavy(samples, min_weight)
@@ -70,6 +72,7 @@ def render_color(
     directions = segments.view_directions
     if not deferred:
         values = appearance.decode(values, directions, heavy.ray, kernels)
+    values = thin_gradient(values, thinning)
     sums = kernels.composite(heavy, torch.cat([values, torch.ones_like(values[:, :1])], dim=1))
     kept = sums[:, -1:]
     color = sums[:, :-1] / kept.clamp(min=1e-6)

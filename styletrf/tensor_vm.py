@@ -15,6 +15,7 @@ from torch.nn import functional
 
 PLANE_AXES = ((0, 1), (0, 2), (1, 2))  # (u, v): columns, rows
 LINE_AXES = (2, 1, 0)
+_ROWS = 16
 
 
 class TensorVM(nn.Module):
@@ -97,8 +98,11 @@ class TensorVM(nn.Module):
     def add_l1_gradient(self, weight: float) -> None:
         """Adds `weight` times the gradient of `l1` to that of the factors, in place."""
         for factor in (*self.planes, *self.lines):
-            if factor.grad is not None:
-                factor.grad.add_(factor.sign(), alpha=weight / factor.numel())
+            if factor.grad is None:
+                continue
+            # by blocks whose signs stay in the cache
+            for values, grad in zip(factor.split(_ROWS), factor.grad.split(_ROWS), strict=True):
+                grad.add_(values.sign(), alpha=weight / factor.numel())
 
 
 def _resized_plane(

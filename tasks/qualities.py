@@ -27,8 +27,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "occupancy_alpha": (0.02, 0.02, 5e-3),
         "factor_rate": (0.03, 0.03, 0.02),
         "network_rate": (3e-3, 3e-3, 1e-3),
-        "field.density_ranks": ([16, 4, 4], [16, 4, 4], [16, 16, 16]),
-        "field.appearance_ranks": ([24, 12, 12], [24, 12, 12], [48, 48, 48]),
+        "field.density_ranks": ([16], [16], [16, 16, 16]),
+        "field.appearance_ranks": ([24], [24], [48, 48, 48]),
         "field.hidden": (64, 64, 128),
     },
     "ContentImages": {

@@ -4,35 +4,29 @@
 it is installed, else the plain-torch reference; a name overrides the choice.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.util import find_spec
-from types import ModuleType
 
 import torch
-from torch import Tensor
 
 from styletrf.errors import InputError
 from styletrf.kernels import fused, reference
+from styletrf.kernels.differentiable import form_of
+from styletrf.kernels.form import Kernels
 from styletrf.kernels.samples import March, Samples, Segments
-from styletrf.tensor_vm import TensorVM
+from styletrf.kernels.thinning import Thinning, thin_gradient
 
-__all__ = ["FORMS", "Kernels", "March", "Samples", "Segments", "kernels_for"]
+__all__ = [
+    "FORMS",
+    "Kernels",
+    "March",
+    "Samples",
+    "Segments",
+    "Thinning",
+    "kernels_for",
+    "thin_gradient",
+]
 
 FORMS = ("reference", "fused", "triton")
-
-
-@dataclass(frozen=True, slots=True)
-class Kernels:
-    """One form of the kernels; `reference` documents each function."""
-
-    name: str
-    features: Callable[[TensorVM, Tensor], Tensor]
-    density: Callable[[TensorVM, Tensor], Tensor]
-    trace: Callable[[TensorVM, Segments, Tensor, March], Samples]
-    heavy: Callable[[Samples, float], Samples]
-    composite: Callable[[Samples, Tensor], Tensor]
-    decode: Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 def kernels_for(device: torch.device, name: str | None = None) -> Kernels:
@@ -43,13 +37,13 @@ def kernels_for(device: torch.device, name: str | None = None) -> Kernels:
     """
     match name or _fastest(device):
         case "reference":
-            return _form("reference", reference)
+            return _plain_torch()
         case "fused":
-            return _form("fused", fused)
+            return form_of("fused", fused)
         case "triton" if _has_triton():
             from styletrf.kernels import triton_form
 
-            return _form("triton", triton_form)
+            return form_of("triton", triton_form)
         case "triton":
             raise InputError("kernels triton", "the package triton is not installed", _REMEDY)
     raise InputError(f"kernels {name}", "there is no such form", f"Choose from {', '.join(FORMS)}")
@@ -68,8 +62,9 @@ def _has_triton() -> bool:
     return find_spec("triton") is not None
 
 
-def _form(name: str, module: ModuleType) -> Kernels:
+def _plain_torch() -> Kernels:
+    form = reference
     return Kernels(
-        name, module.features, module.density, module.trace, module.heavy, module.composite,
-        module.decode,
+        "reference", form.features, form.density, form.trace, form.heavy, form.composite,
+        form.decode,
     )  # fmt: skip

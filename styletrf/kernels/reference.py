@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from styletrf.kernels.samples import March, Samples, Segments
+from styletrf.kernels.thinning import thin_gradient
 from styletrf.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 
 
@@ -52,7 +53,8 @@ def trace(
     s = (steps + jitter[:, None]) / n
     positions = segments.origins[:, None] + s[..., None] * segments.directions[:, None]
     mask = (steps < segments.n_steps[:, None]) & _occupied(march, positions)
-    raw = torch.zeros_like(s).masked_scatter(mask, density(factors, positions[mask]))
+    of_samples = thin_gradient(density(factors, positions[mask])[:, None], march.thinning)
+    raw = torch.zeros_like(s).masked_scatter(mask, of_samples)
     thickness = segments.step_thickness(march.scale)[:, None]
     tau = torch.where(mask, thickness * functional.softplus(raw + march.shift), 0.0)
     # Summed before the sample, not up to it and subtracted again: tau may be infinite.

@@ -6,6 +6,8 @@ import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
+from styletrf.kernels.thinning import Thinning
+
 THICKEST = 1e30
 
 
@@ -57,12 +59,16 @@ class Segments:
 
 @dataclass(frozen=True, slots=True)
 class March:
-    """How rays are sampled: density = scale x softplus(raw + shift); see `trace`."""
+    """How rays are sampled: density = scale x softplus(raw + shift); see `trace`.
+
+    `thinning` is that of the raw densities' gradient.
+    """
 
     occupancy: UInt8[Tensor, "x y z"]
     shift: float
     scale: float
     termination: float
+    thinning: Thinning | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,10 +15,7 @@ from typing import no_type_check
 import numba
 import numpy as np
 
-from styletrf.kernels.samples import THICKEST
 from styletrf.kernels.vm_numba import FAST, ONE, ZERO, vm_sum
-
-MOST = np.float32(THICKEST)
 
 
 @no_type_check
@@ -42,15 +39,6 @@ def sigmoid(x):
     """Returns the derivative of softplus, without overflow."""
     e = np.float32(math.exp(-abs(x)))
     return ONE / (ONE + e) if x >= 0 else e / (ONE + e)
-
-
-@no_type_check
-@numba.njit(cache=True, inline="always")
-def _step_thickness(length, n_steps, scale):
-    """See `Segments.step_thickness`."""
-    length = MOST if length > MOST else length
-    thickness = length / np.float32(n_steps) * min(scale, MOST)
-    return MOST if thickness > MOST else thickness
 
 
 @no_type_check
@@ -79,43 +67,40 @@ def density_features(positions, planes, lines):
 def trace_forward(
     origins,
     directions,
-    lengths,
+    thickness,
     n_steps,
     jitter,
     occupancy,
     planes,
     lines,
     shift,
-    scale,
     termination,
 ):
-    """Returns the samples of every ray in padded rows: count, s, raw density, weight.
+    """Returns the samples of every ray in padded rows: count, s, argument of the softplus, weight.
 
     Args:
         origins: Of the segments in grid coordinates, `rays 3`.
         directions: Likewise, from one end to the other.
-        lengths: Optical length of each whole segment, in the density's unit of length.
+        thickness: See `Segments.step_thickness`.
         n_steps: Steps of each ray.
         jitter: Where in each step its sample lies, in [0, 1), one number a ray.
         occupancy: `x y z`, non-zero where density may be.
         planes: Density factors.
         lines: Density factors.
-        shift: density = scale * softplus(raw + shift).
-        scale: See `shift`.
+        shift: Of the raw density; tau = thickness * softplus(raw + shift).
         termination: Transmittance at which a ray ends.
     """
     n_rays = origins.shape[0]
     capacity = max(n_steps.max(), 1) if n_rays > 0 else 1
     count = np.zeros(n_rays, np.int64)
     along = np.empty((n_rays, capacity), np.float32)
-    raw = np.empty((n_rays, capacity), np.float32)
+    argument = np.empty((n_rays, capacity), np.float32)
     weight = np.empty((n_rays, capacity), np.float32)
     nx, ny, nz = occupancy.shape
     for ray in numba.prange(n_rays):
         if n_steps[ray] == 0:
             continue
         step = ONE / np.float32(n_steps[ray])
-        thickness = _step_thickness(lengths[ray], n_steps[ray], scale)
         transmittance = ONE
         kept = 0
         for k in range(n_steps[ray]):
@@ -126,120 +111,61 @@ def trace_forward(
             if occupancy[_voxel(x, nx), _voxel(y, ny), _voxel(z, nz)] == 0:
                 continue
             feature = density_feature(planes, lines, x, y, z)
-            tau = thickness * softplus(feature + shift)
+            shifted = feature + shift
+            tau = thickness[ray] * softplus(shifted)
             w = -transmittance * np.float32(math.expm1(-tau))
             along[ray, kept] = s
-            raw[ray, kept] = feature
+            argument[ray, kept] = shifted
             weight[ray, kept] = w
             kept += 1
             transmittance -= w
             if transmittance < termination:
                 break
         count[ray] = kept
-    return count, along, raw, weight
+    return count, along, argument, weight
 
 
 @no_type_check
 @numba.njit(cache=True, parallel=True)
-def pack(origins, directions, count, along, raw, weight):
-    """Returns padded samples packed ray after ray: offsets, ray, s, position, raw, weight."""
+def pack(origins, directions, count, along, argument, weight):
+    """Returns padded samples packed ray after ray: offsets, ray, s, position, weight, argument."""
     n_rays = count.shape[0]
     offsets = np.zeros(n_rays + 1, np.int64)
     for ray in range(n_rays):
         offsets[ray + 1] = offsets[ray] + count[ray]
     n = offsets[-1]
     ray_of = np.empty(n, np.int64)
-    s_of, raw_of, weight_of = (
-        np.empty(n, np.float32),
-        np.empty(n, np.float32),
-        np.empty(n, np.float32),
-    )
+    s_of, weight_of = np.empty(n, np.float32), np.empty(n, np.float32)
+    argument_of = np.empty(n, np.float32)
     positions = np.empty((n, 3), np.float32)
     for ray in numba.prange(n_rays):
         for k in range(count[ray]):
             i = offsets[ray] + k
             ray_of[i] = ray
             s_of[i] = along[ray, k]
-            raw_of[i] = raw[ray, k]
             weight_of[i] = weight[ray, k]
+            argument_of[i] = argument[ray, k]
             for axis in range(3):
                 positions[i, axis] = origins[ray, axis] + along[ray, k] * directions[ray, axis]
-    return offsets, ray_of, s_of, positions, raw_of, weight_of
+    return offsets, ray_of, s_of, positions, weight_of, argument_of
 
 
 @no_type_check
 @numba.njit(cache=True, parallel=True, fastmath=FAST)
-def trace_backward(offsets, lengths, n_steps, raw, weight, grad_weight, shift, scale):
-    """Returns the gradient of the raw densities from that of the weights, `n x 1`.
+def trace_backward(offsets, weight, argument, thickness, grad):
+    """Returns the gradient of the raw densities from that of the weights.
 
     dL/dtau_i = g_i T_{i+1} - sum_{j > i} g_j weight_j.
     """
-    grad_raw = np.empty((raw.shape[0], 1), np.float32)
+    grad_raw = np.empty_like(weight)
     for ray in numba.prange(offsets.shape[0] - 1):
         behind = np.float64(0)
         for i in range(offsets[ray], offsets[ray + 1]):
-            behind += grad_weight[i] * weight[i]
+            behind += grad[i] * weight[i]
         transmittance = ONE
         for i in range(offsets[ray], offsets[ray + 1]):
-            slope = _step_thickness(lengths[ray], n_steps[ray], scale) * sigmoid(raw[i] + shift)
             transmittance -= weight[i]
-            behind -= grad_weight[i] * weight[i]
-            grad_tau = grad_weight[i] * transmittance - np.float32(behind)
-            grad_raw[i, 0] = grad_tau * slope
+            behind -= grad[i] * weight[i]
+            grad_tau = grad[i] * transmittance - np.float32(behind)
+            grad_raw[i] = grad_tau * thickness[ray] * sigmoid(argument[i])
     return grad_raw
-
-
-@no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
-def _heaviest_of_haze(weight, first, last, threshold):
-    """Returns the first heaviest sample of a ray that is opaque by light samples only, else -1."""
-    opacity, heaviest = np.float32(0), first
-    for i in range(first, last):
-        opacity += weight[i]
-        if weight[i] > weight[heaviest]:
-            heaviest = i
-    return heaviest if opacity > threshold and weight[heaviest] <= threshold else -1
-
-
-@no_type_check
-@numba.njit(cache=True, inline="always")
-def _is_heavy(weight, threshold):
-    """Returns whether a weight is above the threshold, or NaN, so that NaN is seen."""
-    return not weight <= threshold
-
-
-@no_type_check
-@numba.njit(cache=True, parallel=True)
-def heavy_samples(offsets, weight, threshold):
-    """Returns where each ray's kept samples begin, and which samples those are."""
-    n_rays = offsets.shape[0] - 1
-    kept = np.zeros(n_rays + 1, np.int64)
-    haze = np.empty(n_rays, np.int64)
-    for ray in numba.prange(n_rays):
-        if offsets[ray] == offsets[ray + 1]:
-            continue
-        haze[ray] = _heaviest_of_haze(weight, offsets[ray], offsets[ray + 1], threshold)
-        for i in range(offsets[ray], offsets[ray + 1]):
-            kept[ray + 1] += _is_heavy(weight[i], threshold) or i == haze[ray]
-    kept = np.cumsum(kept)
-    index = np.empty(kept[-1], np.int64)
-    for ray in numba.prange(n_rays):
-        k = kept[ray]
-        for i in range(offsets[ray], offsets[ray + 1]):
-            if _is_heavy(weight[i], threshold) or i == haze[ray]:
-                index[k] = i
-                k += 1
-    return kept, index
-
-
-@no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
-def composite_forward(offsets, weight, values):
-    """Returns the weighted sum of the values of each ray's samples, `rays x c`."""
-    n_channels = values.shape[1]
-    out = np.zeros((offsets.shape[0] - 1, n_channels), np.float32)
-    for ray in numba.prange(offsets.shape[0] - 1):
-        for i in range(offsets[ray], offsets[ray + 1]):
-            for c in range(n_channels):
-                out[ray, c] += weight[i] * values[i, c]
-    return out

@@ -167,11 +167,8 @@ def _raw_gradients(offsets, weights, behind, slopes, grad, grad_raw, STEPS: tl.c
 
 def trace_forward(
     segments: Segments, jitter: Float[Tensor, " rays"], march: March, factors: Sequence[Tensor]
-) -> tuple[Samples, Float[Tensor, " samples"], Float[Tensor, " samples"]]:
-    """Returns the samples of every ray, and for each what its backward pass needs.
-
-    These are the transmittance behind the sample and d tau / d raw density.
-    """
+) -> tuple[Samples, Sequence[Tensor]]:
+    """Returns the samples; and the transmittance behind each, and d tau / d raw density."""
     planes, lines, shape, ranks = kernel_factors(factors)
     origins, directions = segments.origins.contiguous(), segments.directions.contiguous()
     thickness, n_steps = segments.step_thickness(march.scale), segments.n_steps.contiguous()
@@ -195,14 +192,13 @@ def trace_forward(
         origins, directions, room, offsets, *padded, ray, s, positions, weights, behind, slopes,
         STEPS, num_warps=1,
     )  # fmt: skip
-    return Samples(offsets, ray, s, positions, weights), behind, slopes
+    return Samples(offsets, ray, s, positions, weights), (behind, slopes)
 
 
 def trace_backward(
     offsets: Int64[Tensor, " rays_and_one"],
     weights: Float[Tensor, " samples"],
-    behind: Float[Tensor, " samples"],
-    slopes: Float[Tensor, " samples"],
+    saved: Sequence[Tensor],
     grad: Float[Tensor, " samples"],
 ) -> Float[Tensor, " samples"]:
     """Returns the gradient of the raw densities from that of the weights.
@@ -211,7 +207,7 @@ def trace_backward(
     """
     grad_raw = torch.empty_like(weights)
     _raw_gradients[(len(offsets) - 1,)](
-        offsets, weights, behind, slopes, grad.contiguous(), grad_raw, STEPS, num_warps=1
+        offsets, weights, *saved, grad.contiguous(), grad_raw, STEPS, num_warps=1
     )
     return grad_raw
 

@@ -148,9 +148,10 @@ def _features(
 def _scatter(target, points, weights, values, live, RANK: tl.constexpr):
     """Adds the values, shared out by weight, to the lattice points of a factor's gradient."""
     channel, mask = channel_tile(live, RANK)
+    touched = mask & (values != 0)
     for k in tl.static_range(len(points)):
         address = target + points[k][:, None] * RANK + channel
-        tl.atomic_add(address, weights[k][:, None] * values, mask=mask, sem="relaxed")
+        tl.atomic_add(address, weights[k][:, None] * values, mask=touched, sem="relaxed")
 
 
 @no_type_check

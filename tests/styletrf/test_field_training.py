@@ -70,8 +70,34 @@ def test_the_field_shows_what_it_was_shown(scene):
     assert render.opacity.mean() > 0.9
 
 
+def test_thinned_gradients_fit_as_well(scene):
+    rays = ViewRays(scene.cameras, scene.model.space, 0.01, CPU)
+
+    def reached(threshold: float) -> float:
+        config = replace(CONFIG, gradient_threshold=threshold, color_threshold=threshold)
+        render = render_view(fit(scene, config), KERNELS, rays, 2, scene.cameras[2], RenderConfig())
+        return psnr(render.color.numpy(), (scene.images[2].float() / 255).numpy())
+
+    assert reached(2.0) > reached(0.0) - 1.5
+
+
+@pytest.mark.parametrize(("kind", "ranks"), [("ndc", (16, 4, 4)), ("box", (16, 16, 16))])
+def test_one_rank_is_spread_as_the_space_asks(kind, ranks):
+    config = FieldConfig((16,), (5, 6, 7)).in_space(kind)
+    assert config.density_ranks == ranks
+    assert config.appearance_ranks == (5, 6, 7)
+    assert FieldConfig((1,), (1,)).in_space(kind).density_ranks == (1, 1, 1)
+
+
+@pytest.mark.parametrize("ranks", [(), (4, 4), (0,), (4, 0, 4)])
+def test_ranks_are_one_or_three_positive_numbers(ranks):
+    with pytest.raises(ValueError, match="one or three positive numbers"):
+        FieldConfig(ranks)
+
+
 def test_fused_and_reference_kernels_train_to_the_same_field(scene):
-    config = replace(CONFIG, iterations=30)
+    """But for thinning, whose draws part where the rounding of sums does."""
+    config = replace(CONFIG, iterations=30, gradient_threshold=0.0, color_threshold=0.0)
     fused = fit(scene, config)
     plain = fit(scene, config, kernels_for(CPU, "reference"))
     for name, tensor in parameters(fused).items():

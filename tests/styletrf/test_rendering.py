@@ -85,7 +85,7 @@ def test_the_median_depth_is_where_half_the_light_is_lost():
 def test_white_fog_before_white_stays_white(opacity, min_weight):
     """However thin its samples: dropping light ones must not turn haze black."""
     n = 600
-    appearance = Appearance(FieldConfig(), (4, 4, 4))
+    appearance = Appearance(FieldConfig().in_space("ndc"), (4, 4, 4))
     with torch.no_grad():
         appearance.output.weight.zero_()
         appearance.output.bias.fill_(20.0)

@@ -1,0 +1,22 @@
+"""What every form of the kernels offers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from styletrf.kernels.samples import March, Samples, Segments
+from styletrf.tensor_vm import TensorVM
+
+
+@dataclass(frozen=True, slots=True)
+class Kernels:
+    """One form of the kernels; `reference` documents each function."""
+
+    name: str
+    features: Callable[[TensorVM, Tensor], Tensor]
+    density: Callable[[TensorVM, Tensor], Tensor]
+    trace: Callable[[TensorVM, Segments, Tensor, March], Samples]
+    heavy: Callable[[Samples, float], Samples]
+    composite: Callable[[Samples, Tensor], Tensor]
+    decode: Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
