@@ -170,28 +170,44 @@ def _larger(scene: GivenScene, long_side: int) -> GivenScene:
 
 
 def compare(options: argparse.Namespace) -> None:
-    """Prints milliseconds an iteration at the final resolution of both forms, and their losses."""
+    """Prints milliseconds an iteration at the final resolution of both forms, and their losses.
+
+    The plain form twice: with the samples that the kernels take, and with every sample of every
+    ray, as without an occupancy grid.
+    """
     settings = settings_of(options)
     scene = load_given_scene(options.scene, settings.model)
-    training = replace(settings.training, upsample_at=(), iterations=options.iterations)
-    for kernels in (options.kernels, "reference"):
+    every = replace(settings.training, upsample_at=(), iterations=options.iterations)
+    exhaustive = replace(every, min_weight=0.0, termination=0.0)
+    for kernels, training in (
+        (options.kernels, every), ("reference", every), ("reference", exhaustive)
+    ):  # fmt: skip
         trainer = trainer_of(scene, replace(settings, training=training), kernels)
         if options.field is not None:
-            trainer.field.density.occupancy = load_field(options.field).density.occupancy
-            trainer.field.load_state_dict(load_field(options.field).state_dict())
-        trainer.step()
-        first, cpu, losses = trainer.seconds, time.process_time(), []
-        for _ in range(options.iterations - 1):
-            trainer.step()
-            losses.append(10 ** (-trainer.psnr() / 10))
+            present = load_field(options.field)
+            if training is not exhaustive:
+                trainer.field.density.occupancy = present.density.occupancy
+            trainer.field.load_state_dict(
+                present.state_dict() | {"density.occupancy": trainer.field.density.occupancy}
+            )
         told(options, {
-            "kernels": trainer.kernels.name,
-            "ms_per_iteration": 1e3 * (trainer.seconds - first) / (options.iterations - 1),
-            "cpu_ms_per_iteration": 1e3
-            * (time.process_time() - cpu)
-            / (options.iterations - 1),
-            "losses": losses,
+            "kernels": trainer.kernels.name, "every_sample": training is exhaustive,
+            **_timed_steps(trainer, options.iterations),
         })  # fmt: skip
+
+
+def _timed_steps(trainer: FieldTrainer, iterations: int) -> dict[str, Any]:
+    """Returns the milliseconds and the losses of all iterations but the first, which compiles."""
+    trainer.step()
+    first, cpu, losses = trainer.seconds, time.process_time(), []
+    for _ in range(iterations - 1):
+        trainer.step()
+        losses.append(10 ** (-trainer.psnr() / 10))
+    return {
+        "ms_per_iteration": 1e3 * (trainer.seconds - first) / (iterations - 1),
+        "cpu_ms_per_iteration": 1e3 * (time.process_time() - cpu) / (iterations - 1),
+        "losses": losses,
+    }
 
 
 def settings_of(options: argparse.Namespace) -> Settings:

@@ -1,11 +1,13 @@
 """The folder in which the toys note that they were built, and the stores they share."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import luigi
 import pytest
 from fsspec import get_filesystem_class
-from shared_stores import Place, Server
+from shared_stores import Place, Server, proxy_of
 
 from pipeline.remote import open_remote
 from pipeline.settings import current_store
@@ -57,3 +59,46 @@ def shared(
 def store() -> Store:
     """The test's empty store."""
     return current_store()
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """Go on as another machine, with an empty store."""
+
+    def go(name: str = "elsewhere") -> Store:
+        monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / name))
+        luigi.task_register.Register.clear_instance_cache()
+        open_remote.cache_clear()
+        return current_store()
+
+    return go
+
+
+@pytest.fixture
+def proxied(server: Server, monkeypatch):
+    """A bucket behind a proxy that can fail."""
+    with proxy_of(server) as proxy:
+        for name, value in server.environment(proxy.port).items():
+            monkeypatch.setenv(name, value)
+        place = server.bucket()
+        monkeypatch.setenv("STYLETRF_REMOTE", place.url)
+        yield place, proxy
+
+
+@pytest.fixture
+def _impatient(monkeypatch):
+    """A second for each request, instead of five."""
+    client = {"read_timeout": 1, "retries": {"mode": "standard", "total_max_attempts": 3}}
+    config = luigi.configuration.get_config()
+    config.set("store", "remote_options", json.dumps({"config_kwargs": client}))
+    yield
+    config.remove_option("store", "remote_options")
+
+
+@pytest.fixture
+def _unshared(monkeypatch):
+    """Builds that upload nothing."""
+    config = luigi.configuration.get_config()
+    config.set("store", "push", "false")
+    yield
+    config.remove_option("store", "push")
