@@ -78,7 +78,7 @@ def measurements(
             started = time.process_time()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        trainer.refresh_occupancy()
+        trainer.refresh_occupancy(settled=True)
         save_field(folder, trainer.field)
 
 

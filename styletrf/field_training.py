@@ -64,7 +64,7 @@ def train_field(
             save_fit(checkpoint_dir, trainer)
             saved = time.monotonic()
         progress(trainer.iteration, config.iterations, psnr=psnr)
-    trainer.refresh_occupancy()
+    trainer.refresh_occupancy(settled=True)
     return trainer.field, trainer.curve
 
 
@@ -227,14 +227,18 @@ class FieldTrainer:
         ]
         self.optimizer = torch.optim.Adam(groups, lr=0.0, betas=(0.9, 0.99), fused=True)
 
-    def refresh_occupancy(self) -> None:
+    def refresh_occupancy(self, *, settled: bool = False) -> None:
         """Looks again where the density is; NaN would count as none."""
         self.require_finite(parameter_stages(self.field, self.optimizer))
         density = self.field.density
         set_occupancy(
             density,
             occupied_voxels(
-                density, self.kernels, self.field.step_length, self.config.occupancy_alpha
+                density,
+                self.kernels,
+                self.field.step_length,
+                self.config.occupancy_alpha,
+                settled=settled,
             ),
         )
 

@@ -88,6 +88,11 @@ def chosen_frames(motion: FrameMotion, count: int) -> Int64[np.ndarray, " chosen
     return np.array(sorted(chosen), dtype=np.int64)
 
 
+def sharpness(image: UInt8[np.ndarray, "height width 3"]) -> float:
+    """Returns the variance of the image's Laplacian over its own, at most 480 pixels a side."""
+    return _sharpness(_looked_at(image))
+
+
 def _looked_at(frame: UInt8[np.ndarray, "height width 3"]) -> Gray:
     gray = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
     scale = min(1.0, _LONG_SIDE / max(gray.shape))

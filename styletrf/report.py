@@ -8,13 +8,10 @@ import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from string import Template
 from urllib.parse import quote
 
 from styletrf.curve_chart import Curve, curve_svg
-from styletrf.whole_files import whole_file
-
-_TEMPLATE = Path(__file__).with_name("report_template.html")
+from styletrf.page import duration, folded_table, gibibytes, section, write_page
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,22 +68,14 @@ def write_report(path: Path, content: ReportContent) -> None:
     sections = [
         _header(content),
         _stage(content),
-        _section("Priors", _priors(content.priors)),
-        _section("Metrics", _metrics(content.metrics)),
-        _section("Training", _curves(content.curves)),
-        _section("Time and memory", _costs(content.stages)),
-        _section("How it was made", _provenance(content)),
-        _section("Make it again", _command(content.command)),
+        section("Priors", _priors(content.priors)),
+        section("Metrics", _metrics(content.metrics)),
+        section("Training", _curves(content.curves)),
+        section("Time and memory", _costs(content.stages)),
+        section("How it was made", _provenance(content)),
+        section("Make it again", _command(content.command)),
     ]
-    template = Template(_TEMPLATE.read_text(encoding="utf-8"))
-    title = html.escape(f"{content.scene} in the style of {content.style}")
-    page = template.substitute(title=title, body="\n".join(filter(None, sections)))
-    with whole_file(path) as partial:
-        partial.write_text(page, encoding="utf-8", newline="\n")
-
-
-def _section(title: str, body: str) -> str:
-    return f"<section>\n<h2>{title}</h2>\n{body}\n</section>" if body else ""
+    write_page(path, f"{content.scene} in the style of {content.style}", sections)
 
 
 def _header(content: ReportContent) -> str:
@@ -177,24 +166,14 @@ def _cost_row(stage: StageCost, share: float) -> str:
         f'<tr><th scope="row">{html.escape(stage.name)}{note}</th>'
         f'<td class="bar"><i style="width:{100 * share:.1f}%"></i></td>'
         f'<td class="number">{duration(stage.seconds)}</td>'
-        f'<td class="number">{"" if memory is None else f"{memory / 2**30:.2f} GiB"}</td></tr>'
+        f'<td class="number">{"" if memory is None else gibibytes(memory)}</td></tr>'
     )
 
 
 def _provenance(content: ReportContent) -> str:
     groups = {f"{stage}: parameters": values for stage, values in content.parameters.items()}
     groups |= {"Versions": content.versions, "Digests": content.digests}
-    return "".join(_group(title, values) for title, values in groups.items() if values)
-
-
-def _group(title: str, values: Mapping[str, object]) -> str:
-    rows = "".join(
-        f'<tr><th scope="row">{html.escape(name)}</th>'
-        f"<td><code>{html.escape(str(value))}</code></td></tr>"
-        for name, value in values.items()
-    )
-    table = f"<table><tbody>{rows}</tbody></table>"
-    return f"<details><summary>{html.escape(title)}</summary>{table}</details>"
+    return "".join(folded_table(title, values) for title, values in groups.items() if values)
 
 
 def _command(command: str) -> str:
@@ -207,13 +186,3 @@ def _address(name: str) -> str:
     if path.is_absolute() or ".." in path.parts:
         raise ValueError(f"{name} is not a file beside or below the report")
     return quote(str(path))
-
-
-def duration(seconds: float | int) -> str:
-    """Returns seconds as people say them: `8.3 s`, `2 min 05 s`, `1 h 03 min`."""
-    if seconds < 59.95:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    if minutes < 60:
-        return f"{minutes} min {rest:02d} s"
-    return f"{minutes // 60} h {minutes % 60:02d} min"

@@ -5,12 +5,15 @@
     ContentImages, PerceptualWeights, StyleImage             +- TrajectoryFrames      |
               `- StyleNetwork - StylizedPriors - StylizedField - StylizedFrames - ConsistencyMetrics
 
+`SceneReport` looks at a scene before the fit.
+
 A task gathers its inputs, calls the library and writes what it returns. Importing this package
 loads no torch: heavy imports stand inside `build`, which runs in an interpreter of its own.
 """
 
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
+from tasks.preflight import SceneReport
 from tasks.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.style import ContentImages, PerceptualWeights, StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
@@ -27,6 +30,7 @@ __all__ = [
     "RadianceField",
     "SceneCapture",
     "SceneModel",
+    "SceneReport",
     "StyleImage",
     "StyleNetwork",
     "StylizedField",

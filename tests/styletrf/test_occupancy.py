@@ -46,3 +46,21 @@ def test_where_nothing_is_everything_counts_as_occupied():
 def test_a_lattice_of_one_point_has_an_occupancy():
     density = Density(FieldConfig((1, 1, 1), (1, 1, 1)), (1, 1, 1))
     assert occupied_voxels(density, KERNELS, 0.1, 0.01).shape == (2, 2, 2)
+
+
+def test_what_is_settled_has_no_neighbours():
+    occupied = occupied_voxels(slab(), KERNELS, 0.05, 0.01, settled=True)
+    assert occupied.shape == (8, 8, 8)
+    assert occupied[:4].sum() == 0
+    assert occupied[4:].all()
+
+
+def test_what_is_settled_is_seen_off_the_centres_of_voxels():
+    """A wall thinner than a voxel, between the centres of two."""
+    density = slab()
+    with torch.no_grad():
+        density.factors.planes[0].zero_()
+        density.factors.planes[0][:, 9] = 40.0
+    occupied = occupied_voxels(density, KERNELS, 0.05, 0.9, settled=True)
+    assert occupied.any()
+    assert occupied.sum() < 3 * 8 * 8

@@ -15,7 +15,8 @@ import pytest
 
 from styletrf.curve_chart import Curve
 from styletrf.images import write_rgb
-from styletrf.report import Metric, ReportContent, StageCost, duration, write_report
+from styletrf.page import duration
+from styletrf.report import Metric, ReportContent, StageCost, write_report
 from styletrf.video import write_video
 
 FULL = ReportContent(

@@ -73,6 +73,8 @@ def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
         np.arange(100), np.zeros(100, np.int64), np.zeros((100, 2)),
     )  # fmt: skip
     write_points(folder / "points.parquet", points)
+    told = {"registered": 4, "total": 4, "unregistered": [], "pieces": [4]}
+    (folder / "poses.json").write_text(json.dumps(told))
     return folder
 
 

@@ -36,6 +36,16 @@ def test_scene_model_says_what_it_decided_from_and_reads_back(mini: Mini, tmp_pa
     assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
 
 
+def test_scene_report_says_what_a_field_costs_here(mini: Mini):
+    folder = mini("SceneReport")
+    summary = read_summary(folder / "summary.json")
+    assert set(summary["seconds"]) == {"draft", "standard"}
+    assert all(seconds > 0 for seconds in summary["seconds"].values())
+    page = (folder / "report.html").read_text()
+    assert "4 of 4 photographs have a camera" in page
+    assert page.count('class="camera') == 2 * 4
+
+
 def test_radiance_field_learns_and_loads(mini: Mini):
     field = load_field(mini("RadianceField"))
     assert all(torch.isfinite(p).all() for p in field.parameters())

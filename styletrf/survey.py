@@ -1,0 +1,166 @@
+"""What photographs and their poses show of a scene before anything is fitted to it.
+
+Blur is judged by the Laplacian, exposure by the brightness of points that several photographs see,
+coverage by how many photographs see each part of the grid's box.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from styletrf.cameras import Camera, project
+from styletrf.frame_choice import sharpness
+from styletrf.placement import transformed
+from styletrf.point_table import SparsePoints
+from styletrf.space import Space
+
+ENOUGH_VIEWS = 3  # that see a part of the box
+LEAST_SHARPNESS = 0.4  # of the median, and 3 deviations below it
+MOST_EXPOSURE_EV = 0.5  # from the median, and 3 deviations
+_CELLS = 16  # of the box along an axis
+_DEVIATIONS = 3.0
+_GAMMA = 2.2  # encoded brightness to light, near enough to compare exposures
+
+
+@dataclass(frozen=True, slots=True)
+class ViewSurvey:
+    """What one photograph shows; the exposure is against that of the others."""
+
+    name: str
+    sharpness: float
+    exposure_ev: float
+    points: int
+    blurred: bool
+    off_exposure: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What the photographs show together.
+
+    `seen_by` is how many views see each cell of the box, x y z; `has_points` where the scene is.
+    """
+
+    views: Sequence[ViewSurvey]
+    seen_by: Int[np.ndarray, "x y z"]
+    has_points: Bool[np.ndarray, "x y z"]
+
+    @property
+    def sparse_share(self) -> float:
+        """The share of the cells with points that fewer than 3 views see."""
+        return float((self.seen_by[self.has_points] < ENOUGH_VIEWS).mean())
+
+    @property
+    def blind_share(self) -> float:
+        """The share of the box that fewer than 3 views see."""
+        return float((self.seen_by < ENOUGH_VIEWS).mean())
+
+
+def survey_scene(
+    cameras: Sequence[Camera],
+    images: Iterable[UInt8[np.ndarray, "height width 3"]],
+    points: SparsePoints,
+    normalized_from_world: Float[np.ndarray, "4 4"],
+    space: Space,
+    normalized: Sequence[Camera],
+) -> Survey:
+    """Returns what the photographs show.
+
+    Args:
+        cameras: Of the registered photographs, in the order of the table.
+        images: The photographs, at the cameras' size.
+        points: With their tracks.
+        normalized_from_world: Takes the points to the normalised world.
+        space: Of the model.
+        normalized: The cameras in the normalised world.
+    """
+    light = np.full(len(points.observed_point), np.nan)
+    sharp = np.zeros(len(cameras))
+    for k, image in enumerate(images):
+        sharp[k] = sharpness(image)
+        of_image = points.observed_image == k
+        light[of_image] = _light_at(image, points.observed_pixel[of_image])
+    exposure = _exposures(points, light, len(cameras))
+    grid = space.to_grid(transformed(normalized_from_world, points.xyz_world))
+    seen = np.bincount(points.observed_image, minlength=len(cameras))
+    blurred, off = _blurred(sharp), _off_exposure(exposure)
+    views = [
+        ViewSurvey(
+            camera.name, float(sharp[k]), float(exposure[k]), int(seen[k]), bool(blurred[k]),
+            bool(off[k]),
+        )
+        for k, camera in enumerate(cameras)
+    ]  # fmt: skip
+    return Survey(views, _seen_by(space, normalized), _cells_with(grid))
+
+
+def _light_at(
+    image: UInt8[np.ndarray, "height width 3"], pixels: Float[np.ndarray, "observations 2"]
+) -> Float[np.ndarray, " observations"]:
+    """Returns log2 of the light at pixels; NaN where it is too dark or too bright to tell."""
+    height, width = image.shape[:2]
+    column = np.clip(pixels[:, 0].astype(np.int64), 0, width - 1)
+    row = np.clip(pixels[:, 1].astype(np.int64), 0, height - 1)
+    encoded = image[row, column].astype(np.float64).mean(axis=1)
+    told = (encoded > 12) & (encoded < 243)
+    return np.where(told, _GAMMA * np.log2(np.maximum(encoded, 1) / 255), np.nan)
+
+
+def _exposures(
+    points: SparsePoints, light: Float[np.ndarray, " observations"], n_views: int
+) -> Float[np.ndarray, " views"]:
+    """Returns each view's median difference, in stops, from the mean of its points' other views."""
+    told = ~np.isnan(light)
+    n = np.bincount(points.observed_point[told], minlength=len(points.xyz_world))
+    total = np.bincount(
+        points.observed_point[told], weights=light[told], minlength=len(points.xyz_world)
+    )
+    of_point = points.observed_point
+    others = (total[of_point] - light) / np.maximum(n[of_point] - 1, 1)
+    difference = np.where(told & (n[of_point] > 1), light - others, np.nan)
+    result = np.zeros(n_views)
+    for k in range(n_views):
+        here = difference[(points.observed_image == k) & ~np.isnan(difference)]
+        result[k] = np.median(here) if len(here) else 0.0
+    return result
+
+
+def _blurred(sharp: Float[np.ndarray, " views"]) -> Bool[np.ndarray, " views"]:
+    logs = np.log(np.maximum(sharp, 1e-12))
+    middle = np.median(logs)
+    limit = min(-_DEVIATIONS * _deviation(logs), float(np.log(LEAST_SHARPNESS)))
+    return np.asarray(logs - middle < limit)
+
+
+def _off_exposure(exposure: Float[np.ndarray, " views"]) -> Bool[np.ndarray, " views"]:
+    away = np.abs(exposure - np.median(exposure))
+    return np.asarray(away > max(_DEVIATIONS * _deviation(exposure), MOST_EXPOSURE_EV))
+
+
+def _deviation(values: Float[np.ndarray, " values"]) -> float:
+    """Returns the standard deviation of the many, whatever the few (1.48 median deviations)."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+def _seen_by(space: Space, cameras: Sequence[Camera]) -> Int[np.ndarray, "x y z"]:
+    axis = (np.arange(_CELLS) + 0.5) * (2 / _CELLS) - 1
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    homogeneous = np.column_stack([grid, np.ones(len(grid))])
+    world = homogeneous @ np.linalg.inv(space.grid_from_world).T
+    centers = world[:, :3] / world[:, 3:]
+    count = np.zeros(len(centers), np.int64)
+    for camera in cameras:
+        pixel, depth = project(camera, centers)
+        inside = (pixel > 0) & (pixel < (camera.width, camera.height))
+        count += inside.all(axis=1) & (depth > space.depth_min)
+    return count.reshape(_CELLS, _CELLS, _CELLS)
+
+
+def _cells_with(points_grid: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, "x y z"]:
+    inside = (np.abs(points_grid) <= 1).all(axis=1)
+    cell = np.minimum(((points_grid[inside] + 1) * (_CELLS / 2)).astype(np.int64), _CELLS - 1)
+    result = np.zeros((_CELLS, _CELLS, _CELLS), bool)
+    result[tuple(cell.T)] = True
+    return result

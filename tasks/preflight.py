@@ -1,0 +1,152 @@
+"""What a scene's photographs are worth, before hours are spent on them."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import luigi
+
+from pipeline.settings import out_root
+from pipeline.task import RunContext, StoredTask
+from tasks.qualities import settings_for
+from tasks.scene import CameraPoses, SceneModel
+from tasks.showing import ShownStage
+from tasks.stage import GradedStage, Stage
+
+TIMED = ("draft", "standard")  # `paper` fills the memory of a small machine
+
+
+class SceneReport(ShownStage, GradedStage):
+    """A page about a scene: cameras, coverage, outliers, the model, and what a field will cost.
+
+    Leaves `report.html` and `summary.json`, linked from `out/SCENE/scene-report/`.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
+    tools = ("torch",)
+    computes = True
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The cameras, and the model of the quality asked for."""
+        return {"poses": self.need(CameraPoses), "model": self.need(SceneModel)}
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The scene's name, which the page repeats."""
+        return {"scene": self.scene}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Survey the photographs, time a few iterations, write the page."""
+        from styletrf.devices import device_named
+        from styletrf.scene_report import advice, write_scene_report
+        from styletrf.tables import write_summary
+
+        costs = _costs(inputs["poses"], device_named(self.device), run)
+        content = self._content(inputs, costs)
+        summary = {
+            "advice": advice(content),
+            "seen_by_fewer_than_3": content.survey.sparse_share,
+            "seconds": {quality: cost.seconds for quality, cost in content.costs.items()},
+            "views": {view.name: view.exposure_ev for view in content.survey.views},
+        }
+        write_summary(out / "summary.json", summary)
+        write_scene_report(out / "report.html", content)
+
+    def _content(self, inputs: Mapping[str, Path], costs: dict[str, Any]) -> Any:
+        from styletrf.camera_table import read_cameras, read_unregistered
+        from styletrf.images import read_rgb, to_integers
+        from styletrf.placement import transformed
+        from styletrf.point_table import read_points
+        from styletrf.scene_model import read_scene_model
+        from styletrf.scene_report import SceneReportContent
+        from styletrf.survey import survey_scene
+        from styletrf.survey_drawing import drawings
+
+        cameras = read_cameras(inputs["poses"] / "cameras.parquet")
+        points = read_points(inputs["poses"] / "points.parquet")
+        model = read_scene_model(inputs["model"] / "scene.json")
+        normalized = model.normalized(cameras)
+        images = (
+            to_integers(read_rgb(inputs["poses"] / "images" / f"{c.name}.png")) for c in cameras
+        )
+        survey = survey_scene(
+            cameras, images, points, model.normalized_from_world, model.space, normalized
+        )
+        unregistered = read_unregistered(inputs["poses"] / "cameras.parquet")
+        flagged = {view.name for view in survey.views if view.blurred or view.off_exposure}
+        points_normalized = transformed(model.normalized_from_world, points.xyz_world)
+        return SceneReportContent(
+            scene=self.scene,
+            summary=_summary(inputs["poses"]),
+            survey=survey,
+            unregistered=unregistered,
+            neighbours=_neighbours(unregistered, [camera.name for camera in cameras]),
+            drawings=drawings(normalized, points_normalized, points.rgb, frozenset(flagged)),
+            model={
+                "space": model.space.kind,
+                "lattice": " x ".join(map(str, model.resolution)),
+                "photographs at": f"{model.image_width} x {model.image_height}",
+                "photographers looked": model.looking,
+            },
+            costs=costs,
+            evidence=model.evidence,
+        )
+
+    @property
+    def folder(self) -> Path:
+        """Where the page is shown."""
+        return Path(out_root(), self.scene, "scene-report")
+
+    def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        """The page and its numbers."""
+        return {name: place(self) / name for name in ("report.html", "summary.json")}
+
+
+def _costs(poses: Path, device: Any, run: RunContext) -> dict[str, Any]:
+    from styletrf.camera_table import read_cameras, read_split
+    from styletrf.configuration import configured
+    from styletrf.field_cost import field_cost
+    from styletrf.field_training_config import FieldTrainingConfig
+    from styletrf.kernels import kernels_for
+    from styletrf.placement import transformed
+    from styletrf.point_table import read_points
+    from styletrf.scene_model import SceneModelConfig, decide_scene_model
+    from styletrf.views import load_views
+
+    costs = {}
+    every = read_cameras(poses / "cameras.parquet")
+    train = read_split(poses / "cameras.parquet")[0]
+    xyz = read_points(poses / "points.parquet").xyz_world
+    for k, quality in enumerate(TIMED):
+        run.progress(k, len(TIMED))
+        config = configured(SceneModelConfig, settings_for("SceneModel", quality))
+        model = decide_scene_model(every, xyz, config)
+        cameras = model.normalized(train)
+        costs[quality] = field_cost(
+            model,
+            cameras,
+            load_views(poses / "images", cameras).to(device),
+            model.space.to_grid(transformed(model.normalized_from_world, xyz)),
+            configured(FieldTrainingConfig, settings_for("RadianceField", quality)),
+            kernels_for(device),
+        )
+    return costs
+
+
+def _summary(poses: Path) -> str:
+    told = json.loads((poses / "poses.json").read_text())
+    pieces = len(told["pieces"])
+    return f"{told['registered']} of {told['total']} photographs have a camera." + (
+        f" They fall into {pieces} pieces; the largest is used." if pieces > 1 else ""
+    )
+
+
+def _neighbours(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:
+    """Returns the photographs with a camera before and after each that has none, by name."""
+    ordered = sorted(registered)
+    result = {}
+    for name in unregistered:
+        before = [other for other in ordered if other < name] or ordered[:1]
+        after = [other for other in ordered if other > name] or ordered[-1:]
+        result[name] = (before[-1], after[0])
+    return result
