@@ -49,8 +49,9 @@ class Survey:
 
     @property
     def sparse_share(self) -> float:
-        """The share of the cells with points that fewer than 3 views see."""
-        return float((self.seen_by[self.has_points] < ENOUGH_VIEWS).mean())
+        """The share of the cells with points that fewer than 3 views see; 0 where none has any."""
+        seen_by = self.seen_by[self.has_points]
+        return float((seen_by < ENOUGH_VIEWS).mean()) if len(seen_by) else 0.0
 
     @property
     def blind_share(self) -> float:
