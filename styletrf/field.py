@@ -18,7 +18,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from styletrf.configuration import configured
-from styletrf.kernels import Kernels, March
+from styletrf.kernels import Kernels, March, Thinning
 from styletrf.tensor_vm import TensorVM
 
 
@@ -46,8 +46,9 @@ class FieldConfig:
     def in_space(self, kind: str) -> "FieldConfig":
         """Returns the configuration with a rank for every axis pair.
 
-        NDC looks along z: what is seen varies over xy, and the pairs with z need a quarter of the
-        density's components and half of the appearance's. The axes of a box are alike.
+        In NDC, which is looked at along z, the pairs with z get a quarter of the density's ranks
+        (as in TensoRF's settings for such scenes) and half of the appearance's. The axes of a box
+        are alike.
         """
         of_density, of_appearance = (4, 2) if kind == "ndc" else (1, 1)
 
@@ -79,9 +80,9 @@ class Density(nn.Module):
         self.register_buffer("occupancy", torch.ones((1, 1, 1), dtype=torch.uint8))
         self.shift, self.scale = config.density_shift, config.density_scale
 
-    def march(self, termination: float) -> March:
+    def march(self, termination: float, thinning: Thinning | None = None) -> March:
         """Returns how rays are to be traced through this density."""
-        return March(self.occupancy, self.shift, self.scale, termination)
+        return March(self.occupancy, self.shift, self.scale, termination, thinning)
 
 
 class Appearance(nn.Module):

@@ -20,6 +20,7 @@ from styletrf.cameras import Camera
 from styletrf.field_training import FieldTrainer
 from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import Kernels
+from styletrf.occupancy import unless_nowhere, voxels_along
 from styletrf.scene_model import SceneModel
 
 _ITERATIONS = 5
@@ -63,8 +64,8 @@ def field_cost(
 def voxels_about(
     points_grid: Float[np.ndarray, "points 3"], resolution: Sequence[int]
 ) -> UInt8[Tensor, "x y z"]:
-    """Returns the voxels near the points, on a grid half as fine as the lattice."""
-    shape = [max(2, n // 2) for n in resolution]
+    """Returns the occupancy that has the voxels near the points."""
+    shape = voxels_along(resolution)
     inside = points_grid[(np.abs(points_grid) <= 1).all(axis=1)]
     cell = ((inside + 1) / 2 * shape).astype(np.int64).clip(max=np.array(shape) - 1)
     occupied = torch.zeros(shape)
@@ -72,4 +73,4 @@ def voxels_about(
     spread = functional.max_pool3d(
         occupied[None, None], _NEIGHBOURHOOD, stride=1, padding=_NEIGHBOURHOOD // 2
     )[0, 0]
-    return (spread if bool(spread.any()) else torch.ones_like(spread)).to(torch.uint8)
+    return unless_nowhere(spread > 0)

@@ -167,10 +167,8 @@ class FieldTrainer:
 
     def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
         jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)
-        march = replace(
-            self.field.density.march(self.config.termination),
-            thinning=self._thinning(self.config.gradient_threshold),
-        )
+        thinning = self._thinning(self.config.gradient_threshold)
+        march = self.field.density.march(self.config.termination, thinning)
         samples = self.kernels.trace(self.field.density.factors, segments, jitter, march)
         color = render_color(
             self.field.appearance, self.kernels, segments, samples, self.config.min_weight,

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn import functional
 
@@ -29,7 +29,7 @@ def occupied_voxels(
     the voxel's eighths are asked instead, and no neighbours: fewer samples a ray for renders. If
     nothing is occupied, everything counts as it: an empty grid would never let the density recover.
     """
-    halved = [max(2, round(n * VOXELS_PER_LATTICE_POINT)) for n in density.factors.resolution]
+    halved = voxels_along(density.factors.resolution)
     shape = [2 * n for n in halved] if settled else halved
     raw = torch.cat([kernels.density(density.factors, chunk) for chunk in _centers(shape, density)])
     alpha = -torch.expm1(-step_length * density.scale * functional.softplus(raw + density.shift))
@@ -39,7 +39,16 @@ def occupied_voxels(
         if settled
         else functional.max_pool3d(alpha, kernel_size=3, stride=1, padding=1)
     )
-    occupied = largest[0, 0] > min_alpha
+    return unless_nowhere(largest[0, 0] > min_alpha)
+
+
+def voxels_along(resolution: Sequence[int]) -> list[int]:
+    """Returns the voxels along each axis for a density's lattice points."""
+    return [max(2, round(n * VOXELS_PER_LATTICE_POINT)) for n in resolution]
+
+
+def unless_nowhere(occupied: Bool[Tensor, "x y z"]) -> UInt8[Tensor, "x y z"]:
+    """Returns the occupancy; everything where it would be empty."""
     return (occupied if bool(occupied.any()) else torch.ones_like(occupied)).to(torch.uint8)
 
 

@@ -12,7 +12,6 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from styletrf.cameras import Camera, project
 from styletrf.frame_choice import sharpness
-from styletrf.placement import transformed
 from styletrf.point_table import SparsePoints
 from styletrf.space import Space
 
@@ -60,41 +59,38 @@ class Survey:
 
 
 def survey_scene(
-    cameras: Sequence[Camera],
     images: Iterable[UInt8[np.ndarray, "height width 3"]],
     points: SparsePoints,
-    normalized_from_world: Float[np.ndarray, "4 4"],
+    points_grid: Float[np.ndarray, "points 3"],
     space: Space,
     normalized: Sequence[Camera],
 ) -> Survey:
     """Returns what the photographs show.
 
     Args:
-        cameras: Of the registered photographs, in the order of the table.
-        images: The photographs, at the cameras' size.
+        images: The registered photographs, in the order of the table, at the size of its cameras.
         points: With their tracks.
-        normalized_from_world: Takes the points to the normalised world.
+        points_grid: The points in grid coordinates.
         space: Of the model.
-        normalized: The cameras in the normalised world.
+        normalized: The photographs' cameras in the normalised world.
     """
     light = np.full(len(points.observed_point), np.nan)
-    sharp = np.zeros(len(cameras))
+    sharp = np.zeros(len(normalized))
     for k, image in enumerate(images):
         sharp[k] = sharpness(image)
         of_image = points.observed_image == k
         light[of_image] = _light_at(image, points.observed_pixel[of_image])
-    exposure = _exposures(points, light, len(cameras))
-    grid = space.to_grid(transformed(normalized_from_world, points.xyz_world))
-    seen = np.bincount(points.observed_image, minlength=len(cameras))
+    exposure = _exposures(points, light, len(normalized))
+    seen = np.bincount(points.observed_image, minlength=len(normalized))
     blurred, off = _blurred(sharp), _off_exposure(exposure)
     views = [
         ViewSurvey(
             camera.name, float(sharp[k]), float(exposure[k]), int(seen[k]), bool(blurred[k]),
             bool(off[k]),
         )
-        for k, camera in enumerate(cameras)
+        for k, camera in enumerate(normalized)
     ]  # fmt: skip
-    return Survey(views, _seen_by(space, normalized), _cells_with(grid))
+    return Survey(views, _seen_by(space, normalized), _cells_with(points_grid))
 
 
 def _light_at(

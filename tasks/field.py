@@ -1,5 +1,6 @@
 """The radiance field and its renders."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -74,9 +75,9 @@ class PathRenders(TunedStage):
             "model": self.need(SceneModel),
         }
 
+    @abstractmethod
     def path(self) -> Callable[..., list[Any]]:
         """The function of the photographs' cameras, the model and a config that gives the path."""
-        raise NotImplementedError
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the path."""

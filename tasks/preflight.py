@@ -1,6 +1,5 @@
 """What a scene's photographs are worth, before hours are spent on them."""
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -61,6 +60,8 @@ class SceneReport(ShownStage, GradedStage):
         from styletrf.scene_report import SceneReportContent
         from styletrf.survey import survey_scene
         from styletrf.survey_drawing import drawings
+        from styletrf.tables import read_summary
+        from tasks.reporting import placed
 
         cameras = read_cameras(inputs["poses"] / "cameras.parquet")
         points = read_points(inputs["poses"] / "points.parquet")
@@ -69,15 +70,14 @@ class SceneReport(ShownStage, GradedStage):
         images = (
             to_integers(read_rgb(inputs["poses"] / "images" / f"{c.name}.png")) for c in cameras
         )
-        survey = survey_scene(
-            cameras, images, points, model.normalized_from_world, model.space, normalized
-        )
+        points_normalized = transformed(model.normalized_from_world, points.xyz_world)
+        points_grid = model.space.to_grid(points_normalized)
+        survey = survey_scene(images, points, points_grid, model.space, normalized)
         unregistered = read_unregistered(inputs["poses"] / "cameras.parquet")
         flagged = {view.name for view in survey.views if view.blurred or view.off_exposure}
-        points_normalized = transformed(model.normalized_from_world, points.xyz_world)
         return SceneReportContent(
             scene=self.scene,
-            summary=_summary(inputs["poses"]),
+            summary=placed(read_summary(inputs["poses"] / "poses.json")),
             survey=survey,
             unregistered=unregistered,
             neighbours=_neighbours(unregistered, [camera.name for camera in cameras]),
@@ -131,14 +131,6 @@ def _costs(poses: Path, device: Any, run: RunContext) -> dict[str, Any]:
             kernels_for(device),
         )
     return costs
-
-
-def _summary(poses: Path) -> str:
-    told = json.loads((poses / "poses.json").read_text())
-    pieces = len(told["pieces"])
-    return f"{told['registered']} of {told['total']} photographs have a camera." + (
-        f" They fall into {pieces} pieces; the largest is used." if pieces > 1 else ""
-    )
 
 
 def _neighbours(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:

@@ -37,7 +37,7 @@ def report_content(
         scene=words["scene"],
         style=words["style"],
         quality=words["quality"],
-        summary=_placed(read_summary(inputs["poses"] / "poses.json")),
+        summary=placed(read_summary(inputs["poses"] / "poses.json")),
         video="video.mp4",
         unstylized_video="unstylized.mp4",
         poster="poster.png",
@@ -56,7 +56,7 @@ def report_content(
     )
 
 
-def _placed(poses: Mapping[str, Any]) -> str:
+def placed(poses: Mapping[str, Any]) -> str:
     """Returns how many photographs have a camera, and which have none."""
     told = f"{poses['registered']} of {poses['total']} photographs placed"
     if poses["unregistered"]:

@@ -2,6 +2,7 @@
 
 import atexit
 import os
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -21,13 +22,13 @@ class ShownStage(Stage):
     announced = False
 
     @property
+    @abstractmethod
     def folder(self) -> Path:
         """Where the result is shown."""
-        raise NotImplementedError
 
+    @abstractmethod
     def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
         """Returns what each name in the folder leads to; `place` tells where an artifact is."""
-        raise NotImplementedError
 
     def complete(self) -> bool:
         """Whether the result is in the store and in `out/`."""

@@ -39,11 +39,12 @@ def kernels_for(device: torch.device, name: str | None = None) -> Kernels:
         case "reference":
             return _plain_torch()
         case "fused":
-            return form_of("fused", fused)
+            return form_of("fused", fused, fused.decode)
         case "triton" if _has_triton():
             from styletrf.kernels import triton_form
 
-            return form_of("triton", triton_form)
+            # Two matrix products, which torch hands to the tensor cores: nothing to gain.
+            return form_of("triton", triton_form, reference.decode)
         case "triton":
             raise InputError("kernels triton", "the package triton is not installed", _REMEDY)
     raise InputError(f"kernels {name}", "there is no such form", f"Choose from {', '.join(FORMS)}")
@@ -63,8 +64,7 @@ def _has_triton() -> bool:
 
 
 def _plain_torch() -> Kernels:
-    form = reference
     return Kernels(
-        "reference", form.features, form.density, form.trace, form.heavy, form.composite,
-        form.decode,
+        "reference", reference.features, reference.density, reference.trace, reference.heavy,
+        reference.composite, reference.decode,
     )  # fmt: skip

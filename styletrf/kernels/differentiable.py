@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.kernels.form import Kernels
+from styletrf.kernels.form import Decode, Kernels
 from styletrf.kernels.samples import March, Samples, Segments
 from styletrf.kernels.thinning import thinned
 from styletrf.tensor_vm import TensorVM
@@ -20,10 +20,7 @@ from styletrf.tensor_vm import TensorVM
 
 @runtime_checkable
 class Backend(Protocol):
-    """Plain functions of tensors; `factors` are the three planes and the three lines.
-
-    A module can be one. `decode` alone is differentiable by itself.
-    """
+    """Plain functions of tensors, as a module; `factors` are three planes and three lines."""
 
     def density_features(
         self, positions: Float[Tensor, "samples 3"], factors: Sequence[Tensor]
@@ -86,20 +83,9 @@ class Backend(Protocol):
     ) -> tuple[Float[Tensor, " samples"], Float[Tensor, "samples channels"]]:
         """Returns the gradients of the weights and of the values from that of the sums."""
 
-    def decode(
-        self,
-        components: Float[Tensor, "samples inputs"],
-        of_view: Float[Tensor, "rays hidden"],
-        ray: Int64[Tensor, " samples"],
-        matrix: Float[Tensor, "hidden inputs"],
-        output: Float[Tensor, "3 hidden"],
-        bias: Float[Tensor, " 3"],
-    ) -> Float[Tensor, "samples 3"]:
-        """See `reference.decode`."""
 
-
-def form_of(name: str, backend: Backend) -> Kernels:
-    """Returns the form whose kernels are the backend's."""
+def form_of(name: str, backend: Backend, decode: Decode) -> Kernels:
+    """Returns the form whose kernels are the backend's; `decode` is differentiable by itself."""
     return Kernels(
         name,
         features=partial(_features, backend),
@@ -107,7 +93,7 @@ def form_of(name: str, backend: Backend) -> Kernels:
         trace=partial(_trace, backend),
         heavy=partial(_heavy, backend),
         composite=partial(_composite, backend),
-        decode=backend.decode,
+        decode=decode,
     )
 
 
@@ -144,8 +130,11 @@ def _composite(backend: Backend, samples: Samples, values: Tensor) -> Tensor:
 
 
 class _Features(torch.autograd.Function):
+    """See `reference.features`."""
+
     @staticmethod
     def forward(ctx: Any, backend: Backend, positions: Tensor, *factors: Tensor) -> Tensor:
+        """Keeps the positions and the factors."""
         ctx.backend = backend
         ctx.save_for_backward(positions, *factors)
         return backend.features_forward(positions, factors)

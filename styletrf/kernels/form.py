@@ -8,6 +8,8 @@ from torch import Tensor
 from styletrf.kernels.samples import March, Samples, Segments
 from styletrf.tensor_vm import TensorVM
 
+Decode = Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
+
 
 @dataclass(frozen=True, slots=True)
 class Kernels:
@@ -19,4 +21,4 @@ class Kernels:
     trace: Callable[[TensorVM, Segments, Tensor, March], Samples]
     heavy: Callable[[Samples, float], Samples]
     composite: Callable[[Samples, Tensor], Tensor]
-    decode: Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
+    decode: Decode

@@ -6,14 +6,12 @@ equal. Gradients of the factors are summed in an order that varies from run to r
 """
 
 from styletrf.kernels.composite_triton import composite_backward, composite_forward, heavy_samples
-from styletrf.kernels.reference import decode  # two matrix products: nothing for a kernel to gain
 from styletrf.kernels.trace_triton import trace_backward, trace_forward
 from styletrf.kernels.vm_triton import density_features, features_forward, scatter_gradients
 
 __all__ = [
     "composite_backward",
     "composite_forward",
-    "decode",
     "density_features",
     "features_forward",
     "heavy_samples",

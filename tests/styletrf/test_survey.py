@@ -51,7 +51,7 @@ def speckled(cameras: list[Camera], stops: np.ndarray) -> tuple[list[np.ndarray]
 
 
 def survey(cameras, images, points):
-    return survey_scene(cameras, images, points, np.eye(4), BOX, cameras)
+    return survey_scene(images, points, BOX.to_grid(points.xyz_world), BOX, cameras)
 
 
 def test_exposures_are_found_to_a_fraction_of_a_stop():

@@ -42,7 +42,7 @@ def test_scene_report_says_what_a_field_costs_here(mini: Mini):
     assert set(summary["seconds"]) == {"draft", "standard"}
     assert all(seconds > 0 for seconds in summary["seconds"].values())
     page = (folder / "report.html").read_text()
-    assert "4 of 4 photographs have a camera" in page
+    assert "4 of 4 photographs placed" in page
     assert page.count('class="camera') == 2 * 4
 
 
