@@ -1,19 +1,17 @@
 import json
 import os
-import subprocess
-import sys
 import tempfile
 import time
 from functools import partial
 from pathlib import Path
 
 import pytest
-from killing import action_of, ended, forked, holds, living, make, run, wrong
+from collection_cases import made, names, used
+from killing import action_of, ended, forked, holds, living, make, run
 from store_toys import Sentence, Word
 from test_command import start
 
 import pipeline.collection
-from pipeline.__main__ import main
 from pipeline.collection import closure, collect
 from pipeline.digest import Tree, typed_digest
 from pipeline.errors import StoreError
@@ -27,22 +25,6 @@ from pipeline.verify import records
 
 collect_all = partial(collect, keep_last=0, grace_hours=0, delete=True)
 NOBODY = 65534
-
-
-def made(store: Store, *arguments, **options) -> ActionRecord:
-    """An artifact of a process that is gone."""
-    run(lambda: make(Store(store.root), *arguments, **options))
-    return next(r for r in records(store) if r.provenance["label"] == arguments[0])
-
-
-def used(store: Store, *found: ActionRecord) -> None:
-    """A run that finds these artifacts, and ends."""
-    run(lambda: [*map(Store(store.root).find, (record.action.key for record in found))])
-
-
-def names(store: Store) -> list[str]:
-    """The labels of all artifacts that are there."""
-    return sorted(str(record.provenance["label"]) for record in records(store))
 
 
 def test_a_dry_run_says_what_would_go_and_touches_nothing(store):
@@ -345,84 +327,6 @@ def test_a_run_lists_the_keys_it_resolved_complete_or_not():
     assert len(keys) == 3, "each once"
     process = Path(path.name).stem.split("-")
     assert process[-1] == str(os.getpid())
-
-
-def pipeline_command(*arguments: str) -> tuple[int, str]:
-    process = start("pipeline", *arguments)
-    said = "".join(process.communicate(timeout=30))
-    return process.returncode, said
-
-
-def test_commands(store):
-    """As a user types them: gc tells, pin and unpin decide, du counts each byte once."""
-    shared = made(store, "fern", "the same")
-    made(store, "horns", "the same", inputs=[shared])
-    other = made(store, "orchid")
-    rows = json.loads(pipeline_command("du", "--json")[1])
-    assert rows == [
-        {"family": "Toy", "count": 2, "size_bytes": 14},
-        {"scene": "fern, horns", "count": 1, "size_bytes": 8},
-        {"scene": "orchid", "count": 1, "size_bytes": 6},
-    ]
-    status, said = pipeline_command("pin", other.output.digest[:10], "--name", "best")
-    assert (status, said.split()) == (0, ["name", "key", "best", other.action.key[:12]])
-    policy = ("--grace", "0", "--keep-last", "0")
-    rows = json.loads(pipeline_command("gc", *policy, "--json")[1])
-    fates = {row["what"]: row["fate"] for row in rows}
-    assert fates["artifacts"] == "stays"
-    assert "orchid" not in fates
-    assert set(fates) >= {"horns", "actions", "runs"}
-    assert len(names(store)) == 3, "it was only asked"
-    assert pipeline_command("gc", *policy, "--delete")[0] == 0
-    assert names(store) == ["orchid"]
-    assert pipeline_command("unpin", "best") == (0, "")
-    assert pipeline_command("unpin", "best")[0] == 2
-    assert pipeline_command("gc", *policy, "--delete")[0] == 0
-    assert names(store) == []
-    assert not wrong(store)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("gc --grace nan", "nan is not 0 or more"),
-        ("gc --grace -1", "-1 is not 0 or more"),
-        ("gc --keep-last -1", "-1 is not 0 or more"),
-        ("ls Wrd", "has nothing of Wrd, but of Toy"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused(store, words, said, capsys):
-    made(store, "a")
-    (store.root / "logs" / "Toy").mkdir()
-    try:
-        status = main(words.split())
-    except SystemExit as end:
-        status = end.code
-    assert status == 2
-    assert said in capsys.readouterr().err
-
-
-def test_what_nobody_reads_to_its_end_is_no_error(store):
-    for name in map(str, range(100)):
-        made(store, name) if name == "0" else make(store, name)
-    line = f"{sys.executable} -m pipeline ls --json | head -0"
-    done = subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
-
-
-@pytest.mark.parametrize("command", ["ls", "verify", "gc", "du", "pin", "push", "why Word"])
-def test_commands_make_no_store(tmp_path, command, capsys):
-    assert main(command.split()) == 2
-    assert f"there is no store at {tmp_path / 'store'}" in capsys.readouterr().err
-    assert not (tmp_path / "store").exists()
-
-
-def test_the_usual_policy_keeps_a_day_and_three_runs(store):
-    made(store, "a")
-    assert pipeline_command("gc", "--delete")[0] == 0
-    assert names(store) == ["a"]
 
 
 def test_ten_thousand_records_are_collected_in_seconds(store):

@@ -1,0 +1,23 @@
+"""Artifacts of processes that are gone, and what is there of them."""
+
+from killing import make, run
+
+from pipeline.record import ActionRecord
+from pipeline.store import Store
+from pipeline.verify import records
+
+
+def made(store: Store, *arguments, **options) -> ActionRecord:
+    """An artifact of a process that is gone."""
+    run(lambda: make(Store(store.root), *arguments, **options))
+    return next(r for r in records(store) if r.provenance["label"] == arguments[0])
+
+
+def used(store: Store, *found: ActionRecord) -> None:
+    """A run that finds these artifacts, and ends."""
+    run(lambda: [*map(Store(store.root).find, (record.action.key for record in found))])
+
+
+def names(store: Store) -> list[str]:
+    """The labels of all artifacts that are there."""
+    return sorted(str(record.provenance["label"]) for record in records(store))
