@@ -84,7 +84,9 @@ def place_in_ndc(
         "disparity_range_px": disparity_px,
     }
     return Placement(
-        space=Space("ndc", _frustum(lower, upper, plane, far), (1.0, 1.0, 1.0), depth_min=0.0),
+        space=Space(
+            "ndc", _frustum(lower, upper, plane, far)[None], (1.0, 1.0, 1.0), depth_min=0.0
+        ),
         normalized_from_world=normalized_from_world,
         wanted=(float(across[0]), float(across[1]), 0.5 * disparity_px),
         focus=(0.0, 0.0, float(1 / np.mean(1 / ahead))),

@@ -11,7 +11,7 @@ from styletrf.cameras import Camera
 from styletrf.space import Space
 
 Vector = Float[np.ndarray, " 3"]
-Looking = Literal["ahead", "inward", "outward"]
+Looking = Literal["ahead", "inward", "outward", "along"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,8 @@ class Placement:
     """A scene in its space.
 
     `wanted` are the lattice points along each axis that the photographs deserve; `looking` is how
-    the photographers did: all one way, or around and towards the `focus`, or away from it;
+    the photographers did: all one way, or around and towards the `focus`, or away from it, or along
+    the way they went;
     `evidence` is what all this follows from.
     """
 

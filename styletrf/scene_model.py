@@ -15,10 +15,12 @@ from jaxtyping import Float
 
 from styletrf.box import place_in_box
 from styletrf.cameras import Camera, fitted_to, moved
+from styletrf.contraction import octaves_lost, place_unbounded
 from styletrf.errors import InputError
 from styletrf.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.placement import Looking, Placement
 from styletrf.space import Space
+from styletrf.surroundings import surroundings
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +31,7 @@ class SceneModelConfig:
     bounds the finest grid; `oversampling` is its lattice points per pixel along x and y of NDC.
     """
 
-    space: Literal["auto", "ndc", "box"] = "auto"
+    space: Literal["auto", "ndc", "box", "unbounded"] = "auto"
     image_long_side: int = 504
     max_voxels: int = 256**3
     oversampling: float = 0.75
@@ -56,6 +58,7 @@ class SceneModel:
         ]
 
 
+LEAST_GAIN = 0.2  # octaves by which unbounded space must be finer than a box
 LEAST_POINTS = 16  # along an axis of the grid, whatever the bound on all
 
 
@@ -80,11 +83,21 @@ def decide_scene_model(
             "Take more overlapping photographs of textured surfaces",
         )
     evidence = forward_facing_evidence(cameras, points_world)
-    by_evidence = "ndc" if evidence["forward_facing"] else "box"
-    kind = by_evidence if config.space == "auto" else config.space
+    if config.space == "ndc" or (config.space == "auto" and evidence["forward_facing"]):
+        kind = "ndc"
+        placement = place_in_ndc(cameras, points_world, config.image_long_side, config.oversampling)
+    else:
+        scene = surroundings(cameras, points_world, config.image_long_side)
+        lost = octaves_lost(scene, config.max_voxels)
+        needed = lost["box"] - lost["unbounded"] > LEAST_GAIN
+        evidence |= {"octaves_lost": lost, "least_gain": LEAST_GAIN}
+        kind = config.space if config.space != "auto" else "unbounded" if needed else "box"
+        placement = (
+            place_in_box(scene, config.oversampling)
+            if kind == "box"
+            else place_unbounded(scene, config.oversampling, config.max_voxels)
+        )
     evidence |= {"chosen": kind, "by": "evidence" if config.space == "auto" else "setting"}
-    place = place_in_ndc if kind == "ndc" else place_in_box
-    placement = place(cameras, points_world, config.image_long_side, config.oversampling)
     return _sized(placement, fitted_to(cameras[0], config.image_long_side), config, evidence)
 
 

@@ -1,9 +1,10 @@
-"""How the normalised world maps to the grid the field lives in, and cameras to segments of it.
+"""How the normalised world maps to the grid the field lives in, and cameras to rays through it.
 
-Both kinds of space are one 4x4 projective map, `grid_from_world`: affine for a box, perspective for
-NDC (Mildenhall et al. 2020, appendix C). Straight rays stay straight, so a pixel's ray is a segment
-of the grid; it is clipped to [-1, 1]^3 in homogeneous coordinates, where each face is one linear
-inequality in the depth Z.
+A space is a few 4x4 projective maps `grid_from_world`, each for the part of the world where its
+homogeneous w is the largest: one affine map for a box, one perspective for NDC (Mildenhall et al.
+2020, appendix C), seven for unbounded space (`styletrf.contraction`). Projective maps keep rays
+straight, so a pixel's ray is a chain of straight pieces of the grid. Each is clipped to [-1, 1]^3
+and to its map's part of the world in homogeneous coordinates, where both are linear in the depth Z.
 """
 
 from collections.abc import Sequence
@@ -27,34 +28,47 @@ class Space:
     the box in the normalised world, or 1 for NDC, whose own coordinates measure it.
     """
 
-    kind: Literal["ndc", "box"]
-    grid_from_world: Float[np.ndarray, "4 4"]
+    kind: Literal["ndc", "box", "unbounded"]
+    grid_from_world: Float[np.ndarray, "maps 4 4"]
     axis_lengths: tuple[float, float, float]
     depth_min: float
 
     def to_grid(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
         """Returns grid coordinates of points of the normalised world, in front of all cameras."""
-        homogeneous = points_world @ self.grid_from_world[:, :3].T + self.grid_from_world[:, 3]
-        grid: Float[np.ndarray, "points 3"] = homogeneous[:, :3] / homogeneous[:, 3:]
+        ones = np.ones((len(points_world), 1))
+        images = np.einsum("mij,pj->pmi", self.grid_from_world, np.hstack([points_world, ones]))
+        images = images[np.arange(len(images)), images[:, :, 3].argmax(axis=1)]
+        grid: Float[np.ndarray, "points 3"] = images[:, :3] / images[:, 3:]
         return grid
+
+    def to_world(self, points_grid: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
+        """Returns the points of the normalised world; NaN where nothing is mapped to the grid."""
+        homogeneous = np.hstack([points_grid, np.ones((len(points_grid), 1))])
+        result = np.full_like(points_grid, np.nan)
+        for matrix in self.grid_from_world:
+            world = homogeneous @ np.linalg.inv(matrix).T
+            world = world[:, :3] / world[:, 3:]
+            there = np.abs(self.to_grid(world) - points_grid).max(axis=1) < 1e-6
+            result[there] = world[there]
+        return result
 
 
 class ViewRays:
-    """Segments through pixels of a set of cameras, drawn by (view, pixel) and never stored.
+    """Rays through pixels of a set of cameras, drawn by (view, pixel) and never stored.
 
-    For each view the homogeneous grid point at depth Z through pixel (x, y) is
+    For each view and map the homogeneous grid point at depth Z through pixel (x, y) is
     `start + Z * slope @ (x, y, 1)`.
     """
 
     def __init__(
         self, cameras: Sequence[Camera], space: Space, step: float, device: torch.device
     ) -> None:
-        matrix = space.grid_from_world
+        matrices = space.grid_from_world
         starts, slopes, directions = [], [], []
         for camera in cameras:
             directions_world = camera.world_from_camera[:, :3] @ _unprojection(camera)
-            starts.append(matrix[:, :3] @ camera.center_world + matrix[:, 3])
-            slopes.append(matrix[:, :3] @ directions_world)
+            starts.append(matrices[..., :3] @ camera.center_world + matrices[..., 3])
+            slopes.append(matrices[..., :3] @ directions_world)
             directions.append(directions_world)
         self._starts = torch.as_tensor(np.stack(starts), device=device)
         self._slopes = torch.as_tensor(np.stack(slopes), device=device)
@@ -63,27 +77,30 @@ class ViewRays:
         self._depth_min, self._step = space.depth_min, step
 
     def segments(self, view: Int64[Tensor, " rays"], pixels: Float[Tensor, "rays 2"]) -> Segments:
-        """Returns the float32 segments through `pixels` of the views, at most `step` a step."""
+        """Returns the float32 rays through `pixels` of the views, at most `step` a step."""
         ones = torch.ones_like(pixels[:, :1])
         points = torch.cat([pixels, ones], dim=-1).to(self._starts)[..., None]
-        start, slope = self._starts[view], (self._slopes[view] @ points)[..., 0]
+        start, slope = self._starts[view], (self._slopes[view] @ points[:, None])[..., 0]
         near, far = _clip(start, slope, self._depth_min)
+        start, slope, near, far = _in_order(start, slope, near, far)
         hit = near < far
         near, far = torch.where(hit, near, 1.0), torch.where(hit, far, 2.0)
-        first, last = start + near[:, None] * slope, start + far[:, None] * slope
-        safe_first = torch.where(hit, first[:, 3], 1.0)
-        safe_last = torch.where(hit, last[:, 3], 1.0)
-        origin = first[:, :3] / safe_first[:, None]
-        direction = last[:, :3] / safe_last[:, None] - origin
-        length = (direction * self._axis_lengths).norm(dim=-1)
-        n_steps = torch.where(hit, torch.ceil(length / self._step), 0.0).long()
+        first, last = start + near[..., None] * slope, start + far[..., None] * slope
+        safe_first = torch.where(hit, first[..., 3], 1.0)
+        safe_last = torch.where(hit, last[..., 3], 1.0)
+        origin = first[..., :3] / safe_first[..., None]
+        direction = last[..., :3] / safe_last[..., None] - origin
+        lengths = torch.where(hit, (direction * self._axis_lengths).norm(dim=-1), 0.0)
+        origin, direction, ends = _by_share(origin, direction, lengths)
+        length = lengths.sum(dim=1)
         view_direction = (self._directions[view] @ points)[..., 0]
         view_direction = view_direction / view_direction.norm(dim=-1, keepdim=True)
         return Segments(
             origins=origin.float(),
             directions=direction.float(),
+            ends=ends.float(),
             lengths=length.float(),
-            n_steps=n_steps,
+            n_steps=torch.ceil(length / self._step).long(),
             view_directions=view_direction.float(),
             depth_near=near.float(),
             depth_far=far.float(),
@@ -103,20 +120,69 @@ def _unprojection(camera: Camera) -> Float[np.ndarray, "3 3"]:
 
 
 def _clip(
-    start: Float[Tensor, "rays 4"], slope: Float[Tensor, "rays 4"], depth_min: float
-) -> tuple[Float[Tensor, " rays"], Float[Tensor, " rays"]]:
-    """Returns the depths between which the ray is inside; near >= far where it misses.
+    start: Float[Tensor, "rays maps 4"], slope: Float[Tensor, "rays maps 4"], depth_min: float
+) -> tuple[Float[Tensor, "rays maps"], Float[Tensor, "rays maps"]]:
+    """Returns the depths between which a map holds the ray; near >= far where it never does.
 
-    Inside means w + x_i >= 0 and w - x_i >= 0 for each axis i.
+    It does where w + x_i >= 0 and w - x_i >= 0 for each axis i, and w >= w' of every other map.
     """
-    signs = torch.cat([torch.eye(3), -torch.eye(3)]).to(start)
-    a = start[:, 3:] + start[:, :3] @ signs.T
-    b = slope[:, 3:] + slope[:, :3] @ signs.T
+    a, b = _inequalities(start), _inequalities(slope)
     root = -a / torch.where(b == 0, 1.0, b)
     infinity = torch.full_like(a, torch.inf)
     lower = torch.where(b > 0, root, -infinity)
     upper = torch.where(b < 0, root, infinity)
     outside = (b == 0) & (a < 0)
-    near = lower.amax(dim=1).clamp(min=depth_min)
-    far = torch.where(outside.any(dim=1), -torch.inf, upper.amin(dim=1))
+    near = lower.amax(dim=-1).clamp(min=depth_min)
+    far = torch.where(outside.any(dim=-1), -torch.inf, upper.amin(dim=-1))
     return near, far
+
+
+def _inequalities(point: Float[Tensor, "rays maps 4"]) -> Float[Tensor, "rays maps sides"]:
+    x, w = point[..., :3], point[..., 3:]
+    return torch.cat([w + x, w - x, *_over_others(w)], dim=-1)
+
+
+def _over_others(w: Float[Tensor, "rays maps 1"]) -> list[Float[Tensor, "rays maps maps"]]:
+    return [w - w.transpose(1, 2)] if w.shape[1] > 1 else []
+
+
+def _in_order(
+    start: Float[Tensor, "rays maps 4"],
+    slope: Float[Tensor, "rays maps 4"],
+    near: Float[Tensor, "rays maps"],
+    far: Float[Tensor, "rays maps"],
+) -> tuple[
+    Float[Tensor, "rays pieces 4"], Float[Tensor, "rays pieces 4"],
+    Float[Tensor, "rays pieces"], Float[Tensor, "rays pieces"],
+]:  # fmt: skip
+    """Returns the pieces along the rays: those that hold some of the ray first, by depth."""
+    if near.shape[1] == 1:
+        return start, slope, near, far
+    hit = near < far
+    most = max(1, int(hit.sum(dim=1).max()) if len(hit) else 1)
+    order = torch.where(hit, near, torch.inf).argsort(dim=1)[:, :most]
+    ray = torch.arange(len(order), device=order.device)[:, None]
+    return start[ray, order], slope[ray, order], near[ray, order], far[ray, order]
+
+
+def _by_share(
+    origin: Float[Tensor, "rays pieces 3"],
+    direction: Float[Tensor, "rays pieces 3"],
+    lengths: Float[Tensor, "rays pieces"],
+) -> tuple[
+    Float[Tensor, "rays pieces 3"], Float[Tensor, "rays pieces 3"], Float[Tensor, "rays pieces"]
+]:
+    """Returns the lines by the share of the whole length instead of each by its own, and its ends.
+
+    All directions are then of the ray's whole length: short pieces lose no precision.
+    """
+    if lengths.shape[1] == 1:
+        return origin, direction, torch.ones_like(lengths)
+    total = lengths.sum(dim=1, keepdim=True)
+    share = lengths / torch.where(total > 0, total, 1.0)
+    ends = share.cumsum(dim=1)
+    last = share.cumsum(dim=1) >= ends[:, -1:]
+    starts = ends - share
+    direction = direction / torch.where(share > 0, share, 1.0)[..., None]
+    origin = origin - starts[..., None] * direction
+    return origin, direction, torch.where(last, 1.0, ends)

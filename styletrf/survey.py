@@ -144,9 +144,7 @@ def _deviation(values: Float[np.ndarray, " values"]) -> float:
 def _seen_by(space: Space, cameras: Sequence[Camera]) -> Int[np.ndarray, "x y z"]:
     axis = (np.arange(_CELLS) + 0.5) * (2 / _CELLS) - 1
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    homogeneous = np.column_stack([grid, np.ones(len(grid))])
-    world = homogeneous @ np.linalg.inv(space.grid_from_world).T
-    centers = world[:, :3] / world[:, 3:]
+    centers = space.to_world(grid)
     count = np.zeros(len(centers), np.int64)
     for camera in cameras:
         pixel, depth = project(camera, centers)

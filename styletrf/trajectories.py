@@ -1,4 +1,4 @@
-"""Camera paths: a spiral where the photographers looked ahead, else an orbit, in or outward.
+"""Camera paths: a spiral where the photographers looked ahead, an orbit, or the way they went.
 
 All in the normalised world, whose y axis points down. Paths stay within what the photographs saw:
 amplitudes are shares of the spread of the given cameras. `fly_through` is the closed path of the
@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from styletrf.cameras import Camera
 from styletrf.scene_model import SceneModel
+from styletrf.walk import along_the_walk
 
 Points = Float[np.ndarray, "frames 3"]
 Shares = Float[np.ndarray, " frames"]
@@ -54,6 +55,8 @@ def fly_through(
         across = config.turns * phases
         waves = np.stack([np.cos(across), -np.sin(across), -np.sin(phases)], axis=-1)
         centers = _before_the_scene(cameras, waves, config.spread)
+    elif model.looking == "along":
+        return _facing(*along_the_walk(cameras, config.frames, back=True), cameras[0])
     else:
         ring = _ring(cameras, model)
         to_and_fro = 0.5 + 0.5 * config.spread * np.sin(phases)
@@ -68,7 +71,7 @@ def prior_views(
     """Returns viewpoints, no two alike, spread evenly over what the fly-through encloses.
 
     Before a forward-facing scene a sunflower's seeds (Vogel 1979) over the ellipse; around another
-    evenly spaced azimuths, low and high by turns.
+    evenly spaced azimuths, low and high by turns; along a walk evenly spaced places.
     """
     index = np.arange(config.frames)
     if model.looking == "ahead":
@@ -76,6 +79,8 @@ def prior_views(
         seeds = np.stack([np.cos(angles), -np.sin(angles), -np.sin(angles)], axis=-1)
         seeds *= np.sqrt((index + 0.5) / config.frames)[:, None]
         centers = _before_the_scene(cameras, seeds, config.spread)
+    elif model.looking == "along":
+        return _facing(*along_the_walk(cameras, config.frames, back=False), cameras[0])
     else:
         ring = _ring(cameras, model)
         even = (index + 0.5) / config.frames
@@ -97,17 +102,21 @@ def look_at(
 def _looking(centers: Points, photograph: Camera, model: SceneModel) -> list[Camera]:
     """Returns cameras at the centres that look at the focus, or away from it."""
     focus = np.array(model.focus)
-    targets = (
-        2 * centers - focus if model.looking == "outward" else np.broadcast_to(focus, centers.shape)
+    return _facing(
+        centers, centers - focus if model.looking == "outward" else focus - centers, photograph
     )
+
+
+def _facing(centers: Points, directions: Points, photograph: Camera) -> list[Camera]:
+    """Returns level cameras at the centres, with the intrinsics of a photograph."""
     centered = replace(photograph, cx=photograph.width / 2, cy=photograph.height / 2)
     return [
         replace(
             centered,
             name=f"{k:04d}",
-            world_from_camera=look_at(center, target, np.array([0, 1, 0])),
+            world_from_camera=look_at(center, center + direction, np.array([0, 1, 0])),
         )
-        for k, (center, target) in enumerate(zip(centers, targets, strict=True))
+        for k, (center, direction) in enumerate(zip(centers, directions, strict=True))
     ]
 
 

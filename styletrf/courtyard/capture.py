@@ -7,19 +7,23 @@ from jaxtyping import Float, UInt8
 
 from styletrf.cameras import Camera
 from styletrf.courtyard.lit_scene import lit_courtyard
-from styletrf.courtyard.paths import forward_poses, orbit_poses
+from styletrf.courtyard.paths import forward_poses, orbit_poses, walk_poses
 from styletrf.courtyard.rays import in_threads
 from styletrf.courtyard.render import developed, render_linear
+from styletrf.courtyard.shading import Surfaces
 from styletrf.errors import InputError
 from styletrf.progress import Progress, silent
 
-_PATHS = {"forward": forward_poses, "orbit": orbit_poses}
+_PATHS = {"forward": forward_poses, "orbit": orbit_poses, "walk": walk_poses}
 KINDS = tuple(_PATHS)
 
 
 @dataclass(frozen=True, slots=True)
 class CourtyardConfig:
-    """What is photographed and how: `kind` is one of KINDS; without `glossy` the vase is absent."""
+    """What is photographed and how: `kind` is one of KINDS; without `glossy` the vase is absent.
+
+    A walk sees more than the courtyard: houses beyond its walls, and hills.
+    """
 
     kind: str = "forward"
     n_views: int = 30
@@ -70,16 +74,20 @@ def render_view(
 ) -> tuple[UInt8[np.ndarray, "height width 3"], Float[np.ndarray, "height width"]]:
     """Returns what a camera anywhere sees of the configured courtyard: photograph and depth Z.
 
-    The size is the camera's; of the configuration only `seed` and `glossy` matter.
+    The size is the camera's; of the configuration only what is there to be seen matters.
     """
-    light, depth = render_linear(lit_courtyard(config.seed, glossy=config.glossy), camera)
+    light, depth = render_linear(_lit(config), camera)
     return developed(light), depth.astype(np.float32)
+
+
+def _lit(config: CourtyardConfig) -> Surfaces:
+    return lit_courtyard(config.seed, glossy=config.glossy, surround=config.kind == "walk")
 
 
 def capture_courtyard(config: CourtyardConfig, progress: Progress = silent) -> Capture:
     """Returns the photographs of a capture, the same for the same configuration."""
     cameras = courtyard_cameras(config)
-    lit_courtyard(config.seed, glossy=config.glossy)
+    _lit(config)
     views = []
     for view in in_threads(lambda camera: render_view(camera, config), cameras):
         views.append(view)

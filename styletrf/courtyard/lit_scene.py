@@ -16,6 +16,7 @@ from styletrf.courtyard.mesh import joined
 from styletrf.courtyard.rays import Hierarchy, build_hierarchy
 from styletrf.courtyard.scene import Part, courtyard_parts
 from styletrf.courtyard.shading import Surfaces
+from styletrf.courtyard.surround import surround_parts
 from styletrf.courtyard.textures import Texture
 
 _SUN_PER_METER = 40
@@ -26,9 +27,10 @@ Light = Callable[[Hierarchy, Points, Points], Points]
 
 
 @lru_cache(maxsize=2)
-def lit_courtyard(seed: int, *, glossy: bool) -> Surfaces:
+def lit_courtyard(seed: int, *, glossy: bool, surround: bool = False) -> Surfaces:
     """Returns the courtyard of a seed, the same arrays for the same arguments."""
-    return _surfaces(courtyard_parts(seed, glossy=glossy))
+    around = surround_parts(seed) if surround else []
+    return _surfaces([*courtyard_parts(seed, glossy=glossy), *around])
 
 
 def _surfaces(parts: Sequence[Part]) -> Surfaces:

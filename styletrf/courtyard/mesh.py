@@ -62,7 +62,7 @@ def box(low: Vector, high: Vector) -> list[Mesh]:
     ]
 
 
-def _grid_triangles(rows: int, columns: int) -> Int[np.ndarray, "triangles 3"]:
+def grid_triangles(rows: int, columns: int) -> Int[np.ndarray, "triangles 3"]:
     """Returns two triangles for each cell of a lattice of rows x columns vertices."""
     index = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
@@ -81,7 +81,7 @@ def tube(path: Float[np.ndarray, "points 3"], radius: float, sides: int = 7) -> 
     vertices = path[:, None] + radius * normals
     u, v = np.meshgrid(np.linspace(0, 1, sides + 1), np.linspace(0, 1, len(path)))
     uv = np.stack([u, v], axis=-1).reshape(-1, 2)
-    triangles = _grid_triangles(len(path), sides + 1)
+    triangles = grid_triangles(len(path), sides + 1)
     return Mesh(vertices.reshape(-1, 3), normals.reshape(-1, 3), uv, triangles)
 
 
@@ -118,7 +118,7 @@ def lathe(
         vertices.reshape(-1, 3) + np.asarray(center, dtype=np.float64),
         normals.reshape(-1, 3),
         np.stack([u, v], axis=-1).reshape(-1, 2),
-        _grid_triangles(len(curve), sides + 1),
+        grid_triangles(len(curve), sides + 1),
     )
 
 

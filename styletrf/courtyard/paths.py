@@ -32,6 +32,21 @@ def orbit_poses(n_views: int, rng: np.random.Generator) -> Poses:
     return _looking_at(centers, targets, rng)
 
 
+def walk_poses(n_views: int, rng: np.random.Generator) -> Poses:
+    """Returns world_from_camera of a walk through the courtyard, past the pedestal and back.
+
+    It goes along an ellipse, looking ahead and across the courtyard by turns.
+    """
+    turn = 2 * np.pi * (np.arange(n_views) + rng.uniform(-0.2, 0.2, n_views)) / n_views
+    x, y = 1.9 * np.cos(turn), 2.0 * np.sin(turn) - 0.9
+    bob = 0.03 * np.sin(9 * turn) + rng.normal(0, 0.015, n_views)
+    centers = np.stack([x, y, 1.62 + bob], axis=-1)
+    heading = turn + np.pi / 2 + np.radians(30 + 35 * np.sin(3 * turn))
+    rise = np.radians(3 + 5 * np.sin(4 * turn + 1))
+    ahead = np.stack([np.cos(heading), np.sin(heading), np.tan(rise)], axis=-1)
+    return _looking_at(centers, centers + ahead, rng)
+
+
 def _looking_at(centers: Points, targets: Points, rng: np.random.Generator) -> Poses:
     """Returns level poses looking at targets, but for a roll of about a degree."""
     forward = unit(targets - centers)

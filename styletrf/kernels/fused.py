@@ -58,14 +58,14 @@ def trace_forward(
     segments: Segments, jitter: Float[Tensor, " rays"], march: March, factors: Sequence[Tensor]
 ) -> tuple[Samples, Sequence[Tensor]]:
     """Returns the samples; and the arguments of their softplus, and the rays' step thickness."""
-    origins, directions = _arrays(segments.origins, segments.directions)
+    chains = _arrays(segments.origins, segments.directions, segments.ends)
     thickness = segments.step_thickness(march.scale)
     padded = trace_numba.trace_forward(
-        origins, directions, *_arrays(thickness, segments.n_steps, jitter, march.occupancy),
+        *chains, *_arrays(thickness, segments.n_steps, jitter, march.occupancy),
         _arrays(*factors[:3]), _arrays(*factors[3:]), np.float32(march.shift),
         np.float32(march.termination),
     )  # fmt: skip
-    packed = trace_numba.pack(origins, directions, *padded)
+    packed = trace_numba.pack(*chains, *padded)
     *samples, shifted = (torch.from_numpy(array) for array in packed)
     return Samples(*samples), (shifted, thickness)
 

@@ -51,7 +51,8 @@ def trace(
     steps = steps.to(segments.origins.device)
     n = segments.n_steps[:, None].clamp(min=1)
     s = (steps + jitter[:, None]) / n
-    positions = segments.origins[:, None] + s[..., None] * segments.directions[:, None]
+    rays = torch.arange(len(s), device=s.device)[:, None].expand_as(s)
+    positions = segments.positions_at(rays.reshape(-1), s.reshape(-1)).reshape(*s.shape, 3)
     mask = (steps < segments.n_steps[:, None]) & _occupied(march, positions)
     of_samples = thin_gradient(density(factors, positions[mask])[:, None], march.thinning)
     raw = torch.zeros_like(s).masked_scatter(mask, of_samples)

@@ -13,21 +13,23 @@ THICKEST = 1e30
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """Rays as segments `origin + s * direction`, s in [0, 1], of the grid.
+    """Rays as chains of straight pieces of the grid, by s in [0, 1], the share of their length.
 
-    `lengths` is the optical length of the whole segment, `n_steps` into how many steps it is cut
-    (0 for a ray that misses the grid). `depth_near`, `depth_far` and `depth_bend` give the depth Z
-    of a point of the segment (see `depth_along`).
+    A piece is `origin + s * direction` for s up to its end, where the next begins; the last ends at
+    1, and so do pieces that a ray has less than others. `lengths` is the optical length of the
+    whole ray, `n_steps` into how many steps it is cut (0 for one that misses the grid).
+    `depth_near`, `depth_far` and `depth_bend` give the depth Z of a point (see `depth_along`).
     """
 
-    origins: Float[Tensor, "rays 3"]
-    directions: Float[Tensor, "rays 3"]
+    origins: Float[Tensor, "rays pieces 3"]
+    directions: Float[Tensor, "rays pieces 3"]
+    ends: Float[Tensor, "rays pieces"]
     lengths: Float[Tensor, " rays"]
     n_steps: Int64[Tensor, " rays"]
     view_directions: Float[Tensor, "rays 3"]
-    depth_near: Float[Tensor, " rays"]
-    depth_far: Float[Tensor, " rays"]
-    depth_bend: Float[Tensor, " rays"]
+    depth_near: Float[Tensor, "rays pieces"]
+    depth_far: Float[Tensor, "rays pieces"]
+    depth_bend: Float[Tensor, "rays pieces"]
 
     def __getitem__(self, rays: slice | Tensor) -> "Segments":
         """Returns some of the segments."""
@@ -45,15 +47,34 @@ class Segments:
         step_lengths = self.lengths.clamp(max=THICKEST) / self.n_steps.clamp(min=1)
         return (step_lengths * min(scale, THICKEST)).clamp(max=THICKEST)
 
+    def piece_at(
+        self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]
+    ) -> Int64[Tensor, " samples"]:
+        """Returns which piece of its ray each s lies on."""
+        return (s[:, None] > self.ends[:, :-1][ray]).sum(dim=1)
+
+    def positions_at(
+        self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]
+    ) -> Float[Tensor, "samples 3"]:
+        """Returns the grid positions at s."""
+        piece = self.piece_at(ray, s)
+        return self.origins[ray, piece] + s[:, None] * self.directions[ray, piece]
+
     def depth_along(
         self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]
     ) -> Float[Tensor, " samples"]:
         """Returns the depth Z at s, perspective-correct.
 
-        Z is linear in t = s / (s + (1 - s) bend).
+        With u the share of its piece that lies before s, Z is linear in t = u / (u + (1 - u) bend).
         """
-        near, far, bend = self.depth_near[ray], self.depth_far[ray], self.depth_bend[ray]
-        t = s / (s + (1 - s) * bend)
+        piece = self.piece_at(ray, s)
+        ends = self.ends[ray, piece]
+        starts = torch.where(piece > 0, self.ends[ray, piece - 1], 0.0)
+        near, far, bend = (
+            values[ray, piece] for values in (self.depth_near, self.depth_far, self.depth_bend)
+        )
+        u = (s - starts) / (ends - starts)
+        t = u / (u + (1 - u) * bend)
         return near + t * (far - near)
 
 

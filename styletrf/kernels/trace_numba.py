@@ -1,6 +1,6 @@
 """Marching rays through an occupancy grid on the CPU, density to weights, forward and backward.
 
-A ray is the grid segment `origin + s * direction`, s in [0, 1], cut into `n_steps` equal steps of
+A ray is a chain of straight pieces of the grid, by s in [0, 1], cut into `n_steps` equal steps of
 optical length `length / n_steps`. Samples in unoccupied voxels are passed over; a ray ends once its
 transmittance falls below `termination`. With optical thickness tau = density x length,
 
@@ -67,6 +67,7 @@ def density_features(positions, planes, lines):
 def trace_forward(
     origins,
     directions,
+    ends,
     thickness,
     n_steps,
     jitter,
@@ -79,8 +80,9 @@ def trace_forward(
     """Returns the samples of every ray in padded rows: count, s, argument of the softplus, weight.
 
     Args:
-        origins: Of the segments in grid coordinates, `rays 3`.
-        directions: Likewise, from one end to the other.
+        origins: Of the pieces in grid coordinates, `rays pieces 3`, see `Segments`.
+        directions: Likewise.
+        ends: Of the pieces, `rays pieces`.
         thickness: See `Segments.step_thickness`.
         n_steps: Steps of each ray.
         jitter: Where in each step its sample lies, in [0, 1), one number a ray.
@@ -97,17 +99,20 @@ def trace_forward(
     argument = np.empty((n_rays, capacity), np.float32)
     weight = np.empty((n_rays, capacity), np.float32)
     nx, ny, nz = occupancy.shape
+    last = ends.shape[1] - 1
     for ray in numba.prange(n_rays):
         if n_steps[ray] == 0:
             continue
         step = ONE / np.float32(n_steps[ray])
         transmittance = ONE
-        kept = 0
+        kept, piece = 0, 0
         for k in range(n_steps[ray]):
             s = (np.float32(k) + jitter[ray]) * step
-            x = origins[ray, 0] + s * directions[ray, 0]
-            y = origins[ray, 1] + s * directions[ray, 1]
-            z = origins[ray, 2] + s * directions[ray, 2]
+            while piece < last and s > ends[ray, piece]:
+                piece += 1
+            x = origins[ray, piece, 0] + s * directions[ray, piece, 0]
+            y = origins[ray, piece, 1] + s * directions[ray, piece, 1]
+            z = origins[ray, piece, 2] + s * directions[ray, piece, 2]
             if occupancy[_voxel(x, nx), _voxel(y, ny), _voxel(z, nz)] == 0:
                 continue
             feature = density_feature(planes, lines, x, y, z)
@@ -127,7 +132,7 @@ def trace_forward(
 
 @no_type_check
 @numba.njit(cache=True, parallel=True)
-def pack(origins, directions, count, along, argument, weight):
+def pack(origins, directions, ends, count, along, argument, weight):
     """Returns padded samples packed ray after ray: offsets, ray, s, position, weight, argument."""
     n_rays = count.shape[0]
     offsets = np.zeros(n_rays + 1, np.int64)
@@ -138,15 +143,20 @@ def pack(origins, directions, count, along, argument, weight):
     s_of, weight_of = np.empty(n, np.float32), np.empty(n, np.float32)
     argument_of = np.empty(n, np.float32)
     positions = np.empty((n, 3), np.float32)
+    last = ends.shape[1] - 1
     for ray in numba.prange(n_rays):
+        piece = 0
         for k in range(count[ray]):
             i = offsets[ray] + k
+            s = along[ray, k]
+            while piece < last and s > ends[ray, piece]:
+                piece += 1
             ray_of[i] = ray
-            s_of[i] = along[ray, k]
+            s_of[i] = s
             weight_of[i] = weight[ray, k]
             argument_of[i] = argument[ray, k]
             for axis in range(3):
-                positions[i, axis] = origins[ray, axis] + along[ray, k] * directions[ray, axis]
+                positions[i, axis] = origins[ray, piece, axis] + s * directions[ray, piece, axis]
     return offsets, ray_of, s_of, positions, weight_of, argument_of
 
 

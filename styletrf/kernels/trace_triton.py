@@ -46,11 +46,15 @@ def at_least(transmittance, termination):
 
 @no_type_check
 @triton.jit
-def point_on(ray, s, origins, directions):
-    """Returns the coordinates of ray(s)."""
-    x = tl.load(origins + ray * 3) + s * tl.load(directions + ray * 3)
-    y = tl.load(origins + ray * 3 + 1) + s * tl.load(directions + ray * 3 + 1)
-    z = tl.load(origins + ray * 3 + 2) + s * tl.load(directions + ray * 3 + 2)
+def point_on(ray, s, origins, directions, ends, PIECES: tl.constexpr):
+    """Returns the coordinates of ray(s), each on its piece of the chain."""
+    piece = tl.zeros_like(s).to(tl.int64)
+    for before in tl.static_range(PIECES - 1):
+        piece += (s > tl.load(ends + ray * PIECES + before)).to(tl.int64)
+    at = (ray * PIECES + piece) * 3
+    x = tl.load(origins + at) + s * tl.load(directions + at)
+    y = tl.load(origins + at + 1) + s * tl.load(directions + at + 1)
+    z = tl.load(origins + at + 2) + s * tl.load(directions + at + 2)
     return x, y, z
 
 
@@ -66,14 +70,15 @@ def is_occupied(x, y, z, occupancy, voxels, live):
 @no_type_check
 @triton.jit(do_not_specialize=SIZES[3:])
 def _count(
-    origins, directions, n_steps, jitter, occupancy, v_x, v_y, v_z, count, STEPS: tl.constexpr
+    origins, directions, ends, n_steps, jitter, occupancy, v_x, v_y, v_z, count,
+    PIECES: tl.constexpr, STEPS: tl.constexpr,
 ):  # fmt: skip
     ray = tl.program_id(0).to(tl.int64)
     n, jit = tl.load(n_steps + ray).to(tl.int32), tl.load(jitter + ray)
     found = tl.zeros([], tl.int64)
     for first in range(0, n, STEPS):
         step = first + tl.arange(0, STEPS)
-        x, y, z = point_on(ray, (step + jit) / n, origins, directions)
+        x, y, z = point_on(ray, (step + jit) / n, origins, directions, ends, PIECES)
         occupied = is_occupied(x, y, z, occupancy, (v_x, v_y, v_z), step < n)
         found += tl.sum(occupied.to(tl.int64))
     tl.store(count + ray, found)
@@ -89,9 +94,9 @@ def _exclusive(before, own, further_before, further_own):
 @no_type_check
 @triton.jit(do_not_specialize=SIZES)
 def _march(
-    origins, directions, thickness, n_steps, jitter, occupancy, v_x, v_y, v_z,
+    origins, directions, ends, thickness, n_steps, jitter, occupancy, v_x, v_y, v_z,
     planes, lines, n_x, n_y, n_z, room, along, weights, behind, slopes, count, shift, termination,
-    RANKS: tl.constexpr, STEPS: tl.constexpr,
+    RANKS: tl.constexpr, PIECES: tl.constexpr, STEPS: tl.constexpr,
 ):  # fmt: skip
     ray = tl.program_id(0).to(tl.int64)
     n, jit = tl.load(n_steps + ray).to(tl.int32), tl.load(jitter + ray)
@@ -101,7 +106,7 @@ def _march(
     while lit:
         step = first + tl.arange(0, STEPS)
         s = (step + jit) / n
-        x, y, z = point_on(ray, s, origins, directions)
+        x, y, z = point_on(ray, s, origins, directions, ends, PIECES)
         occupied = is_occupied(x, y, z, occupancy, (v_x, v_y, v_z), step < n)
         if tl.max(occupied.to(tl.int32)) > 0:
             raw = density_feature(planes, lines, (n_x, n_y, n_z), x, y, z, occupied, RANKS)
@@ -124,8 +129,9 @@ def _march(
 @no_type_check
 @triton.jit
 def _pack(
-    origins, directions, room, offsets, along, weights, behind, slopes,
-    to_ray, to_s, to_positions, to_weights, to_behind, to_slopes, STEPS: tl.constexpr,
+    origins, directions, ends, room, offsets, along, weights, behind, slopes,
+    to_ray, to_s, to_positions, to_weights, to_behind, to_slopes,
+    PIECES: tl.constexpr, STEPS: tl.constexpr,
 ):  # fmt: skip
     ray = tl.program_id(0).to(tl.int64)
     source, target = tl.load(room + ray), tl.load(offsets + ray)
@@ -134,7 +140,7 @@ def _pack(
         k = first + tl.arange(0, STEPS)
         live = k < n
         s = tl.load(along + source + k, mask=live, other=0.0)
-        x, y, z = point_on(ray, s, origins, directions)
+        x, y, z = point_on(ray, s, origins, directions, ends, PIECES)
         tl.store(to_ray + target + k, ray, mask=live)
         tl.store(to_s + target + k, s, mask=live)
         tl.store(to_positions + (target + k) * 3, x, mask=live)
@@ -170,27 +176,28 @@ def trace_forward(
 ) -> tuple[Samples, Sequence[Tensor]]:
     """Returns the samples; and the transmittance behind each, and d tau / d raw density."""
     planes, lines, shape, ranks = kernel_factors(factors)
-    origins, directions = segments.origins.contiguous(), segments.directions.contiguous()
+    parts = (segments.origins, segments.directions, segments.ends)
+    chains, pieces = [part.contiguous() for part in parts], segments.ends.shape[1]
     thickness, n_steps = segments.step_thickness(march.scale), segments.n_steps.contiguous()
     jitter, occupancy = jitter.contiguous(), march.occupancy.contiguous()
     n_rays, voxels = len(segments), tuple(occupancy.shape)
     count = torch.zeros_like(n_steps)
     _count[(n_rays,)](
-        origins, directions, n_steps, jitter, occupancy, *voxels, count, STEPS, num_warps=1
+        *chains, n_steps, jitter, occupancy, *voxels, count, pieces, STEPS, num_warps=1
     )
     room = starts(count)
-    padded = tuple(origins.new_empty(int(room[-1])) for _ in range(4))
+    padded = tuple(thickness.new_empty(int(room[-1])) for _ in range(4))
     _march[(n_rays,)](
-        origins, directions, thickness, n_steps, jitter, occupancy, *voxels, planes, lines, *shape,
-        room, *padded, count, march.shift, march.termination, ranks, STEPS, num_warps=1,
+        *chains, thickness, n_steps, jitter, occupancy, *voxels, planes, lines, *shape,
+        room, *padded, count, march.shift, march.termination, ranks, pieces, STEPS, num_warps=1,
     )  # fmt: skip
     offsets = starts(count)
     n = int(offsets[-1])
-    ray, positions = offsets.new_empty(n), origins.new_empty(n, 3)
-    s, weights, behind, slopes = (origins.new_empty(n) for _ in range(4))
+    ray, positions = offsets.new_empty(n), thickness.new_empty(n, 3)
+    s, weights, behind, slopes = (thickness.new_empty(n) for _ in range(4))
     _pack[(n_rays,)](
-        origins, directions, room, offsets, *padded, ray, s, positions, weights, behind, slopes,
-        STEPS, num_warps=1,
+        *chains, room, offsets, *padded, ray, s, positions, weights, behind, slopes,
+        pieces, STEPS, num_warps=1,
     )  # fmt: skip
     return Samples(offsets, ray, s, positions, weights), (behind, slopes)
 

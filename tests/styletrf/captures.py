@@ -25,6 +25,15 @@ def arc(tilt_deg: float, extent_deg: float = 360.0, n: int = 40, seed: int = 0) 
     return [looking(center, rng.normal(0, 0.05, 3), rng) for center in centers]
 
 
+def walk(n: int = 48, *, closed: bool = True) -> list[Camera]:
+    """A walk around or along, looking ahead and aside by turns."""
+    turn = (2 if closed else 1) * np.pi * np.arange(n) / n
+    centers = np.column_stack([2 * np.cos(turn), 0 * turn, 3 * np.sin(turn)])
+    heading = turn + np.pi / 2 + 0.5 * np.sin(3 * turn)
+    ahead = np.column_stack([np.cos(heading), 0 * turn, np.sin(heading)])
+    return [looking(center, center + to) for center, to in zip(centers, ahead, strict=True)]
+
+
 def room(tilt_deg: float, n: int = 30) -> list[Camera]:
     """A walk in a circle in the middle of a room, looking at its walls."""
     outwards = np.column_stack([np.sin(a := 2 * np.pi * np.arange(n) / n), 0 * a, np.cos(a)])

@@ -25,10 +25,37 @@ def make_segments(n: int, seed: int, max_steps: int = 40, reach: float = 1.0) ->
 
 
 def segments_between(origins: Tensor, ends: Tensor, n_steps: Tensor | int) -> Segments:
-    ones, directions = torch.ones_like(origins[:, 0]), ends - origins
+    """Rays of one piece each."""
+    return chains(
+        origins[:, None], (ends - origins)[:, None], torch.ones_like(origins[:, :1]), n_steps
+    )
+
+
+def bent_segments(n: int, seed: int, max_steps: int = 40, reach: float = 1.0) -> Segments:
+    """Rays along random corners: one piece, two or three, each ending where the next begins."""
+    g = generator(seed)
+    corners = reach * (2 * torch.rand(n, 4, 3, generator=g) - 1)
+    ends = torch.rand(n, 3, generator=g).sort(dim=1).values
+    ends[:, -1] = 1.0
+    ends[::3, 0] = 1.0  # one piece, the others empty
+    ends[1::3, 1] = 1.0
+    starts = torch.cat([torch.zeros_like(ends[:, :1]), ends[:, :-1]], dim=1)
+    shares = torch.where(ends > starts, ends - starts, 1.0)[..., None]
+    directions = (corners[:, 1:] - corners[:, :-1]) / shares
+    origins = corners[:, :-1] - starts[..., None] * directions
+    steps = torch.randint(0, max_steps + 1, (n,), generator=g)
+    return chains(origins, directions, ends.cummax(dim=1).values, steps)
+
+
+def chains(origins: Tensor, directions: Tensor, ends: Tensor, n_steps: Tensor | int) -> Segments:
+    """Rays of straight pieces, with depths from 1 to 2 on each."""
     n_steps = torch.as_tensor(n_steps).expand(len(origins))
-    lengths = directions.norm(dim=-1)
-    return Segments(origins, directions, lengths, n_steps, directions, ones, 2 * ones, ones)
+    starts = torch.cat([torch.zeros_like(ends[:, :1]), ends[:, :-1]], dim=1)
+    lengths = ((ends - starts) * directions.norm(dim=-1)).sum(dim=1)
+    ones = torch.ones_like(ends)
+    return Segments(
+        origins, directions, ends, lengths, n_steps, directions[:, 0], ones, 2 * ones, ones
+    )
 
 
 def with_steps(segments: Segments, n_steps: int) -> Segments:

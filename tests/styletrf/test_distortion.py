@@ -4,9 +4,10 @@ import itertools
 
 import pytest
 import torch
+from kernel_cases import segments_between, with_steps
 
 from styletrf.distortion import distortion
-from styletrf.kernels import Samples, Segments
+from styletrf.kernels import Samples
 
 
 def packed(weights: list[list[float]], s: list[list[float]], n_steps: int = 10):
@@ -15,10 +16,8 @@ def packed(weights: list[list[float]], s: list[list[float]], n_steps: int = 10):
     flat = torch.tensor([w for row in weights for w in row])
     along = torch.tensor([x for row in s for x in row])
     samples = Samples(counts.cumsum(0), ray, along, torch.zeros(len(flat), 3), flat)
-    n = len(weights)
-    ones, vectors = torch.ones(n), torch.ones(n, 3)
-    steps = torch.full((n,), n_steps)
-    return samples, Segments(vectors, vectors, ones, steps, vectors, ones, ones, ones)
+    vectors = torch.ones(len(weights), 3)
+    return samples, with_steps(segments_between(vectors, 2 * vectors, 1), n_steps)
 
 
 def test_it_is_the_double_sum_over_pairs():

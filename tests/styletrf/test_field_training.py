@@ -207,7 +207,7 @@ def around_a_box(
     pose = np.column_stack([np.eye(3), [0, 0, -4]])
     camera = replace(scene.cameras[0], world_from_camera=pose)
     images = torch.tensor(color, dtype=torch.uint8).expand(1, 20, 20, 3).clone()
-    box = Space("box", np.eye(4), (1.0, 1.0, 1.0), depth_min=0.1)
+    box = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), depth_min=0.1)
     config = replace(CONFIG, batch_samples=batch_samples, occupancy_every=1000, upsample_at=())
     return FieldTrainer([camera], images, box, (12, 12, 12), config, KERNELS)
 

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 import torch
-from kernel_cases import REFERENCE, doubled, generator, make_segments, packed, segments_between
+from kernel_cases import (
+    REFERENCE,
+    bent_segments,
+    doubled,
+    generator,
+    make_segments,
+    packed,
+    segments_between,
+)
 
 from styletrf.kernels import March
 from styletrf.tensor_vm import TensorVM
@@ -38,9 +46,10 @@ def both(form, compute):
 
 @pytest.mark.parametrize(("resolution", "ranks"), SHAPES)
 @pytest.mark.parametrize("n_rays", [0, 1, 8])
-def test_a_marched_color_and_its_gradients(form, resolution, ranks, n_rays):
+@pytest.mark.parametrize("rays_of", [make_segments, bent_segments])
+def test_a_marched_color_and_its_gradients(form, resolution, ranks, n_rays, rays_of):
     """Rays with few, many and no steps, partly outside the grid, through empty and full voxels."""
-    segments = make_segments(n_rays, seed=2, reach=1.3)
+    segments = rays_of(n_rays, seed=2, reach=1.3)
     g = generator(1)
     jitter = torch.rand(n_rays, generator=g)
     occupancy = (torch.rand(5, 4, 6, generator=g) > 0.3).to(torch.uint8)

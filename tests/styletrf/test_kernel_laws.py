@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 from kernel_cases import (
+    chains,
     constant_factors,
     generator,
     make_segments,
@@ -58,16 +59,26 @@ def test_splitting_a_segment_changes_nothing(form):
     """The transmittance of the whole is the product of its halves'."""
     factors = TensorVM((5, 4, 3), (2, 1, 1), scale=0.8, generator=generator(0))
     whole = with_steps(make_segments(5, seed=1), 16)
-    middle = whole.origins + whole.directions / 2
-    halves = [
-        segments_between(whole.origins, middle, 8),
-        segments_between(middle, whole.origins + whole.directions, 8),
-    ]
+    start, end = whole.origins[:, 0], (whole.origins + whole.directions)[:, 0]
+    middle = (start + end) / 2
+    halves = [segments_between(start, middle, 8), segments_between(middle, end, 8)]
     through = [
         1 - opacity_of(form, form.trace(factors, s, torch.full((5,), 0.5), whole_grid()))
         for s in (whole, *halves)
     ]
     torch.testing.assert_close(through[0], through[1] * through[2])
+
+
+def test_a_straight_ray_in_pieces_is_the_ray_in_one(form):
+    factors = TensorVM((5, 4, 3), (2, 1, 1), scale=0.8, generator=generator(0))
+    whole, jitter = with_steps(make_segments(5, seed=1), 16), torch.full((5,), 0.3)
+    pieces = chains(
+        whole.origins.expand(-1, 3, -1), whole.directions.expand(-1, 3, -1),
+        torch.tensor([0.2, 0.55, 1.0]).expand(5, 3), 16,
+    )  # fmt: skip
+    one, several = (form.trace(factors, s, jitter, whole_grid()) for s in (whole, pieces))
+    torch.testing.assert_close(several.weights, one.weights)
+    torch.testing.assert_close(several.positions, one.positions)
 
 
 def test_the_error_of_quadrature_falls_with_the_step(form):

@@ -29,7 +29,7 @@ def small_field(resolution=(4, 3, 5), **config) -> RadianceField:
 
 def box_space(scale: float = 1.0) -> Space:
     to_grid = np.diag([1 / scale, 1 / scale, 1 / scale, 1.0])
-    return Space("box", to_grid, (scale, scale, scale), 1e-3 * scale)
+    return Space("box", to_grid[None], (scale, scale, scale), 1e-3 * scale)
 
 
 def camera_at(center, pose=STRAIGHT) -> Camera:

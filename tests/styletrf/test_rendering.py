@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 import torch
+from kernel_cases import segments_between
 from mini_scene import painted_plane
 from test_field_training import CONFIG, fit
 
 from styletrf.field import Appearance, FieldConfig, set_occupancy
-from styletrf.kernels import Samples, Segments, kernels_for
+from styletrf.kernels import Samples, kernels_for
 from styletrf.rendering import LEAST_OPACITY, RenderConfig, median_depth, render_color, render_view
 from styletrf.space import ViewRays
 
@@ -73,10 +74,8 @@ def test_the_median_depth_is_where_half_the_light_is_lost():
     offsets, ray = torch.tensor([0, 2, 3]), torch.tensor([0, 0, 1])
     s, weights = torch.tensor([0.25, 0.75, 0.5]), torch.tensor([0.3, 0.6, 0.4])
     samples = Samples(offsets, ray, s, torch.zeros(3, 3), weights)
-    vectors, ones = torch.ones(2, 3), torch.ones(2)
-    segments = Segments(
-        vectors, vectors, ones, torch.tensor([4, 4]), vectors, ones, 5 * ones, ones
-    )  # affine: depth 1 + 4 s
+    segments = segments_between(torch.ones(2, 3), 2 * torch.ones(2, 3), 4)
+    segments = replace(segments, depth_far=torch.full((2, 1), 5.0))  # affine: depth 1 + 4 s
     assert median_depth(segments, samples).tolist() == [4.0, torch.inf]
 
 
@@ -93,9 +92,6 @@ def test_white_fog_before_white_stays_white(opacity, min_weight):
     ray, s = torch.zeros(n, dtype=torch.int64), torch.linspace(0, 1, n)
     weights = torch.full((n,), opacity / n)
     samples = Samples(torch.tensor([0, n]), ray, s, torch.zeros(n, 3), weights)
-    one = torch.ones(1)
-    segments = Segments(
-        torch.zeros(1, 3), torch.ones(1, 3), one, torch.tensor([n]), torch.ones(1, 3), one, one, one
-    )
+    segments = segments_between(torch.zeros(1, 3), torch.ones(1, 3), n)
     color = render_color(appearance, KERNELS, segments, samples, min_weight)
     torch.testing.assert_close(color, torch.ones(1, 3), atol=1e-4, rtol=0)

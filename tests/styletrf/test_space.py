@@ -55,11 +55,18 @@ def test_the_space_is_decided_at_any_scale(cameras_of, kind, scale):
     np.testing.assert_allclose(model.focus, reference.focus, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("cameras_of", [forward_cameras, orbit_cameras])
-def test_a_point_lies_on_the_segment_of_its_pixel_at_its_depth(cameras_of):
+@pytest.mark.parametrize(
+    ("cameras_of", "space"),
+    [(forward_cameras, "ndc"), (orbit_cameras, "box"), (orbit_cameras, "unbounded"),
+     (forward_cameras, "unbounded")],
+)  # fmt: skip
+@pytest.mark.parametrize("far", [1.0, 30.0])
+def test_a_point_lies_on_the_ray_of_its_pixel_at_its_depth(cameras_of, space, far):
+    """Also where it is drawn in from `far` away."""
     cameras = cameras_of()
     points = points_before(cameras)
-    model = decide_scene_model(cameras, points, SceneModelConfig())
+    points[::3] *= 1 if space == "box" else far
+    model = decide_scene_model(cameras, points, SceneModelConfig(space=space))
     views = model.normalized(cameras)
     normalized = points @ model.normalized_from_world[:3, :3].T + model.normalized_from_world[:3, 3]
     rays = ViewRays(views, model.space, 0.01, torch.device("cpu"))
@@ -67,12 +74,17 @@ def test_a_point_lies_on_the_segment_of_its_pixel_at_its_depth(cameras_of):
     for k, view in enumerate(views):
         pixels, depth = project(view, normalized)
         grid = model.space.to_grid(normalized)
-        inside = (np.abs(grid) < 0.99).all(axis=1) & (depth > 0.1)
+        inside = (np.abs(grid) < 0.99).all(axis=1) & (depth > max(0.1, model.space.depth_min))
         segments = rays.segments(torch.full((len(pixels),), k), torch.from_numpy(pixels))
         origin, direction = segments.origins.numpy(), segments.directions.numpy()
-        s = ((grid - origin) * direction).sum(1) / (direction**2).sum(1)
-        on_segment = origin + s[:, None] * direction
-        np.testing.assert_allclose(on_segment[inside], grid[inside], atol=2e-4)
+        ends = segments.ends.numpy()
+        starts = np.column_stack([0 * ends[:, 0], ends[:, :-1]])
+        s = ((grid[:, None] - origin) * direction).sum(-1) / (direction**2).sum(-1)
+        s = np.clip(s, starts, ends)
+        away = np.linalg.norm(origin + s[..., None] * direction - grid[:, None], axis=-1)
+        nearest = away.argmin(axis=1)
+        np.testing.assert_allclose(away.min(axis=1)[inside], 0, atol=3e-4)
+        s = np.take_along_axis(s, nearest[:, None], axis=1)[:, 0]
         told = segments.depth_along(torch.arange(len(s)), torch.from_numpy(s).float()).numpy()
         np.testing.assert_allclose(told[inside], depth[inside], rtol=2e-3)
         checked += inside.sum()
@@ -80,7 +92,7 @@ def test_a_point_lies_on_the_segment_of_its_pixel_at_its_depth(cameras_of):
 
 
 def box_space() -> Space:
-    return Space("box", np.eye(4), (1.0, 1.0, 1.0), 1e-3)
+    return Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), 1e-3)
 
 
 def test_rays_that_miss_run_along_faces_or_start_inside():
@@ -101,4 +113,4 @@ def test_rays_that_miss_run_along_faces_or_start_inside():
     torch.testing.assert_close(
         segments.lengths[[0, 2]], torch.tensor([2.0, 0.999]), rtol=1e-4, atol=0
     )
-    torch.testing.assert_close(segments.depth_near[0], torch.tensor(2.0))
+    torch.testing.assert_close(segments.depth_near[0], torch.tensor([2.0]))

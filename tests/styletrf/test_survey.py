@@ -13,7 +13,7 @@ from styletrf.survey import survey_scene
 from styletrf.trajectories import look_at
 
 SIZE, N_VIEWS, FOCAL = 96, 9, 96.0
-BOX = Space("box", np.eye(4), (1.0, 1.0, 1.0), 0.01)
+BOX = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), 0.01)
 DOWN = np.array([0.0, 1.0, 0.0])
 
 

@@ -27,7 +27,7 @@ def test_a_grid_never_starts_finer_than_it_ends():
 
 
 def test_a_step_divides_a_voxel():
-    cube = Space("box", np.eye(4), (1.0, 1.0, 1.0), depth_min=0.1)
+    cube = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), depth_min=0.1)
     assert march_step(cube, (11, 11, 11), 2.0) == pytest.approx(0.1)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from captures import arc, nadir, points_of, room
+from captures import arc, nadir, points_of, room, walk
 from test_space import forward_cameras, orbit_cameras, points_before
 
 from styletrf.configuration import configured
@@ -19,6 +19,8 @@ CAPTURES = {
     "ring": lambda: (arc(25), points_of("block")),
     "arc": lambda: (arc(25, 120), points_of("block")),
     "room": lambda: (room(10), points_of("room")),
+    "walk": lambda: (walk(), 3 * points_of("block")),
+    "way": lambda: (walk(closed=False), 3 * points_of("block")),
     "plain": lambda: (nadir("any"), points_of("plain")),
 }
 
@@ -155,3 +157,21 @@ def test_priors_of_a_forward_facing_scene_see_it_from_within_the_path_too():
     radii = np.ptp(frames, axis=0)[:2] / 2
     shares = np.linalg.norm((priors - centers_of(views).mean(axis=0))[:, :2] / radii, axis=1)
     np.testing.assert_allclose(np.sort(shares) ** 2, (np.arange(20) + 0.5) / 20, atol=0.01)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_path_through_a_walk_goes_the_way_and_looks_as_the_photographs_near_it(closed):
+    """In whatever order their names are."""
+    rng = np.random.default_rng(0)
+    cameras = walk(closed=closed)
+    model = decide_scene_model(cameras, 3 * points_of("block"), SceneModelConfig())
+    assert model.looking == "along"
+    views = model.normalized(cameras)
+    for shown in (views, [views[k] for k in rng.permutation(len(views))]):
+        path = fly_through(shown, model, TrajectoryConfig(frames=60))
+        away = np.linalg.norm(centers_of(path)[:, None] - centers_of(views), axis=-1)
+        step = np.linalg.norm(np.diff(centers_of(views), axis=0), axis=1).max()
+        assert away.min(axis=1).max() < 2 * step
+        nearest = [views[k] for k in away.argmin(axis=1)]
+        cosines = [a.forward_world @ b.forward_world for a, b in zip(path, nearest, strict=True)]
+        assert min(cosines) > np.cos(np.radians(25))

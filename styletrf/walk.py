@@ -1,0 +1,92 @@
+"""The way that photographers took through a scene, smoothed: what a path along it follows.
+
+A walk looks neither at one place nor away from one. The photographs are put in the order in which
+they were taken, or in that of nearest neighbours where that way is shorter; a point of the path is
+the mean of the photographs near it, weighted by a Gaussian over their number.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from styletrf.cameras import Camera
+
+Points = Float[np.ndarray, "places 3"]
+Centers = Float[np.ndarray, "views 3"]
+
+SMOOTHING = 1.5  # photographs
+_CLOSED = 4.0  # median steps between the last photograph and the first of a round
+_DENSE = 32  # places a photograph at which the way is measured
+
+
+def along_the_walk(cameras: Sequence[Camera], places: int, *, back: bool) -> tuple[Points, Points]:
+    """Returns centres and unit directions of view, evenly along the way that was taken.
+
+    A round is gone once. Another way is gone there and, with `back`, the same way back, so that
+    the path closes.
+    """
+    centers = np.stack([camera.center_world for camera in cameras])
+    order = _shortest_order(centers)
+    centers, forwards = (
+        centers[order],
+        np.stack([camera.forward_world for camera in cameras])[order],
+    )
+    closed = _is_closed(centers)
+    share = np.arange(places) / places if closed or back else (np.arange(places) + 0.5) / places
+    if back and not closed:
+        share = 0.5 - 0.5 * np.cos(2 * np.pi * share)
+    number = _by_length(centers, share, closed=closed)
+    weights = _weights(number, len(centers), closed=closed)
+    ahead = weights @ forwards
+    return weights @ centers, ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+
+
+def _shortest_order(centers: Centers) -> Int[np.ndarray, " views"]:
+    taken = np.arange(len(centers))
+    return min((taken, _by_neighbours(centers)), key=lambda order: _length(centers[order]))
+
+
+def _by_neighbours(centers: Centers) -> Int[np.ndarray, " views"]:
+    """Returns the order that goes on to the nearest photograph left, from one at an end."""
+    first = int(np.linalg.norm(centers - centers.mean(axis=0), axis=1).argmax())
+    order, left = [first], set(range(len(centers))) - {first}
+    while left:
+        rest = np.array(sorted(left))
+        away = np.linalg.norm(centers[rest] - centers[order[-1]], axis=1)
+        order.append(int(rest[away.argmin()]))
+        left.remove(order[-1])
+    return np.array(order)
+
+
+def _length(centers: Centers) -> float:
+    return float(np.linalg.norm(np.diff(centers, axis=0), axis=1).sum())
+
+
+def _is_closed(centers: Centers) -> bool:
+    steps = np.linalg.norm(np.diff(centers, axis=0), axis=1)
+    gap = np.linalg.norm(centers[-1] - centers[0])
+    return bool(gap <= _CLOSED * np.median(steps) and gap < 0.2 * steps.sum())
+
+
+def _by_length(
+    centers: Centers, share: Float[np.ndarray, " places"], *, closed: bool
+) -> Float[np.ndarray, " places"]:
+    """Returns the number of the photograph, in fractions, at shares of the smoothed way."""
+    n = len(centers)
+    number = np.linspace(0, n if closed else n - 1, _DENSE * n + 1)
+    way = _weights(number, n, closed=closed) @ centers
+    length = np.concatenate([[0.0], np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum()])
+    result: Float[np.ndarray, " places"] = np.interp(share * length[-1], length, number)
+    return result
+
+
+def _weights(
+    number: Float[np.ndarray, " places"], n: int, *, closed: bool
+) -> Float[np.ndarray, "places views"]:
+    away = np.abs(number[:, None] - np.arange(n))
+    if closed:
+        away = np.minimum(away, n - away)
+    weights = np.exp(-((away / SMOOTHING) ** 2) / 2)
+    normalized: Float[np.ndarray, "places views"] = weights / weights.sum(axis=1, keepdims=True)
+    return normalized
