@@ -168,7 +168,9 @@ def _color(
     appearance: Appearance, kernels: Kernels, cache: RayCache, samples: Samples, drawn: slice
 ) -> Float[Tensor, "rays 3"]:
     components = kernels.features(appearance.factors, samples.positions)
-    colors = appearance.decode(components, cache.view_directions[drawn], samples.ray, kernels)
+    colors = appearance.shading.decode(
+        components, cache.view_directions[drawn], samples.ray, kernels
+    )
     color = kernels.composite(samples, colors)
     return color + (1 - cache.opacity[drawn])[:, None] * torch.sigmoid(appearance.background)
 

@@ -1,7 +1,7 @@
-"""The radiance field: VM-split density and appearance, and the network that decodes a colour.
+"""The radiance field: VM-split density and appearance, and the shading that decodes a colour.
 
     density(x) = scale * softplus(sum of density components + shift)
-    color(x, d) = sigmoid(network(basis(appearance components), d))     (TensoRF eq. 6)
+    color(x, d) = shading(appearance components, d)                     (TensoRF eq. 6)
 
 The density half and the appearance half are two modules, so that an adaptation can share the first
 and own the second.
@@ -13,12 +13,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import torch
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import UInt8
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from styletrf.configuration import configured
-from styletrf.kernels import Kernels, March, Thinning
+from styletrf.kernels import March, Thinning
+from styletrf.shading import ColorNetwork, PlainColor, Shading, ShadingKind
 from styletrf.tensor_vm import TensorVM
 
 
@@ -34,6 +35,7 @@ class FieldConfig:
     appearance_ranks: tuple[int, ...] = (24,)
     features: int = 27  # [data_dim_color]
     hidden: int = 64  # [featureC]
+    shading: ShadingKind = "network"  # [shadingMode]: MLP_Fea without encodings, or RGB
     density_shift: float = -7.0  # [density_shift]: no raw density is empty space
     density_scale: float = 25.0  # [distance_scale]
     initial_raw_density: float = 3.0  # a thin fog that light gets through and gradients see
@@ -86,7 +88,7 @@ class Density(nn.Module):
 
 
 class Appearance(nn.Module):
-    """What colour it has: factors, basis, colour network and the background behind it all."""
+    """What colour it has: factors, shading and the background behind it all."""
 
     def __init__(
         self,
@@ -96,47 +98,17 @@ class Appearance(nn.Module):
     ) -> None:
         super().__init__()
         self.factors = TensorVM(resolution, config.appearance_ranks, generator=generator)
-        self.basis = nn.Linear(sum(config.appearance_ranks), config.features, bias=False)
-        self.hidden = nn.Linear(config.features + 3, config.hidden)
-        self.output = nn.Linear(config.hidden, 3)
+        components = sum(config.appearance_ranks)
+        self.shading: Shading = (
+            PlainColor(components, generator)
+            if config.shading == "plain"
+            else ColorNetwork(components, config.features, config.hidden, generator)
+        )
         self.background = nn.Parameter(torch.zeros(3))
-        self._initialize(generator)
-
-    def _initialize(self, generator: torch.Generator | None) -> None:
-        for layer in (self.basis, self.hidden, self.output):
-            bound = layer.in_features**-0.5
-            nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
-        for layer in (self.hidden, self.output):
-            nn.init.zeros_(layer.bias)
 
     def network_parameters(self) -> list[nn.Parameter]:
         """Returns everything but the factors."""
-        layers = (self.basis, self.hidden, self.output)
-        return [self.background, *(p for layer in layers for p in layer.parameters())]
-
-    def decode(
-        self,
-        components: Float[Tensor, "samples components"],
-        view_directions: Float[Tensor, "rays 3"],
-        ray: Int64[Tensor, " samples"],
-        kernels: Kernels,
-    ) -> Float[Tensor, "samples 3"]:
-        """Returns the colours of samples in [0, 1] from their appearance components.
-
-        Basis and first layer are both linear, so their matrices are multiplied beforehand, and the
-        share of the view direction is computed once a ray.
-
-        Args:
-            components: Of each sample.
-            view_directions: Of each ray, unit vectors.
-            ray: Of each sample, ascending.
-            kernels: The form to compute with.
-        """
-        n_features = self.basis.out_features
-        of_components = self.hidden.weight[:, :n_features] @ self.basis.weight
-        of_view = view_directions @ self.hidden.weight[:, n_features:].T + self.hidden.bias
-        layer = self.output
-        return kernels.decode(components, of_view, ray, of_components, layer.weight, layer.bias)
+        return [self.background, *self.shading.parameters()]
 
 
 class RadianceField(nn.Module):

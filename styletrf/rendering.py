@@ -71,13 +71,13 @@ def render_color(
     values = kernels.features(appearance.factors, heavy.positions)
     directions = segments.view_directions
     if not deferred:
-        values = appearance.decode(values, directions, heavy.ray, kernels)
+        values = appearance.shading.decode(values, directions, heavy.ray, kernels)
     values = thin_gradient(values, thinning)
     sums = kernels.composite(heavy, torch.cat([values, torch.ones_like(values[:, :1])], dim=1))
     kept = sums[:, -1:]
     color = sums[:, :-1] / kept.clamp(min=1e-6)
     if deferred:
-        color = appearance.decode(
+        color = appearance.shading.decode(
             color, directions, torch.arange(len(color)).to(heavy.ray), kernels
         )
     covered = torch.where(kept > 0, opacity, 0)

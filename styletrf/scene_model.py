@@ -6,7 +6,7 @@ its cameras through it. `scene.json` holds each decision with the quantity it wa
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,17 +21,21 @@ from styletrf.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.placement import Looking, Placement
 from styletrf.space import Space
 from styletrf.surroundings import surroundings
+from styletrf.view_dependence import LEAST_POINTS as LEAST_TO_TELL
+from styletrf.view_dependence import LEAST_SHARE, ViewDependence
 
 
 @dataclass(frozen=True, slots=True)
 class SceneModelConfig:
     """What the photographs do not decide.
 
-    `space` overrides the decision; `image_long_side` is the working size in pixels; `max_voxels`
-    bounds the finest grid; `oversampling` is its lattice points per pixel along x and y of NDC.
+    `space` and `shading` override the decisions; `image_long_side` is the working size in pixels;
+    `max_voxels` bounds the finest grid; `oversampling` is its lattice points per pixel along x and
+    y of NDC.
     """
 
     space: Literal["auto", "ndc", "box", "unbounded"] = "auto"
+    shading: Literal["auto", "network", "plain"] = "auto"
     image_long_side: int = 504
     max_voxels: int = 256**3
     oversampling: float = 0.75
@@ -39,11 +43,12 @@ class SceneModelConfig:
 
 @dataclass(frozen=True, slots=True)
 class SceneModel:
-    """A scene's space, finest resolution, working image size and centre of interest."""
+    """A scene's space, finest resolution, shading, working image size and centre of interest."""
 
     space: Space
     normalized_from_world: Float[np.ndarray, "4 4"]
     resolution: tuple[int, int, int]
+    shading: Literal["network", "plain"]
     image_width: int
     image_height: int
     focus: tuple[float, float, float]  # what a trajectory looks at, normalised world
@@ -66,11 +71,14 @@ def decide_scene_model(
     cameras: Sequence[Camera],
     points_world: Float[np.ndarray, "points 3"],
     config: SceneModelConfig,
+    dependence: ViewDependence | None = None,
 ) -> SceneModel:
     """Returns the model of a scene.
 
     Forward-facing (NDC) when one frustum holds all views without being much wider than one, and
-    the near points lie in front of every camera; otherwise a box around the points.
+    the near points lie in front of every camera. Otherwise a box around the points, or unbounded
+    space around an inner box where that lattice is much nearer to what the photographs resolve.
+    Colours are plain where `dependence` tells that they need not depend on the view.
 
     Raises:
         InputError: There are too few points to see where the scene is, or the space that is set
@@ -98,7 +106,21 @@ def decide_scene_model(
             else place_unbounded(scene, config.oversampling, config.max_voxels)
         )
     evidence |= {"chosen": kind, "by": "evidence" if config.space == "auto" else "setting"}
-    return _sized(placement, fitted_to(cameras[0], config.image_long_side), config, evidence)
+    model = _sized(placement, fitted_to(cameras[0], config.image_long_side), config, evidence)
+    return _shaded(model, config, dependence)
+
+
+def _shaded(
+    model: SceneModel, config: SceneModelConfig, dependence: ViewDependence | None
+) -> SceneModel:
+    evidence: dict[str, Any] = {"by": "evidence" if config.shading == "auto" else "setting"}
+    if dependence is not None:
+        evidence |= asdict(dependence) | {
+            "share_threshold": LEAST_SHARE, "points_threshold": LEAST_TO_TELL
+        }  # fmt: skip
+    matte = dependence is not None and not dependence.needed
+    shading = config.shading if config.shading != "auto" else "plain" if matte else "network"
+    return replace(model, shading=shading, evidence=model.evidence | {"shading": evidence})
 
 
 def write_scene_model(path: Path, model: SceneModel) -> None:
@@ -139,6 +161,7 @@ def _sized(
         space=placement.space,
         normalized_from_world=placement.normalized_from_world,
         resolution=(nx, ny, nz),
+        shading="network",
         image_width=view.width,
         image_height=view.height,
         focus=placement.focus,

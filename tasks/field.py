@@ -48,7 +48,7 @@ class RadianceField(TunedStage):
             load_views(inputs["poses"] / "images", cameras).to(device),
             model.space,
             model.resolution,
-            configured(FieldTrainingConfig, self.values()),
+            configured(FieldTrainingConfig, {"field.shading": model.shading, **self.values()}),
             kernels_for(device),
             run.progress,
             run.resume,

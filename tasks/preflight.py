@@ -37,10 +37,12 @@ class SceneReport(ShownStage, GradedStage):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Survey the photographs, time a few iterations, write the page."""
         from styletrf.devices import device_named
+        from styletrf.scene_model import read_scene_model
         from styletrf.scene_report import advice, write_scene_report
         from styletrf.tables import write_summary
 
-        costs = _costs(inputs["poses"], device_named(self.device), run)
+        shading = read_scene_model(inputs["model"] / "scene.json").shading
+        costs = _costs(inputs["poses"], shading, device_named(self.device), run)
         content = self._content(inputs, costs)
         summary = {
             "advice": advice(content),
@@ -86,6 +88,7 @@ class SceneReport(ShownStage, GradedStage):
                 "space": model.space.kind,
                 "lattice": " x ".join(map(str, model.resolution)),
                 "photographs at": f"{model.image_width} x {model.image_height}",
+                "shading": model.shading,
                 "photographers looked": model.looking,
             },
             costs=costs,
@@ -102,7 +105,7 @@ class SceneReport(ShownStage, GradedStage):
         return {name: place(self) / name for name in ("report.html", "summary.json")}
 
 
-def _costs(poses: Path, device: Any, run: RunContext) -> dict[str, Any]:
+def _costs(poses: Path, shading: str, device: Any, run: RunContext) -> dict[str, Any]:
     from styletrf.camera_table import read_cameras, read_split
     from styletrf.configuration import configured
     from styletrf.field_cost import field_cost
@@ -127,7 +130,10 @@ def _costs(poses: Path, device: Any, run: RunContext) -> dict[str, Any]:
             cameras,
             load_views(poses / "images", cameras).to(device),
             model.space.to_grid(transformed(model.normalized_from_world, xyz)),
-            configured(FieldTrainingConfig, settings_for("RadianceField", quality)),
+            configured(
+                FieldTrainingConfig,
+                {"field.shading": shading, **settings_for("RadianceField", quality)},
+            ),
             kernels_for(device),
         )
     return costs

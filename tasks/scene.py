@@ -91,10 +91,18 @@ class SceneModel(TunedStage):
         """Decide."""
         from styletrf.camera_table import read_cameras
         from styletrf.configuration import configured
+        from styletrf.images import read_rgb
         from styletrf.point_table import read_points
         from styletrf.scene_model import SceneModelConfig, decide_scene_model, write_scene_model
+        from styletrf.view_dependence import view_dependence
 
         cameras = read_cameras(inputs["poses"] / "cameras.parquet")
         points = read_points(inputs["poses"] / "points.parquet")
-        config = configured(SceneModelConfig, self.values())
-        write_scene_model(out / "scene.json", decide_scene_model(cameras, points.xyz_world, config))
+        images = (read_rgb(inputs["poses"] / "images" / f"{c.name}.png") for c in cameras)
+        model = decide_scene_model(
+            cameras,
+            points.xyz_world,
+            configured(SceneModelConfig, self.values()),
+            view_dependence(images, points, cameras),
+        )
+        write_scene_model(out / "scene.json", model)

@@ -34,7 +34,9 @@ def test_the_cache_renders_what_the_field_renders(scene, field):
     cache = march_once(field, rays, scene.images, config, KERNELS, generator)
     samples, drawn = cache.batch(0, 300)
     components = KERNELS.features(field.appearance.factors, samples.positions)
-    colors = field.appearance.decode(components, cache.view_directions[drawn], samples.ray, KERNELS)
+    colors = field.appearance.shading.decode(
+        components, cache.view_directions[drawn], samples.ray, KERNELS
+    )
     color = KERNELS.composite(samples, colors)
     background = torch.sigmoid(field.appearance.background)
     color = color + (1 - cache.opacity)[:, None] * background

@@ -148,7 +148,7 @@ def infinity_less_infinity(trainer: FieldTrainer) -> None:
         (infinity_less_infinity, "density"),
         (lambda t: color_plane(t).fill_(torch.finfo().max), "features"),
         (lambda t: background(t).fill_(torch.nan), "parameter appearance.background"),
-        (lambda t: t.field.appearance.hidden.weight.data.fill_(3e38), "color"),
+        (lambda t: t.field.appearance.shading.hidden.weight.data.fill_(3e38), "color"),
     ],
 )  # fmt: skip
 def test_the_first_stage_that_is_not_finite_is_named_and_the_state_saved(
@@ -194,9 +194,9 @@ def test_a_gradient_that_was_not_finite_is_named_before_the_parameter_it_spoilt(
     trainer = FieldTrainer(
         scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS
     )
-    trainer.field.appearance.basis.weight.register_hook(lambda grad: grad * torch.nan)
+    trainer.field.appearance.shading.basis.weight.register_hook(lambda grad: grad * torch.nan)
     trainer.step()
-    with pytest.raises(NotFiniteError, match=r"gradient of appearance\.basis\.weight"):
+    with pytest.raises(NotFiniteError, match=r"gradient of appearance\.shading\.basis\.weight"):
         trainer.step()
 
 

@@ -86,8 +86,8 @@ def test_white_fog_before_white_stays_white(opacity, min_weight):
     n = 600
     appearance = Appearance(FieldConfig().in_space("ndc"), (4, 4, 4))
     with torch.no_grad():
-        appearance.output.weight.zero_()
-        appearance.output.bias.fill_(20.0)
+        appearance.shading.output.weight.zero_()
+        appearance.shading.output.bias.fill_(20.0)
         appearance.background.fill_(20.0)
     ray, s = torch.zeros(n, dtype=torch.int64), torch.linspace(0, 1, n)
     weights = torch.full((n,), opacity / n)
