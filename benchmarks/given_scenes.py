@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import luigi
+import torch
 from torch import Tensor
 
 from pipeline.task import artifact
 from styletrf.camera_table import read_cameras, read_split
 from styletrf.cameras import Camera
+from styletrf.free_space import free_space
 from styletrf.point_table import read_points
 from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from styletrf.views import load_views
@@ -31,6 +33,7 @@ class GivenScene:
     model: SceneModel
     train: Views
     test: Views
+    free: Tensor
 
 
 def load_given_scene(name: str, config: SceneModelConfig) -> GivenScene:
@@ -40,9 +43,11 @@ def load_given_scene(name: str, config: SceneModelConfig) -> GivenScene:
         raise SystemExit(f"{name} has no poses")
     folder = artifact(poses)
     cameras = read_cameras(folder / "cameras.parquet")
-    model = decide_scene_model(cameras, read_points(folder / "points.parquet").xyz_world, config)
+    points = read_points(folder / "points.parquet")
+    model = decide_scene_model(cameras, points.xyz_world, config)
     train, test = (_views(model, folder, part) for part in read_split(folder / "cameras.parquet"))
-    return GivenScene(model, train, test)
+    free = free_space(model, cameras, points)
+    return GivenScene(model, train, test, torch.from_numpy(free))
 
 
 def _views(model: SceneModel, folder: Path, cameras: Sequence[Camera]) -> Views:

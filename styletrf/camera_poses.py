@@ -46,8 +46,9 @@ class CameraPosesConfig:
         max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
         max_features: SIFT features kept of one photograph.
         exhaustive_up_to: Up to so many photographs, all pairs are matched; beyond, sequences are
-            matched along their order.
-        sequence_overlap: In a sequence, with how many successors each photograph is matched.
+            matched along their order, and others with those that look alike.
+        neighbours: With how many successors each photograph of a sequence is matched; others are
+            with twice as many that look most like them.
         camera_model: COLMAP's name of the lens model.
         seed: Of RANSAC and the mappers.
     """
@@ -56,7 +57,7 @@ class CameraPosesConfig:
     max_image_long_side: int = 1600
     max_features: int = 4096
     exhaustive_up_to: int = 90
-    sequence_overlap: int = 10
+    neighbours: int = 10
     camera_model: str = "SIMPLE_RADIAL"
     seed: int = 0
 
@@ -160,7 +161,7 @@ def _solve(
         images,
         names,
         config.exhaustive_up_to,
-        config.sequence_overlap,
+        config.neighbours,
         config.seed,
         progress,
     )

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from styletrf.cameras import Camera
@@ -22,7 +22,7 @@ from styletrf.field import RadianceField, set_occupancy
 from styletrf.field_checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import Kernels, Samples, Segments, Thinning
-from styletrf.occupancy import occupied_voxels
+from styletrf.occupancy import known_occupancy, occupied_voxels
 from styletrf.pixel_rays import pixel_rays
 from styletrf.progress import Progress, silent
 from styletrf.rendering import render_color
@@ -45,17 +45,21 @@ def train_field(
     kernels: Kernels,
     progress: Progress = silent,
     checkpoint_dir: Path | None = None,
+    free: Bool[Tensor, "cells cells cells"] | None = None,
 ) -> tuple[RadianceField, list[CurvePoint]]:
     """Returns the field fitted to the images, and its training curve.
 
     With a `checkpoint_dir`, the state is saved there about once a minute and a later call
     with the same arguments goes on from it, to the same parameters up to the rounding of sums.
+    No density is looked for in the cells of the grid that are `free`, see `styletrf.free_space`.
 
     Raises:
         NotFiniteError: Something stopped being finite; it names what did first. The state is then
             in `checkpoint_dir/not_finite`.
     """
-    trainer = FieldTrainer(cameras, images, space, resolution, config, kernels, checkpoint_dir)
+    trainer = FieldTrainer(
+        cameras, images, space, resolution, config, kernels, checkpoint_dir, free
+    )
     saved = time.monotonic()
     while trainer.iteration < config.iterations:
         psnr = trainer.step()
@@ -83,6 +87,7 @@ class FieldTrainer:
         config: FieldTrainingConfig,
         kernels: Kernels,
         checkpoint_dir: Path | None = None,
+        free: Bool[Tensor, "cells cells cells"] | None = None,
     ) -> None:
         config = replace(config, field=config.field.in_space(space.kind))
         self.config, self.kernels, self.images = config, kernels, images
@@ -96,6 +101,8 @@ class FieldTrainer:
         self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
         self.curve: list[CurvePoint] = []
         self.begin_stage()
+        self.free = None if free is None else free.to(images.device)
+        set_occupancy(self.field.density, known_occupancy(self.free))
         self._begin_with_background()
         if checkpoint_dir is not None:
             restore_fit(checkpoint_dir, self)
@@ -237,6 +244,7 @@ class FieldTrainer:
                 self.field.step_length,
                 self.config.occupancy_alpha,
                 settled=settled,
+                free=self.free,
             ),
         )
 

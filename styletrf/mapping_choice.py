@@ -1,17 +1,18 @@
 """Which pairs to match and which mapper to believe, decided from the photographs themselves."""
 
-import logging
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
 from styletrf.colmap_mapping import map_globally, map_incrementally, match_pairs
 from styletrf.image_pairs import Pairs, all_pairs, is_sequence, pairs_with, sequence_pairs
 from styletrf.progress import Progress
-
-_LOGGER = logging.getLogger(__name__)
+from styletrf.retrieval import Descriptors, similar_pairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,23 +36,24 @@ def map_images(
     images: ColmapImages,
     names: Sequence[str],
     exhaustive_up_to: int,
-    sequence_overlap: int,
+    neighbours: int,
     seed: int,
     progress: Progress,
 ) -> Mapping:
     """Returns the best mapping of the images whose features the database holds.
 
-    All pairs are matched, or those along a sequence where `names`, more than `exhaustive_up_to`,
-    read like one; photographs that this leaves out are then matched with all others. The global
+    All pairs are matched; of more than `exhaustive_up_to` photographs, those along a sequence where
+    `names` read like one, else each with those that look most like it, `neighbours` of each.
+    Photographs that this leaves out are then matched with all others. The global
     mapper goes first; where it does not place all, the incremental one is tried too, and the
     mapping with more photographs, at equality the one with less reprojection error, is kept.
     """
-    matcher, pairs = _pairs_to_match(names, exhaustive_up_to, sequence_overlap)
+    matcher, pairs = _pairs_to_match(database, names, exhaustive_up_to, neighbours, seed)
     mapping = _globally(database, images, matcher, pairs, seed, progress)
     missing = _unplaced(mapping, images)
-    if missing and matcher == "sequential":
-        more = sorted({*pairs_with(len(names), missing)} - {*pairs})
-        matcher = "sequential, then all pairs of those left out"
+    more = sorted({*pairs_with(len(names), missing)} - {*pairs})
+    if more:
+        matcher = f"{matcher}, then all pairs of those left out"
         mapping = _globally(database, images, matcher, more, seed, progress)
     if mapping.registered == len(names) or mapping.verified_pairs == 0:
         return mapping
@@ -62,19 +64,23 @@ def map_images(
 
 
 def _pairs_to_match(
-    names: Sequence[str], exhaustive_up_to: int, sequence_overlap: int
+    database: Path, names: Sequence[str], exhaustive_up_to: int, neighbours: int, seed: int
 ) -> tuple[str, Pairs]:
-    if len(names) > exhaustive_up_to and is_sequence(names):
-        return "sequential", sequence_pairs(len(names), sequence_overlap)
-    pairs = all_pairs(len(names))
-    if len(names) > exhaustive_up_to:
-        _LOGGER.warning(
-            "the names of the %d photographs read like no sequence: all %d pairs are matched, which"
-            " may take hours; number them in the order they were taken in, or give fewer",
-            len(names),
-            len(pairs),
-        )
-    return "exhaustive", pairs
+    if len(names) <= exhaustive_up_to:
+        return "exhaustive", all_pairs(len(names))
+    if is_sequence(names):
+        return "sequential", sequence_pairs(len(names), neighbours)
+    with closing(pycolmap.Database.open(database)) as opened:
+        ids = [image.image_id for image in sorted(opened.read_all_images(), key=_name)]
+
+        def descriptors_of(index: int) -> Descriptors:
+            return np.asarray(opened.read_descriptors(ids[index]).data)
+
+        return "retrieval", similar_pairs(len(names), descriptors_of, 2 * neighbours, seed)
+
+
+def _name(image: pycolmap.Image) -> str:
+    return str(image.name)
 
 
 def _globally(

@@ -21,13 +21,15 @@ def occupied_voxels(
     min_alpha: float,
     *,
     settled: bool = False,
+    free: Bool[Tensor, "cells cells cells"] | None = None,
 ) -> UInt8[Tensor, "x y z"]:
     """Returns the occupancy of a grid half as fine as the density's.
 
     A voxel is occupied where a step through its centre, or through that of a neighbour, would have
     an opacity above `min_alpha`: density has room to grow. Where it is `settled`, the centres of
-    the voxel's eighths are asked instead, and no neighbours: fewer samples a ray for renders. If
-    nothing is occupied, everything counts as it: an empty grid would never let the density recover.
+    the voxel's eighths are asked instead, and no neighbours: fewer samples a ray for renders. What
+    is known to be `free` is not occupied. If nothing is, everything counts as it: an empty grid
+    would never let the density recover.
     """
     halved = voxels_along(density.factors.resolution)
     shape = [2 * n for n in halved] if settled else halved
@@ -39,7 +41,23 @@ def occupied_voxels(
         if settled
         else functional.max_pool3d(alpha, kernel_size=3, stride=1, padding=1)
     )
-    return unless_nowhere(largest[0, 0] > min_alpha)
+    return unless_nowhere(without(largest[0, 0] > min_alpha, free))
+
+
+def known_occupancy(free: Bool[Tensor, "cells cells cells"] | None) -> UInt8[Tensor, "x y z"]:
+    """Returns the occupancy before there is a density: all that is not known to be free."""
+    everything = torch.ones((1, 1, 1), dtype=torch.bool)
+    return unless_nowhere(everything if free is None else ~free)
+
+
+def without(
+    occupied: Bool[Tensor, "x y z"], free: Bool[Tensor, "cells cells cells"] | None
+) -> Bool[Tensor, "x y z"]:
+    """Returns the occupancy but for the voxels whose middle lies in a free cell."""
+    if free is None:
+        return occupied
+    cells = functional.interpolate(free[None, None].float(), tuple(occupied.shape))
+    return occupied & (cells[0, 0] == 0)
 
 
 def voxels_along(resolution: Sequence[int]) -> list[int]:

@@ -29,13 +29,17 @@ class RadianceField(TunedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Fit the field."""
-        from styletrf.camera_table import read_split
+        import torch
+
+        from styletrf.camera_table import read_cameras, read_split
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.field import save_field
         from styletrf.field_training import train_field
         from styletrf.field_training_config import FieldTrainingConfig
+        from styletrf.free_space import free_space
         from styletrf.kernels import kernels_for
+        from styletrf.point_table import read_points
         from styletrf.scene_model import read_scene_model
         from styletrf.tables import write_rows
         from styletrf.views import load_views
@@ -43,6 +47,11 @@ class RadianceField(TunedStage):
         device = device_named(self.device)
         model = read_scene_model(inputs["model"] / "scene.json")
         cameras = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[0])
+        free = free_space(
+            model,
+            read_cameras(inputs["poses"] / "cameras.parquet"),
+            read_points(inputs["poses"] / "points.parquet"),
+        )
         field, curve = train_field(
             cameras,
             load_views(inputs["poses"] / "images", cameras).to(device),
@@ -52,6 +61,7 @@ class RadianceField(TunedStage):
             kernels_for(device),
             run.progress,
             run.resume,
+            torch.from_numpy(free),
         )
         save_field(out, field)
         write_rows(out / "curve.parquet", curve)
