@@ -1,8 +1,9 @@
 """Structure from motion: where each photograph was taken from, and the points they share.
 
 Features, matches and reconstruction are COLMAP's (Schönberger and Frahm 2016; its global mapper:
-Pan et al. 2024), with one lens for all photographs; of poses that came with them only the points
-are sought. What comes out is undistorted: pinhole cameras and the images they would have taken.
+Pan et al. 2024), with one lens for all photographs of a focal length; of poses that came with them
+only the points are sought. What comes out is undistorted: pinhole cameras and the images they would
+have taken.
 """
 
 import json
@@ -15,7 +16,7 @@ from typing import Literal
 
 from styletrf.camera_table import write_cameras
 from styletrf.colmap import pycolmap
-from styletrf.colmap_images import ColmapImages, prepare_images, write_png
+from styletrf.colmap_images import ColmapImages, Lenses, prepare_images, write_png
 from styletrf.colmap_mapping import extract_features, log_to
 from styletrf.errors import InputError
 from styletrf.known_poses import map_known_poses
@@ -50,6 +51,7 @@ class CameraPosesConfig:
         neighbours: With how many successors each photograph of a sequence is matched; others are
             with twice as many that look most like them.
         camera_model: COLMAP's name of the lens model.
+        lenses: `one` for all photographs, one for `each`, or by the focal lengths of their EXIF.
         seed: Of RANSAC and the mappers.
     """
 
@@ -59,12 +61,13 @@ class CameraPosesConfig:
     exhaustive_up_to: int = 90
     neighbours: int = 10
     camera_model: str = "SIMPLE_RADIAL"
+    lenses: Lenses = "auto"
     seed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class PosesReport:
-    """What `poses.json` says; the lens is the one before undistortion, in pixels of `width`."""
+    """What `poses.json` says; the lens is the first before undistortion, in pixels of `width`."""
 
     registered: int
     total: int
@@ -80,6 +83,7 @@ class PosesReport:
     camera_params: tuple[float, ...]
     focal_px: float
     focal_prior_px: float | None
+    lens_settings: int
     width: int
     height: int
     warnings: tuple[str, ...]
@@ -119,11 +123,11 @@ def solve_camera_poses(
     with TemporaryDirectory(
         prefix="colmap-", dir=scratch_dir, ignore_cleanup_errors=True
     ) as scratch:
-        images = prepare_images(
-            capture_dir, capture, Path(scratch) / "images", config.max_image_long_side, progress
-        )
-        database = Path(scratch) / "colmap.db"
         given = given_views(capture_dir) if config.poses == "auto" else None
+        lenses = "each" if given else config.lenses
+        folder, long_side = Path(scratch) / "images", config.max_image_long_side
+        images = prepare_images(capture_dir, capture, folder, long_side, lenses, progress)
+        database = Path(scratch) / "colmap.db"
         if given:
             views = [given[1][name] for name in names]
             mapping = map_known_poses(
@@ -212,7 +216,8 @@ def _report(
         camera_model=str(lens.model_name),
         camera_params=tuple(float(value) for value in lens.params),
         focal_px=float(lens.mean_focal_length()),
-        focal_prior_px=images.focal_prior_px,
+        focal_prior_px=images.lenses[0].focal_prior_px,
+        lens_settings=len(images.lenses),
         width=images.width,
         height=images.height,
         warnings=tuple(_warnings(len(names), unregistered, pieces, error_share)),

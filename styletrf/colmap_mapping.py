@@ -6,6 +6,7 @@ locks of the first: the file comes out malformed.)
 """
 
 import os
+from collections.abc import Sequence
 from contextlib import closing
 from itertools import groupby
 from pathlib import Path
@@ -36,46 +37,62 @@ def extract_features(
     camera_model: str,
     max_features: int,
     progress: Progress,
-    *,
-    each_its_lens: bool = False,
 ) -> None:
-    """Fills the database with the images, one camera for all or each its own, and SIFT features.
+    """Fills the database with the images, a camera for each lens setting, and SIFT features.
 
-    The one camera starts from the images' focal prior, or from COLMAP's guess where there is none.
+    A camera starts from its setting's focal prior, or from COLMAP's guess where there is none.
     """
+    each = all(len(setting.files) == 1 for setting in images.lenses)
+    runs = [images.files] if each else [setting.files for setting in images.lenses]
+    portion, total, done = 2 * (os.cpu_count() or 1), len(images.files), 0
+    for run in runs:
+        reader = pycolmap.ImageReaderOptions(camera_model=camera_model)
+        for start in range(0, len(run), portion):
+            progress(done, total)
+            files = run[start : start + portion]
+            _describe(database, images.folder, files, max_features, reader, each=each)
+            if not each:
+                reader.existing_camera_id = _newest_camera(database)
+            done += len(files)
+    for setting in images.lenses:
+        if setting.focal_prior_px is not None:
+            _set_focal(database, setting.files[0], setting.focal_prior_px)
+    progress(total, total)
+
+
+def _describe(
+    database: Path, folder: Path, files: Sequence[str], max_features: int,
+    reader: pycolmap.ImageReaderOptions, *, each: bool,
+) -> None:  # fmt: skip
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features = max_features
-    reader = pycolmap.ImageReaderOptions(camera_model=camera_model)
-    modes = pycolmap.CameraMode
-    portion = 2 * (os.cpu_count() or 1)
-    for done in range(0, len(images.files), portion):
-        progress(done, len(images.files))
-        pycolmap.extract_features(
-            database,
-            images.folder,
-            list(images.files[done : done + portion]),
-            camera_mode=modes.PER_IMAGE if each_its_lens else modes.SINGLE,
-            reader_options=reader,
-            extraction_options=options,
-            device=pycolmap.Device.cpu,
-        )
-        if done == 0 and not each_its_lens:
-            reader.existing_camera_id = _first_camera(database, images.focal_prior_px)
-    progress(len(images.files), len(images.files))
+    pycolmap.extract_features(
+        database,
+        folder,
+        list(files),
+        camera_mode=pycolmap.CameraMode.PER_IMAGE if each else pycolmap.CameraMode.SINGLE,
+        reader_options=reader,
+        extraction_options=options,
+        device=pycolmap.Device.cpu,
+    )
 
 
-def _first_camera(database: Path, focal_px: float | None) -> int:
-    """Returns the id of the one camera, after setting its focal length where it is known."""
+def _newest_camera(database: Path) -> int:
     with closing(pycolmap.Database.open(database)) as opened:
-        (camera,) = opened.read_all_cameras()
-        if focal_px is not None:
-            params = list(camera.params)
-            for index in camera.focal_length_idxs():
-                params[index] = focal_px
-            camera.params = params
-            camera.has_prior_focal_length = True
-            opened.update_camera(camera)
-        return int(camera.camera_id)
+        return max(int(camera.camera_id) for camera in opened.read_all_cameras())
+
+
+def _set_focal(database: Path, file: str, focal_px: float) -> None:
+    """Sets the known focal length of the camera that took an image."""
+    with closing(pycolmap.Database.open(database)) as opened:
+        image = next(image for image in opened.read_all_images() if image.name == file)
+        camera = opened.read_camera(image.camera_id)
+        params = list(camera.params)
+        for index in camera.focal_length_idxs():
+            params[index] = focal_px
+        camera.params = params
+        camera.has_prior_focal_length = True
+        opened.update_camera(camera)
 
 
 def match_pairs(

@@ -52,7 +52,7 @@ def map_known_poses(
         problem = f"has lenses of several models: {', '.join(sorted(lens_models))}"
         raise InputError(source, problem, "Export all views with one of them")
     (lens,) = lens_models
-    extract_features(database, images, lens, max_features, progress, each_its_lens=True)
+    extract_features(database, images, lens, max_features, progress)
     pairs = neighbouring_pairs(views)
     verified = match_pairs(database, images, pairs, seed, progress)
     posed = _posed(database, images, views)

@@ -1,8 +1,10 @@
 import json
 
+import cv2
 import numpy as np
+import pycolmap
 import pytest
-from made_photographs import LENS, encoded, room_poses, room_view, texture
+from made_photographs import LENS, encoded, room_poses, room_view, texture, with_exif
 
 from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
 from styletrf.camera_table import read_cameras, read_unregistered
@@ -135,3 +137,23 @@ def test_photographs_of_nothing_are_refused(tmp_path):
     capture, out = captured(tmp_path, plain)
     with pytest.raises(InputError, match="texture"):
         solve_camera_poses(capture, out, CameraPosesConfig(), log_dir=tmp_path / "log")
+
+
+def test_photographs_of_two_zooms_get_two_lenses(tmp_path):
+    """As their EXIF tells: one lens for both would bend the room."""
+    zoomed = pycolmap.Camera(
+        model="SIMPLE_RADIAL", width=240, height=180, params=[330.0, 120.0, 90.0, -0.02]
+    )
+    (tmp_path / "in").mkdir()
+    (tmp_path / "out").mkdir()
+    for i, pose in enumerate(room_poses(10)):
+        lens = zoomed if i % 3 == 1 else LENS
+        focal_35mm = round(36 * lens.params[0] / 240)
+        jpeg = encoded(room_view(pose, lens), ".jpg", cv2.IMWRITE_JPEG_QUALITY, 97)
+        (tmp_path / "in" / f"{i}.jpg").write_bytes(with_exif(jpeg, 1, focal_35mm))
+    capture_photographs(tmp_path / "in", tmp_path / "capture")
+    report = solve_camera_poses(tmp_path / "capture", tmp_path / "out", CameraPosesConfig())
+    assert (report.registered, report.lens_settings) == (10, 2)
+    focals = [camera.fx for camera in read_cameras(tmp_path / "out" / "cameras.parquet")]
+    for i, focal in enumerate(focals):
+        assert focal == pytest.approx(330.0 if i % 3 == 1 else 225.0, rel=0.05)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from made_photographs import encoded, texture, with_exif
 
-from styletrf.colmap_images import prepare_images, write_png
+from styletrf.colmap_images import lens_settings, prepare_images, write_png
 from styletrf.photographs import read_photograph
 from styletrf.progress import silent
 from styletrf.scene_capture import capture_photographs
@@ -13,7 +13,9 @@ def prepared(tmp_path, files, max_long_side=1000):
     for name, data in files.items():
         (tmp_path / "in" / name).write_bytes(data)
     capture = capture_photographs(tmp_path / "in", tmp_path / "capture")
-    return prepare_images(tmp_path / "capture", capture, tmp_path / "out", max_long_side, silent)
+    return prepare_images(
+        tmp_path / "capture", capture, tmp_path / "out", max_long_side, "auto", silent
+    )
 
 
 def views(suffix=".png", count=3):
@@ -24,7 +26,7 @@ def test_images_are_the_photographs_by_position(tmp_path):
     images = prepared(tmp_path, dict(zip(["b 10.png", "b 9.png", "a.png"], views(), strict=True)))
     for file, seed in zip(images.files, (2, 1, 0), strict=True):
         assert np.array_equal(read_photograph(images.folder / file), texture(48, 64, seed))
-    assert (images.width, images.height, images.focal_prior_px) == (64, 48, None)
+    assert (images.width, images.height, images.lenses[0].focal_prior_px) == (64, 48, None)
 
 
 def test_large_photographs_are_reduced_to_the_side_asked_for(tmp_path):
@@ -39,17 +41,36 @@ def test_the_focal_length_of_exif_is_kept_in_pixels_of_the_images(tmp_path, max_
     files = {f"{i}.jpg": with_exif(data, 6, 28) for i, data in enumerate(views(".jpg"))}
     images = prepared(tmp_path, files, max_long_side)
     assert max(images.width, images.height) == min(64, max_long_side)
-    assert images.focal_prior_px == pytest.approx(28 / 36 * images.height, rel=0.05)
+    assert images.lenses[0].focal_prior_px == pytest.approx(28 / 36 * images.height, rel=0.05)
 
 
 @pytest.mark.parametrize("suffix", [".webp", ".tiff", ".ppm", ".bmp", ".jp2", ".png"])
 def test_every_format_is_prepared_whether_or_not_colmap_reads_it(tmp_path, suffix):
     images = prepared(tmp_path, {f"{i}{suffix}": data for i, data in enumerate(views(suffix))})
     assert len(images.files) == 3
-    assert images.focal_prior_px is None
+    assert images.lenses[0].focal_prior_px is None
 
 
 def test_the_same_image_gives_the_same_bytes(tmp_path):
     for name in "ab":
         write_png(tmp_path / name, texture(8, 8), compression=3)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("focals", "how", "groups"),
+    [
+        ([700.0, 705.0, None, 702.0], "auto", [[0, 1, 2, 3]]),
+        ([700.0, 1400.0, 705.0, None, 1410.0, 698.0], "auto", [[0, 2, 3, 5], [1, 4]]),
+        ([700.0, 1400.0, 705.0], "one", [[0, 1, 2]]),
+        ([None, None], "auto", [[0, 1]]),
+        ([700.0, 700.0, None], "each", [[0], [1], [2]]),
+    ],
+)
+def test_photographs_are_grouped_by_the_focal_lengths_that_exif_tells(focals, how, groups):
+    files = [str(k) for k in range(len(focals))]
+    settings = lens_settings(files, focals, how)
+    assert [[int(file) for file in setting.files] for setting in settings] == groups
+    for group, setting in zip(groups, settings, strict=True):
+        told = [focals[k] for k in group if focals[k]]
+        assert setting.focal_prior_px == (pytest.approx(np.median(told)) if told else None)

@@ -1,7 +1,7 @@
 import numpy as np
 import pycolmap
 
-from styletrf.colmap_images import ColmapImages
+from styletrf.colmap_images import ColmapImages, LensSetting
 from styletrf.mapping_choice import map_images
 from styletrf.progress import silent
 
@@ -47,7 +47,9 @@ def walked(tmp_path, centers):
         )
         opened.write_descriptors(image.image_id, described)
     opened.close()
-    return database, ColmapImages(tmp_path, tuple(files), 200, 150, 150.0)
+    return database, ColmapImages(
+        tmp_path, tuple(files), 200, 150, (LensSetting(tuple(files), 150.0),)
+    )
 
 
 def street(count):
