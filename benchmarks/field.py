@@ -14,7 +14,7 @@ import json
 import resource
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig
 from styletrf.scene_model import SceneModelConfig
+from styletrf.shrinking import shrink
 from tasks.qualities import QUALITIES, settings_for
 
 EXHAUSTIVE = RenderConfig(termination=1e-4, min_weight=0.0)
@@ -77,9 +78,12 @@ def measurements(
             }
             yield _reached(trainer) | cpu | held_out(scene, trainer, settings)
             started = time.process_time()
+    trainer.refresh_occupancy(settled=True)
+    if settings.training.shrink_rise > 0:
+        shrinking = shrink(trainer.field, trainer.loss, settings.training.shrink_rise)
+        yield {"shrunk": asdict(shrinking)} | held_out(scene, trainer, settings)
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        trainer.refresh_occupancy(settled=True)
         save_field(folder, trainer.field)
 
 

@@ -94,7 +94,7 @@ def adapt_appearance(
         NotFiniteError: The loss stopped being finite.
     """
     generator = torch.Generator().manual_seed(config.seed)
-    rays = ViewRays(cameras, space, field.step_length, stylized.device)
+    rays = ViewRays(cameras, space.within(field.bounds), field.step_length, stylized.device)
     cache = march_once(field, rays, stylized, config, kernels, generator)
     optimizer = _optimizer(field.appearance, config)
     curve: list[AdaptationPoint] = []

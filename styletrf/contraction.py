@@ -19,15 +19,16 @@ from styletrf.box import box_around, whole_box
 from styletrf.placement import Placement
 from styletrf.surroundings import Extent, Surroundings, placed
 
-INNER = 0.5  # of the grid's axes is the inner box: g and its derivative go on smoothly beyond
+INNER = 0.75  # of the grid's axes is the inner box
 LOST = 3.0  # octaves that a point outside a box counts as
-_PERCENTS = (40.0, 50.0, 60.0, 70.0, 80.0, 90.0)  # of the points, in inner boxes that are tried
+_PERCENT = 80.0  # of the points along each axis, that the inner box holds, and all cameras
+_FLATTEST = 0.5  # of the inner box's longest side is its shortest
 _INFINITY_PX = 0.25  # parallax between the outermost views below which a depth is infinite
 
 
-def place_unbounded(scene: Surroundings, oversampling: float, voxels: int) -> Placement:
-    """Returns unbounded space around the inner box that suits the photographs best."""
-    inner = _best_inner(scene, voxels)
+def place_unbounded(scene: Surroundings, oversampling: float) -> Placement:
+    """Returns unbounded space around the inner box."""
+    inner = inner_box(scene)
     maps = contraction(_reach(scene, inner))
     return placed(scene, inner, "unbounded", maps, INNER, oversampling)
 
@@ -55,13 +56,21 @@ def octaves_lost(scene: Surroundings, voxels: int) -> dict[str, float]:
     The mean, over all points that a view may see, of log2 of the lattice's spacing there over the
     pixel's footprint, where it is coarser; a point outside the box counts as LOST.
     """
-    box, inner = whole_box(scene), _best_inner(scene, voxels)
+    box, inner = whole_box(scene), inner_box(scene)
     return {"box": _lost(scene, box, voxels), "unbounded": _lost_around(scene, inner, voxels)}
 
 
-def _best_inner(scene: Surroundings, voxels: int) -> Extent:
-    candidates = [box_around(scene.points, percent) for percent in _PERCENTS]
-    return min(candidates, key=lambda inner: _lost_around(scene, inner, voxels))
+def inner_box(scene: Surroundings) -> Extent:
+    """Returns the box that holds the cameras and most points, none of its sides too short.
+
+    What walls stand in its faces are cut between two parts of the grid: it rather reaches beyond.
+    """
+    points = box_around(scene.points, _PERCENT)
+    centers = np.stack([view.center_world for view in scene.views])
+    lower = np.minimum(points.center - points.half, centers.min(axis=0))
+    upper = np.maximum(points.center + points.half, centers.max(axis=0))
+    half = (upper - lower) / 2
+    return Extent((lower + upper) / 2, np.maximum(half, _FLATTEST * half.max()))
 
 
 def _lost(scene: Surroundings, box: Extent, voxels: int) -> float:

@@ -20,6 +20,7 @@ from torch import Tensor, nn
 from styletrf.configuration import configured
 from styletrf.kernels import March, Thinning
 from styletrf.shading import ColorNetwork, PlainColor, Shading, ShadingKind
+from styletrf.space import Bounds
 from styletrf.tensor_vm import TensorVM
 
 
@@ -123,6 +124,7 @@ class RadianceField(nn.Module):
         super().__init__()
         self.config = config
         self.step_length = 0.01  # optical length of a step of the march it was fitted with
+        self.bounds = Bounds()  # of its grid within the scene's space
         self.density = Density(config, resolution, generator)
         self.appearance = Appearance(config, resolution, generator)
 
@@ -154,6 +156,7 @@ def save_appearance(folder: Path, field: RadianceField) -> None:
         "config": asdict(field.config),
         "resolution": list(field.resolution),
         "step_length": field.step_length,
+        "bounds": asdict(field.bounds),
     }
     (folder / "field.json").write_text(json.dumps(values, indent=1, sort_keys=True) + "\n")
 
@@ -164,6 +167,7 @@ def load_field(density_folder: Path, appearance_folder: Path | None = None) -> R
     values = json.loads((density_folder / "field.json").read_text())
     field = RadianceField(configured(FieldConfig, values["config"]), values["resolution"])
     field.step_length = values["step_length"]
+    field.bounds = Bounds(*(tuple(values["bounds"][side]) for side in ("lower", "upper")))
     density = load_file(density_folder / "density.safetensors")
     set_occupancy(field.density, density["occupancy"])
     field.density.load_state_dict(density)

@@ -5,6 +5,7 @@ Rays are drawn from (view, pixel) and never stored. The grid grows geometrically
 learning rates restart there, and the occupancy grid is refreshed from the density all along.
 """
 
+import logging
 import math
 import time
 from collections.abc import Iterable, Sequence
@@ -25,7 +26,8 @@ from styletrf.kernels import Kernels, Samples, Segments, Thinning
 from styletrf.occupancy import known_occupancy, occupied_voxels
 from styletrf.pixel_rays import pixel_rays
 from styletrf.progress import Progress, silent
-from styletrf.rendering import render_color
+from styletrf.rendering import RenderConfig, render_color, render_rays
+from styletrf.shrinking import shrink
 from styletrf.space import Space, ViewRays
 from styletrf.training_guard import (
     camera_stages,
@@ -34,6 +36,8 @@ from styletrf.training_guard import (
     parameter_stages,
 )
 from styletrf.training_schedule import decay, march_step, stage_resolution
+
+_LOGGER = logging.getLogger(__name__)
 
 
 def train_field(
@@ -69,10 +73,14 @@ def train_field(
             saved = time.monotonic()
         progress(trainer.iteration, config.iterations, psnr=psnr)
     trainer.refresh_occupancy(settled=True)
+    if config.shrink_rise > 0:
+        shrinking = shrink(trainer.field, trainer.loss, config.shrink_rise)
+        _LOGGER.info("shrunk: %s", shrinking)
     return trainer.field, trainer.curve
 
 
 LEAST_MISSED = 64  # rays that tell the background
+LOSS_RAYS = 1 << 14
 
 
 class FieldTrainer:
@@ -137,6 +145,20 @@ class FieldTrainer:
             self.curve.append(self._curve_point(samples))
             self.batch = self._batch_of(len(samples.ray) / self.batch)
         return self.psnr()
+
+    @torch.no_grad()
+    def loss(self, field: RadianceField) -> float:
+        """Returns the mean squared error of a field at pixels that are always the same."""
+        generator = torch.Generator().manual_seed(self.config.seed)
+        n_pixels = self.images.shape[:3].numel()
+        pixels = torch.randint(n_pixels, (LOSS_RAYS,), generator=generator).to(self.images.device)
+        rays = ViewRays(
+            self.cameras, self.space.within(field.bounds), field.step_length, self.images.device
+        )
+        config = RenderConfig(self.config.termination, self.config.min_weight)
+        segments, target = pixel_rays(rays, self.images, pixels)
+        color = render_rays(field, self.kernels, segments, config).color
+        return float((color - target).square().mean())
 
     def psnr(self) -> float:
         """Returns the smoothed PSNR of the training rays."""

@@ -30,6 +30,7 @@ class FieldTrainingConfig:
     termination: float = 1e-4
     gradient_threshold: float = 3.0  # smaller gradients are thinned, see `kernels.thinning`
     color_threshold: float = 1.0  # likewise those of the colours
+    shrink_rise: float = 0.01  # of the loss, for which a finished field is made smaller; 0: never
     checkpoint_seconds: float = 60.0
     seed: int = 0
 

@@ -40,7 +40,7 @@ def rendered(
 ) -> Iterator[Rendering]:
     """Yields the render of each camera, on the CPU."""
     radiance = radiance.to(device)
-    rays = ViewRays(cameras, space, radiance.step_length, device)
+    rays = ViewRays(cameras, space.within(radiance.bounds), radiance.step_length, device)
     for k, camera in enumerate(cameras):
         render = render_view(radiance, kernels_for(device), rays, k, camera, config)
         progress(k + 1, len(cameras))

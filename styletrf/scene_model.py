@@ -103,7 +103,7 @@ def decide_scene_model(
         placement = (
             place_in_box(scene, config.oversampling)
             if kind == "box"
-            else place_unbounded(scene, config.oversampling, config.max_voxels)
+            else place_unbounded(scene, config.oversampling)
         )
     evidence |= {"chosen": kind, "by": "evidence" if config.space == "auto" else "setting"}
     model = _sized(placement, fitted_to(cameras[0], config.image_long_side), config, evidence)

@@ -17,7 +17,9 @@ ShadingKind = Literal["network", "plain"]
 
 
 class Shading(nn.Module, ABC):
-    """Decodes colours."""
+    """Decodes colours; `basis` is what the components meet first."""
+
+    basis: nn.Linear
 
     @abstractmethod
     def decode(

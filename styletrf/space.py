@@ -8,7 +8,7 @@ and to its map's part of the world in homogeneous coordinates, where both are li
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -41,6 +41,18 @@ class Space:
         grid: Float[np.ndarray, "points 3"] = images[:, :3] / images[:, 3:]
         return grid
 
+    def within(self, bounds: "Bounds") -> "Space":
+        """Returns the space whose grid is a part of this one's."""
+        lower, upper = np.array(bounds.lower), np.array(bounds.upper)
+        half = (upper - lower) / 2
+        part_from_grid = np.eye(4)
+        part_from_grid[:3, :3] = np.diag(1 / half)
+        part_from_grid[:3, 3] = -(lower + upper) / 2 / half
+        x, y, z = np.array(self.axis_lengths) * half
+        return replace(
+            self, grid_from_world=part_from_grid @ self.grid_from_world, axis_lengths=(x, y, z)
+        )
+
     def to_world(self, points_grid: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
         """Returns the points of the normalised world; NaN where nothing is mapped to the grid."""
         homogeneous = np.hstack([points_grid, np.ones((len(points_grid), 1))])
@@ -51,6 +63,14 @@ class Space:
             there = np.abs(self.to_grid(world) - points_grid).max(axis=1) < 1e-6
             result[there] = world[there]
         return result
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """A part of a grid, from `lower` to `upper` in its coordinates; the whole by default."""
+
+    lower: tuple[float, float, float] = (-1.0, -1.0, -1.0)
+    upper: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 class ViewRays:

@@ -39,7 +39,8 @@ class ViewSurvey:
 class Survey:
     """What the photographs show together.
 
-    `seen_by` is how many views see each cell of the box, x y z; `has_points` where the scene is.
+    `seen_by` is how many views see each cell of the grid, x y z, -1 where there is no world;
+    `has_points` where the scene is.
     """
 
     views: Sequence[ViewSurvey]
@@ -54,8 +55,8 @@ class Survey:
 
     @property
     def blind_share(self) -> float:
-        """The share of the box that fewer than 3 views see."""
-        return float((self.seen_by < ENOUGH_VIEWS).mean())
+        """The share of the grid that fewer than 3 views see."""
+        return float((self.seen_by[self.seen_by >= 0] < ENOUGH_VIEWS).mean())
 
 
 def survey_scene(
@@ -150,6 +151,7 @@ def _seen_by(space: Space, cameras: Sequence[Camera]) -> Int[np.ndarray, "x y z"
         pixel, depth = project(camera, centers)
         inside = (pixel > 0) & (pixel < (camera.width, camera.height))
         count += inside.all(axis=1) & (depth > space.depth_min)
+    count[np.isnan(centers[:, 0])] = -1
     return count.reshape(_CELLS, _CELLS, _CELLS)
 
 

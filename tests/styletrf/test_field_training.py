@@ -29,6 +29,7 @@ CONFIG = FieldTrainingConfig(
     upsample_at=(1 / 3, 2 / 3),
     batch_samples=8000,
     occupancy_every=20,
+    shrink_rise=0.0,
 )
 
 
