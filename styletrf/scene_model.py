@@ -63,7 +63,8 @@ class SceneModel:
         ]
 
 
-LEAST_GAIN = 0.2  # octaves by which unbounded space must be finer than a box
+FINE_ENOUGH = 0.5  # octaves lost, below which a box is as good as any space
+MOST_LOSS = 0.25  # octaves by which unbounded space may lose more than a box: nothing is outside
 LEAST_POINTS = 16  # along an axis of the grid, whatever the bound on all
 
 
@@ -77,7 +78,7 @@ def decide_scene_model(
 
     Forward-facing (NDC) when one frustum holds all views without being much wider than one, and
     the near points lie in front of every camera. Otherwise a box around the points, or unbounded
-    space around an inner box where that lattice is much nearer to what the photographs resolve.
+    space around an inner box where that lattice is as near to what the photographs resolve.
     Colours are plain where `dependence` tells that they need not depend on the view.
 
     Raises:
@@ -97,8 +98,8 @@ def decide_scene_model(
     else:
         scene = surroundings(cameras, points_world, config.image_long_side)
         lost = octaves_lost(scene, config.max_voxels)
-        needed = lost["box"] - lost["unbounded"] > LEAST_GAIN
-        evidence |= {"octaves_lost": lost, "least_gain": LEAST_GAIN}
+        needed = lost["box"] > FINE_ENOUGH and lost["unbounded"] < lost["box"] + MOST_LOSS
+        evidence |= {"octaves_lost": lost, "fine_enough": FINE_ENOUGH, "most_loss": MOST_LOSS}
         kind = config.space if config.space != "auto" else "unbounded" if needed else "box"
         placement = (
             place_in_box(scene, config.oversampling)

@@ -75,7 +75,7 @@ def decomposed(factors: TensorVM) -> tuple[TensorVM, list[Float[Tensor, " compon
     for pair, (plane, line) in enumerate(zip(factors.planes, factors.lines, strict=True)):
         on_plane, in_plane = torch.linalg.qr(plane.detach().flatten(0, 1).double())
         on_line, in_line = torch.linalg.qr(line.detach().double())
-        left, values, right = torch.linalg.svd(in_plane @ in_line.T)
+        left, values, right = torch.linalg.svd(in_plane @ in_line.T, full_matrices=False)
         root = values.sqrt()
         flat = on_plane @ left * root
         result.planes[pair] = nn.Parameter(flat.reshape(*plane.shape[:2], -1).to(plane))

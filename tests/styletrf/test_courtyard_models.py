@@ -29,7 +29,7 @@ def captured(kind: str, *, glossy: bool) -> Capture:
 def even(depth: np.ndarray) -> np.ndarray:
     """Where no edge of depth is near, as where features are found that last."""
     near, far = (how(depth, np.ones((7, 7))) for how in (cv2.erode, cv2.dilate))
-    return np.isfinite(far) & (far < 1.1 * near)
+    return np.isfinite(far) & (far < 1.1 * np.minimum(near, 1e6))
 
 
 def surface_points(capture: Capture, each: int = 250) -> np.ndarray:
