@@ -63,7 +63,7 @@ def tracks(capture: Capture) -> SparsePoints:
 
 @pytest.mark.parametrize(
     ("kind", "space", "looking"),
-    [("forward", "ndc", "ahead"), ("orbit", "box", "inward"), ("walk", "unbounded", "along")],
+    [("forward", "ndc", "ahead"), ("orbit", "unbounded", "inward"), ("walk", "unbounded", "along")],
 )
 def test_each_capture_gets_its_space_and_its_path(kind, space, looking):
     capture = captured(kind, glossy=True)
