@@ -58,7 +58,7 @@ def room_poses(count):
     return np.array(poses)
 
 
-def room_view(world_from_camera, lens=LENS):
+def room_view(world_from_camera, lens=LENS, seed=0):
     """Returns the photograph of three textured walls, x = 0, y = 0 and z = 0, through the lens."""
     y, x = np.mgrid[0 : lens.height, 0 : lens.width] + 0.5
     rays = lens.cam_from_img(np.stack([x, y], axis=-1).reshape(-1, 2))
@@ -73,7 +73,11 @@ def room_view(world_from_camera, lens=LENS):
         on_wall = np.delete(points, axis, axis=1).astype(np.float32) * 120
         a, b = on_wall.reshape(lens.height, lens.width, 2).transpose(2, 0, 1)
         painted = cv2.remap(
-            texture(1024, 1024, seed=axis), a, b, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+            texture(1024, 1024, seed=axis + 3 * seed),
+            a,
+            b,
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_WRAP,
         )
         colors[wall == axis] = painted.reshape(-1, 3)[wall == axis]
     return colors.reshape(lens.height, lens.width, 3)

@@ -157,3 +157,14 @@ def test_photographs_of_two_zooms_get_two_lenses(tmp_path):
     focals = [camera.fx for camera in read_cameras(tmp_path / "out" / "cameras.parquet")]
     for i, focal in enumerate(focals):
         assert focal == pytest.approx(330.0 if i % 3 == 1 else 225.0, rel=0.05)
+
+
+def test_of_photographs_of_two_places_the_larger_set_is_used_and_the_others_named(tmp_path):
+    poses = room_poses(7)
+    photographs = {f"here{i}.png": room_view(pose) for i, pose in enumerate(poses)}
+    photographs |= {f"there{i}.png": room_view(poses[i], seed=7) for i in range(4)}
+    capture, out = captured(tmp_path, photographs)
+    report = solve_camera_poses(capture, out, CameraPosesConfig())
+    assert report.registered == 7
+    assert set(report.unregistered) == {f"there{i}" for i in range(4)}
+    assert any("without a camera: there0, there1" in warning for warning in report.warnings)

@@ -1,0 +1,126 @@
+"""Poses and depth against what is true of a scene: `python benchmarks/truth.py --help`.
+
+    truth.py poses horns fern fox
+    truth.py depth courtyard --field FOLDER [--set model.space='"box"']
+
+`poses` solves the poses of a scene that came with some, and compares the two after the similarity
+that fits the centres best. `depth` compares a field's median depth at held-out views of a courtyard
+(`python -m styletrf.courtyard`) with the exact one, in units of the scene's median depth.
+"""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import luigi
+import numpy as np
+import torch
+from field import settings_of
+from given_scenes import load_given_scene
+
+from pipeline.task import artifact
+from styletrf.camera_table import read_cameras
+from styletrf.cameras import Camera
+from styletrf.field import load_field
+from styletrf.frames import rendered
+from tasks.scene import CameraPoses
+
+
+def similarity(source: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Returns scale, rotation and offset of target = scale rotation source + offset (Umeyama)."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    u, singular, vt = np.linalg.svd(b.T @ a)
+    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation = u @ sign @ vt
+    scale = float((singular * np.diag(sign)).sum() / (a**2).sum())
+    return scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0)
+
+
+def agreement(ours: Sequence[Camera], given: Sequence[Camera]) -> dict[str, float]:
+    """Returns the errors of rotations, in degrees, and of centres, by the extent of all."""
+    centers, targets = (np.stack([c.center_world for c in part]) for part in (ours, given))
+    scale, rotation, offset = similarity(centers, targets)
+    away = np.linalg.norm(scale * centers @ rotation.T + offset - targets, axis=1)
+    turned = [
+        np.trace((rotation @ a.world_from_camera[:, :3]).T @ b.world_from_camera[:, :3])
+        for a, b in zip(ours, given, strict=True)
+    ]
+    angle_deg = np.degrees(np.arccos(np.clip((np.array(turned) - 1) / 2, -1, 1)))
+    extent = float(np.linalg.norm(np.ptp(targets, axis=0)))
+    return {
+        "median_rotation_deg": float(np.median(angle_deg)),
+        "max_rotation_deg": float(angle_deg.max()),
+        "median_center_share": float(np.median(away)) / extent,
+        "max_center_share": float(away.max()) / extent,
+    }
+
+
+def poses(options: argparse.Namespace) -> None:
+    """Prints how solved poses differ from given ones."""
+    for scene in options.scenes:
+        given = CameraPoses(scene=scene, quality="draft")
+        solved = CameraPoses(scene=scene, quality="draft", settings={"poses": "solved"})
+        if not luigi.build([given, solved], local_scheduler=True, log_level="WARNING"):
+            raise SystemExit(f"{scene} has no poses")
+        of = {c.name: c for c in read_cameras(artifact(given) / "cameras.parquet")}
+        ours = [c for c in read_cameras(artifact(solved) / "cameras.parquet") if c.name in of]
+        row: dict[str, Any] = {"scene": scene, "placed": len(ours), "given": len(of)}
+        print(json.dumps(row | agreement(ours, [of[c.name] for c in ours])))  # noqa: T201
+
+
+def depth(options: argparse.Namespace) -> None:
+    """Prints the errors of a field's depth at the held-out views of a courtyard."""
+    settings = settings_of(options)
+    scene = load_given_scene(options.scene, settings.model)
+    truth = options.truth
+    exact = {Path(c.name).stem: c for c in read_cameras(truth / "cameras.parquet")}
+    cameras = [*scene.train.cameras, *scene.test.cameras]
+    targets = np.stack([exact[c.name].center_world for c in cameras])
+    scale, _, _ = similarity(np.stack([c.center_world for c in cameras]), targets)
+    errors, depths = [], []
+    renders = rendered(
+        load_field(options.field), scene.model.space, scene.test.cameras, settings.render,
+        torch.device("cpu"),
+    )  # fmt: skip
+    for camera, render in zip(scene.test.cameras, renders, strict=True):
+        true = np.load(truth / "depth" / f"{camera.name}.npy")
+        told = scale * render.median_depth.numpy()
+        rows = np.linspace(0, len(true) - 1, len(told)).round().astype(int)
+        columns = np.linspace(0, true.shape[1] - 1, told.shape[1]).round().astype(int)
+        true = true[np.ix_(rows, columns)]
+        both = np.isfinite(true) & np.isfinite(told)
+        errors.append(np.abs(told - true)[both])
+        depths.append(true[both])
+    middle = float(np.median(np.concatenate(depths)))
+    print(json.dumps({  # noqa: T201
+        "scene": options.scene, "median_depth_m": middle,
+        "median_error_m": float(np.median(np.concatenate(errors))),
+        "median_error_share": float(np.median(np.concatenate(errors))) / middle,
+    }))  # fmt: skip
+
+
+def main() -> None:
+    """Runs the mode that the command line names."""
+    result = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    modes = result.add_subparsers(required=True)
+    one = modes.add_parser("poses", help=poses.__doc__)
+    one.add_argument("scenes", nargs="+")
+    one.set_defaults(run=poses)
+    two = modes.add_parser("depth", help=depth.__doc__)
+    two.add_argument("scene")
+    two.add_argument("--truth", type=Path, required=True, help="the capture's `truth` folder")
+    two.add_argument("--field", type=Path, required=True)
+    two.add_argument("--quality", default="draft")
+    two.add_argument("--seed", type=int, default=0)
+    two.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
+    two.set_defaults(run=depth)
+    options = result.parse_args()
+    options.run(options)
+
+
+if __name__ == "__main__":
+    main()
