@@ -39,9 +39,18 @@ def similarity(source: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarra
 
 
 def agreement(ours: Sequence[Camera], given: Sequence[Camera]) -> dict[str, float]:
-    """Returns the errors of rotations, in degrees, and of centres, by the extent of all."""
+    """Returns the errors of rotations, in degrees, and of centres, by the extent of all.
+
+    The similarity has the mean rotation between the cameras' axes, and the scale and the offset
+    that then fit the centres: these alone, in one plane nearly, tell a rotation badly.
+    """
     centers, targets = (np.stack([c.center_world for c in part]) for part in (ours, given))
-    scale, rotation, offset = similarity(centers, targets)
+    axes = [np.stack([c.world_from_camera[:, :3] for c in part]) for part in (given, ours)]
+    u, _, vt = np.linalg.svd(np.einsum("nij,nkj->ik", *axes))
+    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    turned_centers = (centers - centers.mean(axis=0)) @ rotation.T
+    scale = (turned_centers * (targets - targets.mean(axis=0))).sum() / (turned_centers**2).sum()
+    offset = targets.mean(axis=0) - scale * rotation @ centers.mean(axis=0)
     away = np.linalg.norm(scale * centers @ rotation.T + offset - targets, axis=1)
     turned = [
         np.trace((rotation @ a.world_from_camera[:, :3]).T @ b.world_from_camera[:, :3])

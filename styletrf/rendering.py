@@ -105,11 +105,12 @@ def render_rays(
 
 def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]:
     """Returns the depth Z of the sample at which each ray's weights have summed to one half."""
-    before = samples.sums_before(samples.weights)
-    median = ((before < 0.5) & (before + samples.weights >= 0.5)).nonzero()[:, 0]
-    ray = samples.ray[median]
+    sums = torch.cat([samples.weights.new_zeros(1), samples.weights]).double().cumsum(0)
+    first, end = samples.offsets[:-1], samples.offsets[1:]
+    median = torch.searchsorted(sums[1:], sums[first] + 0.5)
+    ray = (median < end).nonzero()[:, 0]
     depth = torch.full_like(segments.lengths, torch.inf)
-    depth[ray] = segments.depth_along(ray, samples.s[median])
+    depth[ray] = segments.depth_along(ray, samples.s[median[ray]])
     return depth
 
 
@@ -123,8 +124,7 @@ def render_view(
     pixels = torch.as_tensor(pixel_centers(camera.width, camera.height), device=device)
     parts = []
     for tile in pixels.split(config.tile):
-        index = torch.full((len(tile),), view, device=device)
-        parts.append(render_rays(field, kernels, rays.segments(index, tile), config))
+        parts.append(render_rays(field, kernels, rays.segments(view, tile), config))
     shape = (camera.height, camera.width)
     return Rendering(
         torch.cat([part.color for part in parts]).reshape(*shape, 3),

@@ -78,7 +78,7 @@ def _advice(said: Sequence[str]) -> str:
 def _coverage(survey: Survey) -> str:
     rows = (
         ("parts with points that fewer than 3 photographs see", f"{survey.sparse_share:.1%}"),
-        ("of the whole box", f"{survey.blind_share:.1%}"),
+        ("of the whole space", f"{survey.blind_share:.1%}"),
         ("photographs that see a part with points, in the middle", _middle(survey)),
     )
     return _table(rows)

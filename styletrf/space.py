@@ -96,11 +96,14 @@ class ViewRays:
         self._axis_lengths = torch.tensor(space.axis_lengths, dtype=torch.float64, device=device)
         self._depth_min, self._step = space.depth_min, step
 
-    def segments(self, view: Int64[Tensor, " rays"], pixels: Float[Tensor, "rays 2"]) -> Segments:
-        """Returns the float32 rays through `pixels` of the views, at most `step` a step."""
+    def segments(
+        self, view: Int64[Tensor, " rays"] | int, pixels: Float[Tensor, "rays 2"]
+    ) -> Segments:
+        """Returns the float32 rays through `pixels`, of one view or each its own."""
         ones = torch.ones_like(pixels[:, :1])
         points = torch.cat([pixels, ones], dim=-1).to(self._starts)[..., None]
-        start, slope = self._starts[view], (self._slopes[view] @ points[:, None])[..., 0]
+        slope = (self._slopes[view] @ points[:, None])[..., 0]
+        start = self._starts[view].expand_as(slope)
         near, far = _clip(start, slope, self._depth_min)
         start, slope, near, far = _in_order(start, slope, near, far)
         hit = near < far

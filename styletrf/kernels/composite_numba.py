@@ -11,13 +11,13 @@ from styletrf.kernels.vm_numba import FAST
 @no_type_check
 @numba.njit(cache=True, inline="always", fastmath=FAST)
 def _heaviest_of_haze(weight, first, last, threshold):
-    """Returns the first heaviest sample of a ray that is opaque by light samples only, else -1."""
+    """Returns the first heaviest of a ray's light samples if it is opaque by them, else -1."""
     opacity, heaviest = np.float32(0), first
     for i in range(first, last):
         opacity += weight[i]
         if weight[i] > weight[heaviest]:
             heaviest = i
-    return heaviest if opacity > threshold and weight[heaviest] <= threshold else -1
+    return heaviest if opacity > threshold else -1
 
 
 @no_type_check
@@ -35,17 +35,24 @@ def heavy_samples(offsets, weight, threshold):
     kept = np.zeros(n_rays + 1, np.int64)
     haze = np.empty(n_rays, np.int64)
     for ray in numba.prange(n_rays):
-        if offsets[ray] == offsets[ray + 1]:
-            continue
-        haze[ray] = _heaviest_of_haze(weight, offsets[ray], offsets[ray + 1], threshold)
-        for i in range(offsets[ray], offsets[ray + 1]):
-            kept[ray + 1] += _is_heavy(weight[i], threshold) or i == haze[ray]
+        first, end, n_heavy = offsets[ray], offsets[ray + 1], 0
+        for i in range(first, end):
+            n_heavy += _is_heavy(weight[i], threshold)
+        haze[ray] = -1
+        if n_heavy == 0 and first < end:
+            haze[ray] = _heaviest_of_haze(weight, first, end, threshold)
+        kept[ray + 1] = n_heavy + (haze[ray] >= 0)
     kept = np.cumsum(kept)
     index = np.empty(kept[-1], np.int64)
     for ray in numba.prange(n_rays):
         k = kept[ray]
+        if haze[ray] >= 0:
+            index[k] = haze[ray]
+            continue
         for i in range(offsets[ray], offsets[ray + 1]):
-            if _is_heavy(weight[i], threshold) or i == haze[ray]:
+            if k == kept[ray + 1]:
+                break
+            if _is_heavy(weight[i], threshold):
                 index[k] = i
                 k += 1
     return kept, index

@@ -51,6 +51,8 @@ class Segments:
         self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]
     ) -> Int64[Tensor, " samples"]:
         """Returns which piece of its ray each s lies on."""
+        if self.ends.shape[1] == 1:
+            return torch.zeros_like(ray)
         return (s[:, None] > self.ends[:, :-1][ray]).sum(dim=1)
 
     def positions_at(
@@ -68,11 +70,12 @@ class Segments:
         With u the share of its piece that lies before s, Z is linear in t = u / (u + (1 - u) bend).
         """
         piece = self.piece_at(ray, s)
-        ends = self.ends[ray, piece]
-        starts = torch.where(piece > 0, self.ends[ray, piece - 1], 0.0)
-        near, far, bend = (
-            values[ray, piece] for values in (self.depth_near, self.depth_far, self.depth_bend)
+        at = ray * self.ends.shape[1] + piece
+        near, far, bend, ends = (
+            values.reshape(-1)[at]
+            for values in (self.depth_near, self.depth_far, self.depth_bend, self.ends)
         )
+        starts = torch.where(piece > 0, self.ends.reshape(-1)[at - 1], 0.0)
         u = (s - starts) / (ends - starts)
         t = u / (u + (1 - u) * bend)
         return near + t * (far - near)

@@ -1,10 +1,14 @@
 """Decisions at the edges: thin evidence, odd scales, flat scenes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from captures import points_of, walk
 from test_space import forward_cameras, orbit_cameras, points_before
 
 from styletrf.errors import InputError
+from styletrf.placement import transformed
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
 
 
@@ -13,19 +17,21 @@ def test_too_few_points_are_an_error_that_says_what_to_do():
         decide_scene_model(forward_cameras(), np.zeros((5, 3)), SceneModelConfig())
 
 
-@pytest.mark.parametrize("kind", ["ndc", "box"])
+@pytest.mark.parametrize("kind", ["ndc", "box", "unbounded"])
 def test_the_space_can_be_set(kind):
-    cameras = orbit_cameras() if kind == "box" else forward_cameras()
+    cameras = forward_cameras() if kind == "ndc" else orbit_cameras()
     model = decide_scene_model(cameras, points_before(cameras), SceneModelConfig(space=kind))
     assert model.space.kind == kind
     assert model.evidence["space"]["by"] == "setting"
 
 
-def test_a_flat_scene_has_a_box_with_volume():
+@pytest.mark.parametrize("space", ["box", "unbounded"])
+@pytest.mark.parametrize("flat", [[1], [0, 2]])
+def test_a_flat_scene_and_a_line_have_a_space_with_volume(space, flat):
     cameras = orbit_cameras()
     points = points_before(cameras)
-    points[:, 1] = 0.5
-    model = decide_scene_model(cameras, points, SceneModelConfig(space="box"))
+    points[:, flat] = 0.5
+    model = decide_scene_model(cameras, points, SceneModelConfig(space=space))
     assert min(model.space.axis_lengths) > 0
     assert min(model.resolution) >= 16
     assert np.isfinite(model.space.grid_from_world).all()
@@ -40,6 +46,34 @@ def test_a_mountain_behind_the_scene_does_not_move_the_near_plane():
     np.testing.assert_allclose(
         model.space.grid_from_world, plain.space.grid_from_world, rtol=0.05, atol=0.05
     )
+
+
+def test_a_mountain_behind_leaves_a_scene_of_a_metre_its_inner_box_and_is_in_the_grid():
+    cameras, points = walk(), 3 * points_of("block")
+    mountain = np.array([[0, -300.0, 2000.0], [50, -200, 2100], [-40, -250, 1900]])
+    plain = decide_scene_model(cameras, points, SceneModelConfig(space="unbounded"))
+    model = decide_scene_model(
+        cameras, np.concatenate([points, mountain]), SceneModelConfig(space="unbounded")
+    )
+    np.testing.assert_allclose(
+        model.normalized_from_world, plain.normalized_from_world, rtol=0.05, atol=0.05
+    )
+    far = transformed(model.normalized_from_world, mountain)
+    assert (np.abs(model.space.to_grid(far)) <= 1).all()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_a_walk_is_modelled_alike_at_any_scale(scale):
+    plain, scaled = (
+        decide_scene_model(
+            [replace(c, world_from_camera=c.world_from_camera * [1, 1, 1, s]) for c in walk()],
+            s * 3 * points_of("block"),
+            SceneModelConfig(space="unbounded"),
+        )
+        for s in (1.0, scale)
+    )
+    assert scaled.resolution == plain.resolution
+    np.testing.assert_allclose(scaled.space.grid_from_world, plain.space.grid_from_world, rtol=1e-6)
 
 
 def test_points_behind_the_cameras_are_not_near_points():
