@@ -182,14 +182,19 @@ def compare(options: argparse.Namespace) -> None:
     """
     settings = settings_of(options)
     scene = load_given_scene(options.scene, settings.model)
+    scene = replace(scene, free=torch.zeros_like(scene.free))
     every = replace(settings.training, upsample_at=(), iterations=options.iterations)
+    present = load_field(options.field) if options.field is not None else None
+    if present is not None:
+        space = scene.model.space.within(present.bounds)
+        model = replace(scene.model, space=space, resolution=present.resolution)
+        scene, every = replace(scene, model=model), replace(every, field=present.config)
     exhaustive = replace(every, min_weight=0.0, termination=0.0)
     for kernels, training in (
         (options.kernels, every), ("reference", every), ("reference", exhaustive)
     ):  # fmt: skip
         trainer = trainer_of(scene, replace(settings, training=training), kernels)
-        if options.field is not None:
-            present = load_field(options.field)
+        if present is not None:
             if training is not exhaustive:
                 trainer.field.density.occupancy = present.density.occupancy
             trainer.field.load_state_dict(
