@@ -78,6 +78,7 @@ class PosesReport:
     verified_pairs: int
     mapper: str
     mapper_reason: str
+    matches_explained: float
     pieces: tuple[int, ...]
     camera_model: str
     camera_params: tuple[float, ...]
@@ -212,6 +213,7 @@ def _report(
         verified_pairs=mapping.verified_pairs,
         mapper=mapping.mapper,
         mapper_reason=mapping.mapper_reason,
+        matches_explained=mapping.explained,
         pieces=pieces,
         camera_model=str(lens.model_name),
         camera_params=tuple(float(value) for value in lens.params),

@@ -16,6 +16,7 @@ from styletrf.errors import InputError
 from styletrf.given_poses import GivenView, Lens
 from styletrf.image_pairs import Pairs, all_pairs
 from styletrf.mapping_choice import Mapping as Mapped
+from styletrf.mapping_choice import explained_share
 from styletrf.progress import Progress
 
 NEIGHBOURS = 20  # with which each photograph is matched, where there are more
@@ -67,7 +68,8 @@ def map_known_poses(
             """ --CameraPoses-settings '{"poses": "solved"}'""",
         )
     reason = "the poses came with the photographs"
-    return Mapped([model], "neighbours", verified, f"given by {source}", reason)
+    explained = explained_share(database, [model])
+    return Mapped([model], "neighbours", verified, f"given by {source}", reason, explained)
 
 
 def neighbouring_pairs(views: Sequence[GivenView]) -> Pairs:

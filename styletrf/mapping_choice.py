@@ -14,16 +14,24 @@ from styletrf.image_pairs import Pairs, all_pairs, is_sequence, pairs_with, sequ
 from styletrf.progress import Progress
 from styletrf.retrieval import Descriptors, similar_pairs
 
+ENOUGH_EXPLAINED = 0.8
+
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """The models of one mapper, the largest first, and how they came to be."""
+    """The models of one mapper, the largest first, and how they came to be.
+
+    `explained` is the share of the verified matches between placed photographs whose two features
+    are one point of the largest model. A model fooled by things that repeat (a wallpaper) leaves
+    many unexplained, however small its reprojection error.
+    """
 
     models: Sequence[pycolmap.Reconstruction]
     matcher: str
     verified_pairs: int
     mapper: str
     mapper_reason: str
+    explained: float
 
     @property
     def registered(self) -> int:
@@ -44,9 +52,10 @@ def map_images(
 
     All pairs are matched; of more than `exhaustive_up_to` photographs, those along a sequence where
     `names` read like one, else each with those that look most like it, `neighbours` of each.
-    Photographs that this leaves out are then matched with all others. The global
-    mapper goes first; where it does not place all, the incremental one is tried too, and the
-    mapping with more photographs, at equality the one with less reprojection error, is kept.
+    Photographs that this leaves out are then matched with all others. The global mapper goes first;
+    where it does not place all, or explains less than 80 % of the matches, the incremental one is
+    tried too, and the mapping with more photographs, at equality the one that explains more, is
+    kept.
     """
     matcher, pairs = _pairs_to_match(database, names, exhaustive_up_to, neighbours, seed)
     mapping = _globally(database, images, matcher, pairs, seed, progress)
@@ -55,11 +64,17 @@ def map_images(
     if more:
         matcher = f"{matcher}, then all pairs of those left out"
         mapping = _globally(database, images, matcher, more, seed, progress)
-    if mapping.registered == len(names) or mapping.verified_pairs == 0:
+    if mapping.verified_pairs == 0 or (
+        mapping.registered == len(names) and mapping.explained >= ENOUGH_EXPLAINED
+    ):
         return mapping
     models = map_incrementally(database, images, seed, progress)
-    other = replace(mapping, models=models, mapper="incremental")
-    reason = f"placed: global mapper {mapping.registered}, incremental mapper {other.registered}"
+    explained = explained_share(database, models)
+    other = replace(mapping, models=models, mapper="incremental", explained=explained)
+    reason = "; ".join(
+        f"{one.mapper} mapper: {one.registered} placed, {one.explained:.0%} of matches explained"
+        for one in (mapping, other)
+    )
     return replace(max(mapping, other, key=_quality), mapper_reason=reason)
 
 
@@ -93,7 +108,35 @@ def _globally(
 ) -> Mapping:
     verified = match_pairs(database, images, pairs, seed, progress)
     models = map_globally(database, images, seed, progress) if verified else []
-    return Mapping(models, matcher, verified, "global", "it placed all photographs")
+    reason = "it placed all photographs and explains their matches"
+    return Mapping(models, matcher, verified, "global", reason, explained_share(database, models))
+
+
+def explained_share(database: Path, models: Sequence[pycolmap.Reconstruction]) -> float:
+    """Returns the share of the matches that the first model explains, see `Mapping`."""
+    if not models:
+        return 0.0
+    model = models[0]
+    points = {
+        image_id: np.array(
+            [
+                point.point3D_id if point.has_point3D() else -1
+                for point in model.image(image_id).points2D
+            ],
+            dtype=np.int64,
+        )
+        for image_id in model.reg_image_ids()
+    }
+    explained = total = 0
+    with closing(pycolmap.Database.open(database)) as opened:
+        for pair, geometry in zip(*opened.read_two_view_geometries(), strict=True):
+            a, b = pycolmap.pair_id_to_image_pair(pair)
+            if a in points and b in points and len(geometry.inlier_matches):
+                first, second = np.asarray(geometry.inlier_matches).T
+                same = points[a][first] == points[b][second]
+                explained += int((same & (points[a][first] >= 0)).sum())
+                total += len(first)
+    return explained / max(total, 1)
 
 
 def _unplaced(mapping: Mapping, images: ColmapImages) -> list[int]:
@@ -106,5 +149,4 @@ def _unplaced(mapping: Mapping, images: ColmapImages) -> list[int]:
 
 
 def _quality(mapping: Mapping) -> tuple[int, float]:
-    error = mapping.models[0].compute_mean_reprojection_error() if mapping.models else 0.0
-    return mapping.registered, -float(error)
+    return mapping.registered, mapping.explained

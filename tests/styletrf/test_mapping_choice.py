@@ -2,7 +2,7 @@ import numpy as np
 import pycolmap
 
 from styletrf.colmap_images import ColmapImages, LensSetting
-from styletrf.mapping_choice import map_images
+from styletrf.mapping_choice import explained_share, map_images
 from styletrf.progress import silent
 
 PATH, OVERLAP = 36, 3
@@ -112,3 +112,15 @@ def test_photographs_with_nothing_in_common_give_no_model(tmp_path):
 
 def test_three_photographs_are_enough(tmp_path):
     assert mapped(*walked(tmp_path, street(3)), frames(3), 90).registered == 3
+
+
+def test_matches_that_the_model_does_not_explain_are_counted(tmp_path):
+    """Half of the points of a good model taken away."""
+    database, images = walked(tmp_path, street(8))
+    mapping = mapped(database, images, frames(8), 8)
+    assert mapping.explained > 0.95
+    model = mapping.models[0]
+    for point_id in list(model.points3D)[::2]:
+        model.delete_point3D(point_id)
+    assert explained_share(database, [model]) < 0.7
+    assert explained_share(database, []) == 0
