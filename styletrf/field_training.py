@@ -23,7 +23,7 @@ from styletrf.field import RadianceField, set_occupancy
 from styletrf.field_checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import Kernels, Samples, Segments, Thinning
-from styletrf.occupancy import known_occupancy, occupied_voxels
+from styletrf.occupancy import known_occupancy, occupied_voxels, unless_nowhere
 from styletrf.pixel_rays import pixel_rays
 from styletrf.progress import Progress, silent
 from styletrf.rendering import RenderConfig, render_color, render_rays
@@ -110,7 +110,7 @@ class FieldTrainer:
         self.curve: list[CurvePoint] = []
         self.begin_stage()
         self.free = None if free is None else free.to(images.device)
-        set_occupancy(self.field.density, known_occupancy(self.free))
+        set_occupancy(self.field.density, known_occupancy(self.free).to(images.device))
         self._begin_with_background()
         if checkpoint_dir is not None:
             restore_fit(checkpoint_dir, self)
@@ -255,20 +255,23 @@ class FieldTrainer:
         self.optimizer = torch.optim.Adam(groups, lr=0.0, betas=(0.9, 0.99), fused=True)
 
     def refresh_occupancy(self, *, settled: bool = False) -> None:
-        """Looks again where the density is; NaN would count as none."""
+        """Looks again where the density is; NaN would count as none.
+
+        What rays have passed over was not fitted of late: a settled grid does not bring it back.
+        """
         self.require_finite(parameter_stages(self.field, self.optimizer))
-        density = self.field.density
-        set_occupancy(
+        density, config = self.field.density, self.config
+        found = occupied_voxels(
             density,
-            occupied_voxels(
-                density,
-                self.kernels,
-                self.field.step_length,
-                self.config.occupancy_alpha,
-                settled=settled,
-                free=self.free,
-            ),
+            self.kernels,
+            self.field.step_length,
+            config.occupancy_alpha,
+            settled=settled,
+            free=self.free,
         )
+        if settled and found.shape == density.occupancy.shape:
+            found = unless_nowhere((found & density.occupancy).bool())
+        set_occupancy(density, found)
 
     def require_finite(self, stages: Iterable[tuple[str, Tensor]]) -> None:
         """Saves the state and stops where one of the named tensors is not finite."""
