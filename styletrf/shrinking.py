@@ -65,7 +65,7 @@ def shrink(field: RadianceField, loss_of: LossOf, most_rise: float) -> Shrinking
     return Shrinking(parameters_before, after, before, loss_of(field), ranks, field.resolution)
 
 
-def decomposed(factors: TensorVM) -> tuple[TensorVM, list[Float[Tensor, " components"]]]:
+def decomposed(factors: TensorVM) -> tuple[TensorVM, list[Float[Tensor, " _"]]]:
     """Returns factors of the same sums, components by falling singular value, and these values."""
     ranks = [
         min(plane[..., 0].numel(), *line.shape)
@@ -84,7 +84,7 @@ def decomposed(factors: TensorVM) -> tuple[TensorVM, list[Float[Tensor, " compon
     return result, singular
 
 
-def _cuts(singular: Sequence[Float[Tensor, " components"]]) -> list[int]:
+def _cuts(singular: Sequence[Float[Tensor, " _"]]) -> list[int]:
     """Returns the axis pairs in the order in which they lose blocks, the least first."""
     found = [
         (float(values[first : first + _BLOCK].square().sum()), pair)
