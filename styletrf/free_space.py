@@ -3,6 +3,9 @@
 A photograph that shows points in a tile of its image sees through all that lies well before the
 nearest of them, there and in the tiles about it. What two photographs see through is free. Tiles
 without points tell nothing: a white wall has none.
+
+That keeps fog from growing right before cameras that stand in the grid. In NDC none does, and what
+is thin and has no points, as railings have few, would be lost for nothing.
 """
 
 from collections.abc import Sequence
@@ -26,6 +29,8 @@ def free_space(
     model: SceneModel, cameras: Sequence[Camera], points: SparsePoints
 ) -> Bool[np.ndarray, "cells cells cells"]:
     """Returns the cells of the model's grid that are free; cameras and points are the world's."""
+    if model.space.kind == "ndc":
+        return np.zeros((CELLS, CELLS, CELLS), bool)
     axis = (np.arange(CELLS) + 0.5) * (2 / CELLS) - 1
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     centers = model.space.to_world(grid)
