@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 
@@ -108,3 +108,14 @@ def project(
     x = camera.fx * points_camera[:, 0] / safe + camera.cx
     y = camera.fy * points_camera[:, 1] / safe + camera.cy
     return np.stack([x, y], axis=-1), depth
+
+
+def in_view(
+    camera: Camera, points_world: Float[np.ndarray, "points 3"]
+) -> tuple[
+    Float[np.ndarray, "points 2"], Float[np.ndarray, " points"], Bool[np.ndarray, " points"]
+]:
+    """Returns what `project` does, and which points lie ahead and within the image."""
+    pixels, depth = project(camera, points_world)
+    inside = (depth > 0) & (pixels >= 0).all(axis=1)
+    return pixels, depth, inside & (pixels < (camera.width, camera.height)).all(axis=1)

@@ -16,14 +16,13 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.box import box_around, whole_box
-from styletrf.placement import Placement
+from styletrf.placement import INFINITY_PX, Placement
 from styletrf.surroundings import Extent, Surroundings, placed
 
 INNER = 0.75  # of the grid's axes is the inner box
 LOST = 3.0  # octaves that a point outside a box counts as
 _PERCENT = 80.0  # of the points along each axis, that the inner box holds, and all cameras
 _FLATTEST = 0.5  # of the inner box's longest side is its shortest
-_INFINITY_PX = 0.25  # parallax between the outermost views below which a depth is infinite
 
 
 def place_unbounded(scene: Surroundings, oversampling: float) -> Placement:
@@ -63,7 +62,8 @@ def octaves_lost(scene: Surroundings, voxels: int) -> dict[str, float]:
 def inner_box(scene: Surroundings) -> Extent:
     """Returns the box that holds the cameras and most points, none of its sides too short.
 
-    What walls stand in its faces are cut between two parts of the grid: it rather reaches beyond.
+    A wall that stands in one of its faces would be cut between two parts of the grid: hence the
+    margin about the points.
     """
     points = box_around(scene.points, _PERCENT)
     centers = np.stack([view.center_world for view in scene.views])
@@ -100,4 +100,4 @@ def _reach(scene: Surroundings, inner: Extent) -> float:
     centers = np.stack([view.center_world for view in scene.views])
     parallax_px = float(scene.views[0].fx * np.ptp(centers, axis=0).max())  # at depth 1
     farthest = float(np.percentile(_largest(scene, inner), 99.5))
-    return max(parallax_px / _INFINITY_PX / float(inner.half.max()), 10 * farthest, 10.0)
+    return max(parallax_px / INFINITY_PX / float(inner.half.max()), 10 * farthest, 10.0)

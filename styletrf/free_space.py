@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from styletrf.cameras import Camera, project
+from styletrf.cameras import Camera, in_view
 from styletrf.placement import transformed
 from styletrf.point_table import SparsePoints
 from styletrf.scene_model import SceneModel
@@ -31,9 +31,7 @@ def free_space(
     """Returns the cells of the model's grid that are free; cameras and points are the world's."""
     if model.space.kind == "ndc":
         return np.zeros((CELLS, CELLS, CELLS), bool)
-    axis = (np.arange(CELLS) + 0.5) * (2 / CELLS) - 1
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    centers = model.space.to_world(grid)
+    centers = model.space.cell_centers(CELLS)
     normalized = transformed(model.normalized_from_world, points.xyz_world)
     witnesses = np.zeros(len(centers), np.int32)
     for k, camera in enumerate(model.normalized(cameras)):
@@ -53,11 +51,10 @@ def _clear_depths(
 ) -> Float[np.ndarray, "rows columns"]:
     """Returns the depth up to which each tile is clear, 0 where it shows no points."""
     rows, columns, side = _tiles(camera)
-    pixels, depth = project(camera, seen)
-    row, column = (pixels[:, ::-1] // side).astype(np.int64).T
-    inside = (depth > 0) & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    pixels, depth, inside = in_view(camera, seen)
+    row, column = (pixels[inside, ::-1] // side).astype(np.int64).T
     nearest = np.full((rows, columns), np.inf)
-    np.minimum.at(nearest, (row[inside], column[inside]), depth[inside])
+    np.minimum.at(nearest, (row, column), depth[inside])
     about = cv2.erode(nearest, np.ones((3, 3)))
     clear: Float[np.ndarray, "rows columns"] = np.where(np.isfinite(nearest), CLEAR * about, 0.0)
     return clear
@@ -68,9 +65,7 @@ def _sees_through(
     centers: Float[np.ndarray, "cells 3"],
     clear: Float[np.ndarray, "rows columns"],
 ) -> Bool[np.ndarray, " cells"]:
-    pixels, depth = project(camera, centers)
-    inside = (depth > 0) & (pixels > 0).all(axis=1)
-    inside &= (pixels < (camera.width, camera.height)).all(axis=1)
+    pixels, depth, inside = in_view(camera, centers)
     side = _tiles(camera)[2]
     row, column = (pixels[inside, ::-1] // side).astype(np.int64).T
     result = np.zeros(len(centers), bool)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from styletrf.cameras import Camera, fitted_to, moved
 from styletrf.errors import InputError
-from styletrf.placement import Placement, facing_frame, transformed
+from styletrf.placement import INFINITY_PX, Placement, facing_frame, transformed
 from styletrf.space import Space
 
 Plane = Float[np.ndarray, " 2"]
@@ -19,7 +19,6 @@ Plane = Float[np.ndarray, " 2"]
 MAX_STRETCH = 2.5  # of the frustum over one view: beyond, most of the lattice holds nothing sharp
 MIN_CORNER_DEPTH = 0.1  # of a ray's unit of depth, along the mean view: less looks sideways
 MIN_CLEARANCE = 1.05  # nearest points over the foremost camera's depth
-INFINITY_PX = 0.25  # parallax between the outermost views below which a depth is infinite
 
 
 def forward_facing_evidence(

@@ -11,6 +11,7 @@ from styletrf.cameras import Camera
 from styletrf.space import Space
 
 Vector = Float[np.ndarray, " 3"]
+INFINITY_PX = 0.25  # parallax between the outermost views below which a depth is infinite
 Looking = Literal["ahead", "inward", "outward", "along"]
 
 

@@ -73,7 +73,7 @@ def capture_photographs(
     photographs, problems = _examined(files, stored, progress)
     problems += _different_sizes(photographs)
     if problems:
-        remedy = "Replace or remove these files; all photographs must come from one camera setting"
+        remedy = "Replace or remove these files; all photographs must be of one size"
         raise InputError(str(folder), "; ".join(problems), remedy)
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
     for file, name in zip(files, stored, strict=True):

@@ -21,8 +21,9 @@ from styletrf.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.placement import Looking, Placement
 from styletrf.space import Space
 from styletrf.surroundings import surroundings
-from styletrf.view_dependence import LEAST_POINTS as LEAST_TO_TELL
-from styletrf.view_dependence import LEAST_SHARE, ViewDependence
+from styletrf.view_dependence import ENOUGH_POINTS, LEAST_SHARE, ViewDependence
+
+Shading = Literal["network", "plain"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class SceneModel:
     space: Space
     normalized_from_world: Float[np.ndarray, "4 4"]
     resolution: tuple[int, int, int]
-    shading: Literal["network", "plain"]
+    shading: Shading
     image_width: int
     image_height: int
     focus: tuple[float, float, float]  # what a trajectory looks at, normalised world
@@ -107,21 +108,25 @@ def decide_scene_model(
             else place_unbounded(scene, config.oversampling)
         )
     evidence |= {"chosen": kind, "by": "evidence" if config.space == "auto" else "setting"}
-    model = _sized(placement, fitted_to(cameras[0], config.image_long_side), config, evidence)
-    return _shaded(model, config, dependence)
+    shading, of_shading = _shading(config, dependence)
+    placement = replace(
+        placement, evidence=placement.evidence | {"space": evidence, "shading": of_shading}
+    )
+    view = fitted_to(cameras[0], config.image_long_side)
+    return _sized(placement, view, shading, config.max_voxels)
 
 
-def _shaded(
-    model: SceneModel, config: SceneModelConfig, dependence: ViewDependence | None
-) -> SceneModel:
+def _shading(
+    config: SceneModelConfig, dependence: ViewDependence | None
+) -> tuple[Shading, dict[str, Any]]:
+    """Returns whether colours depend on the view, and the evidence."""
     evidence: dict[str, Any] = {"by": "evidence" if config.shading == "auto" else "setting"}
     if dependence is not None:
-        evidence |= asdict(dependence) | {
-            "share_threshold": LEAST_SHARE, "points_threshold": LEAST_TO_TELL
-        }  # fmt: skip
-    matte = dependence is not None and not dependence.needed
-    shading = config.shading if config.shading != "auto" else "plain" if matte else "network"
-    return replace(model, shading=shading, evidence=model.evidence | {"shading": evidence})
+        thresholds = {"share_threshold": LEAST_SHARE, "points_threshold": ENOUGH_POINTS}
+        evidence |= asdict(dependence) | thresholds
+    if config.shading != "auto":
+        return config.shading, evidence
+    return "plain" if dependence is not None and not dependence.needed else "network", evidence
 
 
 def write_scene_model(path: Path, model: SceneModel) -> None:
@@ -146,28 +151,26 @@ def _plain(value: Any) -> Any:
     return value.tolist()
 
 
-def _sized(
-    placement: Placement, view: Camera, config: SceneModelConfig, space_evidence: dict[str, Any]
-) -> SceneModel:
+def _sized(placement: Placement, view: Camera, shading: Shading, max_voxels: int) -> SceneModel:
     """Returns the model with the wanted resolution brought under the bound on voxels."""
     wanted = np.maximum(np.array(placement.wanted), LEAST_POINTS)
-    points = _bounded(wanted, config.max_voxels)
+    points = _bounded(wanted, max_voxels)
     nx, ny, nz = (round(float(n)) for n in points)
     resolution = {
         "wanted": wanted.tolist(),
         "shrunk_by": float((points.prod() / wanted.prod()) ** (1 / 3)),
-        "max_voxels": config.max_voxels,
+        "max_voxels": max_voxels,
     }
     return SceneModel(
         space=placement.space,
         normalized_from_world=placement.normalized_from_world,
         resolution=(nx, ny, nz),
-        shading="network",
+        shading=shading,
         image_width=view.width,
         image_height=view.height,
         focus=placement.focus,
         looking=placement.looking,
-        evidence={**placement.evidence, "space": space_evidence, "resolution": resolution},
+        evidence={**placement.evidence, "resolution": resolution},
     )
 
 

@@ -25,7 +25,8 @@ class Space:
     """The map to grid coordinates and the metric of optical length.
 
     `axis_lengths` are the lengths of the grid's axes in units of optical length: half extents of
-    the box in the normalised world, or 1 for NDC, whose own coordinates measure it.
+    the box in the normalised world, or 1 for NDC, whose own coordinates measure it. In unbounded
+    space they are such that the inner box has the lengths of the normalised world.
     """
 
     kind: Literal["ndc", "box", "unbounded"]
@@ -40,6 +41,12 @@ class Space:
         images = images[np.arange(len(images)), images[:, :, 3].argmax(axis=1)]
         grid: Float[np.ndarray, "points 3"] = images[:, :3] / images[:, 3:]
         return grid
+
+    def cell_centers(self, cells: int) -> Float[np.ndarray, "centers 3"]:
+        """Returns where the middles of cells x cells x cells of the grid are, x slowest."""
+        axis = (np.arange(cells) + 0.5) * (2 / cells) - 1
+        grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
+        return self.to_world(grid.reshape(-1, 3))
 
     def within(self, bounds: "Bounds") -> "Space":
         """Returns the space whose grid is a part of this one's."""
@@ -99,7 +106,10 @@ class ViewRays:
     def segments(
         self, view: Int64[Tensor, " rays"] | int, pixels: Float[Tensor, "rays 2"]
     ) -> Segments:
-        """Returns the float32 rays through `pixels`, of one view or each its own."""
+        """Returns the float32 rays through `pixels`, of one view or each its own.
+
+        They are cut into steps of at most the length that the set was made for.
+        """
         ones = torch.ones_like(pixels[:, :1])
         points = torch.cat([pixels, ones], dim=-1).to(self._starts)[..., None]
         slope = (self._slopes[view] @ points[:, None])[..., 0]
@@ -162,11 +172,8 @@ def _clip(
 
 def _inequalities(point: Float[Tensor, "rays maps 4"]) -> Float[Tensor, "rays maps sides"]:
     x, w = point[..., :3], point[..., 3:]
-    return torch.cat([w + x, w - x, *_over_others(w)], dim=-1)
-
-
-def _over_others(w: Float[Tensor, "rays maps 1"]) -> list[Float[Tensor, "rays maps maps"]]:
-    return [w - w.transpose(1, 2)] if w.shape[1] > 1 else []
+    over_others = [w - w.transpose(1, 2)] if w.shape[1] > 1 else []
+    return torch.cat([w + x, w - x, *over_others], dim=-1)
 
 
 def _in_order(
@@ -204,7 +211,7 @@ def _by_share(
     total = lengths.sum(dim=1, keepdim=True)
     share = lengths / torch.where(total > 0, total, 1.0)
     ends = share.cumsum(dim=1)
-    last = share.cumsum(dim=1) >= ends[:, -1:]
+    last = ends >= ends[:, -1:]
     starts = ends - share
     direction = direction / torch.where(share > 0, share, 1.0)[..., None]
     origin = origin - starts[..., None] * direction

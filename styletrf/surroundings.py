@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.cameras import Camera, fitted_to, moved, project
+from styletrf.cameras import Camera, fitted_to, in_view, moved
 from styletrf.errors import InputError
 from styletrf.placement import (
     Looking,
@@ -73,9 +73,7 @@ def surroundings(
     points = transformed(frame, points_world)
     nearest, footprints, seen_points = [], [], []
     for view in views:
-        pixels, depth = project(view, points)
-        inside = (depth > 0) & (pixels >= 0).all(axis=1)
-        inside &= (pixels < np.array([view.width, view.height])).all(axis=1)
+        _, depth, inside = in_view(view, points)
         if inside.any():
             nearest.append(float(np.percentile(depth[inside], 1)))
             footprints.append(depth[inside] / view.fx)

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from styletrf.cameras import Camera, project
+from styletrf.cameras import Camera, in_view
+from styletrf.exposures import exposures
 from styletrf.frame_choice import sharpness
 from styletrf.point_table import SparsePoints
 from styletrf.space import Space
@@ -81,7 +82,7 @@ def survey_scene(
         sharp[k] = sharpness(image)
         of_image = points.observed_image == k
         light[of_image] = _light_at(image, points.observed_pixel[of_image])
-    exposure = _exposures(points, light, len(normalized))
+    exposure = exposures(points, light, len(normalized))
     seen = np.bincount(points.observed_image, minlength=len(normalized))
     blurred, off = _blurred(sharp), _off_exposure(exposure)
     views = [
@@ -106,25 +107,6 @@ def _light_at(
     return np.where(told, _GAMMA * np.log2(np.maximum(encoded, 1) / 255), np.nan)
 
 
-def _exposures(
-    points: SparsePoints, light: Float[np.ndarray, " observations"], n_views: int
-) -> Float[np.ndarray, " views"]:
-    """Returns each view's median difference, in stops, from the mean of its points' other views."""
-    told = ~np.isnan(light)
-    n = np.bincount(points.observed_point[told], minlength=len(points.xyz_world))
-    total = np.bincount(
-        points.observed_point[told], weights=light[told], minlength=len(points.xyz_world)
-    )
-    of_point = points.observed_point
-    others = (total[of_point] - light) / np.maximum(n[of_point] - 1, 1)
-    difference = np.where(told & (n[of_point] > 1), light - others, np.nan)
-    result = np.zeros(n_views)
-    for k in range(n_views):
-        here = difference[(points.observed_image == k) & ~np.isnan(difference)]
-        result[k] = np.median(here) if len(here) else 0.0
-    return result
-
-
 def _blurred(sharp: Float[np.ndarray, " views"]) -> Bool[np.ndarray, " views"]:
     logs = np.log(np.maximum(sharp, 1e-12))
     middle = np.median(logs)
@@ -143,14 +125,11 @@ def _deviation(values: Float[np.ndarray, " values"]) -> float:
 
 
 def _seen_by(space: Space, cameras: Sequence[Camera]) -> Int[np.ndarray, "x y z"]:
-    axis = (np.arange(_CELLS) + 0.5) * (2 / _CELLS) - 1
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    centers = space.to_world(grid)
+    centers = space.cell_centers(_CELLS)
     count = np.zeros(len(centers), np.int64)
     for camera in cameras:
-        pixel, depth = project(camera, centers)
-        inside = (pixel > 0) & (pixel < (camera.width, camera.height))
-        count += inside.all(axis=1) & (depth > space.depth_min)
+        _, depth, inside = in_view(camera, centers)
+        count += inside & (depth > space.depth_min)
     count[np.isnan(centers[:, 0])] = -1
     return count.reshape(_CELLS, _CELLS, _CELLS)
 

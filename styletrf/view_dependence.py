@@ -19,10 +19,11 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.cameras import Camera
+from styletrf.exposures import exposures
 from styletrf.point_table import SparsePoints
 
 LEAST_SHARE = 0.01  # of the points that differ, for a scene whose looks depend on the view
-LEAST_POINTS = 200  # seen from sides so far apart, to tell
+ENOUGH_POINTS = 200  # seen from sides so far apart, to tell
 SIDES_DEG = 30.0  # between two views of a point: from nearer by, highlights hardly move
 _LEAST_PAIRS = 3  # of views of a point
 _MOST_PAIRS = 24
@@ -45,7 +46,7 @@ class ViewDependence:
     @property
     def needed(self) -> bool:
         """Whether colours must depend on the view; where too little tells, they may."""
-        return self.points < LEAST_POINTS or self.share >= LEAST_SHARE
+        return self.points < ENOUGH_POINTS or self.share >= LEAST_SHARE
 
 
 def view_dependence(
@@ -55,7 +56,9 @@ def view_dependence(
 ) -> ViewDependence:
     """Returns what the tracks show; images (in [0, 1]) and cameras in the order of the table."""
     color, contrast = _observed(images, points)
-    color = color / np.exp(_log_gains(color, points, len(cameras)))[points.observed_image][:, None]
+    log_light = np.log(np.maximum(color.mean(axis=1), _DARKEST))
+    gain = np.exp(exposures(points, log_light, len(cameras)))
+    color = color / gain[points.observed_image][:, None]
     centers = np.stack([camera.center_world for camera in cameras])
     to_camera = centers[points.observed_image] - points.xyz_world[points.observed_point]
     to_camera /= np.maximum(np.linalg.norm(to_camera, axis=1, keepdims=True), 1e-12)
@@ -104,25 +107,6 @@ def _at(image: np.ndarray, pixel: Float[np.ndarray, "observations 2"]) -> np.nda
             for part in np.array_split(pixel, len(pixel) // 16384 + 1)
         ]
     )
-
-
-def _log_gains(
-    color: Float[np.ndarray, "observations 3"], points: SparsePoints, views: int
-) -> Float[np.ndarray, " views"]:
-    """Returns the log of each photograph's brightness against the others' of the same points."""
-    light = np.log(np.maximum(color.mean(axis=1), _DARKEST))
-    n = np.maximum(points.track_length, 1)
-    gain = np.zeros(views)
-    for _ in range(4):
-        even = light - gain[points.observed_image]
-        mean = np.bincount(points.observed_point, weights=even, minlength=len(n)) / n
-        away = light - mean[points.observed_point]
-        medians = [
-            np.median(away[points.observed_image == k]) if (points.observed_image == k).any() else 0
-            for k in range(views)
-        ]
-        gain = np.array(medians) - np.mean(medians)
-    return gain
 
 
 def _pairs(points: SparsePoints) -> tuple[np.ndarray, np.ndarray]:

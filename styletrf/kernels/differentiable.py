@@ -141,11 +141,14 @@ class _Features(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        """Adds up the factors' gradients; positions are constants."""
         positions, *factors = ctx.saved_tensors
         return None, None, *ctx.backend.scatter_gradients(positions, factors, grads[0])
 
 
 class _Trace(torch.autograd.Function):
+    """See `reference.trace`."""
+
     @staticmethod
     def forward(
         ctx: Any,
@@ -155,6 +158,7 @@ class _Trace(torch.autograd.Function):
         march: March,
         *factors: Tensor,
     ) -> tuple[Tensor, ...]:
+        """Returns the fields of `Samples`, of which the weights are differentiable."""
         samples, saved = backend.trace_forward(segments, jitter, march, factors)
         offsets, ray, s = samples.offsets, samples.ray, samples.s
         positions, weights = samples.positions, samples.weights
@@ -165,6 +169,7 @@ class _Trace(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        """Thins the gradient of the raw densities and adds up that of the factors."""
         offsets, positions, weights, *others = ctx.saved_tensors
         factors, saved = others[:6], others[6:]
         grad = ctx.backend.trace_backward(offsets, weights, saved, grads[-1])
@@ -175,16 +180,20 @@ class _Trace(torch.autograd.Function):
 
 
 class _Composite(torch.autograd.Function):
+    """See `reference.composite`."""
+
     @staticmethod
     def forward(
         ctx: Any, backend: Backend, offsets: Tensor, ray: Tensor, weights: Tensor, values: Tensor
     ) -> Tensor:
+        """Keeps the weights and the values."""
         ctx.backend = backend
         ctx.save_for_backward(ray, weights, values)
         return backend.composite_forward(offsets, weights, values)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        """Returns the gradients of the weights and of the values."""
         ray, weights, values = ctx.saved_tensors
         gradients = ctx.backend.composite_backward(ray, weights, values, grads[0])
         return None, None, None, *gradients

@@ -124,8 +124,11 @@ def decode(
 
 
 class _Decode(torch.autograd.Function):
+    """See `reference.decode`."""
+
     @staticmethod
     def forward(ctx: Any, components: Tensor, of_view: Tensor, ray: Tensor, *layers: Tensor) -> Any:
+        """Keeps what the layers were given, and the colours."""
         matrix, output, bias = layers
         colors = torch.from_numpy(
             decode_numba.decode_forward(*_arrays(components, of_view, ray, matrix.T, output, bias))
@@ -135,6 +138,7 @@ class _Decode(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        """Returns the gradients of components, view shares and layers; the hidden layer anew."""
         components, of_view, ray, matrix, output, colors = ctx.saved_tensors
         grad = _array(grads[0])
         gradients = decode_numba.decode_backward(

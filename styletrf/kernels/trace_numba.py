@@ -65,18 +65,9 @@ def density_features(positions, planes, lines):
 @no_type_check
 @numba.njit(cache=True, parallel=True, fastmath=FAST)
 def trace_forward(
-    origins,
-    directions,
-    ends,
-    thickness,
-    n_steps,
-    jitter,
-    occupancy,
-    planes,
-    lines,
-    shift,
+    origins, directions, ends, thickness, n_steps, jitter, occupancy, planes, lines, shift,
     termination,
-):
+):  # fmt: skip
     """Returns the samples of every ray in padded rows: count, s, argument of the softplus, weight.
 
     Args:

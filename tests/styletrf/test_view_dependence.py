@@ -6,7 +6,7 @@ import pytest
 from styletrf.cameras import Camera, project
 from styletrf.point_table import SparsePoints
 from styletrf.trajectories import look_at
-from styletrf.view_dependence import LEAST_POINTS, view_dependence
+from styletrf.view_dependence import ENOUGH_POINTS, view_dependence
 
 SIZE = 96
 
@@ -60,7 +60,7 @@ def test_a_highlight_is_told_from_paint_under_changing_exposures(shine, needed):
     gains = 1 + 0.1 * np.sin(np.arange(24))
     images = [photograph(c, shine, g) for c, g in zip(cameras, gains, strict=True)]
     found = view_dependence(images, tracks(cameras), cameras)
-    assert found.points >= LEAST_POINTS
+    assert found.points >= ENOUGH_POINTS
     assert found.needed == needed
 
 
