@@ -23,8 +23,7 @@ $(VENV)/installed: pyproject.toml
 DEMO_SETTINGS = --SceneModel-settings '{"image_long_side": 320}' \
 	--RadianceField-settings '{"iterations": 1600}' \
 	--StyleNetwork-settings '{"iterations": 480, "crop_px": 128}' \
-	--PriorRenders-settings '{"trajectory.frames": 16}' \
-	--StylizedField-settings '{"iterations": 400}'
+	--StylizedField-settings '{"adaptation.iterations": 400}'
 
 demo: install
 	$(RUN)/python -m styletrf.courtyard data/scenes/courtyard

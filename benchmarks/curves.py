@@ -10,14 +10,15 @@ every voxel counts as occupied but those known to be free. CPU time of one threa
 import argparse
 import json
 import resource
-import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from typing import Any
 
-from field import settings_of, trainer_of
+from field import settings_of, timed_steps, trainer_of
 from given_scenes import load_given_scene
+
+from styletrf.field_training import CURVE_EVERY
 
 CURVES: dict[str, list[Any]] = {
     "training.steps_per_voxel": [0.175, 0.35, 0.7, 1.4],
@@ -27,7 +28,6 @@ CURVES: dict[str, list[Any]] = {
     "training.field.appearance_ranks": [[8, 8, 8], [16, 16, 16], [32, 32, 32], [64, 64, 64]],
     "photographs": [0.25, 0.5, 1.0],  # share of those that are fitted to
 }
-_WARM, _TIMED = 4, 24
 
 
 def point(scene: str, knob: str, value: Any) -> dict[str, Any]:
@@ -44,20 +44,11 @@ def point(scene: str, knob: str, value: Any) -> dict[str, Any]:
         )
         given = replace(given, train=part)
     trainer = trainer_of(given, settings, None)
-    for _ in range(_WARM):
-        trainer.step()
-    milliseconds, samples = [], 0
-    for _ in range(_TIMED):
-        started = time.process_time()
-        trainer.step()
-        milliseconds.append(1e3 * (time.process_time() - started))
-    segments, _ = trainer._draw(trainer.batch)
-    samples = len(trainer._render(segments)[0].ray)
-    milliseconds.sort()
+    timed = timed_steps(trainer, CURVE_EVERY)
     return {
         "scene": scene, "knob": knob, "value": value,
-        "cpu_ms": milliseconds[len(milliseconds) // 2],
-        "density_samples": samples / trainer.batch,
+        "cpu_ms": timed["cpu_ms_per_iteration"],
+        "density_samples": trainer.curve[-1].density_samples,
         "resolution": trainer.field.resolution,
         "photographs": len(given.train.cameras),
         "photographs_mb": given.train.images.nbytes / 2**20,

@@ -11,17 +11,15 @@ is measured on the first held-out view of the scene's unchanged fit.
 
 import argparse
 import json
-import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-from field import EXHAUSTIVE, colors, held_out, settings_of, trainer_of
+from field import EXHAUSTIVE, colors, frame_row, measurements, settings_of
 from given_scenes import GivenScene, load_given_scene
 
-from styletrf.field_training import FieldTrainer
-from styletrf.metrics import psnr
+from styletrf.field import RadianceField, load_field
 from styletrf.rendering import RenderConfig
 
 FIT = {
@@ -67,46 +65,23 @@ def measured(options: argparse.Namespace) -> None:
 
 
 def _fit(scene: str, knob: str, value: Any, iterations: int) -> Iterator[dict[str, Any]]:
-    changes = [f"training.iterations={iterations}"]
+    changes = [f"training.iterations={iterations}", "training.shrink_rise=0.0"]
     if knob:
         changes.append(f"{knob}={json.dumps(value)}")
     settings = settings_of(argparse.Namespace(quality="draft", seed=0, set=changes))
     given = load_given_scene(scene, settings.model)
-    trainer = trainer_of(given, settings, None)
-    trainer.step()
-    started = time.process_time()
-    while trainer.iteration < settings.training.iterations:
-        trainer.step()
-    seconds = time.process_time() - started
-    recent = trainer.curve[-1]
-    yield {
-        "ms": 1e3 * seconds / (trainer.iteration - 1),
-        "seconds": seconds,
-        "density_samples": recent.density_samples,
-        "color_samples": recent.color_samples,
-        "model_mb": sum(t.nbytes for t in trainer.field.state_dict().values()) / 2**20,
-    } | held_out(given, trainer, settings)
-    if not knob:
-        yield from _frames(given, trainer)
+    with TemporaryDirectory() as folder:
+        yield from measurements(given, settings, None, [], Path(folder))
+        if not knob:
+            yield from _frames(given, load_field(Path(folder)))
 
 
-def _frames(scene: GivenScene, trainer: FieldTrainer) -> Iterator[dict[str, Any]]:
-    trainer.refresh_occupancy(settled=True)
-    photograph = scene.test.images[0].numpy() / 255
-    exhaustive = next(colors(scene, trainer.field, EXHAUSTIVE, slice(1)))
+def _frames(scene: GivenScene, radiance: RadianceField) -> Iterator[dict[str, Any]]:
+    exhaustive = next(colors(scene, radiance, EXHAUSTIVE, slice(1)))
     for termination, min_weight in FRAME:
-        render, seconds = RenderConfig(termination, min_weight), []
-        for _ in range(3):
-            started = time.process_time()
-            shown = next(colors(scene, trainer.field, render, slice(1)))
-            seconds.append(time.process_time() - started)
-        yield {
-            "knob": "frame",
-            "value": [termination, min_weight],
-            "seconds": min(seconds),
-            "psnr": psnr(shown, photograph.astype(np.float32)),
-            "psnr_to_exhaustive": psnr(shown, exhaustive),
-        }
+        render = RenderConfig(termination, min_weight)
+        row = frame_row(scene, radiance, exhaustive, render, repeats=3)
+        yield {"knob": "frame", "value": [termination, min_weight]} | row
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:
@@ -134,10 +109,12 @@ def _cells(rows: Iterable[dict[str, Any]], scene: str, knob: str, value: str) ->
         return " | |"
     row = same[0]
     if not knob:
-        return f" {row['psnr']:.2f} | {row['ms']:.0f} ms |"
+        return f" {row['psnr']:.2f} | {row['cpu_ms_per_iteration']:.0f} ms |"
     if knob == "frame":
-        return f" {row['psnr']:.2f} | {row['seconds']:.2f} s |"
-    return f" {row['psnr'] - base['psnr']:+.2f} | x {row['seconds'] / base['seconds']:.2f} |"
+        return f" {row['psnr']:.2f} | {row['cpu_seconds']:.2f} s |"
+    return (
+        f" {row['psnr'] - base['psnr']:+.2f} | x {row['cpu_seconds'] / base['cpu_seconds']:.2f} |"
+    )
 
 
 def main() -> None:

@@ -7,20 +7,24 @@ the colour network.
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int64, UInt8
-from torch import Tensor
+from jaxtyping import UInt8
+from torch import Tensor, nn
 
+from styletrf.appearance import Appearance
 from styletrf.cameras import Camera
 from styletrf.errors import NotFiniteError
-from styletrf.field import Appearance, RadianceField
-from styletrf.kernels import Kernels, Samples
-from styletrf.pixel_rays import pixel_rays
+from styletrf.field import RadianceField
+from styletrf.kernels import Kernels
 from styletrf.progress import Progress, silent
+from styletrf.ray_cache import RayBatch, march_once
 from styletrf.space import Space, ViewRays
+
+PARTS = ("factors", "basis", "network", "background")
+"""What an appearance consists of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +33,8 @@ class AdaptationConfig:
 
     iterations: int = 1000
     batch: int = 4096  # rays an iteration
+    parts: tuple[str, ...] = PARTS  # which are adapted
+    sees_view: bool = False  # whether a colour may depend on the direction it is seen from
     factor_rate: float = 0.05
     network_rate: float = 3e-3
     rate_decay: float = 0.1  # over all iterations
@@ -39,6 +45,10 @@ class AdaptationConfig:
     termination: float = 1e-3
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        if not self.parts or not set(self.parts) <= set(PARTS):
+            raise ValueError(f"parts are {self.parts}, not some of {PARTS}")
+
 
 @dataclass(frozen=True, slots=True)
 class AdaptationPoint:
@@ -47,33 +57,6 @@ class AdaptationPoint:
     iteration: int
     seconds: float
     psnr: float
-
-
-@dataclass(frozen=True, slots=True)
-class RayCache:
-    """Rays with their samples' positions and weights, and the colours they should have.
-
-    The kept weights of a ray are scaled up to its opacity (0 where none were kept); `dropped` is
-    the mean mass that was left out before.
-    """
-
-    offsets: Int64[Tensor, " rays_and_one"]
-    positions: Float[Tensor, "samples 3"]
-    weights: Float[Tensor, " samples"]
-    view_directions: Float[Tensor, "rays 3"]
-    opacity: Float[Tensor, " rays"]
-    target: Float[Tensor, "rays 3"]
-    dropped: float
-
-    def batch(self, k: int, size: int) -> tuple[Samples, slice]:
-        """Returns the samples of the k-th `size` rays, starting over where the rays end."""
-        first = k % max(1, len(self.opacity) // size) * size
-        last = min(first + size, len(self.opacity))
-        offsets = self.offsets[first : last + 1] - self.offsets[first]
-        span = slice(int(self.offsets[first]), int(self.offsets[last]))
-        ray = torch.repeat_interleave(offsets.diff())
-        weights = self.weights[span]
-        return Samples(offsets, ray, weights, self.positions[span], weights), slice(first, last)
 
 
 def adapt_appearance(
@@ -87,97 +70,96 @@ def adapt_appearance(
 ) -> tuple[list[AdaptationPoint], float]:
     """Fits `field.appearance` to the stylised views, in place; the density is only read.
 
+    Pixels are drawn without replacement.
+
     Returns:
         The curve, and the mean mass of weights that the cache left out.
 
     Raises:
         NotFiniteError: The loss stopped being finite.
     """
+    started = time.monotonic()
     generator = torch.Generator().manual_seed(config.seed)
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, stylized.device)
-    cache = march_once(field, rays, stylized, config, kernels, generator)
-    optimizer = _optimizer(field.appearance, config)
+    draws = torch.randperm(stylized.shape[:3].numel(), generator=generator)
+    cache = march_once(
+        field, rays, stylized, draws[: config.iterations * config.batch], kernels,
+        min_weight=config.min_weight, termination=config.termination,
+        cache_bytes=config.cache_bytes, generator=generator,
+    )  # fmt: skip
+    batches = (cache.batch(k, config.batch) for k in range(config.iterations))
+    curve = fit_appearance(field.appearance, batches, config, kernels, progress, started)
+    return curve, cache.dropped
+
+
+def fit_appearance(
+    appearance: Appearance,
+    batches: Iterator[RayBatch],
+    config: AdaptationConfig,
+    kernels: Kernels,
+    progress: Progress = silent,
+    started: float | None = None,
+) -> list[AdaptationPoint]:
+    """Fits the appearance to batches of rays, in place, and returns the curve.
+
+    Args:
+        appearance: What is fitted.
+        batches: One for each iteration.
+        config: How.
+        kernels: The form to compute with.
+        progress: Told the iteration and the PSNR.
+        started: From when the seconds of the curve count; by default from now.
+
+    Raises:
+        NotFiniteError: The loss stopped being finite.
+    """
+    started = time.monotonic() if started is None else started
+    if not config.sees_view:
+        appearance.shading.forget_view()
+    optimizer = optimizer_of(appearance, config)
     curve: list[AdaptationPoint] = []
-    smooth, started = 0.0, time.monotonic()
-    for k in range(config.iterations):
-        samples, drawn = cache.batch(k, config.batch)
-        color = _color(field.appearance, kernels, cache, samples, drawn)
-        loss = (color - cache.target[drawn]).square().mean()
+    smooth = 0.0
+    for k, batch in enumerate(batches):
+        loss = (batch.color(appearance, kernels) - batch.target).square().mean()
         mse = float(loss.detach())
         if not math.isfinite(mse):
             raise NotFiniteError("appearance adaptation", "loss", f"iteration {k}")
         if k % config.tv_every == 0:
-            smoothness = field.appearance.factors.total_variation()
+            smoothness = appearance.factors.total_variation()
             loss = loss + config.tv_every * config.tv_weight * smoothness
-        for group in optimizer.param_groups:
-            group["lr"] = group["initial_rate"] * config.rate_decay ** (k / config.iterations)
-        loss.backward()
-        optimizer.step()
-        optimizer.zero_grad()
+        take_step(optimizer, loss, config.rate_decay ** (k / config.iterations))
         smooth = 0.95 * smooth + 0.05 * mse if k else mse
         psnr = -10 * math.log10(max(smooth, 1e-10))
         if (k + 1) % 20 == 0:
             curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, psnr=psnr)
-    return curve, cache.dropped
+    return curve
 
 
-@torch.no_grad()
-def march_once(
-    field: RadianceField,
-    rays: ViewRays,
-    stylized: UInt8[Tensor, "views height width 3"],
-    config: AdaptationConfig,
-    kernels: Kernels,
-    generator: torch.Generator,
-) -> RayCache:
-    """Returns the cache of the rays to adapt to: pixels drawn without replacement."""
-    march = field.density.march(config.termination)
-    draws = torch.randperm(stylized.shape[:3].numel(), generator=generator)
-    draws = draws[: config.iterations * config.batch]
-    parts: list[tuple[Tensor, ...]] = []
-    for draw in draws.to(stylized.device).split(1 << 15):
-        segments, target = pixel_rays(rays, stylized, draw)
-        jitter = torch.rand(len(segments), generator=generator).to(stylized.device)
-        samples = kernels.trace(field.density.factors, segments, jitter, march)
-        kept = kernels.heavy(samples, config.min_weight)
-        opacity = _mass(samples, kernels)
-        kept_mass = _mass(kept, kernels)
-        covered = torch.where(kept_mass > 0, opacity, 0)
-        weights = kept.weights * (covered / kept_mass.clamp(min=1e-6))[kept.ray]
-        parts.append(
-            (
-                kept.offsets.diff(), kept.positions, weights, segments.view_directions, covered,
-                target, opacity - kept_mass,
-            )
-        )  # fmt: skip
-        if sum(part.nbytes for ray_part in parts for part in ray_part) > config.cache_bytes:
-            break
-    counts, positions, weights, directions, opacity, target, dropped = (
-        torch.cat(column) for column in zip(*parts, strict=True)
-    )
-    offsets = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
-    return RayCache(offsets, positions, weights, directions, opacity, target, float(dropped.mean()))
+def take_step(optimizer: torch.optim.Adam, loss: Tensor, decay: float) -> None:
+    """Takes a step down the gradient of the loss, at `decay` times the initial rates."""
+    for group in optimizer.param_groups:
+        group["lr"] = group["initial_rate"] * decay
+    loss.backward()
+    optimizer.step()
+    optimizer.zero_grad()
 
 
-def _mass(samples: Samples, kernels: Kernels) -> Float[Tensor, " rays"]:
-    return kernels.composite(samples, torch.ones_like(samples.weights)[:, None])[:, 0]
-
-
-def _color(
-    appearance: Appearance, kernels: Kernels, cache: RayCache, samples: Samples, drawn: slice
-) -> Float[Tensor, "rays 3"]:
-    components = kernels.features(appearance.factors, samples.positions)
-    colors = appearance.shading.decode(
-        components, cache.view_directions[drawn], samples.ray, kernels
-    )
-    color = kernels.composite(samples, colors)
-    return color + (1 - cache.opacity[drawn])[:, None] * torch.sigmoid(appearance.background)
-
-
-def _optimizer(appearance: Appearance, config: AdaptationConfig) -> torch.optim.Adam:
-    groups = [
-        {"params": [*appearance.factors.parameters()], "initial_rate": config.factor_rate},
-        {"params": appearance.network_parameters(), "initial_rate": config.network_rate},
-    ]
+def optimizer_of(appearance: Appearance, config: AdaptationConfig) -> torch.optim.Adam:
+    """Returns an optimiser of the parts that are adapted, and freezes the others."""
+    basis = [*appearance.shading.basis.parameters()]
+    rest = [p for p in appearance.shading.parameters() if all(p is not b for b in basis)]
+    parts: dict[str, list[nn.Parameter]] = {
+        "factors": [*appearance.factors.parameters()],
+        "basis": basis,
+        "network": rest,
+        "background": [appearance.background],
+    }
+    appearance.requires_grad_(requires_grad=False)
+    groups = []
+    for name in config.parts:
+        for parameter in parts[name]:
+            parameter.requires_grad_()
+        rate = config.factor_rate if name == "factors" else config.network_rate
+        groups.append({"params": parts[name], "initial_rate": rate})
     return torch.optim.Adam(groups, lr=0.0, betas=(0.9, 0.99), fused=True)

@@ -17,9 +17,10 @@ from jaxtyping import UInt8
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from styletrf.appearance import Appearance
 from styletrf.configuration import configured
 from styletrf.kernels import March, Thinning
-from styletrf.shading import ColorNetwork, PlainColor, Shading, ShadingKind
+from styletrf.shading import ShadingKind
 from styletrf.space import Bounds
 from styletrf.tensor_vm import TensorVM
 
@@ -88,30 +89,6 @@ class Density(nn.Module):
         return March(self.occupancy, self.shift, self.scale, termination, thinning)
 
 
-class Appearance(nn.Module):
-    """What colour it has: factors, shading and the background behind it all."""
-
-    def __init__(
-        self,
-        config: FieldConfig,
-        resolution: Sequence[int],
-        generator: torch.Generator | None = None,
-    ) -> None:
-        super().__init__()
-        self.factors = TensorVM(resolution, config.appearance_ranks, generator=generator)
-        components = sum(config.appearance_ranks)
-        self.shading: Shading = (
-            PlainColor(components, generator)
-            if config.shading == "plain"
-            else ColorNetwork(components, config.features, config.hidden, generator)
-        )
-        self.background = nn.Parameter(torch.zeros(3))
-
-    def network_parameters(self) -> list[nn.Parameter]:
-        """Returns everything but the factors."""
-        return [self.background, *self.shading.parameters()]
-
-
 class RadianceField(nn.Module):
     """A density and an appearance on the same grid."""
 
@@ -173,6 +150,12 @@ def load_field(density_folder: Path, appearance_folder: Path | None = None) -> R
     field.density.load_state_dict(density)
     field.appearance.load_state_dict(load_file(appearance_folder / "appearance.safetensors"))
     return field
+
+
+def load_stylized_field(field_folder: Path, stylized_folder: Path) -> RadianceField:
+    """Returns a stylised field: its own where it has a density, else on that of the field."""
+    own = (stylized_folder / "density.safetensors").exists()
+    return load_field(stylized_folder if own else field_folder, stylized_folder)
 
 
 def set_occupancy(density: Density, occupancy: UInt8[Tensor, "x y z"]) -> None:

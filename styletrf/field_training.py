@@ -79,6 +79,7 @@ def train_field(
     return trainer.field, trainer.curve
 
 
+CURVE_EVERY = 50  # iterations between points of the curve
 LEAST_MISSED = 64  # rays that tell the background
 LOSS_RAYS = 1 << 14
 
@@ -141,7 +142,7 @@ class FieldTrainer:
         keep = 0.98 if self.iteration > 1 else 0.0
         self.smooth_mse = keep * self.smooth_mse + (1 - keep) * mse
         self.seconds += time.monotonic() - started
-        if self.iteration % 50 == 0:
+        if self.iteration % CURVE_EVERY == 0:
             self.curve.append(self._curve_point(samples))
             self.batch = self._batch_of(len(samples.ray) / self.batch)
         return self.psnr()

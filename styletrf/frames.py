@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
+from styletrf.appearance import Coloring
 from styletrf.camera_table import read_cameras, write_cameras
 from styletrf.cameras import Camera
 from styletrf.field import RadianceField
@@ -37,12 +38,14 @@ def rendered(
     config: RenderConfig,
     device: torch.device,
     progress: Progress = silent,
+    appearance: Coloring | None = None,
 ) -> Iterator[Rendering]:
-    """Yields the render of each camera, on the CPU."""
+    """Yields the render of each camera, on the CPU; an `appearance` replaces the field's own."""
     radiance = radiance.to(device)
+    appearance = None if appearance is None else appearance.to(device)
     rays = ViewRays(cameras, space.within(radiance.bounds), radiance.step_length, device)
     for k, camera in enumerate(cameras):
-        render = render_view(radiance, kernels_for(device), rays, k, camera, config)
+        render = render_view(radiance, kernels_for(device), rays, k, camera, config, appearance)
         progress(k + 1, len(cameras))
         yield Rendering(*(getattr(render, name).cpu() for name in render.__slots__))
 

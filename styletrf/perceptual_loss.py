@@ -42,11 +42,12 @@ class PerceptualTerms:
     content: Float[Tensor, ""]
     style: Float[Tensor, ""]
     tv: Float[Tensor, ""]
+    steadiness: Float[Tensor, ""]  # see `styletrf.steadiness`
 
     @property
     def total(self) -> Float[Tensor, ""]:
         """The loss."""
-        return self.content + self.style + self.tv
+        return self.content + self.style + self.tv + self.steadiness
 
 
 def gram_matrix(
@@ -112,12 +113,18 @@ def perceptual_loss(
         content=config.content_weight * _difference(found[CONTENT_LAYER].float(), target, config),
         style=config.style_weight * torch.stack(style).sum(),
         tv=config.tv_weight * total_variation(output.float()),
+        steadiness=torch.zeros((), device=output.device),
     )
 
 
-def _difference(found: Tensor, target: Tensor, config: PerceptualLossConfig) -> Tensor:
-    difference = functional.mse_loss(found, target)
-    if not config.relative:
-        return difference
+def relative_difference(found: Tensor, target: Tensor) -> Float[Tensor, ""]:
+    """Returns log(1 + d / t), `d` the mean squared difference and `t` the target's mean square."""
     smallest = torch.finfo(target.dtype).tiny
-    return torch.log1p(difference / target.square().mean().clamp(min=smallest))
+    ratio = functional.mse_loss(found, target) / target.square().mean().clamp(min=smallest)
+    return torch.log1p(ratio)
+
+
+def _difference(found: Tensor, target: Tensor, config: PerceptualLossConfig) -> Tensor:
+    if config.relative:
+        return relative_difference(found, target)
+    return functional.mse_loss(found, target)

@@ -9,8 +9,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from styletrf.appearance import Coloring
 from styletrf.cameras import Camera, pixel_centers
-from styletrf.field import Appearance, RadianceField
+from styletrf.field import RadianceField
 from styletrf.kernels import Kernels, Samples, Segments, Thinning, thin_gradient
 from styletrf.space import ViewRays
 
@@ -50,7 +51,7 @@ class Rendering:
 
 
 def render_color(
-    appearance: Appearance,
+    appearance: Coloring,
     kernels: Kernels,
     segments: Segments,
     samples: Samples,
@@ -68,33 +69,38 @@ def render_color(
     """
     opacity = kernels.composite(samples, torch.ones_like(samples.weights)[:, None])
     heavy = kernels.heavy(samples, min_weight)
-    values = kernels.features(appearance.factors, heavy.positions)
+    values = appearance.components(heavy.positions, kernels)
     directions = segments.view_directions
     if not deferred:
-        values = appearance.shading.decode(values, directions, heavy.ray, kernels)
+        values = appearance.decode(values, directions, heavy.ray, kernels)
     values = thin_gradient(values, thinning)
     sums = kernels.composite(heavy, torch.cat([values, torch.ones_like(values[:, :1])], dim=1))
     kept = sums[:, -1:]
     color = sums[:, :-1] / kept.clamp(min=1e-6)
     if deferred:
-        color = appearance.shading.decode(
+        color = appearance.decode(
             color, directions, torch.arange(len(color)).to(heavy.ray), kernels
         )
     covered = torch.where(kept > 0, opacity, 0)
-    return covered * color + (1 - covered) * torch.sigmoid(appearance.background)
+    return covered * color + (1 - covered) * appearance.background_color()
 
 
 @torch.no_grad()
 def render_rays(
-    field: RadianceField, kernels: Kernels, segments: Segments, config: RenderConfig
-) -> Rendering:
-    """Returns what rays see, without gradient; samples lie in the middle of their steps."""
+    field: RadianceField, kernels: Kernels, segments: Segments, config: RenderConfig,
+    appearance: Coloring | None = None,
+) -> Rendering:  # fmt: skip
+    """Returns what rays see, without gradient; samples lie in the middle of their steps.
+
+    With an `appearance` in place of the field's own.
+    """
     jitter = torch.full_like(segments.lengths, 0.5)
     march = field.density.march(config.termination)
     samples = kernels.trace(field.density.factors, segments, jitter, march)
     color = render_color(
-        field.appearance, kernels, segments, samples, config.min_weight, deferred=config.deferred
-    )
+        field.appearance if appearance is None else appearance,
+        kernels, segments, samples, config.min_weight, deferred=config.deferred,
+    )  # fmt: skip
     sums = kernels.composite(samples, torch.stack([torch.ones_like(samples.s), samples.s], dim=1))
     opacity = sums[:, 0].clamp(max=1)
     mean_s = (sums[:, 1] + 1 - opacity).clamp(0, 1)
@@ -117,14 +123,17 @@ def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]
 @torch.no_grad()
 def render_view(
     field: RadianceField, kernels: Kernels, rays: ViewRays, view: int, camera: Camera,
-    config: RenderConfig,
+    config: RenderConfig, appearance: Coloring | None = None,
 ) -> Rendering:  # fmt: skip
-    """Returns the image of one of the cameras `rays` was made for, in tiles of bounded memory."""
+    """Returns the image of one of the cameras `rays` was made for, in tiles of bounded memory.
+
+    With an `appearance` in place of the field's own.
+    """
     device = field.appearance.background.device
     pixels = torch.as_tensor(pixel_centers(camera.width, camera.height), device=device)
     parts = []
     for tile in pixels.split(config.tile):
-        parts.append(render_rays(field, kernels, rays.segments(view, tile), config))
+        parts.append(render_rays(field, kernels, rays.segments(view, tile), config, appearance))
     shape = (camera.height, camera.width)
     return Rendering(
         torch.cat([part.color for part in parts]).reshape(*shape, 3),

@@ -38,6 +38,9 @@ class Shading(nn.Module, ABC):
             kernels: The form to compute with.
         """
 
+    def forget_view(self) -> None:
+        """Makes the colours independent of the view direction, for good."""
+
 
 class ColorNetwork(Shading):
     """One hidden layer on features and view direction."""
@@ -67,6 +70,15 @@ class ColorNetwork(Shading):
         of_view = view_directions @ self.hidden.weight[:, n_features:].T + self.hidden.bias
         layer = self.output
         return kernels.decode(components, of_view, ray, of_components, layer.weight, layer.bias)
+
+    def forget_view(self) -> None:
+        """See `Shading.forget_view`: the weights of the view are 0, and so are their gradients."""
+        n_features = self.basis.out_features
+        with torch.no_grad():
+            self.hidden.weight[:, n_features:] = 0
+        of_features = torch.ones_like(self.hidden.weight)
+        of_features[:, n_features:] = 0
+        self.hidden.weight.register_hook(lambda gradient: gradient * of_features)
 
 
 class PlainColor(Shading):

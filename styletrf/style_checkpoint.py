@@ -29,6 +29,7 @@ class CurveRow:
     content: float
     style: float
     tv: float
+    steadiness: float
     seconds: float  # of training so far, over all its runs
 
 
@@ -44,6 +45,12 @@ class Training:
     def seconds(self) -> float:
         """How long it has been trained."""
         return self.curve[-1].seconds if self.curve else 0.0
+
+
+def new_training(network: StyleNetwork, learning_rate: float) -> Training:
+    """Returns a training of the network that has not begun."""
+    optimizer = torch.optim.Adam(network.train().parameters(), lr=learning_rate)
+    return Training(network, optimizer)
 
 
 def write_checkpoint(path: Path, training: Training) -> None:

@@ -23,7 +23,7 @@ from styletrf.errors import InputError
 SMALLEST_PX = 16
 """Images need at least this many pixels a side: reflection needs something to reflect."""
 
-_OUTPUT_SCALE = 0.1
+OUTPUT_SCALE = 0.1
 """Units of the last layer's output. It sums 81 `width` products, and one step of Adam moves each of
 their weights by the learning rate: unscaled, one step could repaint a pixel from black to white."""
 
@@ -92,7 +92,7 @@ class StyleNetwork(nn.Module):
         padding = (0, -width % _REDUCTION, 0, -height % _REDUCTION)
         x = functional.pad(images - 0.5, padding, mode="reflect")
         y = self.decoder(self.residual(self.encoder(x)))
-        return cast("Tensor", 0.5 + _OUTPUT_SCALE * y[..., :height, :width])
+        return cast("Tensor", 0.5 + OUTPUT_SCALE * y[..., :height, :width])
 
     def _initialize(self, generator: torch.Generator) -> None:
         for module in self.modules():

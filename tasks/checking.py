@@ -16,7 +16,6 @@ from luigi.cmdline_parser import CmdlineParser
 
 from styletrf.errors import InputError
 from tasks.stage import Stage, TunedStage
-from tasks.style import StyleNetwork
 
 
 @functools.cache
@@ -24,13 +23,13 @@ def check_command(command: CmdlineParser) -> None:
     """Ends a command that is bound to fail, with one line, before its first stage.
 
     Raises:
-        SystemExit: A setting, the device or the perceptual network cannot be used.
+        SystemExit: A setting, the device or a combination of words cannot be used.
     """
     stages = _graph(command.get_task_obj())  # type: ignore[no-untyped-call]
     try:
         for stage in stages:
-            if isinstance(stage, StyleNetwork):
-                stage.require_fitting_weights()
+            if isinstance(stage, Stage):
+                stage.require_sound()
     except InputError as error:
         raise SystemExit(str(error)) from error
     tuned = [stage for stage in stages if isinstance(stage, TunedStage) and stage.settings]
@@ -45,28 +44,31 @@ def check_command(command: CmdlineParser) -> None:
 
 def configurations() -> dict[str, type]:
     """Returns the configuration of each stage that takes settings, by family."""
-    from styletrf.adaptation import AdaptationConfig
     from styletrf.camera_poses import CameraPosesConfig
     from styletrf.consistency import ConsistencyConfig
     from styletrf.content_images import ContentConfig
     from styletrf.field_training_config import FieldTrainingConfig
     from styletrf.frames import FramesConfig
+    from styletrf.gatys import GatysConfig
+    from styletrf.priors import PriorsConfig
     from styletrf.rendering import RenderConfig
     from styletrf.scene_capture import CaptureConfig
     from styletrf.scene_model import SceneModelConfig
-    from styletrf.style_training import StyleTrainingConfig
+    from styletrf.style_training_config import StyleTrainingConfig
+    from styletrf.stylization import StylizationConfig
 
     return {
         "CameraPoses": CameraPosesConfig,
         "ConsistencyMetrics": ConsistencyConfig,
         "ContentImages": ContentConfig,
-        "PriorRenders": FramesConfig,
+        "PriorRenders": PriorsConfig,
         "QualityMetrics": RenderConfig,
         "RadianceField": FieldTrainingConfig,
         "SceneCapture": CaptureConfig,
         "SceneModel": SceneModelConfig,
         "StyleNetwork": StyleTrainingConfig,
-        "StylizedField": AdaptationConfig,
+        "StylizedField": StylizationConfig,
+        "StylizedPriors": GatysConfig,
         "StylizedFrames": RenderConfig,
         "TrajectoryFrames": FramesConfig,
     }

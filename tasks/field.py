@@ -1,7 +1,7 @@
 """The radiance field and its renders."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -86,17 +86,21 @@ class PathRenders(TunedStage):
         }
 
     @abstractmethod
-    def path(self) -> Callable[..., list[Any]]:
-        """The function of the photographs' cameras, the model and a config that gives the path."""
+    def config(self, values: Mapping[str, Any]) -> Any:
+        """The configuration of path and renders from the settings."""
+
+    @abstractmethod
+    def cameras(
+        self, inputs: Mapping[str, Path], photographed: list[Any], model: Any, config: Any
+    ) -> list[Any]:
+        """The cameras to render, from those of the photographs."""
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the path."""
         from styletrf.camera_table import read_cameras
-        from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.field import load_field
         from styletrf.frames import (
-            FramesConfig,
             float_frames,
             rendered,
             write_clip,
@@ -104,10 +108,10 @@ class PathRenders(TunedStage):
         )
         from styletrf.scene_model import read_scene_model
 
-        config = configured(FramesConfig, self.values())
+        config = self.config(self.values())
         model = read_scene_model(inputs["model"] / "scene.json")
         photographed = model.normalized(read_cameras(inputs["poses"] / "cameras.parquet"))
-        cameras = self.path()(photographed, model, config.trajectory)
+        cameras = self.cameras(inputs, photographed, model, config)
         renders = rendered(
             load_field(inputs["field"]),
             model.space,
@@ -121,20 +125,50 @@ class PathRenders(TunedStage):
 
 
 class PriorRenders(PathRenders):
-    """The few views that the style network will paint, spread over what the path sees."""
+    """The few views that the style network will paint: they show all that the path sees."""
 
-    def path(self) -> Callable[..., list[Any]]:
-        """The viewpoints that fill what the fly-through goes around."""
+    def requires(self) -> Mapping[str, Stage]:
+        """The field, what places the candidates, and what the path sees."""
+        return {**super().requires(), "trajectory": self.need(TrajectoryFrames)}
+
+    def config(self, values: Mapping[str, Any]) -> Any:
+        """Candidates, choice and renders."""
+        from styletrf.configuration import configured
+        from styletrf.priors import PriorsConfig
+
+        return configured(PriorsConfig, values)
+
+    def cameras(
+        self, inputs: Mapping[str, Path], photographed: list[Any], model: Any, config: Any
+    ) -> list[Any]:
+        """The viewpoints, of those that fill what the fly-through goes around, that are needed."""
+        from styletrf.devices import device_named
+        from styletrf.field import load_field
+        from styletrf.priors import needed_views
         from styletrf.trajectories import prior_views
 
-        return prior_views
+        candidates = prior_views(photographed, model, config.trajectory)
+        field = load_field(inputs["field"])
+        device = device_named(self.device)
+        return needed_views(
+            candidates, inputs["trajectory"], field, model.space, config.coverage, device
+        )
 
 
 class TrajectoryFrames(PathRenders):
     """The unstylised frames of the fly-through."""
 
-    def path(self) -> Callable[..., list[Any]]:
+    def config(self, values: Mapping[str, Any]) -> Any:
+        """Path and renders."""
+        from styletrf.configuration import configured
+        from styletrf.frames import FramesConfig
+
+        return configured(FramesConfig, values)
+
+    def cameras(
+        self, inputs: Mapping[str, Path], photographed: list[Any], model: Any, config: Any
+    ) -> list[Any]:
         """The fly-through."""
         from styletrf.trajectories import fly_through
 
-        return fly_through
+        return fly_through(photographed, model, config.trajectory)

@@ -6,10 +6,11 @@ from pathlib import Path
 import luigi
 
 from pipeline.task import RunContext
+from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.scene import CameraPoses, SceneModel
 from tasks.stage import Stage, TunedStage
-from tasks.stylization import StyledStage, StylizedFrames
+from tasks.stylization import StylizedFrames
 
 
 class QualityMetrics(TunedStage):
@@ -59,7 +60,7 @@ class QualityMetrics(TunedStage):
         write_summary(out / "summary.json", means)
 
 
-class ConsistencyMetrics(TunedStage, StyledStage):
+class ConsistencyMetrics(TunedStage, FrameControls):
     """The paper's short- and long-term error of the stylised frames, with floors.
 
     Leaves `pairs.parquet` and `summary.json`.

@@ -44,6 +44,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "learning_rate": (2e-3, 2e-3, 1e-3),
         "final_learning_rate": (3e-4, 3e-4, 1e-3),
         "identity_iterations": (150, 150, 0),
+        "warm_start": (True, True, False),
+        "steadiness.weight": (40.0, 40.0, 0.0),
         "loss.relative": (
             True,
             True,
@@ -60,7 +62,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "bfloat16": (True, True, False),
     },
     "PriorRenders": {
-        "trajectory.frames": (20, 25, 30),
+        "trajectory.frames": (40, 40, 40),
+        "coverage.count": (0, 0, 30),
         "render.termination": (1e-2, 3e-3, 1e-3),
         "render.min_weight": (1e-2, 5e-3, 1e-3),
     },
@@ -77,8 +80,12 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "termination": (1e-2, 3e-3, 1e-3),
         "min_weight": (1e-2, 5e-3, 1e-3),
     },
+    "StylizedPriors": {
+        "style_px": (420, 420, 256),
+    },
     "StylizedField": {
-        "iterations": (600, 1000, 1000),
+        "adaptation.iterations": (600, 1000, 1000),
+        "style_px": (420, 420, 256),
     },
 }
 

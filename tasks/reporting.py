@@ -42,7 +42,7 @@ def report_content(
         unstylized_video="unstylized.mp4",
         poster="poster.png",
         style_image="style.png",
-        priors=[f"priors/{path.name}" for path in sorted((inputs["priors"] / "frames").iterdir())],
+        priors=_priors(inputs),
         curves=_curves(inputs),
         metrics=_metrics(summary_of(inputs)),
         stages=[_cost(record) for record in lineage],
@@ -70,7 +70,8 @@ def _command(words: Mapping[str, Any], lineage: Sequence[ActionRecord]) -> str:
     """Returns the command that makes this result again, with the settings the user changed."""
     command = ["luigi", "--module", "tasks", "StylizedTrajectory"]
     for name, value in words.items():
-        command += [f"--{name}", str(value)]
+        told = json.dumps(dict(value)) if isinstance(value, Mapping) else str(value)
+        command += [f"--{name.replace('_', '-')}", told]
     for record in lineage:
         usual = settings_for(record.action.family, words["quality"])
         told = _parameters(record).get("settings", {})
@@ -92,14 +93,21 @@ def _cost(record: ActionRecord) -> StageCost:
     )
 
 
+def _priors(inputs: Mapping[str, Path]) -> list[str]:
+    folder = inputs.get("priors")
+    return sorted(f"priors/{p.name}" for p in (folder / "frames").iterdir()) if folder else []
+
+
 def _curves(inputs: Mapping[str, Path]) -> list[Curve]:
-    field = read_rows(inputs["field"] / "curve.parquet")
-    network = read_rows(inputs["network"] / "curve.parquet")
-    adaptation = read_rows(inputs["adaptation"] / "curve.parquet")
+    shown = {
+        "field": ("Radiance field", "PSNR of training rays, dB", "psnr"),
+        "network": ("Style network", "perceptual loss", "loss"),
+        "adaptation": ("Adaptation to the style", "PSNR against the priors, dB", "psnr"),
+    }
     return [
-        _curve("Radiance field", "PSNR of training rays, dB", field, "psnr"),
-        _curve("Style network", "perceptual loss", network, "loss"),
-        _curve("Adaptation to the style", "PSNR against the priors, dB", adaptation, "psnr"),
+        _curve(title, quantity, read_rows(inputs[name] / "curve.parquet"), column)
+        for name, (title, quantity, column) in shown.items()
+        if name in inputs and (inputs[name] / "curve.parquet").exists()
     ]
 
 

@@ -37,6 +37,13 @@ class Stage(StoredTask):
         """Whether it computes, and may do so on a GPU."""
         return self.computes and self.device != "cpu"
 
+    def require_sound(self) -> None:
+        """Refuses parameters that do not go together, before anything long begins.
+
+        Raises:
+            InputError: They do not.
+        """
+
     def complete(self) -> bool:
         """Whether the artifact exists; the first that does not has its command looked at."""
         is_complete = super().complete()

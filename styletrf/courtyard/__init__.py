@@ -12,7 +12,7 @@ from styletrf.courtyard.capture import (
     courtyard_cameras,
     render_view,
 )
-from styletrf.courtyard.flow import exact_flow
+from styletrf.exact_flow import exact_flow
 
 __all__ = [
     "KINDS",

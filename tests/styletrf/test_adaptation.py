@@ -7,8 +7,9 @@ import torch
 from mini_scene import painted_plane
 from test_field_training import CONFIG, fit
 
-from styletrf.adaptation import AdaptationConfig, adapt_appearance, march_once
+from styletrf.adaptation import AdaptationConfig, adapt_appearance
 from styletrf.kernels import kernels_for
+from styletrf.ray_cache import march_once
 from styletrf.rendering import RenderConfig, render_rays
 from styletrf.space import ViewRays
 
@@ -29,25 +30,24 @@ def field(scene):
 
 def test_the_cache_renders_what_the_field_renders(scene, field):
     rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
-    config = replace(ADAPTATION, iterations=1, batch=300, min_weight=0.0, termination=0.0)
-    generator = torch.Generator().manual_seed(7)
-    cache = march_once(field, rays, scene.images, config, KERNELS, generator)
-    samples, drawn = cache.batch(0, 300)
-    components = KERNELS.features(field.appearance.factors, samples.positions)
-    colors = field.appearance.shading.decode(
-        components, cache.view_directions[drawn], samples.ray, KERNELS
+    draw = torch.randperm(len(scene.cameras) * 20 * 20)[:300]
+    cache = march_once(
+        field,
+        rays,
+        scene.images,
+        draw,
+        KERNELS,
+        min_weight=0.0,
+        termination=0.0,
+        cache_bytes=1 << 30,
     )
-    color = KERNELS.composite(samples, colors)
-    background = torch.sigmoid(field.appearance.background)
-    color = color + (1 - cache.opacity)[:, None] * background
+    color = torch.cat([tile.color(field.appearance, KERNELS) for tile in cache.tiles(128)])
+    torch.testing.assert_close(color, cache.batch(0, 300).color(field.appearance, KERNELS))
 
-    generator.manual_seed(7)
-    draw = torch.randperm(len(scene.cameras) * 20 * 20, generator=generator)[:300]
     view, row, column = draw // 400, draw % 400 // 20, draw % 20
     pixels = torch.stack([column, row], dim=-1).double() + 0.5
     exact = render_rays(field, KERNELS, rays.segments(view, pixels), RenderConfig(0.0, 0.0))
-    # the cache jitters its samples within a step, the render takes the middle
-    assert (color - exact.color).abs().mean() < 0.02
+    torch.testing.assert_close(color, exact.color, atol=1e-5, rtol=0)
     torch.testing.assert_close(cache.target, scene.images[view, row, column].float() / 255)
 
 
@@ -80,14 +80,14 @@ def test_the_same_seed_gives_the_same_appearance(scene):
 
 def test_the_cache_is_bounded_and_gone_through_again(scene, field):
     rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
-    config = replace(ADAPTATION, iterations=10**4, cache_bytes=1)
-    generator = torch.Generator().manual_seed(0)
-    cache = march_once(field, rays, scene.images, config, KERNELS, generator)
+    pixels = torch.arange(scene.images[..., 0].numel()).repeat(30)
+    cache = march_once(
+        field, rays, scene.images, pixels, KERNELS, min_weight=2e-3, termination=1e-3, cache_bytes=1
+    )
     n = len(cache.opacity)
-    assert n <= scene.images[..., 0].numel(), "no pixel is marched twice"
+    assert n < len(pixels), "what exceeds the cache is not marched"
     batches = n // 256
     for k in (0, batches - 1):
         first, second = cache.batch(k, 256), cache.batch(k + batches, 256)
-        assert first[1] == second[1]
-        assert torch.equal(first[0].positions, second[0].positions)
-    assert len(cache.opacity[cache.batch(0, 10 * n)[1]]) == n, "fewer rays than a batch"
+        assert torch.equal(first.samples.positions, second.samples.positions)
+    assert len(cache.batch(0, 10 * n).opacity) == n, "fewer rays than a batch"

@@ -11,17 +11,16 @@ from styletrf.content_sources import embedded_source
 from styletrf.errors import InputError
 from styletrf.perceptual_loss import PerceptualLossConfig
 from styletrf.style_network import StyleNetwork, StyleNetworkConfig
-from styletrf.style_training import (
-    StyleTrainingConfig,
-    computes_in_bfloat16,
-    train_style_network,
-)
+from styletrf.style_step import computes_in_bfloat16
+from styletrf.style_training import train_style_network
+from styletrf.style_training_config import StyleTrainingConfig
 from styletrf.vgg import VGG16
 
 TINY = StyleTrainingConfig(
     network=StyleNetworkConfig(width=4, n_residual=1),
     iterations=8,
     identity_iterations=2,
+    warm_start=False,
     batch=1,
     crop_px=32,
     style_px=64,
@@ -86,7 +85,9 @@ def test_loss_falls_and_the_curve_says_so(vgg: VGG16, content: Path, tmp_path: P
     assert [row.iteration for row in curve] == list(range(1, 41))
     assert sum(row.loss for row in curve[-5:]) < 0.75 * sum(row.loss for row in curve[:5])
     for row in curve:
-        assert row.loss == pytest.approx(row.content + row.style + row.tv, rel=1e-5)
+        assert row.loss == pytest.approx(
+            row.content + row.style + row.tv + row.steadiness, rel=1e-5
+        )
     assert all(a.seconds <= b.seconds for a, b in pairwise(curve))
 
 

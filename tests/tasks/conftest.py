@@ -25,7 +25,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "field.features": 4,
         "field.hidden": 8,
     },
-    "PriorRenders": {"trajectory.frames": 3},
+    "PriorRenders": {"trajectory.frames": 3, "coverage.count": 3},
     "TrajectoryFrames": {"trajectory.frames": 7},
     "StyleNetwork": {
         "network.width": 4,
@@ -36,7 +36,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "style_px": 64,
     },
     "ContentImages": {"count": 8},
-    "StylizedField": {"iterations": 10, "batch": 64},
+    "StylizedField": {"adaptation.iterations": 10, "adaptation.batch": 64},
 }
 
 

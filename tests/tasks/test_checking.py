@@ -31,7 +31,7 @@ def said(photographs: Path, *words: str) -> tuple[int, str]:
     [
         (
             ["--StylizedField-settings", '{"iteration": 3}'],
-            "--StylizedField-settings, setting 'iteration': AdaptationConfig has no such field.",
+            "--StylizedField-settings, setting 'iteration': StylizationConfig has no such field.",
         ),
         (
             ["--RadianceField-settings", '{"field.hidden": "many"}'],
@@ -56,6 +56,8 @@ def test_a_cell_of_a_grid_is_looked_at(photographs):
 
 
 def test_the_settings_of_the_task_itself_are_looked_at(photographs):
-    status, screen = said(photographs, "StylizedField", *CELL, "--settings", '{"batch": 0.5}')
+    status, screen = said(
+        photographs, "StylizedField", *CELL, "--settings", '{"adaptation.batch": 0.5}'
+    )
     assert (status, ": started" in screen) == (1, False)
-    assert "--StylizedField-settings, setting 'batch'" in screen
+    assert "--StylizedField-settings, setting 'adaptation.batch'" in screen

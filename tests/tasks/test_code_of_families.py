@@ -47,7 +47,7 @@ class Workbench:
             stdout=subprocess.PIPE,
             text=True,
         )
-        self.untouched = {path: path.read_text() for path in folder.rglob("*.*") if path.is_file()}
+        self.untouched = {path: path.read_bytes() for path in folder.rglob("*.*") if path.is_file()}
         self.before = self.codes()
 
     def pipeline(self, *arguments: str) -> None:
@@ -73,8 +73,8 @@ class Workbench:
         path.write_text(text)
 
     def restore(self) -> None:
-        for path, text in self.untouched.items():
-            path.write_text(text)
+        for path, content in self.untouched.items():
+            path.write_bytes(content)
 
 
 @pytest.fixture(scope="module")
@@ -122,14 +122,14 @@ EDITS = {  # file, what is replaced by what, and the families whose results may 
         "styletrf/occupancy.py",
         "POINT = 0.5",
         "POINT = 0.6",
-        "RadianceField SceneReport",
+        "RadianceField SceneReport StylizedField",
     ),
     "three imports away": ("styletrf/video.py", "_ENCODERS = {", "_ENCODERS = {**{},", CLIPS),
     "of the network": (
         "styletrf/style_network.py",
         "SCALE = 0.1",
         "SCALE = 0.2",
-        "StyleNetwork StylizedPriors",
+        "StyleNetwork StylizedPriors StylizedFrames",
     ),
     "of a measure": ("styletrf/metrics.py", "_WINDOW = 11", "_WINDOW = 13", "QualityMetrics"),
     "of the flow": ("styletrf/flow.py", "_SIDE = 12", "_SIDE = 13", "ConsistencyMetrics"),
@@ -218,7 +218,14 @@ assert time.perf_counter() - started < 5, "usually 1.3 s"
     assert "waits for " in states["StylizedTrajectory"]
 
 
-BY_VALUE = {"tasks.stage:TunedStage.values", "tasks.stage:_thawed", "tasks.qualities:settings_for"}
+BY_VALUE = {
+    "tasks.qualities:settings_for",
+    "tasks.stage:TunedStage.values",
+    "tasks.stage:_thawed",
+    "tasks.style:StyleNetwork.values",
+    "tasks.stylization:StylizedField.fit_values",
+    "tasks.stylization:StylizedPriors.values",
+}
 """What `identity_parameters` returns stands in the key itself."""
 
 

@@ -46,9 +46,9 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "crop_px": 32,
         "style_px": 64,
     },
-    "PriorRenders": {"trajectory.frames": 4},
+    "PriorRenders": {"trajectory.frames": 6},
     "TrajectoryFrames": {"trajectory.frames": FRAMES},
-    "StylizedField": {"iterations": 20, "batch": 256},
+    "StylizedField": {"adaptation.iterations": 20, "adaptation.batch": 256},
 }
 OF_THE_STYLE = {
     "StyleImage",

@@ -11,7 +11,7 @@ from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.perceptual_loss import PerceptualLossConfig
 from styletrf.rendering import RenderConfig
-from styletrf.style_training import StyleTrainingConfig
+from styletrf.style_training_config import StyleTrainingConfig
 from tasks.checking import configurations
 from tasks.qualities import QUALITIES, settings_for
 
@@ -139,10 +139,10 @@ def test_paper_has_the_published_loss():
 def test_the_published_loss_is_refused_where_its_weights_do_not_fit(perceptual):
     words = {"scene": "s", "style": "t", "perceptual": perceptual}
     with pytest.raises(InputError, match="--perceptual torchvision"):
-        tasks.StyleNetwork(quality="paper", **words).require_fitting_weights()
-    tasks.StyleNetwork(quality="standard", **words).require_fitting_weights()
+        tasks.StyleNetwork(quality="paper", **words).require_sound()
+    tasks.StyleNetwork(quality="standard", **words).require_sound()
     words["perceptual"] = "torchvision"
-    tasks.StyleNetwork(quality="paper", **words).require_fitting_weights()
+    tasks.StyleNetwork(quality="paper", **words).require_sound()
 
 
 def test_grid_has_a_cell_for_every_scene_and_style():

@@ -1,0 +1,256 @@
+"""What a style network costs and reaches: `python benchmarks/style.py --help`.
+
+    style.py train mosaic udnie --weights VGG --at 100 300 800 --set training.warm_start=false
+    style.py adapt horns mosaic --priors 20 --set adaptation.iterations=600
+    style.py adapt horns mosaic --uncached
+    style.py paint --size 504 378
+
+Styles and content lie below `STYLETRF_DATA`; every eighth content image is held out. A row of JSON
+is printed a measurement: the style and content terms on the held-out images (256 pixels square),
+and how little the painting changes when the photograph moves (`unsteady`, the mean squared
+difference). Seconds are those of training alone. `adapt` has the scene and its painted priors made
+by the tasks, and prints the PSNR of renders of the adapted field against these. Without the cache
+every iteration marches its rays anew and keeps every sample.
+"""
+
+import argparse
+import json
+import resource
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import luigi
+import torch
+
+from pipeline.settings import data_root
+from pipeline.task import artifact
+from styletrf.adaptation import AdaptationConfig, adapt_appearance, fit_appearance
+from styletrf.configuration import configured
+from styletrf.content_batches import content_batches, read_content
+from styletrf.content_images import ContentConfig, write_content_images
+from styletrf.content_sources import ContentSource, folder_source
+from styletrf.frames import rendered
+from styletrf.images import read_rgb, write_rgb
+from styletrf.perceptual_loss import perceptual_loss, style_grams
+from styletrf.ray_cache import RayBatch, march_once
+from styletrf.rendering import RenderConfig
+from styletrf.space import ViewRays
+from styletrf.steadiness import SteadinessConfig, disturbed, steadiness
+from styletrf.style_image import read_style_image
+from styletrf.style_network import StyleNetwork, save_style_network, stylize
+from styletrf.style_step import StyleStep, shrunk
+from styletrf.style_training import begin
+from styletrf.style_training_config import StyleTrainingConfig
+from styletrf.stylization import Stylization, StylizationConfig, load_stylization
+from styletrf.user_folders import find_style
+from styletrf.vgg import VGG16, load_vgg
+from tasks.qualities import QUALITIES, settings_for
+from tasks.stylization import StylizedField
+
+HOLD_OUT_EVERY, HELD_OUT_PX = 8, 256
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of the training."""
+
+    training: StyleTrainingConfig = field(default_factory=StyleTrainingConfig)
+
+
+@dataclass(frozen=True)
+class Content:
+    """The encoded images to train on, and those held out."""
+
+    train: list[bytes]
+    held_out: torch.Tensor  # images 3 256 256
+
+
+def load_content(name: str) -> Content:
+    """Returns the content set of this name, split."""
+    source = folder_source(data_root() / "content" / name)
+    held_out = source.names[::HOLD_OUT_EVERY]
+    train = tuple(n for n in source.names if n not in held_out)
+    with tempfile.TemporaryDirectory() as folder:
+        chosen = ContentSource(source.subject, train, source.read)
+        write_content_images(chosen, Path(folder), ContentConfig(count=len(train)))
+        encoded = read_content(Path(folder))
+    squares = [_square(data_root() / "content" / name / n) for n in held_out]
+    return Content(encoded, torch.stack(squares))
+
+
+def _square(path: Path) -> torch.Tensor:
+    image = read_rgb(path)
+    side = min(image.shape[:2])
+    top, left = (n // 2 - side // 2 for n in image.shape[:2])
+    crop = image[top : top + side, left : left + side]
+    small = cv2.resize(crop, (HELD_OUT_PX, HELD_OUT_PX), interpolation=cv2.INTER_AREA)
+    return torch.from_numpy(small).permute(2, 0, 1)
+
+
+@torch.no_grad()
+def held_out(
+    network: StyleNetwork, vgg: VGG16, grams: dict[str, torch.Tensor], images: torch.Tensor,
+    config: StyleTrainingConfig,
+) -> dict[str, float]:  # fmt: skip
+    """Returns the mean terms of the loss, and the unsteadiness against one disturbance."""
+    rows = []
+    for k, image in enumerate(images.split(1)):
+        pair = disturbed(image, SteadinessConfig(), torch.Generator().manual_seed(k))
+        painted = network(image).clamp(0, 1)
+        terms = perceptual_loss(vgg, painted, image, grams, config.loss)
+        unsteady = steadiness(painted, network(pair.second).clamp(0, 1), pair)
+        rows.append(torch.stack([terms.style, terms.content, unsteady]))
+    style, content, unsteady = torch.stack(rows).mean(dim=0).tolist()
+    row = {"style": style, "content": content, "style_and_content": style + content}
+    return row | {"unsteady": unsteady}
+
+
+def trained(
+    name: str, content: Content, vgg: VGG16, settings: Settings, at: list[int], out: Path | None
+) -> Iterator[dict[str, Any]]:
+    """Yields what a training has reached after each of the given iterations and at its end."""
+    training, config = begin(settings.training, torch.device("cpu"))
+    style = torch.from_numpy(read_style_image(find_style(data_root(), name)))
+    step, grams = StyleStep(config, vgg, style), style_grams(vgg, shrunk(style, config.style_px))
+    batches = content_batches(
+        content.train, batch=config.batch, size_px=config.crop_px, seed=config.seed
+    )
+    seconds = 0.0
+    for k in range(config.iterations):
+        started = time.monotonic()
+        step(training, k, next(batches))
+        seconds += time.monotonic() - started
+        if k + 1 in (*at, config.iterations):
+            told = held_out(training.network, vgg, grams, content.held_out, config)
+            yield {"style_image": name, "iteration": k + 1, "seconds": seconds} | told
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        save_style_network(training.network, out)
+        with torch.inference_mode():
+            shown = training.network(content.held_out[:6]).clamp(0, 1)
+        pairs = torch.cat([content.held_out[:6], shown], dim=-1)
+        write_rgb(out / "held_out.png", torch.cat([*pairs], dim=1).permute(1, 2, 0).numpy())
+
+
+def train(options: argparse.Namespace) -> None:
+    """Prints what trainings reach."""
+    values = {f"training.{k}": v for k, v in settings_for("StyleNetwork", options.quality).items()}
+    for setting in options.set:
+        name, _, value = setting.partition("=")
+        values[name] = json.loads(value)
+    settings = configured(Settings, values)
+    content, vgg = load_content(options.content), load_vgg(options.weights)
+    for name in options.styles:
+        out = options.out / name if options.out else None
+        for row in trained(name, content, vgg, settings, options.at, out):
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+            print(json.dumps(row | {"peak_rss_mb": round(peak)}), flush=True)  # noqa: T201
+
+
+def adapt(options: argparse.Namespace) -> None:
+    """Prints what adaptations of a field to painted priors reach."""
+    values = settings_for("StylizedField", "draft")
+    for setting in options.set:
+        name, _, value = setting.partition("=")
+        values[name] = json.loads(value)
+    config = configured(StylizationConfig, values).adaptation
+    if options.priors:
+        usual = {**settings_for("PriorRenders", "draft"), "coverage.count": options.priors}
+        luigi.configuration.get_config().set("PriorRenders", "settings", json.dumps(usual))
+    stage = StylizedField(scene=options.scene, style=options.style, quality="draft")
+    needed = stage.requires()
+    if not luigi.build(list(needed.values()), local_scheduler=True, log_level="WARNING"):
+        raise SystemExit("a stage before failed")
+    inputs = {name: artifact(task) for name, task in needed.items()}
+    job = load_stylization(inputs, torch.device("cpu"), "pixels")
+    started, cpu = time.monotonic(), time.process_time()
+    if options.uncached:
+        fit_appearance(job.field.appearance, _marched_anew(job, config), config, job.kernels)
+    else:
+        adapt_appearance(job.field, job.cameras, job.painted, job.model.space, config, job.kernels)
+    row = {
+        "scene": options.scene, "style": options.style, "priors": len(job.cameras),
+        "uncached": options.uncached, "seconds": time.monotonic() - started,
+        "cpu_seconds": time.process_time() - cpu, "psnr_to_priors": _to_priors(job),
+        "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+    }  # fmt: skip
+    print(json.dumps(row), flush=True)  # noqa: T201
+
+
+def _marched_anew(job: Stylization, config: AdaptationConfig) -> Iterator[RayBatch]:
+    field, generator = job.field, torch.Generator().manual_seed(config.seed)
+    rays = ViewRays(
+        job.cameras, job.model.space.within(field.bounds), field.step_length, job.painted.device
+    )
+    for _ in range(config.iterations):
+        draws = torch.randint(job.painted.shape[:3].numel(), (config.batch,), generator=generator)
+        cache = march_once(
+            field, rays, job.painted, draws, job.kernels,
+            min_weight=0.0, termination=1e-4, cache_bytes=1 << 40, generator=generator,
+        )  # fmt: skip
+        yield cache.batch(0, config.batch)
+
+
+def _to_priors(job: Stylization) -> float:
+    render = RenderConfig(termination=1e-4, min_weight=1e-4)
+    shown = rendered(job.field, job.model.space, job.cameras, render, torch.device("cpu"))
+    errors = [
+        (r.color - p.float() / 255).square().mean() for r, p in zip(shown, job.painted, strict=True)
+    ]
+    return float(-10 * torch.stack(errors).mean().log10())
+
+
+def paint(options: argparse.Namespace) -> None:
+    """Prints the seconds in which networks of both sizes paint an image."""
+    width, height = options.size
+    image = torch.rand(height, width, 3)
+    for name, quality in (("compact", "draft"), ("full", "standard")):
+        values = {f"training.{k}": v for k, v in settings_for("StyleNetwork", quality).items()}
+        network = StyleNetwork(configured(Settings, values).training.network)
+        seconds = []
+        for _ in range(options.repeats):
+            started = time.monotonic()
+            stylize(network, image)
+            seconds.append(time.monotonic() - started)
+        seconds.sort()
+        told = {"network": name, "best": seconds[0], "median": seconds[len(seconds) // 2]}
+        print(json.dumps(told), flush=True)  # noqa: T201
+
+
+def main() -> None:
+    """Runs the mode that the command line names."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    modes = parser.add_subparsers(required=True)
+    one = modes.add_parser("train", help=train.__doc__)
+    one.add_argument("styles", nargs="+")
+    one.add_argument("--weights", type=Path, required=True)
+    one.add_argument("--content", default="coco128")
+    one.add_argument("--quality", choices=QUALITIES, default="draft")
+    one.add_argument("--at", type=int, nargs="*", default=[])
+    one.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
+    one.add_argument("--out", type=Path)
+    one.set_defaults(run=train)
+    two = modes.add_parser("adapt", help=adapt.__doc__)
+    two.add_argument("scene")
+    two.add_argument("style")
+    two.add_argument("--priors", type=int, default=0, help="how many, instead of as many as cover")
+    two.add_argument("--uncached", action="store_true")
+    two.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
+    two.set_defaults(run=adapt)
+    three = modes.add_parser("paint", help=paint.__doc__)
+    three.add_argument("--size", type=int, nargs=2, default=(504, 378))
+    three.add_argument("--repeats", type=int, default=7)
+    three.set_defaults(run=paint)
+    options = parser.parse_args()
+    options.run(options)
+
+
+if __name__ == "__main__":
+    main()

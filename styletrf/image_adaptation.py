@@ -1,0 +1,120 @@
+"""Adapting an appearance to a loss of whole renders, by deferred back-propagation.
+
+As in ARF (Zhang et al., ECCV 2022, section 4.2): a view is rendered without gradients, the loss of
+the whole image tells each pixel's gradient, and the view is rendered again tile by tile to take it
+to the parameters. Memory depends on the tile, not on the image.
+"""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import UInt8
+from torch import Tensor
+
+from styletrf.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
+from styletrf.cameras import Camera
+from styletrf.errors import NotFiniteError
+from styletrf.field import RadianceField
+from styletrf.kernels import Kernels
+from styletrf.progress import Progress, silent
+from styletrf.ray_cache import RayCache, march_once
+from styletrf.space import Space, ViewRays
+from styletrf.stroke_losses import ImageLoss
+
+_TILE = 1 << 14
+
+
+@dataclass(frozen=True, slots=True)
+class ImageAdaptationConfig:
+    """How often, and how fast compared with the adaptation to pixels before."""
+
+    iterations: int = 60  # a view each
+    rate: float = 0.2  # times those of the adaptation
+
+
+def adapt_to_image_loss(
+    field: RadianceField,
+    cameras: Sequence[Camera],
+    plain: UInt8[Tensor, "views height width 3"],
+    space: Space,
+    image_loss: ImageLoss,
+    config: ImageAdaptationConfig,
+    adaptation: AdaptationConfig,
+    kernels: Kernels,
+    progress: Progress = silent,
+) -> list[AdaptationPoint]:
+    """Moves `field.appearance` down the loss of whole renders, in place.
+
+    Args:
+        field: The field; its density is only read.
+        cameras: Of the views.
+        plain: The views before any style.
+        space: Of the scene.
+        image_loss: Of a render and the plain view.
+        config: How long.
+        adaptation: Rates, parts and the cache.
+        kernels: The form to compute with.
+        progress: Told the iteration and the loss.
+
+    Returns:
+        The curve; its PSNR is against the plain views.
+
+    Raises:
+        NotFiniteError: The loss stopped being finite.
+    """
+    rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
+    optimizer = optimizer_of(field.appearance, adaptation)
+    order = torch.Generator().manual_seed(adaptation.seed)
+    curve, started = [], time.monotonic()
+    views = torch.cat([torch.randperm(len(plain), generator=order) for _ in range(
+        -(-config.iterations // len(plain))
+    )])  # fmt: skip
+    for k in range(config.iterations):
+        cache = _view_cache(field, rays, plain, int(views[k]), adaptation, kernels)
+        shape = plain.shape[1:]
+        loss, mse = _accumulate(field, cache, shape, image_loss, kernels)
+        if not math.isfinite(loss):
+            raise NotFiniteError("appearance adaptation", "image loss", f"iteration {k}")
+        for group in optimizer.param_groups:
+            decay = adaptation.rate_decay ** (k / config.iterations)
+            group["lr"] = config.rate * group["initial_rate"] * decay
+        optimizer.step()
+        optimizer.zero_grad()
+        psnr = -10 * math.log10(max(mse, 1e-10))
+        curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
+        progress(k + 1, config.iterations, loss=loss)
+    return curve
+
+
+def _view_cache(
+    field: RadianceField, rays: ViewRays, plain: Tensor, view: int, config: AdaptationConfig,
+    kernels: Kernels,
+) -> RayCache:  # fmt: skip
+    pixels = plain.shape[1] * plain.shape[2]
+    draws = torch.arange(view * pixels, (view + 1) * pixels)
+    return march_once(
+        field, rays, plain, draws, kernels, min_weight=config.min_weight,
+        termination=config.termination, cache_bytes=1 << 62,
+    )  # fmt: skip
+
+
+def _accumulate(
+    field: RadianceField, cache: RayCache, shape: Sequence[int], image_loss: ImageLoss,
+    kernels: Kernels,
+) -> tuple[float, float]:  # fmt: skip
+    """Adds the gradient of one view's loss to the appearance; returns it and the squared error."""
+    with torch.no_grad():
+        colors = [tile.color(field.appearance, kernels) for tile in cache.tiles(_TILE)]
+        image = torch.cat(colors).reshape(shape)
+    image.requires_grad_()
+    plain = cache.target.reshape(shape)
+    first = image.permute(2, 0, 1)[None]
+    loss = image_loss(first, plain.permute(2, 0, 1)[None])
+    (gradient,) = torch.autograd.grad(loss, image)
+    of_tiles = gradient.reshape(-1, 3).split(_TILE)
+    for tile, part in zip(cache.tiles(_TILE), of_tiles, strict=True):
+        tile.color(field.appearance, kernels).backward(part)
+    return float(loss.detach()), float((image.detach() - plain).square().mean())

@@ -1,0 +1,48 @@
+"""What paints views: a style network, or an optimisation of each."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from styletrf.gatys import GatysConfig, paint_by_optimization
+from styletrf.images import read_rgb
+from styletrf.progress import Progress, silent
+from styletrf.style_network import load_style_network, stylize
+from styletrf.vgg import load_vgg
+
+Image = Float[np.ndarray, "height width 3"]
+Painter = Callable[[Tensor], Tensor]
+
+
+def network_painter(folder: Path, device: torch.device) -> Painter:
+    """Returns what paints by the network in a folder."""
+    network = load_style_network(folder, device)
+    return lambda image: stylize(network, image.to(device)).cpu()
+
+
+def optimizing_painter(
+    weights: Path, style: Path, config: GatysConfig, device: torch.device
+) -> Painter:
+    """Returns what paints by optimising the pixels of each view."""
+    vgg, manner = load_vgg(weights, device), torch.from_numpy(read_rgb(style)).to(device)
+    paint = partial(paint_by_optimization, vgg, style=manner, config=config)
+    return lambda image: paint(content=image.to(device)).cpu()
+
+
+def painted(paint: Painter, views: Sequence[Image], progress: Progress = silent) -> list[Image]:
+    """Returns all views painted."""
+    return list(each_painted(paint, iter(views), len(views), progress))
+
+
+def each_painted(
+    paint: Painter, views: Iterator[Image], count: int, progress: Progress = silent
+) -> Iterator[Image]:
+    """Yields the views painted, one at a time."""
+    for k, view in enumerate(views):
+        yield paint(torch.from_numpy(view)).numpy()
+        progress(k + 1, count)

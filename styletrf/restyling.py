@@ -1,0 +1,40 @@
+"""To and fro between painting and adapting: what the next round paints."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from styletrf.cameras import Camera
+from styletrf.field import load_stylized_field
+from styletrf.frames import rendered
+from styletrf.rendering import RenderConfig
+from styletrf.scene_model import read_scene_model
+
+Image = Float[np.ndarray, "height width 3"]
+
+
+def halfway_to(
+    plain: Sequence[Image],
+    cameras: Sequence[Camera],
+    inputs: Mapping[str, Path],
+    device: torch.device,
+) -> list[Image]:
+    """Returns the mean of plain views and of what the field of the round before shows there.
+
+    The plain half keeps the objects; the other brings the strokes that all views agree on.
+
+    Args:
+        plain: The prior renders.
+        cameras: Theirs.
+        inputs: Folders: `field`, `before` (of the round before) and `model`.
+        device: Where to render.
+    """
+    renders = rendered(
+        load_stylized_field(inputs["field"], inputs["before"]),
+        read_scene_model(inputs["model"] / "scene.json").space,
+        cameras, RenderConfig(), device,
+    )  # fmt: skip
+    return [(a + r.color.numpy()) / 2 for a, r in zip(plain, renders, strict=True)]

@@ -1,0 +1,100 @@
+"""What stays put when the camera moves a little: a term of the style training.
+
+Of two images that show the same, and of which it is known where each pixel of the first is in the
+second, the painted versions should show the same, too:
+
+    steadiness = mean over valid pixels p of (f(a)(p) - f(b)(p + flow(p)))^2
+
+For a photograph the second image is itself, moved by a fraction of a pixel and noisy, as a render
+from a little further on would be (noise stability as in Gupta et al. 2017, arXiv 1705.02092); for
+renders of a scene it is a nearby render, and the field's depth tells the flow exactly.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional
+
+
+@dataclass(frozen=True, slots=True)
+class SteadinessConfig:
+    """How much steadiness counts, and against what."""
+
+    weight: float = 40.0
+    every: int = 2  # iterations between looks at it; the weight counts as many times
+    shift_px: float = 4.0  # a photograph is moved by at most this along each axis
+    noise: float = 0.02  # standard deviation, of [0, 1]
+    renders: float = 0.0  # share of the iterations that look at renders of the scene instead
+
+    def __post_init__(self) -> None:
+        if self.every < 1 or not 0 <= self.renders <= 1:
+            raise ValueError(f"no such terms: {self}")
+
+
+@dataclass(frozen=True, slots=True)
+class ContentPair:
+    """Content, and the same seen again.
+
+    Attributes:
+        first: RGB in [0, 1].
+        second: The same things a little moved.
+        flow_px: From each pixel of the first to its place in the second, x and y.
+        valid: Where the flow can be trusted.
+    """
+
+    first: Float[Tensor, "batch 3 height width"]
+    second: Float[Tensor, "batch 3 height width"]
+    flow_px: Float[Tensor, "batch height width 2"]
+    valid: Bool[Tensor, "batch height width"]
+
+
+def disturbed(
+    content: Float[Tensor, "batch 3 height width"],
+    config: SteadinessConfig,
+    generator: torch.Generator,
+) -> ContentPair:
+    """Returns photographs with themselves, moved and noisy."""
+    batch, _, height, width = content.shape
+    shift = torch.rand((batch, 1, 1, 2), generator=generator) * 2 - 1
+    flow = (config.shift_px * shift).expand(batch, height, width, 2).to(content)
+    # what is at p + flow in the second is at p in the first
+    moved, _ = seen_along(content, -flow)
+    noise = torch.randn(content.shape, generator=generator).to(content)
+    _, valid = seen_along(content, flow)
+    return ContentPair(content, moved + config.noise * noise, flow, valid)
+
+
+def steadiness(
+    first: Float[Tensor, "batch 3 height width"],
+    second: Float[Tensor, "batch 3 height width"],
+    pair: ContentPair,
+) -> Float[Tensor, ""]:
+    """Returns the mean squared difference of what the pair became; 0 where nothing is valid."""
+    there, inside = seen_along(second, pair.flow_px)
+    valid = (pair.valid & inside)[:, None]
+    difference = torch.where(valid, first - there, 0).square().sum()
+    return difference / (first.shape[1] * valid.sum().clamp(min=1))
+
+
+def seen_along(
+    images: Float[Tensor, "batch channels height width"],
+    flow_px: Float[Tensor, "batch height width 2"],
+) -> tuple[Float[Tensor, "batch channels height width"], Bool[Tensor, "batch height width"]]:
+    """Returns what lies at p + flow(p) for each pixel p, bilinear, and where that is inside.
+
+    Differentiable in the images. What lies outside is the nearest border pixel.
+    """
+    height, width = images.shape[-2:]
+    y, x = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    places = torch.stack([x, y], dim=-1).to(flow_px) + flow_px
+    size = flow_px.new_tensor([width, height])
+    seen = functional.grid_sample(
+        images,
+        ((2 * places + 1) / size - 1).to(images),
+        padding_mode="border",
+        align_corners=False,
+    )
+    inside = ((places >= 0) & (places <= size - 1)).all(dim=-1)
+    return seen, inside

