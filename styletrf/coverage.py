@@ -22,9 +22,9 @@ class CoverageConfig:
 
     count: int = 0  # of views; 0: as many as the cover needs
     times: int = 3  # a place is covered that so many views show
-    share: float = 0.98  # of the places that any of the candidates shows
+    share: float = 0.95  # of the places that any of the candidates shows
     depth_px: int = 128  # longer side of the depth that visibility is told by
-    tolerance: float = 0.03  # of the depth, within which a view shows a place
+    tolerance: float = 0.1  # of the depth, within which a view shows a place
 
     def __post_init__(self) -> None:
         if self.count < 0 or self.times < 1 or not 0 < self.share <= 1:

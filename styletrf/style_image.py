@@ -1,5 +1,6 @@
 """The painting: read as a photograph is, and checked."""
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,9 @@ from jaxtyping import Float
 from styletrf.errors import InputError
 from styletrf.images import from_integers
 from styletrf.photographs import read_photograph
+from styletrf.style_survey import told_of_painting
+
+_LOGGER = logging.getLogger(__name__)
 
 SMALLEST_SIDE_PX = 64
 _FLAT_DEVIATION = 0.01  # on [0, 1]: under three levels of 255
@@ -33,4 +37,6 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     if image.std(axis=(0, 1)).max() < _FLAT_DEVIATION:
         remedy = "Give a painting, a drawing or a pattern with visible strokes"
         raise InputError(str(path), "is all one colour, or nearly", remedy)
+    for warning in told_of_painting(image):
+        _LOGGER.warning("%s: %s", path.name, warning)
     return image

@@ -4,6 +4,7 @@ A training can be killed at any moment and goes on from its last checkpoint: bat
 seed and k alone, and a checkpoint holds all that changes: network, Adam's moments and curve.
 """
 
+import logging
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -27,9 +28,12 @@ from styletrf.style_checkpoint import (
     write_checkpoint,
 )
 from styletrf.style_network import StyleNetwork
-from styletrf.style_step import StyleStep
+from styletrf.style_step import StyleStep, shrunk
+from styletrf.style_survey import fine_trace, told_of_trace
 from styletrf.style_training_config import StyleTrainingConfig
 from styletrf.vgg import VGG16
+
+_LOGGER = logging.getLogger(__name__)
 
 
 def train_style_network(
@@ -64,9 +68,11 @@ def train_style_network(
     training, config = begin(config, vgg.mean.device)
     read_checkpoint(path, training)
     step = StyleStep(config, vgg, style)
-    start = len(training.curve)
+    start, encoded = len(training.curve), read_content(content_folder)
+    if start == 0:
+        _warn(config, vgg, style, encoded)
     batches = content_batches(
-        read_content(content_folder),
+        encoded,
         batch=config.batch,
         size_px=config.crop_px,
         seed=config.seed,
@@ -85,6 +91,16 @@ def train_style_network(
                 saved = time.monotonic()
     write_checkpoint(path, training)
     return training.network.eval(), training.curve
+
+
+def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[bytes]) -> None:
+    """Tells what this painting is likely to give."""
+    few = content_batches(encoded, batch=8, size_px=config.crop_px, seed=config.seed)
+    with closing(few):
+        content = next(few).to(vgg.mean.device)
+    ratio = fine_trace(vgg, shrunk(style.to(vgg.mean.device), config.style_px), content)
+    for warning in told_of_trace(ratio):
+        _LOGGER.warning(warning)
 
 
 def _is_due(k: int, share: float) -> bool:
