@@ -36,7 +36,13 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "style_px": 64,
     },
     "ContentImages": {"count": 8},
-    "StylizedField": {"adaptation.iterations": 10, "adaptation.batch": 64},
+    "StylizedPriors": {"iterations": [2, 1], "style_px": 64},
+    "StylizedField": {
+        "adaptation.iterations": 10,
+        "adaptation.batch": 64,
+        "image.iterations": 2,
+        "style_px": 64,
+    },
 }
 
 
@@ -94,14 +100,14 @@ def perceptual_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def photographs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data root with one scene of eight larger photographs and one painting."""
+    """A data root with one scene of eight larger photographs and two paintings."""
     import numpy as np
 
     from styletrf.images import write_rgb
 
     root = tmp_path_factory.mktemp("data")
     rng = np.random.default_rng(0)
-    for folder, names in (("scenes/mini/images", "abcdefgh"), ("styles", "p")):
+    for folder, names in (("scenes/mini/images", "abcdefgh"), ("styles", "pq")):
         (root / folder).mkdir(parents=True)
         for name in names:
             coarse = rng.random((16, 16, 3)).astype(np.float32)
@@ -161,13 +167,14 @@ def build(
 @pytest.fixture(scope="session")
 def mini(
     build: Callable[..., Path], mini_poses: Path, photographs: Path, perceptual_file: Path
-) -> Callable[[str], Path]:
-    """Returns a stage's artifact on the mini scene by its family, building what it needs once."""
+) -> Callable[..., Path]:
+    """Returns a stage's artifact on the mini scene by family and controls, built once."""
     import luigi
 
     import tasks
+    from tasks.trajectory import CONTROLS
 
-    made: dict[str, Path] = {"CameraPoses": mini_poses}
+    made: dict[tuple[str, str], Path] = {("CameraPoses", "{}"): mini_poses}
     words = {
         "scene": "mini",
         "style": "p",
@@ -176,19 +183,29 @@ def mini(
         "perceptual": str(perceptual_file),
     }
 
-    def artifact_of(family: str) -> Path:
-        if family not in made:
+    def controls_of(task: Any) -> dict[str, Any]:
+        names = {*CONTROLS, "style"} & set(task.get_param_names())
+        told = {name: task.param_kwargs[name] for name in names if not task.is_usual(name)}
+        return {n: v for n, v in told.items() if words.get(n) != v}
+
+    def artifact_of(family: str, **controls: Any) -> Path:
+        key = family, json.dumps(controls, sort_keys=True, default=dict)
+        if key not in made:
             kind: type[luigi.Task] = getattr(tasks, family)
             names = set(kind.get_param_names())
             parameters: dict[str, Any] = {k: v for k, v in words.items() if k in names}
             if "settings" in names:
                 parameters["settings"] = SETTINGS.get(family, {})
-            stage = kind(**parameters)
+            stage = kind(**{**parameters, **controls})
+            stage.require_sound()
             with pytest.MonkeyPatch.context() as patch:
                 patch.setenv("STYLETRF_DATA", str(photographs))
-                needed = {n: artifact_of(t.task_family) for n, t in stage.requires().items()}
-                made[family] = build(stage, **needed)
-        return made[family]
+                needed = {
+                    name: artifact_of(task.task_family, **controls_of(task))
+                    for name, task in stage.requires().items()
+                }
+                made[key] = build(stage, **needed)
+        return made[key]
 
     return artifact_of
 
