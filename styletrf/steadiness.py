@@ -22,7 +22,7 @@ from torch.nn import functional
 class SteadinessConfig:
     """How much steadiness counts, and against what."""
 
-    weight: float = 40.0
+    weight: float = 10.0
     every: int = 2  # iterations between looks at it; the weight counts as many times
     shift_px: float = 4.0  # a photograph is moved by at most this along each axis
     noise: float = 0.02  # standard deviation, of [0, 1]
