@@ -3,7 +3,9 @@
 Of two images that show the same, and of which it is known where each pixel of the first is in the
 second, the painted versions should show the same, too:
 
-    steadiness = mean over valid pixels p of (f(a)(p) - f(b)(p + flow(p)))^2
+    steadiness = mean over valid pixels p of (f(a)(p) - f(b)(p + flow(p)))^2 / variance of f(a)
+
+(without the variance a network grows steady by growing grey).
 
 For a photograph the second image is itself, moved by a fraction of a pixel and noisy, as a render
 from a little further on would be (noise stability as in Gupta et al. 2017, arXiv 1705.02092); for
@@ -18,11 +20,14 @@ from torch import Tensor
 from torch.nn import functional
 
 
+_LEAST_VARIANCE = 1e-3  # on [0, 1]: hardly any contrast
+
+
 @dataclass(frozen=True, slots=True)
 class SteadinessConfig:
     """How much steadiness counts, and against what."""
 
-    weight: float = 10.0
+    weight: float = 0.5
     every: int = 2  # iterations between looks at it; the weight counts as many times
     shift_px: float = 4.0  # a photograph is moved by at most this along each axis
     noise: float = 0.02  # standard deviation, of [0, 1]
@@ -71,11 +76,16 @@ def steadiness(
     second: Float[Tensor, "batch 3 height width"],
     pair: ContentPair,
 ) -> Float[Tensor, ""]:
-    """Returns the mean squared difference of what the pair became; 0 where nothing is valid."""
+    """Returns how much of the first's variance the pair differs by; 0 where nothing is valid.
+
+    Differentiable in both. Of a picture without contrast the variance counts as 1e-3.
+    """
     there, inside = seen_along(second, pair.flow_px)
     valid = (pair.valid & inside)[:, None]
     difference = torch.where(valid, first - there, 0).square().sum()
-    return difference / (first.shape[1] * valid.sum().clamp(min=1))
+    difference = difference / (first.shape[1] * valid.sum().clamp(min=1))
+    variance = first.var(dim=(2, 3), unbiased=False).mean()
+    return difference / variance.clamp(min=_LEAST_VARIANCE)
 
 
 def seen_along(

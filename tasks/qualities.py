@@ -37,7 +37,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     "StyleNetwork": {
         "network.width": (24, 32, 32),
         "network.n_residual": (3, 5, 5),
-        "iterations": (900, 2500, 40000),
+        "iterations": (850, 2500, 40000),
         "batch": (1, 2, 4),
         "crop_px": (176, 192, 256),
         "style_px": (420, 420, 256),
@@ -45,7 +45,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "final_learning_rate": (3e-4, 3e-4, 1e-3),
         "identity_iterations": (150, 150, 0),
         "warm_start": (True, True, False),
-        "steadiness.weight": (10.0, 10.0, 0.0),
+        "steadiness.weight": (0.5, 0.5, 0.0),
         "loss.relative": (
             True,
             True,

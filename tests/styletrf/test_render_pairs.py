@@ -38,9 +38,10 @@ def test_what_the_scene_shows_is_steady(folder, k):
     pair = RenderPairs(folder, batch=2, crop_px=24, seed=0)(k)
     assert pair.first.shape == pair.second.shape == (2, 3, 24, 24)
     assert pair.valid.float().mean() > 0.3
-    assert steadiness(pair.first, pair.second, pair) < 1e-4
+    steady = steadiness(pair.first, pair.second, pair)
+    assert steady < 2e-3
     turned = torch.rot90(pair.first, dims=(2, 3))
-    assert steadiness(turned, torch.rot90(pair.second, dims=(2, 3)), pair) > 1e-4
+    assert steadiness(turned, torch.rot90(pair.second, dims=(2, 3)), pair) > 2 * steady
 
 
 def test_a_pair_depends_on_its_number_alone(folder):

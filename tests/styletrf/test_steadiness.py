@@ -31,9 +31,9 @@ def test_a_shift_by_whole_pixels_is_exact():
 def test_what_moves_with_the_photograph_is_steady(shift_px):
     config = SteadinessConfig(shift_px=shift_px, noise=0.0)
     pair = disturbed(smooth_images(), config, torch.Generator().manual_seed(0))
-    assert steadiness(pair.first, pair.second, pair) < 1e-4
+    assert steadiness(pair.first, pair.second, pair) < 2e-3
     recolored = [1 - image for image in (pair.first, pair.second)]
-    assert steadiness(*recolored, pair) < 1e-4
+    assert steadiness(*recolored, pair) < 2e-3
 
 
 def test_what_stays_on_the_screen_is_not():
@@ -46,9 +46,25 @@ def test_what_stays_on_the_screen_is_not():
 def test_noise_counts_by_its_variance():
     config = SteadinessConfig(shift_px=0.0, noise=0.1)
     pair = disturbed(smooth_images(), config, torch.Generator().manual_seed(0))
+    variance = pair.first.var(dim=(2, 3), unbiased=False).mean()
     torch.testing.assert_close(
-        steadiness(pair.first, pair.second, pair), torch.tensor(0.01), rtol=0.1, atol=0
+        steadiness(pair.first, pair.second, pair), 0.01 / variance, rtol=0.1, atol=0
     )
+
+
+def test_less_contrast_is_not_steadier():
+    pair = disturbed(smooth_images(), SteadinessConfig(), torch.Generator().manual_seed(0))
+    strokes = torch.rand(2, 3, 40, 48), torch.rand(2, 3, 40, 48)
+    faint = [0.5 + 0.2 * (image - 0.5) for image in strokes]
+    torch.testing.assert_close(steadiness(*faint, pair), steadiness(*strokes, pair))
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5])
+def test_a_picture_of_one_color_has_finite_steadiness(value):
+    pair = disturbed(smooth_images(), SteadinessConfig(), torch.Generator().manual_seed(0))
+    flat = torch.full((2, 3, 40, 48), value, requires_grad=True)
+    steadiness(flat, flat, pair).backward()
+    assert torch.isfinite(flat.grad).all()
 
 
 def test_nothing_valid_is_no_error_and_has_a_gradient_of_zero():
