@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
-
 _LEAST_VARIANCE = 1e-3  # on [0, 1]: hardly any contrast
 
 
