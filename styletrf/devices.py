@@ -19,3 +19,11 @@ def device_named(name: str) -> torch.device:
             "Use --device auto or cpu, or install a CUDA build of torch",
         )
     return torch.device("cuda" if has_gpu and name != "cpu" else "cpu")
+
+
+def computes_in_bfloat16(device: torch.device) -> bool:
+    """Tells whether the hardware multiplies bfloat16 itself; emulation is slower than float32."""
+    if device.type == "cuda":
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
+    capabilities = torch.cpu.get_capabilities()
+    return bool(capabilities.get("avx512_bf16") or capabilities.get("amx_bf16"))

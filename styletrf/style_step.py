@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.perceptual_loss import PerceptualTerms, perceptual_loss, style_grams
 from styletrf.steadiness import ContentPair, disturbed, steadiness
@@ -88,14 +89,6 @@ class StyleStep:
             return perceptual_loss(self._vgg, output, content, self._grams, self._config.loss)
         none = torch.zeros((), device=output.device)
         return PerceptualTerms(functional.mse_loss(output, content), none, none, none)
-
-
-def computes_in_bfloat16(device: torch.device) -> bool:
-    """Tells whether the hardware multiplies bfloat16 itself; emulation is slower than float32."""
-    if device.type == "cuda":
-        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-    capabilities = torch.cpu.get_capabilities()
-    return bool(capabilities.get("avx512_bf16") or capabilities.get("amx_bf16"))
 
 
 def shrunk(style: Float[Tensor, "height width 3"], short_side_px: int) -> Float[Tensor, "1 3 _ _"]:

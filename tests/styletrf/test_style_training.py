@@ -8,10 +8,10 @@ from torch import Tensor
 
 from styletrf.content_images import ContentConfig, write_content_images
 from styletrf.content_sources import embedded_source
+from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.perceptual_loss import PerceptualLossConfig
 from styletrf.style_network import StyleNetwork, StyleNetworkConfig
-from styletrf.style_step import computes_in_bfloat16
 from styletrf.style_training import train_style_network
 from styletrf.style_training_config import StyleTrainingConfig
 from styletrf.vgg import VGG16
