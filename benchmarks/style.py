@@ -3,6 +3,7 @@
     style.py train mosaic udnie --weights VGG --at 100 300 800 --set training.warm_start=false
     style.py adapt horns mosaic --priors 20 --set adaptation.iterations=600
     style.py adapt horns mosaic --uncached
+    style.py strategies horns mosaic
     style.py paint --size 504 378
 
 Styles and content lie below `STYLETRF_DATA`; every eighth content image is held out. A row of JSON
@@ -10,7 +11,8 @@ is printed a measurement: the style and content terms on the held-out images (25
 and how little the painting changes when the photograph moves (`unsteady`, the mean squared
 difference). Seconds are those of training alone. `adapt` has the scene and its painted priors made
 by the tasks, and prints the PSNR of renders of the adapted field against these. Without the cache
-every iteration marches its rays anew and keeps every sample.
+every iteration marches its rays anew and keeps every sample. `strategies` compares S3, S2 and S1 by
+the PSNR to the priors and by how far the depth of the priors' views is from the unstylised field's.
 """
 
 import argparse
@@ -19,7 +21,7 @@ import resource
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +36,12 @@ from styletrf.configuration import configured
 from styletrf.content_batches import content_batches, read_content
 from styletrf.content_images import ContentConfig, write_content_images
 from styletrf.content_sources import ContentSource, folder_source
+from styletrf.field import RadianceField, load_stylized_field
 from styletrf.frames import rendered
 from styletrf.images import read_rgb, write_rgb
 from styletrf.perceptual_loss import perceptual_loss, style_grams
 from styletrf.ray_cache import RayBatch, march_once
-from styletrf.rendering import RenderConfig
+from styletrf.rendering import RenderConfig, Rendering
 from styletrf.space import ViewRays
 from styletrf.steadiness import SteadinessConfig, disturbed, steadiness
 from styletrf.style_image import read_style_image
@@ -197,12 +200,42 @@ def _marched_anew(job: Stylization, config: AdaptationConfig) -> Iterator[RayBat
 
 
 def _to_priors(job: Stylization) -> float:
-    render = RenderConfig(termination=1e-4, min_weight=1e-4)
-    shown = rendered(job.field, job.model.space, job.cameras, render, torch.device("cpu"))
     errors = [
-        (r.color - p.float() / 255).square().mean() for r, p in zip(shown, job.painted, strict=True)
+        (r.color - p.float() / 255).square().mean()
+        for r, p in zip(_views(job, job.field), job.painted, strict=True)
     ]
     return float(-10 * torch.stack(errors).mean().log10())
+
+
+def _views(job: Stylization, field: RadianceField) -> Iterator[Rendering]:
+    render = RenderConfig(termination=1e-4, min_weight=1e-4)
+    return rendered(field, job.model.space, job.cameras, render, torch.device("cpu"))
+
+
+def strategies(options: argparse.Namespace) -> None:
+    """Prints how near to the priors and how far from the geometry each strategy comes."""
+    for strategy in ("s3", "s2", "s1"):
+        stage = StylizedField(
+            scene=options.scene, style=options.style, quality="draft", strategy=strategy
+        )
+        if not luigi.build([stage], local_scheduler=True, log_level="WARNING"):
+            raise SystemExit("a stage before failed")
+        inputs = {name: artifact(task) for name, task in stage.requires().items()}
+        job = load_stylization(inputs, torch.device("cpu"), "pixels")
+        own = load_stylized_field(inputs["field"], artifact(stage))
+        errors = [
+            ((a.median_depth - b.median_depth).abs() / b.median_depth).flatten()
+            for a, b in zip(_views(job, own), _views(job, job.field), strict=True)
+        ]
+        error = torch.cat(errors)
+        error = torch.where(error.isnan(), 0, error)  # infinite in both
+        told = {
+            "strategy": strategy,
+            "psnr_to_priors": _to_priors(replace(job, field=own)),
+            "median_depth_error": float(error.median()),
+            "beyond_5_percent": float((error > 0.05).float().mean()),
+        }
+        print(json.dumps(told), flush=True)  # noqa: T201
 
 
 def paint(options: argparse.Namespace) -> None:
@@ -244,6 +277,10 @@ def main() -> None:
     two.add_argument("--uncached", action="store_true")
     two.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
     two.set_defaults(run=adapt)
+    four = modes.add_parser("strategies", help=strategies.__doc__)
+    four.add_argument("scene")
+    four.add_argument("style")
+    four.set_defaults(run=strategies)
     three = modes.add_parser("paint", help=paint.__doc__)
     three.add_argument("--size", type=int, nargs=2, default=(504, 378))
     three.add_argument("--repeats", type=int, default=7)

@@ -10,29 +10,51 @@ from jaxtyping import Float
 Image = Float[np.ndarray, "_ _ 3"]
 Colors = Literal["style", "photograph", "luminance"]
 
+_MOST_STRETCH = 1.5
+
 MOST_GAIN = 8.0
 """Of the map along any axis of colour: a painting in greys cannot be given hues by noise."""
 
 
-def in_colors(painted: Sequence[Image], plain: Sequence[Image], colors: Colors) -> list[Image]:
+LEAST_CONTRAST = 0.95
+"""Of painted views, as a share of the plain views' or the painting's, whichever has less."""
+
+
+def in_colors(
+    painted: Sequence[Image], plain: Sequence[Image], painting: Image, colors: Colors
+) -> list[Image]:
     """Returns the painted views in the wanted colours, within [0, 1].
 
-    `style` leaves them; `photograph` moves all of them by the one linear map that gives them the
-    plain views' mean and covariance; `luminance` keeps of the painting the lightness alone (CIE
-    L*a*b*). What a map of colours alone does is the same in every view, so consistency stays.
+    `style` leaves them, but for a contrast that a network has not reached: all views are then
+    stretched alike about their mean, see `LEAST_CONTRAST`; `photograph` moves all of them by the
+    one linear map that gives them the plain views' mean and covariance; `luminance` keeps of the
+    painting the lightness alone (CIE L*a*b*). What a map of colours alone does is the same in every view, so consistency stays.
 
     Args:
         painted: RGB in [0, 1].
         plain: The same views before.
+        painting: The style image.
         colors: Whose.
     """
     if colors == "luminance":
         return [_with_lightness_of(p, q) for p, q in zip(plain, painted, strict=True)]
     if colors == "style":
-        return list(painted)
+        return _stretched(painted, LEAST_CONTRAST * min(_contrast(plain), _contrast([painting])))
     source, target = (np.concatenate([i.reshape(-1, 3) for i in s]) for s in (painted, plain))
     matrix, offset = color_map(source, target)
     return [np.clip(i @ matrix.T + offset, 0, 1).astype(np.float32) for i in painted]
+
+
+def _contrast(views: Sequence[Image]) -> float:
+    """Returns the deviation of all colours of views from their mean colour."""
+    return float(np.sqrt(np.mean([i.var(axis=(0, 1)).mean() for i in views])))
+
+
+def _stretched(views: Sequence[Image], least: float) -> list[Image]:
+    present = _contrast(views)
+    gain = float(np.clip(least / max(present, 1e-6), 1, _MOST_STRETCH))
+    middle = np.mean([i.mean(axis=(0, 1)) for i in views], axis=0)
+    return [np.clip(middle + gain * (i - middle), 0, 1).astype(np.float32) for i in views]
 
 
 def color_map(

@@ -27,11 +27,13 @@ class StylizedPriors(TunedStage, StyleControls):
 
     def requires(self) -> Mapping[str, Stage]:
         """The renders, what paints them, and the field of the round before."""
-        needed: dict[str, Stage] = {"priors": self.need(PriorRenders)}
+        needed: dict[str, Stage] = {
+            "priors": self.need(PriorRenders),
+            "style": self.need(StyleImage),
+        }
         if self.stylizer == "johnson":
             needed["network"] = self.need(StyleNetwork)
         else:
-            needed["style"] = self.need(StyleImage)
             needed["perceptual"] = self.need(PerceptualWeights)
         if self.rounds > 1:
             needed["field"] = self.need(RadianceField)
@@ -57,6 +59,7 @@ class StylizedPriors(TunedStage, StyleControls):
         from styletrf.devices import device_named
         from styletrf.frames import float_frames, write_pictures
         from styletrf.gatys import GatysConfig
+        from styletrf.images import read_rgb
         from styletrf.painting import network_painter, optimizing_painter, painted
         from styletrf.restyling import halfway_to
 
@@ -73,8 +76,9 @@ class StylizedPriors(TunedStage, StyleControls):
             weights, style = inputs["perceptual"] / "vgg16.safetensors", inputs["style"]
             paint = optimizing_painter(weights, style / "style.png", config, device)
         views = painted(paint, content, run.progress)
-        names = [camera.name for camera in cameras]
-        write_pictures(out, names, iter(in_colors(views, plain, cast("Colors", self.colors))))
+        painting = read_rgb(inputs["style"] / "style.png")
+        colored = in_colors(views, plain, painting, cast("Colors", self.colors))
+        write_pictures(out, [camera.name for camera in cameras], iter(colored))
 
 
 class StylizedField(TunedStage, StyleControls):

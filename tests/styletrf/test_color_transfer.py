@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from styletrf.color_transfer import MOST_GAIN, color_map, in_colors
+from styletrf.color_transfer import LEAST_CONTRAST, MOST_GAIN, color_map, in_colors
 
 
 def views(seed: int, spread=(0.1, 0.05, 0.02)) -> list[np.ndarray]:
@@ -12,6 +12,9 @@ def views(seed: int, spread=(0.1, 0.05, 0.02)) -> list[np.ndarray]:
     mixing = rng.normal(size=(3, 3)) * np.array(spread)[:, None]
     colors = 0.5 + rng.normal(size=(2, 24, 32, 3)) @ mixing
     return [image.clip(0, 1).astype(np.float32) for image in colors]
+
+
+PAINTING = np.random.default_rng(9).uniform(size=(20, 20, 3)).astype(np.float32)
 
 
 def all_colors(images) -> np.ndarray:
@@ -42,7 +45,7 @@ def test_a_painting_in_greys_is_not_blown_up(level):
     target = views(1)
     matrix, _ = color_map(all_colors(grey), all_colors(target))
     assert np.linalg.norm(matrix, 2) <= MOST_GAIN * 3
-    recolored = in_colors(grey, target, "photograph")
+    recolored = in_colors(grey, target, PAINTING, "photograph")
     assert all(np.isfinite(image).all() for image in recolored)
     assert np.isfinite(color_map(all_colors(target), all_colors(grey[1:] * 2))[0]).all()
 
@@ -50,18 +53,38 @@ def test_a_painting_in_greys_is_not_blown_up(level):
 def test_one_map_for_all_views_keeps_equal_colors_equal():
     painted = views(0)
     painted[1][:4, :4] = painted[0][:4, :4]
-    recolored = in_colors(painted, views(1), "photograph")
+    recolored = in_colors(painted, views(1), PAINTING, "photograph")
     np.testing.assert_array_equal(recolored[0][:4, :4], recolored[1][:4, :4])
 
 
 def test_luminance_keeps_the_hues_of_the_photograph():
     painted, plain = views(0, (0.02, 0.02, 0.02)), views(1, (0.02, 0.02, 0.02))
-    for new, hue, light in zip(in_colors(painted, plain, "luminance"), plain, painted, strict=True):
+    for new, hue, light in zip(
+        in_colors(painted, plain, PAINTING, "luminance"), plain, painted, strict=True
+    ):
         lab = [cv2.cvtColor(image, cv2.COLOR_RGB2LAB) for image in (new, hue, light)]
         np.testing.assert_allclose(lab[0][..., 0], lab[2][..., 0], atol=0.3)
         np.testing.assert_allclose(lab[0][..., 1:], lab[1][..., 1:], atol=0.5)
 
 
-def test_the_style_keeps_its_own():
-    painted = views(0)
-    assert all(a is b for a, b in zip(in_colors(painted, views(1), "style"), painted, strict=True))
+def deviation(images) -> float:
+    return float(np.sqrt(np.mean([image.var(axis=(0, 1)).mean() for image in images])))
+
+
+@pytest.mark.parametrize("faint", [0.7, 0.9, 1.0, 1.3])
+def test_the_style_keeps_its_own_colors_and_at_least_the_lesser_contrast(faint):
+    plain, painting = views(1, (0.05, 0.05, 0.05)), views(2, (0.06, 0.06, 0.06))[0]
+    least = LEAST_CONTRAST * min(deviation(plain), deviation([painting]))
+    painted = [0.5 + faint * (image - 0.5) for image in plain]
+    shown = in_colors(painted, plain, painting, "style")
+    expected = max(deviation(painted), least)
+    assert deviation(shown) == pytest.approx(expected, rel=0.02)
+    means = [np.mean([i.mean(axis=(0, 1)) for i in images], axis=0) for images in (shown, painted)]
+    np.testing.assert_allclose(*means, atol=0.01)
+
+
+def test_a_pale_painting_stays_pale():
+    plain, pale = views(1), 0.5 + 0.02 * np.random.default_rng(0).normal(size=(32, 32, 3))
+    painted = [(0.5 + 0.1 * (image - 0.5)).astype(np.float32) for image in plain]
+    shown = in_colors(painted, plain, pale.astype(np.float32), "style")
+    assert deviation(shown) <= max(deviation(painted), deviation([pale])) * 1.01
