@@ -28,7 +28,8 @@ def in_colors(
     `style` leaves them, but for a contrast that a network has not reached: all views are then
     stretched alike about their mean, see `LEAST_CONTRAST`; `photograph` moves all of them by the
     one linear map that gives them the plain views' mean and covariance; `luminance` keeps of the
-    painting the lightness alone (CIE L*a*b*). What a map of colours alone does is the same in every view, so consistency stays.
+    painting the lightness alone (CIE L*a*b*). What a map of colours alone does is the same in
+    every view, so consistency stays.
 
     Args:
         painted: RGB in [0, 1].
