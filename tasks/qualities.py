@@ -37,7 +37,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     "StyleNetwork": {
         "network.width": (24, 32, 32),
         "network.n_residual": (3, 5, 5),
-        "iterations": (850, 2500, 40000),
+        "iterations": (800, 2500, 40000),
         "batch": (1, 2, 4),
         "crop_px": (176, 192, 256),
         "style_px": (420, 420, 256),
