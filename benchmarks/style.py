@@ -10,7 +10,8 @@ Styles and content lie below `STYLETRF_DATA`; every eighth content image is held
 is printed a measurement: the style and content terms on the held-out images (256 pixels square),
 and how little the painting changes when the photograph moves (`unsteady`, the mean squared
 difference). Seconds are those of training alone. `adapt` has the scene and its painted priors made
-by the tasks, and prints the PSNR of renders of the adapted field against these. Without the cache
+by the tasks, and prints the PSNR of renders of the adapted field against these, and against the
+frames of the trajectory as the network paints them one by one. Without the cache
 every iteration marches its rays anew and keeps every sample. `strategies` compares S3, S2 and S1 by
 the PSNR to the priors and by how far the depth of the priors' views is from the unstylised field's.
 """
@@ -32,13 +33,18 @@ import torch
 from pipeline.settings import data_root
 from pipeline.task import artifact
 from styletrf.adaptation import AdaptationConfig, adapt_appearance, fit_appearance
+from styletrf.camera_table import read_cameras
+from styletrf.color_transfer import in_colors
 from styletrf.configuration import configured
 from styletrf.content_batches import content_batches, read_content
 from styletrf.content_images import ContentConfig, write_content_images
 from styletrf.content_sources import ContentSource, folder_source
 from styletrf.field import RadianceField, load_stylized_field
+from styletrf.float_images import read_float_image
 from styletrf.frames import rendered
 from styletrf.images import read_rgb, write_rgb
+from styletrf.metrics import psnr
+from styletrf.painting import network_painter, painted
 from styletrf.perceptual_loss import perceptual_loss, style_grams
 from styletrf.ray_cache import RayBatch, march_once
 from styletrf.rendering import RenderConfig, Rendering
@@ -180,6 +186,7 @@ def adapt(options: argparse.Namespace) -> None:
         "scene": options.scene, "style": options.style, "priors": len(job.cameras),
         "uncached": options.uncached, "seconds": time.monotonic() - started,
         "cpu_seconds": time.process_time() - cpu, "psnr_to_priors": _to_priors(job),
+        "psnr_to_painted_frames": _to_painted_frames(job, stage),
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }  # fmt: skip
     print(json.dumps(row), flush=True)  # noqa: T201
@@ -205,6 +212,23 @@ def _to_priors(job: Stylization) -> float:
         for r, p in zip(_views(job, job.field), job.painted, strict=True)
     ]
     return float(-10 * torch.stack(errors).mean().log10())
+
+
+def _to_painted_frames(job: Stylization, stage: StylizedField) -> float:
+    """Returns the PSNR of every sixth frame against what the network paints of it by itself."""
+    painter = stage.requires()["stylized"]
+    priors, network = painter.requires()["priors"], painter.requires()["network"]
+    folder = artifact(priors.requires()["trajectory"])
+    cameras = read_cameras(folder / "cameras.parquet")[::6]
+    plain = [read_float_image(folder / "frames" / f"{c.name}.exr").color for c in cameras]
+    paint = network_painter(artifact(network), torch.device("cpu"))
+    style = read_rgb(artifact(painter.requires()["style"]) / "style.png")
+    wanted = in_colors(painted(paint, plain), plain, style, "style")
+    shown = rendered(
+        job.field, job.model.space, cameras, RenderConfig(1e-3, 1e-3), torch.device("cpu")
+    )
+    values = [psnr(r.color.numpy(), w) for r, w in zip(shown, wanted, strict=True)]
+    return sum(values) / len(values)
 
 
 def _views(job: Stylization, field: RadianceField) -> Iterator[Rendering]:

@@ -34,7 +34,7 @@ class AdaptationConfig:
     iterations: int = 1000
     batch: int = 4096  # rays an iteration
     parts: tuple[str, ...] = PARTS  # which are adapted
-    sees_view: bool = False  # whether a colour may depend on the direction it is seen from
+    sees_view: bool = True  # whether a colour may depend on the direction it is seen from
     factor_rate: float = 0.05
     network_rate: float = 3e-3
     rate_decay: float = 0.1  # over all iterations

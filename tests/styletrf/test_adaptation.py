@@ -91,3 +91,32 @@ def test_the_cache_is_bounded_and_gone_through_again(scene, field):
         first, second = cache.batch(k, 256), cache.batch(k + batches, 256)
         assert torch.equal(first.samples.positions, second.samples.positions)
     assert len(cache.batch(0, 10 * n).opacity) == n, "fewer rays than a batch"
+
+
+@pytest.mark.parametrize("sees_view", [True, False])
+def test_without_the_view_colors_are_the_same_from_everywhere(scene, field, sees_view):
+    config = replace(ADAPTATION, sees_view=sees_view, iterations=40)
+    adapt_appearance(field, scene.cameras, scene.images, scene.model.space, config, KERNELS)
+    components = torch.randn(5, sum(field.appearance.factors.ranks))
+    ray, directions = torch.arange(5), torch.eye(3)[[0, 1, 2, 0, 1]]
+    with torch.no_grad():
+        from_here, from_there = (
+            field.appearance.decode(components, d, ray, KERNELS) for d in (directions, -directions)
+        )
+    assert torch.equal(from_here, from_there) == (not sees_view)
+
+
+@pytest.mark.parametrize("parts", [("factors",), ("basis", "network"), ("background",)])
+def test_parts_that_are_not_named_stay(scene, field, parts):
+    before = {name: value.clone() for name, value in field.appearance.state_dict().items()}
+    config = replace(ADAPTATION, parts=parts, iterations=5)
+    adapt_appearance(field, scene.cameras, 255 - scene.images, scene.model.space, config, KERNELS)
+    moved = {n for n, v in field.appearance.state_dict().items() if not torch.equal(v, before[n])}
+    part_of = {"factors": "factors", "shading.basis": "basis", "shading": "network"}
+    named = {next((p for k, p in part_of.items() if n.startswith(k)), "background") for n in moved}
+    assert named == set(parts)
+
+
+def test_unknown_parts_are_refused():
+    with pytest.raises(ValueError, match="not some of"):
+        AdaptationConfig(parts=("factors", "roof"))
