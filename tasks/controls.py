@@ -1,7 +1,7 @@
 """The parameters by which a user steers a style: each stage has those that it or its inputs need.
 
 They are words of the main command, `luigi --module tasks StylizedTrajectory ... --strength 0.7`;
-what each does, with pictures: `docs/style.md`.
+what each does: `docs/style.md`.
 """
 
 from typing import Any, ClassVar
