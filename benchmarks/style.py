@@ -45,14 +45,14 @@ from styletrf.frames import rendered
 from styletrf.images import read_rgb, write_rgb
 from styletrf.metrics import psnr
 from styletrf.painting import network_painter, painted
-from styletrf.perceptual_loss import perceptual_loss, style_grams
+from styletrf.perceptual_loss import perceptual_loss, shrunk, style_grams
 from styletrf.ray_cache import RayBatch, march_once
 from styletrf.rendering import RenderConfig, Rendering
 from styletrf.space import ViewRays
 from styletrf.steadiness import SteadinessConfig, disturbed, steadiness
 from styletrf.style_image import read_style_image
 from styletrf.style_network import StyleNetwork, save_style_network, stylize
-from styletrf.style_step import StyleStep, shrunk
+from styletrf.style_step import StyleStep
 from styletrf.style_training import begin
 from styletrf.style_training_config import StyleTrainingConfig
 from styletrf.stylization import Stylization, StylizationConfig, load_stylization

@@ -107,6 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m styletrf.base_network_training", description=__doc__
     )
+    parser.add_argument("out", type=Path, help="the file to write")
     parser.add_argument("content", type=Path, help="what ContentImages left")
     parser.add_argument("weights", type=Path, help="the vgg16.safetensors of PerceptualWeights")
     parser.add_argument("--width", type=int, default=24)

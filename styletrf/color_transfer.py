@@ -17,7 +17,7 @@ MOST_GAIN = 8.0
 
 
 LEAST_CONTRAST = 0.95
-"""Of painted views, as a share of the plain views' or the painting's, whichever has less."""
+"""Aimed at for painted views: a share of the plain views' or the painting's, whichever has less."""
 
 
 def in_colors(
@@ -47,7 +47,7 @@ def in_colors(
 
 
 def _contrast(views: Sequence[Image]) -> float:
-    """Returns the deviation of all colours of views from their mean colour."""
+    """Returns the deviation of colours from the mean colour of their view."""
     return float(np.sqrt(np.mean([i.var(axis=(0, 1)).mean() for i in views])))
 
 

@@ -74,6 +74,9 @@ def covering(seen: Bool[np.ndarray, "views places"], config: CoverageConfig) -> 
     chosen: list[int] = []
     most = min(config.count, len(seen)) if config.count else len(seen)
     while len(chosen) < most:
+        if config.count and missing.sum() <= 0:  # covered: the others cover it once more
+            rest = [k for k in range(len(seen)) if k not in chosen]
+            missing = np.minimum(seen[rest].sum(axis=0), config.times)
         gains = (seen & (missing > 0)).sum(axis=1)
         gains[chosen] = -1
         if not config.count and missing.sum() <= (1 - config.share) * total and chosen:

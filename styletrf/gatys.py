@@ -11,9 +11,13 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.perceptual_loss import PerceptualLossConfig, perceptual_loss, style_grams
+from styletrf.perceptual_loss import (
+    PerceptualLossConfig,
+    perceptual_loss,
+    shrunk,
+    style_grams,
+)
 from styletrf.progress import Progress, silent
-from styletrf.style_step import shrunk
 from styletrf.vgg import VGG16
 
 

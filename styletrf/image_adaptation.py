@@ -2,7 +2,7 @@
 
 As in ARF (Zhang et al., ECCV 2022, section 4.2): a view is rendered without gradients, the loss of
 the whole image tells each pixel's gradient, and the view is rendered again tile by tile to take it
-to the parameters. Memory depends on the tile, not on the image.
+to the parameters: of the renders' graphs only a tile's is in memory.
 """
 
 import math
@@ -38,7 +38,7 @@ class ImageAdaptationConfig:
 def adapt_to_image_loss(
     field: RadianceField,
     cameras: Sequence[Camera],
-    plain: UInt8[Tensor, "views height width 3"],
+    views: tuple[UInt8[Tensor, "views height width 3"], UInt8[Tensor, "views height width 3"]],
     space: Space,
     image_loss: ImageLoss,
     config: ImageAdaptationConfig,
@@ -51,7 +51,7 @@ def adapt_to_image_loss(
     Args:
         field: The field; its density is only read.
         cameras: Of the views.
-        plain: The views before any style.
+        views: The plain views, and the painted ones, which the curve compares with.
         space: Of the scene.
         image_loss: Of a render and the plain view.
         config: How long.
@@ -60,22 +60,24 @@ def adapt_to_image_loss(
         progress: Told the iteration and the loss.
 
     Returns:
-        The curve; its PSNR is against the plain views.
+        The curve.
 
     Raises:
         NotFiniteError: The loss stopped being finite.
     """
+    plain, painted = views
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
     optimizer = optimizer_of(field.appearance, adaptation)
     order = torch.Generator().manual_seed(adaptation.seed)
     curve, started = [], time.monotonic()
-    views = torch.cat([torch.randperm(len(plain), generator=order) for _ in range(
-        -(-config.iterations // len(plain))
-    )])  # fmt: skip
+    rounds = 1 + config.iterations // len(plain)
+    order_of_views = torch.cat([torch.randperm(len(plain), generator=order) for _ in range(rounds)])
     for k in range(config.iterations):
-        cache = _view_cache(field, rays, plain, int(views[k]), adaptation, kernels)
+        view = int(order_of_views[k])
+        cache = _view_cache(field, rays, plain, view, adaptation, kernels)
         shape = plain.shape[1:]
-        loss, mse = _accumulate(field, cache, shape, image_loss, kernels)
+        loss, image = _accumulate(field, cache, shape, image_loss, kernels)
+        mse = float((image - painted[view].float() / 255).square().mean())
         if not math.isfinite(loss):
             raise NotFiniteError("appearance adaptation", "image loss", f"iteration {k}")
         for group in optimizer.param_groups:
@@ -104,8 +106,8 @@ def _view_cache(
 def _accumulate(
     field: RadianceField, cache: RayCache, shape: Sequence[int], image_loss: ImageLoss,
     kernels: Kernels,
-) -> tuple[float, float]:  # fmt: skip
-    """Adds the gradient of one view's loss to the appearance; returns it and the squared error."""
+) -> tuple[float, Tensor]:  # fmt: skip
+    """Adds the gradient of one view's loss to the appearance; returns it and the render."""
     with torch.no_grad():
         colors = [tile.color(field.appearance, kernels) for tile in cache.tiles(_TILE)]
         image = torch.cat(colors).reshape(shape)
@@ -117,4 +119,4 @@ def _accumulate(
     of_tiles = gradient.reshape(-1, 3).split(_TILE)
     for tile, part in zip(cache.tiles(_TILE), of_tiles, strict=True):
         tile.color(field.appearance, kernels).backward(part)
-    return float(loss.detach()), float((image.detach() - plain).square().mean())
+    return float(loss.detach()), image.detach()

@@ -74,6 +74,14 @@ def total_variation(images: Float[Tensor, "batch 3 height width"]) -> Float[Tens
     return across.square().mean() + down.square().mean()
 
 
+def shrunk(style: Float[Tensor, "height width 3"], short_side_px: int) -> Float[Tensor, "1 3 _ _"]:
+    """Reduces the painting, low-pass filtered, so that its shorter side is at most this long."""
+    image = style.permute(2, 0, 1)[None]
+    scale = min(1.0, short_side_px / min(style.shape[:2]))
+    size = [max(1, round(side * scale)) for side in style.shape[:2]]
+    return functional.interpolate(image, size=size, mode="bilinear", antialias=True)
+
+
 def style_grams(vgg: VGG16, style: Float[Tensor, "1 3 height width"]) -> dict[str, Tensor]:
     """Returns the Gram matrices of the style image at the style layers: the targets."""
     with torch.no_grad():

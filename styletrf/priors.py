@@ -29,6 +29,11 @@ class PriorsConfig:
     render: RenderConfig = field(default_factory=RenderConfig)
     frames_per_second: int = 24
 
+    def __post_init__(self) -> None:
+        if self.coverage.count > self.trajectory.frames:
+            told = f"{self.coverage.count} of {self.trajectory.frames}"
+            raise ValueError(f"{told} viewpoints cannot be chosen; raise trajectory.frames")
+
 
 def needed_views(
     candidates: Sequence[Camera],

@@ -30,7 +30,7 @@ class SteadinessConfig:
     every: int = 2  # iterations between looks at it; the weight counts as many times
     shift_px: float = 4.0  # a photograph is moved by at most this along each axis
     noise: float = 0.02  # standard deviation, of [0, 1]
-    renders: float = 0.0  # share of the iterations that look at renders of the scene instead
+    renders: float = 0.0  # of these, the share that looks at renders of the scene
 
     def __post_init__(self) -> None:
         if self.every < 1 or not 0 <= self.renders <= 1:

@@ -20,10 +20,10 @@ from styletrf.perceptual_loss import (
     PerceptualLossConfig,
     perceptual_loss,
     relative_difference,
+    shrunk,
     style_grams,
     total_variation,
 )
-from styletrf.style_step import shrunk
 from styletrf.vgg import VGG16
 
 ImageLoss = Callable[[Tensor, Tensor], Tensor]

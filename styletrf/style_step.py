@@ -11,7 +11,7 @@ from torch.nn import functional
 
 from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
-from styletrf.perceptual_loss import PerceptualTerms, perceptual_loss, style_grams
+from styletrf.perceptual_loss import PerceptualTerms, perceptual_loss, shrunk, style_grams
 from styletrf.steadiness import ContentPair, disturbed, steadiness
 from styletrf.style_checkpoint import Training
 from styletrf.style_network import StyleNetwork
@@ -89,14 +89,6 @@ class StyleStep:
             return perceptual_loss(self._vgg, output, content, self._grams, self._config.loss)
         none = torch.zeros((), device=output.device)
         return PerceptualTerms(functional.mse_loss(output, content), none, none, none)
-
-
-def shrunk(style: Float[Tensor, "height width 3"], short_side_px: int) -> Float[Tensor, "1 3 _ _"]:
-    """Reduces the painting, low-pass filtered, so that its shorter side is at most this long."""
-    image = style.permute(2, 0, 1)[None]
-    scale = min(1.0, short_side_px / min(style.shape[:2]))
-    size = [max(1, round(side * scale)) for side in style.shape[:2]]
-    return functional.interpolate(image, size=size, mode="bilinear", antialias=True)
 
 
 def _learning_rate(config: StyleTrainingConfig, k: int) -> float:

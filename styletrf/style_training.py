@@ -18,17 +18,18 @@ from torch import Tensor
 
 from styletrf.base_network import base_network
 from styletrf.content_batches import content_batches, read_content
-from styletrf.perceptual_loss import PerceptualTerms
+from styletrf.perceptual_loss import PerceptualTerms, shrunk
 from styletrf.progress import Progress, silent
 from styletrf.steadiness import ContentPair
 from styletrf.style_checkpoint import (
     CurveRow,
     Training,
+    new_training,
     read_checkpoint,
     write_checkpoint,
 )
 from styletrf.style_network import StyleNetwork
-from styletrf.style_step import StyleStep, shrunk
+from styletrf.style_step import StyleStep
 from styletrf.style_survey import fine_trace, told_of_trace
 from styletrf.style_training_config import StyleTrainingConfig
 from styletrf.vgg import VGG16
@@ -57,7 +58,7 @@ def train_style_network(
         checkpoint_folder: An existing folder that belongs to these very inputs; a checkpoint
             found there is continued.
         pairs: From the number of an iteration to pairs of renders of the scene, which the share
-            `steadiness.renders` of the iterations take instead of photographs.
+            `steadiness.renders` of the iterations that look at steadiness take, not photographs.
         progress: Told the iteration and the loss.
         checkpoint_s: Seconds between checkpoints.
 
@@ -81,7 +82,9 @@ def train_style_network(
     begun, saved = time.monotonic() - training.seconds, time.monotonic()
     with closing(batches):
         for k, content in enumerate(islice(batches, config.iterations - start), start):
-            paired = pairs is not None and _is_due(k, config.steadiness.renders)
+            paired = k % config.steadiness.every == 0 and _is_due(
+                k // config.steadiness.every, config.steadiness.renders
+            )
             terms = step(training, k, pairs(k) if pairs and paired else content)
             row = _row(k, terms, time.monotonic() - begun)
             training.curve.append(row)
@@ -117,10 +120,7 @@ def begin(
         config = replace(config, identity_iterations=0)
     else:
         network = StyleNetwork(config.network, torch.Generator().manual_seed(config.seed))
-    network = network.to(device).train()
-    return Training(
-        network, torch.optim.Adam(network.parameters(), lr=config.learning_rate)
-    ), config
+    return new_training(network.to(device), config.learning_rate), config
 
 
 def _row(k: int, terms: PerceptualTerms, seconds: float) -> CurveRow:

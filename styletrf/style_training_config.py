@@ -1,7 +1,9 @@
 """The settings of a style training."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
+from styletrf.gatys import GatysConfig
 from styletrf.perceptual_loss import PerceptualLossConfig
 from styletrf.steadiness import SteadinessConfig
 from styletrf.style_network import StyleNetworkConfig
@@ -24,3 +26,15 @@ class StyleTrainingConfig:
     final_learning_rate: float = 3e-4  # reached geometrically
     bfloat16: bool = True  # convolutions in bfloat16 where the hardware computes in it
     seed: int = 0
+
+
+Steered = TypeVar("Steered", StyleTrainingConfig, GatysConfig)
+
+
+def steered(config: Steered, stroke_scale: float, content_weight: float) -> Steered:
+    """Returns the settings with the painting seen so many times larger, and content counted so."""
+    return replace(
+        config,
+        style_px=max(1, round(stroke_scale * config.style_px)),
+        loss=replace(config.loss, content_weight=content_weight * config.loss.content_weight),
+    )

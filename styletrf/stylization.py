@@ -82,7 +82,8 @@ def stylized(
     )  # fmt: skip
     if job.match != "pixels":
         after = adapt_to_image_loss(
-            job.field, job.cameras, job.plain, job.model.space, _image_loss(job, config),
+            job.field, job.cameras, (job.plain, job.painted), job.model.space,
+            _image_loss(job, config),
             config.image, config.adaptation, job.kernels, progress,
         )  # fmt: skip
         last = curve[-1] if curve else AdaptationPoint(0, 0.0, 0.0)
@@ -112,7 +113,7 @@ def freely_stylized(
             job.cameras, job.painted, space, job.model.resolution, training, job.kernels, progress
         )
     rays = config.adaptation.iterations * config.adaptation.batch
-    training = replace(training, iterations=max(1, rays // training.batch))
+    training = replace(training, iterations=max(1, rays // training.batch), batch_samples=0)
     return adapt_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
 
 

@@ -4,10 +4,12 @@ They are words of the main command, `luigi --module tasks StylizedTrajectory ...
 what each does: `docs/style.md`.
 """
 
+import math
 from typing import Any, ClassVar
 
 import luigi
 
+from styletrf.errors import InputError
 from tasks.stage import GradedStage
 
 
@@ -27,6 +29,17 @@ class NetworkControls(GradedStage):
         description="a checkpoint of PyTorch's fast-neural-style example, instead of training",
     )
     tools: ClassVar[tuple[str, ...]] = ("torch",)
+
+    def require_sound(self) -> None:
+        """Refuses factors that are none.
+
+        Raises:
+            InputError: With what to give instead.
+        """
+        for name in ("stroke_scale", "content_weight"):
+            if not 0 < getattr(self, name) < math.inf:
+                told = f"--{name.replace('_', '-')} {getattr(self, name)}"
+                raise InputError(told, "is no positive factor", "Give one such as 0.5 or 2")
 
 
 class StyleControls(NetworkControls):

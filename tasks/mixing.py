@@ -29,14 +29,26 @@ def require_mixture(stage: FrameControls) -> None:
         told = f"--strength {stage.strength}"
         raise InputError(told, "is no share", "Give a number from 0 to 1")
     if not all(isinstance(s, float | int) and s > 0 for s in shares) or sum(shares) >= 1:
-        told = f"--blend of {dict(stage.blend)}"
-        raise InputError(told, "has shares that are none", 'Give one below 1: {"udnie": 0.3}')
+        told = f"--blend {dict(stage.blend)}"
+        problem = "has shares that are none: each is above 0, and their sum below 1"
+        raise InputError(told, problem, 'Give such as {"udnie": 0.3}')
     _require_region(stage.region)
+    _require_of_frames(stage)
     mixed = stage.blend or stage.region or (stage.strength < 1 and stage.strategy != "s3")
     if mixed and (stage.method == "per-frame" or stage.strategy != "s3"):
         told = f"--method {stage.method} --strategy {stage.strategy}"
         problem = "has no density that several appearances share"
         raise InputError(told, problem, "Leave out --strength, --blend and --region")
+
+
+def _require_of_frames(stage: FrameControls) -> None:
+    """Refuses words about priors and fields where every frame is painted by itself."""
+    if stage.method != "per-frame":
+        return
+    for name in ("colors", "strategy", "match", "rounds", "stylizer"):
+        if not stage.is_usual(name):
+            told = f"--method per-frame --{name} {getattr(stage, name)}"
+            raise InputError(told, "paints frames without a field", f"Leave out --{name}")
 
 
 def _require_region(region: Mapping[str, Any]) -> None:
@@ -47,16 +59,21 @@ def _require_region(region: Mapping[str, Any]) -> None:
             'Give {"box": [[x, y, z], [x, y, z]]} (least and greatest corner)'
             ' or {"view": "0003", "mask": "FILE.png"}',
         )
-    if "mask" in region and not Path(region["mask"]).is_file():
-        told = f"--region, mask {region['mask']}"
+    mask = region.get("mask", "")
+    if "mask" in region and not (isinstance(mask, str) and Path(mask).is_file()):
+        told = f"--region, mask {mask}"
         raise InputError(told, "there is no such file", "Give an image, white where styled")
 
 
 def _is_box(region: Mapping[str, Any]) -> bool:
-    if set(region) != {"box"} or len(region["box"]) != 2:
+    corners = region.get("box")
+    if set(region) != {"box"} or not isinstance(corners, list | tuple) or len(corners) != 2:
         return False
-    lower, upper = region["box"]
-    return len(lower) == len(upper) == 3 and all(a < b for a, b in zip(lower, upper, strict=True))
+    are_points = all(
+        isinstance(c, list | tuple) and len(c) == 3 and all(isinstance(v, int | float) for v in c)
+        for c in corners
+    )
+    return are_points and all(a < b for a, b in zip(*corners, strict=True))
 
 
 def frames_by_network(

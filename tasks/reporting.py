@@ -3,6 +3,7 @@
 import json
 import platform
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -46,12 +47,12 @@ def report_content(
         curves=_curves(inputs),
         metrics=_metrics(summary_of(inputs)),
         stages=[_cost(record) for record in lineage],
-        parameters={record.action.family: _parameters(record) for record in lineage},
+        parameters={name: _parameters(record) for name, record in _named(lineage).items()},
         versions={
             "python": platform.python_version(),
             **{name: version(name) for name in ("styletrf", "torch", "pycolmap", "luigi", "numba")},
         },
-        digests={record.action.family: record.output.digest for record in lineage},
+        digests={name: record.output.digest for name, record in _named(lineage).items()},
         command=_command(words, lineage),
     )
 
@@ -79,6 +80,17 @@ def _command(words: Mapping[str, Any], lineage: Sequence[ActionRecord]) -> str:
         if changed:
             command += [f"--{record.action.family}-settings", json.dumps(changed)]
     return shlex.join(command)
+
+
+def _named(lineage: Sequence[ActionRecord]) -> dict[str, ActionRecord]:
+    """Returns the records by family; of a family with several, each with its digest's beginning."""
+    times = Counter(record.action.family for record in lineage)
+
+    def name(record: ActionRecord) -> str:
+        family = record.action.family
+        return f"{family} {record.output.digest[:8]}" if times[family] > 1 else family
+
+    return {name(record): record for record in lineage}
 
 
 def _parameters(record: ActionRecord) -> dict[str, Any]:

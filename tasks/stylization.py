@@ -10,7 +10,6 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.controls import FrameControls, StyleControls
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
-from tasks.qualities import settings_for
 from tasks.scene import SceneModel
 from tasks.stage import Stage, TunedStage
 from tasks.style import PerceptualWeights, StyleImage, StyleNetwork
@@ -44,8 +43,15 @@ class StylizedPriors(TunedStage, StyleControls):
     def identity_parameters(self) -> Mapping[str, object]:
         """The settings of what paints, and whose colours."""
         return {
-            "settings": self.values(), "stylizer": self.stylizer, "colors": self.colors,
-        }  # fmt: skip
+            "settings": self.values(),
+            "stylizer": self.stylizer,
+            "colors": self.colors,
+            "factors": self.factors(),
+        }
+
+    def factors(self) -> list[float]:
+        """Those that steer an optimisation; a network was trained with its own."""
+        return [self.stroke_scale, self.content_weight] if self.stylizer == "gatys" else []
 
     def values(self) -> dict[str, Any]:
         """The settings of the optimisation; a network has none."""
@@ -62,6 +68,7 @@ class StylizedPriors(TunedStage, StyleControls):
         from styletrf.images import read_rgb
         from styletrf.painting import network_painter, optimizing_painter, painted
         from styletrf.restyling import halfway_to
+        from styletrf.style_training_config import steered
 
         device = device_named(self.device)
         cameras = read_cameras(inputs["priors"] / "cameras.parquet")
@@ -73,6 +80,7 @@ class StylizedPriors(TunedStage, StyleControls):
             paint = network_painter(inputs["network"], device)
         else:
             config = configured(GatysConfig, self.values())
+            config = steered(config, *self.factors())
             weights, style = inputs["perceptual"] / "vgg16.safetensors", inputs["style"]
             paint = optimizing_painter(weights, style / "style.png", config, device)
         views = painted(paint, content, run.progress)
@@ -109,6 +117,7 @@ class StylizedField(TunedStage, StyleControls):
         Raises:
             InputError: Fewer than one round, or a loss of whole renders without s3.
         """
+        super().require_sound()
         if self.rounds < 1:
             raise InputError(f"--rounds {self.rounds}", "paints nothing", "Give 1 or more")
         if self.match != "pixels" and self.strategy != "s3":
@@ -124,7 +133,7 @@ class StylizedField(TunedStage, StyleControls):
 
     def fit_values(self) -> dict[str, Any]:
         """The settings of a fit; adapting the appearance alone has none."""
-        return settings_for("RadianceField", self.quality) if self.strategy != "s3" else {}
+        return self.need(RadianceField).values() if self.strategy != "s3" else {}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Adapt the appearance, or all of the field, or fit a new one."""
@@ -176,7 +185,7 @@ class StylizedFrames(TunedStage, FrameControls):
         if "view" in self.region:
             needed["priors"] = self.need(PriorRenders)
         for style in self.blend:
-            needed[f"blend {style}"] = self.need(StylizedField, style=style)
+            needed[f"blend {style}"] = self.need(StylizedField, style=style, network="")
         return needed
 
     def require_sound(self) -> None:
@@ -188,6 +197,7 @@ class StylizedFrames(TunedStage, FrameControls):
         """
         from tasks.mixing import require_mixture
 
+        super().require_sound()
         require_mixture(self)
 
     def identity_parameters(self) -> Mapping[str, object]:

@@ -8,6 +8,7 @@ import luigi
 
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
+from styletrf.errors import InputError
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
@@ -114,6 +115,16 @@ class Grid(luigi.WrapperTask):
     strength = StylizedTrajectory.strength
     blend = StylizedTrajectory.blend
     region = StylizedTrajectory.region
+
+    def require_sound(self) -> None:
+        """Refuses one network for several paintings.
+
+        Raises:
+            InputError: It would paint all cells alike.
+        """
+        if self.network and len(self.styles) > 1:
+            problem = "is one painting's network, for several styles"
+            raise InputError(f"--network {self.network}", problem, "Give one style")
 
     def requires(self) -> list[StylizedTrajectory]:
         """One result a cell."""

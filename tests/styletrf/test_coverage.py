@@ -34,6 +34,16 @@ def test_a_count_is_kept(count):
     assert len(covering(seen, CoverageConfig(count=count))) == min(count, 12)
 
 
+def test_views_beyond_the_cover_are_spread_by_what_they_show():
+    """Each place is shown once by all that are chosen before any is shown twice."""
+    seen = np.repeat(np.eye(7, dtype=bool), 2, axis=0)
+    chosen = covering(seen, CoverageConfig(count=7, times=1))
+    assert sorted(k // 2 for k in chosen) == list(range(7))
+    shown_first = np.ones((1, 7), dtype=bool)
+    chosen = covering(np.concatenate([shown_first, seen]), CoverageConfig(count=8, times=1))
+    assert sorted((k - 1) // 2 for k in chosen if k) == list(range(7))
+
+
 @pytest.mark.parametrize("places", [0, 10])
 def test_where_nothing_is_seen_one_view_is_left(places):
     assert len(covering(np.zeros((4, places), dtype=bool), CoverageConfig())) == 1

@@ -53,7 +53,7 @@ def test_the_loss_falls_and_the_density_stays(scene, field):
     before = {name: tensor.clone() for name, tensor in field.density.state_dict().items()}
     told = []
     adapt_to_image_loss(
-        field, scene.cameras, scene.images, scene.model.space, image_loss,
+        field, scene.cameras, (scene.images, scene.images), scene.model.space, image_loss,
         ImageAdaptationConfig(iterations=18, rate=1.0), AdaptationConfig(), KERNELS,
         lambda done, total, loss: told.append(loss),
     )  # fmt: skip

@@ -224,6 +224,7 @@ BY_VALUE = {
     "tasks.stage:_thawed",
     "tasks.style:StyleNetwork.values",
     "tasks.stylization:StylizedField.fit_values",
+    "tasks.stylization:StylizedPriors.factors",
     "tasks.stylization:StylizedPriors.values",
 }
 """What `identity_parameters` returns stands in the key itself."""

@@ -59,6 +59,35 @@ def test_blended_styles_are_adapted_with_the_same_words():
     blended = frames.requires()["blend udnie"]
     assert (blended.style, blended.colors) == ("udnie", "luminance")
     assert frames.requires()["stylized"].style == "mosaic"
+    given = tasks.StylizedFrames(blend={"udnie": 0.3}, network="mosaic.pth", **WORDS)
+    assert given.requires()["stylized"].network == "mosaic.pth"
+    assert given.requires()["blend udnie"].network == "", "which is the main style's"
+
+
+def test_factors_are_told_beside_the_settings_and_not_in_them():
+    """The report's command repeats both: in the settings they would count twice."""
+    stage = tasks.StyleNetwork(stroke_scale=2.0, content_weight=3.0, **WORDS)
+    plain = tasks.StyleNetwork(**WORDS)
+    assert stage.identity_parameters()["settings"] == plain.identity_parameters()["settings"]
+    assert stage.identity_parameters() != plain.identity_parameters()
+
+
+def test_free_strategies_are_fitted_as_the_field_is():
+    stage = tasks.StylizedField(strategy="s1", **WORDS)
+    assert stage.fit_values() == tasks.RadianceField(scene="horns", quality="draft").values()
+
+
+def test_one_network_is_not_for_several_styles():
+    grid = tasks.Grid(scenes=["a"], styles=["x", "y"], network="x.pth")
+    with pytest.raises(InputError, match="one painting's network"):
+        grid.require_sound()
+
+
+@pytest.mark.parametrize(
+    "settings", [{"style_px": "big"}, {"steadiness.renders": "half"}, {"loss.content_weight": None}]
+)
+def test_a_setting_of_the_wrong_kind_does_not_break_the_graph(settings):
+    tasks.StyleNetwork(settings=settings, stroke_scale=float("inf"), **WORDS).requires()
 
 
 @pytest.mark.parametrize(
@@ -78,6 +107,12 @@ def test_blended_styles_are_adapted_with_the_same_words():
         ("StyleNetwork", {"stroke_scale": 0.0}, "no positive factor"),
         ("StyleNetwork", {"content_weight": float("inf")}, "no positive factor"),
         ("StyleNetwork", {"network": "no.pth"}, "no such file"),
+        ("StyleNetwork", {"network": __file__, "stroke_scale": 2.0}, "cannot change it"),
+        ("StylizedFrames", {"region": {"box": 5}}, "is no region"),
+        ("StylizedFrames", {"region": {"box": [["a", "b", "c"], ["d", "e", "f"]]}}, "is no region"),
+        ("StylizedFrames", {"region": {"view": "0001", "mask": 5}}, "no such file"),
+        ("StylizedFrames", {"blend": {"a": 0.6, "b": 0.5}}, "sum below 1"),
+        ("StylizedFrames", {"method": "per-frame", "colors": "luminance"}, "without a field"),
     ],
 )
 def test_what_cannot_be_is_refused_in_words(family, words, told):
