@@ -5,7 +5,8 @@
     ContentImages, PerceptualWeights, StyleImage             +- TrajectoryFrames      |
               `- StyleNetwork - StylizedPriors - StylizedField - StylizedFrames - ConsistencyMetrics
 
-PriorRenders needs TrajectoryFrames, too: priors show what the path sees. `SceneReport` looks at a scene before the fit.
+PriorRenders needs TrajectoryFrames, too: priors show what the path sees. `SceneReport` looks at a
+scene before the fit.
 
 A task gathers its inputs, calls the library and writes what it returns. Importing this package
 loads no torch: heavy imports stand inside `build`, which runs in an interpreter of its own.
