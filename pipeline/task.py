@@ -94,15 +94,10 @@ class StoredTask(luigi.Task):
 
     @property
     def label(self) -> str:
-        """The task on the screen: its family and its words, but for those that are usual."""
-        words = [
-            value
-            for name, parameter in self.get_params()  # type: ignore[no-untyped-call]
-            if parameter.significant
-            and isinstance(value := self.param_kwargs[name], str)
-            and value
-            and not self.is_usual(name)
-        ]
+        """The task on the screen: its family and those parameters that are words."""
+        names = self.get_param_names()  # type: ignore[no-untyped-call]
+        values = (self.param_kwargs[name] for name in names)
+        words = [value for value in values if isinstance(value, str) and value]
         return " ".join([self.task_family, *words])
 
     def is_usual(self, name: str) -> bool:

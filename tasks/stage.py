@@ -33,6 +33,13 @@ class Stage(StoredTask):
     )
 
     @property
+    def label(self) -> str:
+        """The stage on the screen: its family and its words, but for those that are usual."""
+        names = self.get_param_names()  # type: ignore[no-untyped-call]
+        told = [self.param_kwargs[name] for name in names if not self.is_usual(name)]
+        return " ".join([self.task_family, *(v for v in told if isinstance(v, str) and v)])
+
+    @property
     def needs_gpu(self) -> bool:
         """Whether it computes, and may do so on a GPU."""
         return self.computes and self.device != "cpu"
