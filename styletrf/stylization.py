@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -11,7 +11,6 @@ from torch import Tensor
 from styletrf.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
 from styletrf.camera_table import read_cameras
 from styletrf.cameras import Camera
-from styletrf.configuration import configured
 from styletrf.field import RadianceField, load_field
 from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.frames import float_frames
@@ -37,6 +36,7 @@ class StylizationConfig:
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     style_px: int = 420  # of the painting, in the loss of whole renders
+    fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,6 @@ def stylized(
 def freely_stylized(
     job: Stylization,
     config: StylizationConfig,
-    fit: Mapping[str, Any],
     progress: Progress = silent,
     *,
     anew: bool,
@@ -106,8 +105,8 @@ def freely_stylized(
 
     S2 sees as many rays as the adaptation of the appearance does.
     """
-    training = configured(FieldTrainingConfig, {"field.shading": job.model.shading, **fit})
-    space = job.model.space
+    shading = replace(config.fit.field, shading=job.model.shading)
+    training, space = replace(config.fit, field=shading), job.model.space
     if anew:
         return fit_anew(
             job.cameras, job.painted, space, job.model.resolution, training, job.kernels, progress

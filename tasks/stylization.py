@@ -10,6 +10,7 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.controls import FrameControls, StyleControls
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
+from tasks.qualities import settings_for
 from tasks.scene import SceneModel
 from tasks.stage import Stage, TunedStage
 from tasks.style import PerceptualWeights, StyleImage, StyleNetwork
@@ -125,15 +126,13 @@ class StylizedField(TunedStage, StyleControls):
             raise InputError(told, "only s3 is matched to whole renders", "Leave one of them out")
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """The settings, and those of a fit where one is made."""
-        return {
-            "settings": self.values(), "fit": self.fit_values(),
-            "strategy": self.strategy, "match": self.match,
-        }  # fmt: skip
+        """The settings, and what is made by them."""
+        return {"settings": self.values(), "strategy": self.strategy, "match": self.match}
 
-    def fit_values(self) -> dict[str, Any]:
-        """The settings of a fit; adapting the appearance alone has none."""
-        return self.need(RadianceField).values() if self.strategy != "s3" else {}
+    def values(self) -> dict[str, Any]:
+        """The settings; s1 and s2 fit as RadianceField does at this quality (`fit.iterations`)."""
+        fit = settings_for("RadianceField", self.quality) if self.strategy != "s3" else {}
+        return {f"fit.{name}": value for name, value in fit.items()} | super().values()
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Adapt the appearance, or all of the field, or fit a new one."""
@@ -155,9 +154,7 @@ class StylizedField(TunedStage, StyleControls):
             field, curve, dropped = stylized(job, config, run.progress)
             save_appearance(out, field)
         else:
-            field, curve = freely_stylized(
-                job, config, self.fit_values(), run.progress, anew=self.strategy == "s1"
-            )
+            field, curve = freely_stylized(job, config, run.progress, anew=self.strategy == "s1")
             dropped = 0.0
             save_field(out, field)
         write_rows(out / "curve.parquet", curve)

@@ -41,6 +41,9 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "adaptation.iterations": 10,
         "adaptation.batch": 64,
         "image.iterations": 2,
+        "fit.iterations": 30,
+        "fit.batch": 64,
+        "fit.initial_voxels": 8**3,
         "style_px": 64,
     },
 }

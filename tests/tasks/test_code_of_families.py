@@ -223,7 +223,7 @@ BY_VALUE = {
     "tasks.stage:TunedStage.values",
     "tasks.stage:_thawed",
     "tasks.style:StyleNetwork.values",
-    "tasks.stylization:StylizedField.fit_values",
+    "tasks.stylization:StylizedField.values",
     "tasks.stylization:StylizedPriors.factors",
     "tasks.stylization:StylizedPriors.values",
 }

@@ -73,8 +73,10 @@ def test_factors_are_told_beside_the_settings_and_not_in_them():
 
 
 def test_free_strategies_are_fitted_as_the_field_is():
-    stage = tasks.StylizedField(strategy="s1", **WORDS)
-    assert stage.fit_values() == tasks.RadianceField(scene="horns", quality="draft").values()
+    stage = tasks.StylizedField(strategy="s1", settings={"fit.iterations": 7}, **WORDS)
+    fit = tasks.RadianceField(scene="horns", quality="draft").values() | {"iterations": 7}
+    assert {f"fit.{k}": v for k, v in fit.items()}.items() <= stage.values().items()
+    assert not any(name.startswith("fit.") for name in tasks.StylizedField(**WORDS).values())
 
 
 def test_one_network_is_not_for_several_styles():
