@@ -119,3 +119,20 @@ def in_view(
     pixels, depth = project(camera, points_world)
     inside = (depth > 0) & (pixels >= 0).all(axis=1)
     return pixels, depth, inside & (pixels < (camera.width, camera.height)).all(axis=1)
+
+
+def depth_behind(
+    camera: Camera,
+    depth: Float[np.ndarray, "height width"],
+    points_world: Float[np.ndarray, "points 3"],
+) -> tuple[
+    Float[np.ndarray, "points 2"], Float[np.ndarray, " points"], Float[np.ndarray, " points"],
+    Bool[np.ndarray, " points"],
+]:  # fmt: skip
+    """Returns what `in_view` does, and before the last what `depth` is at the points' pixels.
+
+    Where a point is out of view, the depth found means nothing.
+    """
+    pixels, depth_of_points, inside = in_view(camera, points_world)
+    column, row = np.floor(np.where(inside[:, None], pixels, 0)).astype(int).T
+    return pixels, depth_of_points, depth[row, column], inside

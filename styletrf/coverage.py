@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from styletrf.cameras import Camera, fitted_to, in_view, pixel_centers, rays_through
+from styletrf.cameras import Camera, depth_behind, fitted_to, pixel_centers, rays_through
 
 Depth = Float[np.ndarray, "height width"]
 
@@ -55,9 +55,7 @@ def shown(
     camera: Camera, depth: Depth, places: Float[np.ndarray, "places 3"], tolerance: float
 ) -> Bool[np.ndarray, " places"]:
     """Returns which places a view shows: inside of it, and at the depth that it has there."""
-    pixels, depth_there, inside = in_view(camera, places)
-    column, row = np.floor(np.where(inside[:, None], pixels, 0)).astype(int).T
-    found = depth[row, column]
+    _, depth_there, found, inside = depth_behind(camera, depth, places)
     near = np.abs(np.where(np.isfinite(found), found, 0) - depth_there) <= tolerance * depth_there
     visible: Bool[np.ndarray, " places"] = inside & near
     return visible

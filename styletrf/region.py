@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.camera_table import read_cameras
-from styletrf.cameras import Camera, in_view
+from styletrf.cameras import Camera, depth_behind
 from styletrf.errors import InputError
 from styletrf.float_images import read_float_image
 from styletrf.images import from_integers
@@ -60,14 +60,14 @@ class Masked(Region):
     def share(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
         """See `Region.share`; what the view does not show is outside."""
         somewhere = np.isfinite(points_world).all(axis=1)
-        pixels, depth, shown = in_view(
-            self.camera, np.where(somewhere[:, None], points_world, self.camera.center_world)
+        pixels, depth, surface, shown = depth_behind(
+            self.camera,
+            self.depth,
+            np.where(somewhere[:, None], points_world, self.camera.center_world),
         )
+        near = shown & (depth <= (1 + self.thickness) * surface)
         result = np.zeros(len(points_world))
-        at = pixels[shown]
-        column, row = np.floor(at).astype(int).T
-        near = depth[shown] <= (1 + self.thickness) * self.depth[row, column]
-        result[shown] = np.where(near, _bilinear(self.mask, at - 0.5), 0)
+        result[near] = _bilinear(self.mask, pixels[near] - 0.5)
         return result
 
 

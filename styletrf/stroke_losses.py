@@ -9,6 +9,7 @@ The content term is that of `styletrf.perceptual_loss`, against the unpainted re
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Literal
 
 import torch
@@ -46,19 +47,20 @@ def stroke_loss(
         return lambda image, plain: perceptual_loss(vgg, image, plain, grams, config).total
     with torch.no_grad():
         of_style = _columns(vgg, small)
-        step = -(-len(of_style) // _LONGEST_STYLE)
-        of_style = of_style[::step]
+    of_style = of_style[:: -(-len(of_style) // _LONGEST_STYLE)]
+    return partial(_feature_loss, vgg, of_style, config)
 
-    def loss(image: Tensor, plain: Tensor) -> Tensor:
-        found = vgg.features(image, [CONTENT_LAYER, *FEATURE_LAYERS])
-        with torch.no_grad():
-            target = vgg.features(plain, [CONTENT_LAYER])[CONTENT_LAYER].float()
-        content = relative_difference(found[CONTENT_LAYER].float(), target)
-        near = nearest_distance(_joined(found), of_style)
-        smooth = config.tv_weight * total_variation(image)
-        return config.style_weight * near + config.content_weight * content + smooth
 
-    return loss
+def _feature_loss(
+    vgg: VGG16, of_style: Tensor, config: PerceptualLossConfig, image: Tensor, plain: Tensor
+) -> Tensor:
+    found = vgg.features(image, [CONTENT_LAYER, *FEATURE_LAYERS])
+    with torch.no_grad():
+        target = vgg.features(plain, [CONTENT_LAYER])[CONTENT_LAYER].float()
+    content = relative_difference(found[CONTENT_LAYER].float(), target)
+    near = nearest_distance(_joined(found), of_style)
+    smooth = config.tv_weight * total_variation(image)
+    return config.style_weight * near + config.content_weight * content + smooth
 
 
 def nearest_distance(

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import torch
 
+from styletrf.vgg import VGG16
+
 HAS_GPU = torch.cuda.is_available()
 if not HAS_GPU:
     os.environ.setdefault("TRITON_INTERPRET", "1")
@@ -27,3 +29,13 @@ def form(request: pytest.FixtureRequest) -> Iterator[Any]:
     device = torch.device("cuda" if HAS_GPU and request.param == "triton" else "cpu")
     with device, np.errstate(all="ignore"):  # numpy warns of overflow where a card does not
         yield kernels_for(device, request.param)
+
+
+@pytest.fixture(scope="module")
+def vgg() -> VGG16:
+    """A perceptual network with random weights, always the same."""
+    network = VGG16().requires_grad_(requires_grad=False)
+    generator = torch.Generator().manual_seed(0)
+    for parameter in network.parameters():
+        torch.nn.init.normal_(parameter, std=(2 / parameter[0].numel()) ** 0.5, generator=generator)
+    return network

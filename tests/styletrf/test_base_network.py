@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from test_style_training import TINY, content, vgg  # noqa: F401
+from test_style_training import TINY, content  # noqa: F401
 
 from styletrf.base_network import BASE_NETWORKS, base_network
 from styletrf.base_network_training import a_style, train_base_network

@@ -2,14 +2,13 @@
 
 import pytest
 import torch
-from test_stroke_losses import vgg  # noqa: F401
 
 from styletrf.gatys import GatysConfig, paint_by_optimization
 from styletrf.perceptual_loss import perceptual_loss, style_grams
 
 
 @pytest.mark.parametrize("size", [(41, 52), (16, 16)])
-def test_the_painted_view_is_nearer_to_the_style(vgg, size):  # noqa: F811
+def test_the_painted_view_is_nearer_to_the_style(vgg, size):
     generator = torch.Generator().manual_seed(0)
     content, style = (torch.rand(*s, 3, generator=generator) for s in (size, (64, 64)))
     config = GatysConfig(style_px=64, iterations=(15, 5))

@@ -18,15 +18,6 @@ EQUAL = (1.0, 1.0, 1.0, 1.0)
 BOTH = pytest.mark.parametrize("relative", [True, False])
 
 
-@pytest.fixture(scope="module")
-def vgg() -> VGG16:
-    network = VGG16().requires_grad_(requires_grad=False)
-    generator = torch.Generator().manual_seed(0)
-    for parameter in network.parameters():
-        torch.nn.init.normal_(parameter, std=(2 / parameter[0].numel()) ** 0.5, generator=generator)
-    return network
-
-
 def image(seed: int, size: int = 24) -> Tensor:
     return torch.rand(1, 3, size, size, generator=torch.Generator().manual_seed(seed))
 

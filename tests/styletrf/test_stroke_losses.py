@@ -5,16 +5,6 @@ import torch
 
 from styletrf.perceptual_loss import PerceptualLossConfig
 from styletrf.stroke_losses import nearest_distance, stroke_loss
-from styletrf.vgg import VGG16
-
-
-@pytest.fixture(scope="module")
-def vgg() -> VGG16:
-    network = VGG16().requires_grad_(requires_grad=False)
-    generator = torch.Generator().manual_seed(0)
-    for parameter in network.parameters():
-        torch.nn.init.normal_(parameter, std=(2 / parameter[0].numel()) ** 0.5, generator=generator)
-    return network
 
 
 def test_the_nearest_counts_and_not_the_length():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from test_style_training import TINY, style, vgg  # noqa: F401
+from test_style_training import TINY, style
 
 from styletrf.errors import InputError
 from styletrf.perceptual_loss import (
@@ -42,7 +42,7 @@ def test_features_of_any_scale_have_finite_grams_and_gradients(value):
 
 
 @pytest.mark.parametrize("weight", [10.0**k for k in range(-6, 7, 2)])
-def test_style_weights_over_twelve_orders_train_a_finite_step(vgg, weight):  # noqa: F811
+def test_style_weights_over_twelve_orders_train_a_finite_step(vgg, weight):
     loss = PerceptualLossConfig(style_weight=weight)
     training, config = begin(
         replace(TINY, loss=loss, identity_iterations=0),
@@ -55,7 +55,7 @@ def test_style_weights_over_twelve_orders_train_a_finite_step(vgg, weight):  # n
 
 
 @pytest.mark.parametrize("weight", [float("inf"), float("nan"), 1e39])
-def test_a_weight_that_is_not_finite_is_named(vgg, weight):  # noqa: F811
+def test_a_weight_that_is_not_finite_is_named(vgg, weight):
     loss = PerceptualLossConfig(style_weight=weight)
     config = replace(TINY, loss=loss, identity_iterations=0)
     training, config = begin(config, torch.device("cpu"))
@@ -63,7 +63,7 @@ def test_a_weight_that_is_not_finite_is_named(vgg, weight):  # noqa: F811
         StyleStep(config, vgg, style())(training, 0, torch.rand(1, 3, 32, 32))
 
 
-def test_a_style_that_is_the_content_costs_nothing(vgg):  # noqa: F811
+def test_a_style_that_is_the_content_costs_nothing(vgg):
     image = torch.rand(1, 3, 48, 48, generator=torch.Generator().manual_seed(0))
     image.requires_grad_()
     config = PerceptualLossConfig(tv_weight=0.0)
@@ -76,7 +76,7 @@ def test_a_style_that_is_the_content_costs_nothing(vgg):  # noqa: F811
 
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("painting", [0.0, 1.0])
-def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painting):  # noqa: F811
+def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painting):
     config = replace(TINY, steadiness=SteadinessConfig(every=1), identity_iterations=0)
     training, config = begin(config, torch.device("cpu"))
     step = StyleStep(config, vgg, torch.full((64, 64, 3), painting))
@@ -84,7 +84,7 @@ def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painti
         assert torch.isfinite(step(training, k, torch.full((1, 3, 32, 32), level)).total)
 
 
-def test_noise_that_drowns_the_photograph_is_finite(vgg):  # noqa: F811
+def test_noise_that_drowns_the_photograph_is_finite(vgg):
     config = replace(TINY, steadiness=SteadinessConfig(noise=1e3, shift_px=1e4, every=1))
     training, config = begin(config, torch.device("cpu"))
     terms = StyleStep(config, vgg, style())(training, 0, torch.rand(1, 3, 32, 32))

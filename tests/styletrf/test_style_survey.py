@@ -5,7 +5,6 @@ import logging
 import numpy as np
 import pytest
 import torch
-from test_stroke_losses import vgg  # noqa: F401
 
 from styletrf.images import write_rgb
 from styletrf.paintings import PAINTINGS
@@ -44,7 +43,7 @@ def test_the_warning_reaches_the_log(tmp_path, caplog):
     assert "grey.png: the painting's colours lie on one line" in caplog.text
 
 
-def test_the_trace_is_relative_to_the_content(vgg):  # noqa: F811
+def test_the_trace_is_relative_to_the_content(vgg):
     content = torch.rand(3, 3, 32, 32, generator=torch.Generator().manual_seed(0))
     assert fine_trace(vgg, content[:1], content[:1]) == pytest.approx(1)
     bright = fine_trace(vgg, content[:1], 0.5 * content[:1])

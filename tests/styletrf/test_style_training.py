@@ -35,15 +35,6 @@ class KilledError(Exception):
 
 
 @pytest.fixture(scope="module")
-def vgg() -> VGG16:
-    network = VGG16().requires_grad_(requires_grad=False)
-    generator = torch.Generator().manual_seed(0)
-    for parameter in network.parameters():
-        torch.nn.init.normal_(parameter, std=(2 / parameter[0].numel()) ** 0.5, generator=generator)
-    return network
-
-
-@pytest.fixture(scope="module")
 def content(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("content")
     source = embedded_source([], n_procedural=8, seed=0)
