@@ -1,184 +1,208 @@
-"""How steady a stylised trajectory is: StyleTRF (Goel et al. 2022), section 6.2.
+"""How steady a stylised trajectory is, pair by pair, by three measures with their floors.
 
-A low error alone proves little: a grey video has none, and the flow itself is imperfect. So the
-same error of the unstylised frames (the floor) and the error where the flow can be trusted stand
-beside it.
+Along the flow of the unstylised frames as in the paper (`flow_consistency`), along the field's own
+depth (`geometric_consistency`), and as it looks (`perceptual_distance`); beside them how much of
+the style the frames have, since a grey video is the steadiest.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
+from styletrf.cameras import Camera
 from styletrf.errors import InputError
-from styletrf.float_images import read_float_image
-from styletrf.flow import agreement, optical_flow, warp_to_a
+from styletrf.float_images import FloatImage, read_float_image
+from styletrf.flow import FlowEstimator
+from styletrf.flow_consistency import flow_errors
+from styletrf.geometric_consistency import corresponding, geometric_errors
 from styletrf.images import read_rgb
-from styletrf.metrics import mean_squared_error
+from styletrf.metrics import Image
+from styletrf.perceptual_distance import Features, Perception, masked_distance, style_distance
 from styletrf.progress import Progress, silent
 
-Image = Float[np.ndarray, "_ _ 3"]  # sizes are checked with a message
 SHORT_TERM, LONG_TERM = 1, 5
 
 
 @dataclass(frozen=True, slots=True)
 class ConsistencyConfig:
-    """Which frames are compared, and along which flow (see `styletrf.flow`)."""
+    """Which frames are compared, and how.
+
+    Attributes:
+        method: The flow, see `styletrf.flow`.
+        deltas: Frames between the two of a pair.
+        tolerance: Fraction of the depth, beyond which a place counts as hidden.
+        perceptual_px: The longer side at which frames go through the perceptual network.
+    """
 
     method: str = "dis"
     deltas: tuple[int, ...] = (SHORT_TERM, LONG_TERM)
+    tolerance: float = 0.02
+    perceptual_px: int = 192
 
 
 @dataclass(frozen=True, slots=True)
-class ConsistencyPair:
-    """Two frames compared in the first one's view; errors are mean squares on [0, 1].
+class Frame:
+    """One view of the trajectory, without and with style."""
+
+    camera: Camera
+    unstylized: FloatImage
+    stylized: Image
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptualErrors:
+    """Two frames compared as they look, where the second one sees what the first one does.
 
     Attributes:
-        first: Index of the frame compared in.
-        second: Index of the frame warped, `first + delta`.
-        delta: Frames between the two.
-        error: Of the stylised frames, over all pixels: the paper's figure.
-        floor: The same of the unstylised frames.
-        valid_fraction: Of the pixels, those that return to themselves by way of the other frame.
-        masked_error: `error` over the valid pixels; NaN where there are none.
-        masked_floor: `floor` over the valid pixels; NaN where there are none.
+        perceptual_error: Perceptual distance of the stylised frames; NaN where nothing is seen.
+        perceptual_floor: The same of the unstylised frames.
+        style_distance: From the first stylised frame to the painting, by Gram matrices.
+        style_distance_unstylized: From the first unstylised frame to the painting.
     """
 
-    first: int
-    second: int
-    delta: int
-    error: float
-    floor: float
-    valid_fraction: float
-    masked_error: float
-    masked_floor: float
+    perceptual_error: float
+    perceptual_floor: float
+    style_distance: float
+    style_distance_unstylized: float
 
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
     """All pairs, and their means: `summary["delta_1"]["error"]` is the paper's short term error.
 
-    Each entry of the summary has `pairs` (their number) and the means of the columns of
-    `ConsistencyPair`, null where there is nothing to average.
+    A pair is a row of `first`, `second` (indices of frames), `delta`, and the attributes of
+    `FlowErrors`, `GeometricErrors` and `PerceptualErrors`. An entry of the summary has the means of
+    these, null where there is nothing to average, `pairs` (their number) and
+    `pairs_without_correspondence` (those of which nothing is seen in both frames).
     """
 
-    pairs: list[ConsistencyPair]
-    summary: dict[str, dict[str, int | float | None]]
+    pairs: list[dict[str, Any]]
+    summary: dict[str, dict[str, Any]]
+
+
+def read_frames(unstylized: Path, stylized: Path, cameras: Sequence[Camera]) -> Iterator[Frame]:
+    """Yields the frames `frames/NAME.exr` and `frames/NAME.png` of two folders, one by one."""
+    for camera in cameras:
+        plain = read_float_image(unstylized / "frames" / f"{camera.name}.exr")
+        yield Frame(camera, plain, read_rgb(stylized / "frames" / f"{camera.name}.png"))
 
 
 def measure_consistency(
-    unstylized: Sequence[Image | Path],
-    stylized: Sequence[Image | Path],
-    deltas: Sequence[int] = (SHORT_TERM, LONG_TERM),
-    method: str = "dis",
+    frames: Iterable[Frame],
+    n_frames: int,
+    painting: Image,
+    perception: Perception,
+    config: ConsistencyConfig,
     progress: Progress = silent,
 ) -> Consistency:
-    """Returns the consistency of `stylized`, along the flow of `unstylized`, for every pair.
+    """Returns the consistency of the stylised frames for every pair.
 
-    For frames i and j = i + delta with the flow w from unstylised i to unstylised j, the error is
-    the mean over pixels p and channels of (S_i(p) - S_j(p + w(p)))^2. Pixels that leave the image
-    take its nearest border pixel. Frames given as paths (PNG, OpenEXR) are read when their turn
-    comes; at most `max(deltas) + 1` of each kind are in memory.
+    Frames are taken when their turn comes; at most `max(deltas) + 1` are in memory.
+
+    Args:
+        frames: Along the trajectory, all of one size.
+        n_frames: How many there are.
+        painting: The style image, in [0, 1].
+        perception: What looks at them.
+        config: What is compared.
+        progress: Told after every pair.
 
     Raises:
-        InputError: The two sequences differ in length, their frames in size, or there are too few
-            frames for any of the deltas.
+        InputError: A frame differs in size, or there are too few for any of the deltas.
     """
-    _check_lengths(len(unstylized), len(stylized), deltas)
-    total = sum(max(0, len(stylized) - delta) for delta in deltas)
-    pairs: list[ConsistencyPair] = []
-    for first, second, frames in _frame_pairs(unstylized, stylized, deltas):
-        pairs.append(_compare(first, second, frames, method))
-        mean = sum(pair.error for pair in pairs) / len(pairs)
-        progress(len(pairs), total, consistency_error=mean)
-    pairs.sort(key=lambda pair: (pair.delta, pair.first))
-    return Consistency(pairs, {f"delta_{delta}": _summary(pairs, delta) for delta in deltas})
+    _require_pairs(n_frames, config.deltas)
+    total = sum(max(0, n_frames - delta) for delta in config.deltas)
+    comparison = _Comparison(perception, perception.features(painting), config)
+    rows: list[dict[str, Any]] = []
+    for first, second, a, b in _pairs(frames, perception, config.deltas):
+        compared = comparison(a, b)
+        rows.append({"first": first, "second": second, "delta": second - first} | compared)
+        progress(len(rows), total, consistency_error=sum(r["error"] for r in rows) / len(rows))
+    rows.sort(key=lambda row: (row["delta"], row["first"]))
+    return Consistency(rows, {f"delta_{delta}": _summary(rows, delta) for delta in config.deltas})
 
 
 @dataclass(frozen=True, slots=True)
-class _Frame:
-    unstylized: Image
-    stylized: Image
+class _Seen:
+    """A frame, and what the perceptual network sees of it."""
+
+    frame: Frame
+    unstylized: Features
+    stylized: Features
 
 
-def _frame_pairs(
-    unstylized: Sequence[Image | Path], stylized: Sequence[Image | Path], deltas: Sequence[int]
-) -> Iterator[tuple[int, int, tuple[_Frame, _Frame]]]:
-    window: dict[int, _Frame] = {}
-    for second, (plain, painted) in enumerate(zip(unstylized, stylized, strict=True)):
-        window[second] = _Frame(_loaded(plain), _loaded(painted))
-        _check_sizes(second, window[second], window[max(0, second - 1)])
+def _pairs(
+    frames: Iterable[Frame], perception: Perception, deltas: Sequence[int]
+) -> Iterator[tuple[int, int, _Seen, _Seen]]:
+    window: dict[int, _Seen] = {}
+    for second, frame in enumerate(frames):
+        before = window[second - 1].frame if second else frame
+        _require_one_size(second, frame, before)
+        features = (perception.features(i) for i in (frame.unstylized.color, frame.stylized))
+        window[second] = _Seen(frame, *features)
         for delta in deltas:
             if second >= delta:
-                first = second - delta
-                yield first, second, (window[first], window[second])
+                yield second - delta, second, window[second - delta], window[second]
         window.pop(second - max(deltas), None)
 
 
-def _loaded(frame: Image | Path) -> Image:
-    if not isinstance(frame, Path):
-        return frame
-    return read_float_image(frame).color if frame.suffix == ".exr" else read_rgb(frame)
+class _Comparison:
+    """Compares two frames by every measure."""
+
+    def __init__(
+        self, perception: Perception, painting: Features, config: ConsistencyConfig
+    ) -> None:
+        self._perception, self._painting = perception, painting
+        self._estimator, self._tolerance = FlowEstimator(config.method), config.tolerance
+
+    def __call__(self, a: _Seen, b: _Seen) -> dict[str, Any]:
+        """Returns the row of a pair."""
+        one, other = a.frame, b.frame
+        plain = one.unstylized.color, other.unstylized.color
+        along_flow = flow_errors(plain, (one.stylized, other.stylized), self._estimator)
+        depths = one.unstylized.depth, other.unstylized.depth
+        cameras = one.camera, other.camera
+        warped = corresponding(cameras, depths, plain[1], other.stylized, self._tolerance)
+        along_depth = geometric_errors(plain[0], one.stylized, warped)
+        distance, seen = self._perception, warped.seen
+        looks = PerceptualErrors(
+            masked_distance(distance, one.stylized, a.stylized, warped.stylized, seen),
+            masked_distance(distance, plain[0], a.unstylized, warped.unstylized, seen),
+            style_distance(a.stylized, self._painting),
+            style_distance(a.unstylized, self._painting),
+        )
+        return asdict(along_flow) | asdict(along_depth) | asdict(looks)
 
 
-def _compare(
-    first: int, second: int, frames: tuple[_Frame, _Frame], method: str
-) -> ConsistencyPair:
-    a, b = frames
-    there = optical_flow(a.unstylized, b.unstylized, method)
-    back = optical_flow(b.unstylized, a.unstylized, method)
-    valid = agreement(there, back)
-    stylized, _ = warp_to_a(b.stylized, there)
-    unstylized, _ = warp_to_a(b.unstylized, there)
-    return ConsistencyPair(
-        first=first,
-        second=second,
-        delta=second - first,
-        error=mean_squared_error(stylized, a.stylized),
-        floor=mean_squared_error(unstylized, a.unstylized),
-        valid_fraction=float(valid.mean()),
-        masked_error=mean_squared_error(stylized, a.stylized, valid),
-        masked_floor=mean_squared_error(unstylized, a.unstylized, valid),
-    )
-
-
-def _summary(pairs: Sequence[ConsistencyPair], delta: int) -> dict[str, int | float | None]:
-    chosen = [pair for pair in pairs if pair.delta == delta]
-    return {
-        "pairs": len(chosen),
-        "error": _mean([pair.error for pair in chosen]),
-        "floor": _mean([pair.floor for pair in chosen]),
-        "valid_fraction": _mean([pair.valid_fraction for pair in chosen]),
-        "masked_error": _mean([pair.masked_error for pair in chosen]),
-        "masked_floor": _mean([pair.masked_floor for pair in chosen]),
-    }
+def _summary(rows: Sequence[Mapping[str, Any]], delta: int) -> dict[str, Any]:
+    chosen = [row for row in rows if row["delta"] == delta]
+    names = [name for name in rows[0] if isinstance(rows[0][name], float)]
+    unseen = sum(row["geometric_fraction"] == 0 for row in chosen)
+    counts = {"pairs": len(chosen), "pairs_without_correspondence": unseen, "flow": rows[0]["flow"]}
+    return counts | {name: _mean([row[name] for row in chosen]) for name in names}
 
 
 def _mean(values: Sequence[float]) -> float | None:
     defined = [value for value in values if not math.isnan(value)]
-    return sum(defined) / len(defined) if defined else None
+    return float(np.mean(defined)) if defined else None
 
 
-def _check_lengths(unstylized: int, stylized: int, deltas: Sequence[int]) -> None:
-    if unstylized != stylized:
+def _require_pairs(n_frames: int, deltas: Sequence[int]) -> None:
+    if not deltas or min(deltas) < 1 or n_frames <= min(deltas):
         raise InputError(
-            "trajectory",
-            f"has {unstylized} unstylised and {stylized} stylised frames",
-            "Render both along the same trajectory",
-        )
-    if not deltas or min(deltas) < 1 or stylized <= min(deltas):
-        raise InputError(
-            f"trajectory of {stylized} frames",
+            f"trajectory of {n_frames} frames",
             f"has no pair of frames {' or '.join(map(str, deltas))} apart",
             "Render more frames, or measure smaller distances, from 1",
         )
 
 
-def _check_sizes(index: int, frame: _Frame, before: _Frame) -> None:
-    sizes = {image.shape[:2] for image in (frame.unstylized, frame.stylized, before.stylized)}
+def _require_one_size(index: int, frame: Frame, before: Frame) -> None:
+    images = frame.unstylized.color, frame.stylized, before.stylized
+    sizes = {image.shape[:2] for image in images}
     if len(sizes) > 1:
         listed = " and ".join(f"{width}x{height}" for height, width in sorted(sizes))
         raise InputError(

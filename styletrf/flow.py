@@ -1,12 +1,14 @@
 """Where each pixel of one frame went in another, and the other frame brought back by it."""
 
 from collections.abc import Callable
+from typing import Final, final
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
 from styletrf.errors import InputError
+from styletrf.raft_flow import raft_estimator
 
 _SMALLEST_SIDE = 12  # below, DIS has no room for its patches
 
@@ -14,36 +16,61 @@ Image = Float[np.ndarray, "height width 3"]
 Flow = Float[np.ndarray, "height width 2"]
 Mask = Bool[np.ndarray, "height width"]
 
-_ESTIMATORS: dict[str, Callable[[], cv2.DenseOpticalFlow]] = {
-    "dis": lambda: cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM),
-    "farneback": cv2.FarnebackOpticalFlow.create,
-    "deepflow": cv2.optflow.createOptFlow_DeepFlow,
-}
-METHODS = tuple(_ESTIMATORS)
+METHODS = ("dis", "farneback", "deepflow", "raft")
 
 
-def optical_flow(a: Image, b: Image, method: str = "dis") -> Flow:
-    """Returns the displacement (x, y) in pixels from each pixel of `a` to its place in `b`.
+@final
+class FlowEstimator:
+    """Estimates the optical flow between frames by one method; made once, for many frames."""
 
-    Args:
-        a: The frame the flow is defined on, in [0, 1].
-        b: The frame it leads to.
-        method: `dis` (Kroeger et al. 2016, medium preset), `farneback` (Farneback 2003) or
-            `deepflow` (Weinzaepfel et al. 2013, without its matching), on 8 bit luminance.
+    def __init__(self, method: str = "dis") -> None:
+        """Makes ready the estimator.
 
-    Raises:
-        InputError: The method is unknown, or the frames are smaller than 12 pixels.
-    """
-    if method not in _ESTIMATORS:
-        raise InputError(method, "is no method of optical flow here", f"Use one of {METHODS}")
-    if min(a.shape[:2]) < _SMALLEST_SIDE:
-        raise InputError(
-            f"frame of {a.shape[1]}x{a.shape[0]} pixels",
-            "is too small for optical flow",
-            f"Use frames of at least {_SMALLEST_SIDE} pixels",
-        )
-    start = np.zeros((*a.shape[:2], 2), dtype=np.float32)
-    return np.asarray(_ESTIMATORS[method]().calc(_luminance(a), _luminance(b), start))
+        Args:
+            method: `dis` (Kroeger et al. 2016, medium preset), `farneback` (Farneback 2003) or
+                `deepflow` (Weinzaepfel et al. 2013, without its matching), on 8 bit luminance;
+                or `raft` (Teed and Deng 2020), see `styletrf.raft_flow`.
+
+        Raises:
+            InputError: The method is unknown, or what it needs is not at hand.
+        """
+        if method not in METHODS:
+            raise InputError(method, "is no method of optical flow here", f"Use one of {METHODS}")
+        self.method: Final = method
+        self._estimate = raft_estimator() if method == "raft" else _of_luminance(method)
+
+    def __call__(self, a: Image, b: Image) -> Flow:
+        """Returns the displacement (x, y) in pixels from each pixel of `a` to its place in `b`.
+
+        Args:
+            a: The frame the flow is defined on, in [0, 1].
+            b: The frame it leads to.
+
+        Raises:
+            InputError: The frames are smaller than 12 pixels.
+        """
+        if min(a.shape[:2]) < _SMALLEST_SIDE:
+            raise InputError(
+                f"frame of {a.shape[1]}x{a.shape[0]} pixels",
+                "is too small for optical flow",
+                f"Use frames of at least {_SMALLEST_SIDE} pixels",
+            )
+        return self._estimate(a, b)
+
+
+def _of_luminance(method: str) -> Callable[[Image, Image], Flow]:
+    makers: dict[str, Callable[[], cv2.DenseOpticalFlow]] = {
+        "dis": lambda: cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM),
+        "farneback": cv2.FarnebackOpticalFlow.create,
+        "deepflow": cv2.optflow.createOptFlow_DeepFlow,
+    }
+    flow = makers[method]()
+
+    def estimate(a: Image, b: Image) -> Flow:
+        start = np.zeros((*a.shape[:2], 2), dtype=np.float32)
+        return np.asarray(flow.calc(_luminance(a), _luminance(b), start))
+
+    return estimate
 
 
 def warp_to_a(

@@ -1,8 +1,9 @@
 """How well a field shows the views it was not fitted to."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -10,44 +11,65 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from styletrf.cameras import Camera
-from styletrf.field import RadianceField
-from styletrf.frames import rendered
 from styletrf.images import from_integers, write_rgb
-from styletrf.metrics import psnr, ssim
-from styletrf.progress import Progress, silent
-from styletrf.rendering import RenderConfig
-from styletrf.space import Space
+from styletrf.lpips_distance import lpips_judge
+from styletrf.metrics import Image, psnr, ssim
+from styletrf.perceptual_distance import Perception, perceptual_distance
+from styletrf.rendering import RenderConfig, Rendering
+from styletrf.vgg import load_vgg
+
+Judge = Callable[[Image, Image], float]
+"""What an image is worth against its reference."""
 
 
 @dataclass(frozen=True, slots=True)
-class ViewQuality:
-    """One held-out view: PSNR in dB and SSIM against its photograph."""
+class QualityConfig:
+    """How views are rendered and judged.
 
-    view: str
-    psnr: float
-    ssim: float
+    Attributes:
+        render: The render.
+        perceptual_px: The longer side at which views go through the perceptual network.
+        lpips: Whether LPIPS is measured as well, see `styletrf.lpips_distance`.
+    """
+
+    render: RenderConfig = field(default_factory=RenderConfig)
+    perceptual_px: int = 504
+    lpips: bool = False
+
+
+def judges_named(config: QualityConfig, weights: Path, device: torch.device) -> dict[str, Judge]:
+    """Returns the judges by the column of their figures.
+
+    `psnr` in dB, `ssim`, `perceptual` (by the VGG16 of `weights`), and `lpips` where asked for.
+
+    Raises:
+        InputError: The weights cannot be read; or LPIPS is asked for and not at hand.
+    """
+    perception = Perception(load_vgg(weights, device), config.perceptual_px)
+
+    def perceptual(image: Image, reference: Image) -> float:
+        return perceptual_distance(perception.features(image), perception.features(reference))
+
+    judges: dict[str, Judge] = {"psnr": psnr, "ssim": ssim, "perceptual": perceptual}
+    return judges | ({"lpips": lpips_judge(device)} if config.lpips else {})
 
 
 def measure_quality(
-    radiance: RadianceField,
-    space: Space,
+    renders: Iterable[Rendering],
     cameras: Sequence[Camera],
     photographs: UInt8[Tensor, "views height width 3"],
-    config: RenderConfig,
-    device: torch.device,
+    judges: Mapping[str, Judge],
     picture_folder: Path,
-    progress: Progress = silent,
-) -> tuple[list[ViewQuality], dict[str, float]]:
-    """Returns the quality of each view and the means; writes each render beside its photograph."""
-    rows = []
-    renders = rendered(radiance, space, cameras, config, device, progress)
+) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Returns a row of every judge's figure for each view, and the means.
+
+    Writes each render beside its photograph as `NAME.png`.
+    """
+    rows: list[dict[str, Any]] = []
     for camera, render, photograph in zip(cameras, renders, photographs, strict=True):
         image, reference = render.color.numpy(), from_integers(photograph.numpy())
-        rows.append(ViewQuality(camera.name, psnr(image, reference), ssim(image, reference)))
+        figures = {name: judge(image, reference) for name, judge in judges.items()}
+        rows.append({"view": camera.name} | figures)
         write_rgb(picture_folder / f"{camera.name}.png", np.concatenate([image, reference], axis=1))
-    means = {
-        "psnr": float(np.mean([row.psnr for row in rows])),
-        "ssim": float(np.mean([row.ssim for row in rows])),
-        "views": float(len(rows)),
-    }
-    return rows, means
+    means = {name: float(np.mean([row[name] for row in rows])) for name in judges}
+    return rows, means | {"views": float(len(rows))}

@@ -11,8 +11,9 @@ import pyarrow.parquet as pq
 
 
 def write_rows(path: Path, rows: Sequence[Any]) -> None:
-    """Writes dataclasses of one kind as a Parquet table, a column a field."""
-    pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), path)
+    """Writes dataclasses (or mappings) of one kind as a Parquet table, a column a field."""
+    flat = [dict(row) if isinstance(row, Mapping) else asdict(row) for row in rows]
+    pq.write_table(pa.Table.from_pylist(flat), path)
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:

@@ -51,6 +51,7 @@ def configurations() -> dict[str, type]:
     from styletrf.frames import FramesConfig
     from styletrf.gatys import GatysConfig
     from styletrf.priors import PriorsConfig
+    from styletrf.quality import QualityConfig
     from styletrf.rendering import RenderConfig
     from styletrf.scene_capture import CaptureConfig
     from styletrf.scene_model import SceneModelConfig
@@ -62,7 +63,7 @@ def configurations() -> dict[str, type]:
         "ConsistencyMetrics": ConsistencyConfig,
         "ContentImages": ContentConfig,
         "PriorRenders": PriorsConfig,
-        "QualityMetrics": RenderConfig,
+        "QualityMetrics": QualityConfig,
         "RadianceField": FieldTrainingConfig,
         "SceneCapture": CaptureConfig,
         "SceneModel": SceneModelConfig,

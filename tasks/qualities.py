@@ -77,8 +77,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "min_weight": (1e-2, 5e-3, 1e-3),
     },
     "QualityMetrics": {
-        "termination": (1e-2, 3e-3, 1e-3),
-        "min_weight": (1e-2, 5e-3, 1e-3),
+        "render.termination": (1e-2, 3e-3, 1e-3),
+        "render.min_weight": (1e-2, 5e-3, 1e-3),
     },
     "StylizedPriors": {
         "style_px": (420, 420, 256),

@@ -1,27 +1,29 @@
 import math
-from dataclasses import astuple
 
-import cv2
 import numpy as np
 import pytest
+from pans import FRAMES, HEIGHT, STEP, WIDTH, camera, pan, shown, texture
 
-from styletrf.consistency import measure_consistency
+from styletrf.camera_table import read_cameras
+from styletrf.consistency import ConsistencyConfig, measure_consistency, read_frames
 from styletrf.errors import InputError
-from styletrf.float_images import write_float_image
-from styletrf.images import write_rgb
-
-FRAMES, HEIGHT, WIDTH = 8, 72, 96
-STEP = 2  # pixels a frame
-
-
-def texture(seed, width=WIDTH + STEP * FRAMES):
-    noise = np.random.default_rng(seed).random((HEIGHT, width, 3)).astype(np.float32)
-    smooth = cv2.GaussianBlur(noise, (0, 0), 2)
-    return (smooth - smooth.min()) / (smooth.max() - smooth.min())
+from styletrf.float_images import FloatImage
+from styletrf.frames import write_float_frames, write_pictures
+from styletrf.perceptual_distance import Perception
+from styletrf.rendering import Rendering
 
 
-def pan(painting):
-    return [painting[:, STEP * i : STEP * i + WIDTH] for i in range(FRAMES)]
+@pytest.fixture
+def measure(vgg):
+    def measured(plain, painted, *, painting=None, cameras=None, progress=None, **options):
+        frames = shown(plain, painted, cameras)
+        config = ConsistencyConfig(**{"perceptual_px": 32} | options)
+        told = {"progress": progress} if progress else {}
+        look = Perception(vgg, config.perceptual_px)
+        painting = texture(1) if painting is None else painting
+        return measure_consistency(frames, len(plain), painting, look, config, **told)
+
+    return measured
 
 
 def flickering(frames, sigma, seed=0):
@@ -29,123 +31,196 @@ def flickering(frames, sigma, seed=0):
     return [frame + random.normal(0, sigma, frame.shape).astype(np.float32) for frame in frames]
 
 
-def measure(unstylized, stylized, **options):
-    return measure_consistency(unstylized, stylized, **options)
-
-
-def test_a_pan_over_one_painting_is_consistent():
+def test_a_pan_over_one_painting_is_consistent(measure):
     result = measure(pan(texture(0)), pan(texture(1)))
     variance = float(texture(1).var())
     for delta in ("delta_1", "delta_5"):
-        assert result.summary[delta]["masked_error"] < 0.01 * variance
-        assert result.summary[delta]["masked_floor"] < 0.01 * variance
-        assert result.summary[delta]["valid_fraction"] > 0.7
+        told = result.summary[delta]
+        assert told["masked_error"] < 0.01 * variance
+        assert told["masked_floor"] < 0.01 * variance
+        assert told["valid_fraction"] > 0.7
+        assert told["geometric_error"] < 1e-9, "whole pixels are found exactly"
+        assert told["normalized_error"] < 1e-6
+        assert told["perceptual_error"] < 0.05
+    shares = [result.summary[f"delta_{d}"]["geometric_fraction"] for d in (1, 5)]
+    assert shares == pytest.approx([1 - STEP * d / WIDTH for d in (1, 5)], abs=0.02)
 
 
-def test_a_painting_that_stays_on_the_screen_is_inconsistent():
+def test_a_painting_that_stays_on_the_screen_is_inconsistent(measure):
     still = measure(pan(texture(0)), [pan(texture(1))[0]] * FRAMES)
     moving = measure(pan(texture(0)), pan(texture(1)))
     for delta in ("delta_1", "delta_5"):
-        assert still.summary[delta]["error"] > 5 * moving.summary[delta]["error"]
-        assert still.summary[delta]["floor"] == moving.summary[delta]["floor"]
+        for name in ("error", "geometric_error", "normalized_error", "perceptual_error"):
+            assert still.summary[delta][name] > 5 * moving.summary[delta][name], name
+        for name in ("floor", "geometric_floor", "normalized_floor", "perceptual_floor"):
+            assert still.summary[delta][name] == moving.summary[delta][name], name
+
+
+def test_unrelated_pictures_have_a_normalized_error_of_one(measure):
+    painted = [texture(10 + k, WIDTH) for k in range(FRAMES)]
+    painted = [frame - frame.mean(axis=(0, 1)) + 0.5 for frame in painted]
+    for contrast in (1.0, 0.1):
+        grey = [0.5 + contrast * (frame - 0.5) for frame in painted]
+        told = measure(pan(texture(0)), grey).summary["delta_1"]
+        assert told["normalized_error"] == pytest.approx(1, rel=0.1)
 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.1])
-def test_flicker_is_measured_as_twice_its_variance(sigma):
+def test_flicker_is_measured_as_twice_its_variance(measure, sigma):
     still = [pan(texture(0))[0]] * FRAMES  # no motion: the warp neither smooths nor shifts
-    result = measure(still, flickering(pan(texture(1))[:1] * FRAMES, sigma))
+    painted = flickering(pan(texture(1))[:1] * FRAMES, sigma)
+    result = measure(still, painted, cameras=[camera(0)] * FRAMES)
     for delta in ("delta_1", "delta_5"):
-        assert result.summary[delta]["error"] == pytest.approx(2 * sigma**2, rel=0.05)
-        assert result.summary[delta]["floor"] < 1e-9
+        for kind in ("", "geometric_"):
+            told = result.summary[delta]
+            assert told[f"{kind}error"] == pytest.approx(2 * sigma**2, rel=0.05)
+            assert told[f"{kind}floor"] < 1e-9
 
 
-def test_stylisation_that_changes_nothing_is_at_the_floor():
-    result = measure(pan(texture(0)), pan(texture(0)))
-    assert all(pair.error == pair.floor for pair in result.pairs)
-    assert all(pair.masked_error == pair.masked_floor for pair in result.pairs)
+def test_stylisation_that_changes_nothing_is_at_the_floor(measure):
+    result = measure(pan(texture(0)), pan(texture(0)), painting=texture(1))
+    for pair in result.pairs:
+        assert pair["error"] == pair["floor"]
+        assert pair["masked_error"] == pair["masked_floor"]
+        assert pair["geometric_error"] == pair["geometric_floor"]
+        assert pair["normalized_error"] == pair["normalized_floor"]
+        assert pair["perceptual_error"] == pair["perceptual_floor"]
+        assert pair["style_distance"] == pair["style_distance_unstylized"]
 
 
-def test_there_is_a_row_for_every_pair_and_the_summary_is_their_mean():
+def test_a_grey_video_does_not_beat_a_faithful_one(measure):
+    """Less contrast lowers the paper's error; not the normalised one."""
+    faithful = flickering(pan(texture(1)), 0.02)
+    grey = [np.round((0.5 + 0.05 * (f - 0.5)) * 255) / 255 for f in faithful]
+    kept, washed = (
+        measure(pan(texture(0)), f, painting=faithful[0]).summary["delta_1"]
+        for f in (faithful, grey)
+    )
+    assert washed["error"] < 0.1 * kept["error"]
+    assert washed["normalized_error"] > kept["normalized_error"]
+    assert washed["style_distance"] > kept["style_distance"]
+
+
+def test_a_video_without_contrast_has_no_normalized_error(measure):
+    told = measure(pan(texture(0)), [np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)] * FRAMES)
+    assert told.summary["delta_1"]["normalized_error"] is None
+    assert told.summary["delta_1"]["normalized_floor"] < 1e-6
+
+
+def test_the_painting_itself_has_all_of_the_style(measure):
+    painted = [texture(1, WIDTH)] * FRAMES
+    told = measure(pan(texture(0)), painted, painting=texture(1, WIDTH)).summary["delta_1"]
+    assert told["style_distance"] == pytest.approx(0, abs=1e-5)
+    assert told["style_distance_unstylized"] > 0.02
+
+
+def test_there_is_a_row_for_every_pair_and_the_summary_is_their_mean(measure):
     result = measure(pan(texture(0)), flickering(pan(texture(1)), 0.05))
-    assert [(p.first, p.second, p.delta) for p in result.pairs] == [
+    assert [(p["first"], p["second"], p["delta"]) for p in result.pairs] == [
         (i, i + delta, delta) for delta in (1, 5) for i in range(FRAMES - delta)
     ]
-    short = [pair.error for pair in result.pairs if pair.delta == 1]
-    assert result.summary["delta_1"]["error"] == pytest.approx(np.mean(short))
+    assert {pair["flow"] for pair in result.pairs} == {"dis"}
+    for name in ("error", "geometric_error", "perceptual_error"):
+        short = [pair[name] for pair in result.pairs if pair["delta"] == 1]
+        assert result.summary["delta_1"][name] == pytest.approx(np.mean(short))
     assert result.summary["delta_1"]["pairs"] == FRAMES - 1
 
 
-def test_files_and_arrays_give_the_same(tmp_path):
-    sides = {"plain": pan(texture(0))[:4], "painted": pan(texture(1))[:4]}
-    paths = {side: [tmp_path / f"{side}{i}.png" for i in range(4)] for side in sides}
-    for side, frames in sides.items():
-        for path, frame in zip(paths[side], frames, strict=True):
-            write_rgb(path, frame, bits=16)
-    from_files = measure(paths["plain"], paths["painted"], deltas=(1,))
-    from_arrays = measure(sides["plain"], sides["painted"], deltas=(1,))
+def test_files_and_arrays_give_the_same(measure, vgg, tmp_path):
+    plain, painted = pan(texture(0))[:4], pan(texture(1))[:4]
+    cameras = [camera(k) for k in range(4)]
+    import torch
+
+    whole = torch.ones(HEIGHT, WIDTH)
+    renders = [
+        Rendering(torch.from_numpy(np.ascontiguousarray(p)), whole, 10 * whole, 10 * whole)
+        for p in plain
+    ]
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    write_float_frames(tmp_path / "a", cameras, iter(renders))
+    write_pictures(tmp_path / "b", [c.name for c in cameras], iter(painted))
+    frames = read_frames(
+        tmp_path / "a", tmp_path / "b", read_cameras(tmp_path / "a" / "cameras.parquet")
+    )
+    config = ConsistencyConfig(deltas=(1,), perceptual_px=32)
+    from_files = measure_consistency(frames, 4, texture(1), Perception(vgg, 32), config)
+    from_arrays = measure(plain, painted, deltas=(1,))
     for file_row, array_row in zip(from_files.pairs, from_arrays.pairs, strict=True):
-        assert astuple(file_row) == pytest.approx(astuple(array_row), rel=1e-2, abs=1e-6)
+        assert file_row.pop("flow") == array_row.pop("flow")
+        assert file_row == pytest.approx(array_row, rel=5e-2, abs=2e-5)
 
 
-def test_float_images_are_compared_as_they_are(tmp_path):
-    frames = pan(texture(0))[:2]
-    paths = [tmp_path / f"{i}.exr" for i in range(2)]
-    whole = np.ones((HEIGHT, WIDTH), np.float32)
-    for path, frame in zip(paths, frames, strict=True):
-        write_float_image(path, np.ascontiguousarray(frame), whole, whole, half=False)
-    from_files, from_arrays = (measure(side, frames, deltas=(1,)) for side in (paths, frames))
-    assert from_files.pairs == from_arrays.pairs
-
-
-def test_frames_are_read_when_their_turn_comes():
+def test_frames_are_read_when_their_turn_comes(vgg):
     read = []
 
-    class Recorder(list):
-        def __iter__(self):
-            for index, frame in enumerate(super().__iter__()):
-                read.append(index)
-                yield frame
+    def recorded():
+        for index, frame in enumerate(shown(pan(texture(0)), pan(texture(1)))):
+            read.append(index)
+            yield frame
 
     seen = []
 
     def progress(done, total, **quality):
         seen.append((done, total, max(read)))
 
-    measure(Recorder(pan(texture(0))), pan(texture(1)), deltas=(1,), progress=progress)
+    config = ConsistencyConfig(deltas=(1,), perceptual_px=16)
+    look = Perception(vgg, 16)
+    measure_consistency(recorded(), FRAMES, texture(1), look, config, progress)
     assert seen == [(i, FRAMES - 1, i) for i in range(1, FRAMES)]
 
 
-def test_a_flash_from_black_to_white_is_an_error_of_one():
-    flash = [np.zeros((20, 20, 3), np.float32), np.ones((20, 20, 3), np.float32)]
-    pair = measure([texture(0, WIDTH)[:20, :20]] * 2, flash, deltas=(1,)).pairs[0]
-    assert (pair.error, pair.floor, pair.masked_error) == (1, 0, 1)
+def test_a_flash_from_black_to_white_is_an_error_of_one(measure):
+    flash = [np.zeros((HEIGHT, WIDTH, 3), np.float32), np.ones((HEIGHT, WIDTH, 3), np.float32)]
+    pair = measure([texture(0, WIDTH)] * 2, flash, cameras=[camera(0)] * 2, deltas=(1,)).pairs[0]
+    assert (pair["error"], pair["floor"], pair["masked_error"]) == (1, 0, 1)
+    assert (pair["geometric_error"], pair["geometric_floor"]) == (1, 0)
 
 
-def test_frames_with_nothing_in_common_are_mostly_invalid():
+def test_frames_with_nothing_in_common_are_said_to_have_none(measure):
     frames = [texture(seed, WIDTH) for seed in range(2)]
-    assert measure(frames, frames, deltas=(1,)).pairs[0].valid_fraction < 0.6
+    result = measure(frames, frames, cameras=[camera(0), camera(1000)], deltas=(1,))
+    pair = result.pairs[0]
+    assert pair["valid_fraction"] < 0.6
+    assert pair["geometric_fraction"] == 0
+    for name in ("geometric_error", "normalized_error", "perceptual_error"):
+        assert math.isnan(pair[name])
+        assert result.summary["delta_1"][name] is None
+    assert result.summary["delta_1"]["pairs_without_correspondence"] == 1
 
 
-def test_a_distance_without_pairs_is_null():
+def test_what_is_hidden_in_the_other_frame_is_left_out(measure, vgg):
+    """Half of the second frame is nearer by half: it hides what the first one sees there."""
+    frames = list(shown(pan(texture(0))[:2], pan(texture(1))[:2]))
+    near = frames[1].unstylized.depth.copy()
+    near[:, WIDTH // 2 :] /= 2
+    plain = frames[1].unstylized
+    hidden = FloatImage(plain.color, plain.opacity, near)
+    from dataclasses import replace
+
+    frames[1] = replace(frames[1], unstylized=hidden)
+    config = ConsistencyConfig(deltas=(1,), perceptual_px=16)
+    pair = measure_consistency(frames, 2, texture(1), Perception(vgg, 16), config).pairs[0]
+    assert pair["geometric_fraction"] == pytest.approx(0.5 - STEP / WIDTH, abs=0.03)
+    assert pair["geometric_error"] < 1e-9
+
+
+def test_a_distance_without_pairs_is_null(measure):
     result = measure(pan(texture(0))[:3], pan(texture(1))[:3])
-    assert result.summary["delta_5"] == {
-        "pairs": 0,
-        "error": None,
-        "floor": None,
-        "valid_fraction": None,
-        "masked_error": None,
-        "masked_floor": None,
-    }
-    assert all(math.isfinite(pair.error) for pair in result.pairs)
+    told = dict(result.summary["delta_5"])
+    assert (told.pop("pairs"), told.pop("pairs_without_correspondence")) == (0, 0)
+    assert told.pop("flow") == "dis"
+    assert set(told.values()) == {None}
+    assert all(math.isfinite(pair["error"]) for pair in result.pairs)
 
 
-def test_what_cannot_be_compared_is_refused():
+def test_what_cannot_be_compared_is_refused(measure):
     plain, painted = pan(texture(0)), pan(texture(1))
-    with pytest.raises(InputError, match="8 unstylised and 7 stylised"):
-        measure(plain, painted[:-1])
     with pytest.raises(InputError, match="no pair"):
         measure(plain[:1], painted[:1])
     with pytest.raises(InputError, match="no pair"):
         measure(plain, painted, deltas=(0, 1))
     with pytest.raises(InputError, match=r"frame 3: mixes sizes of 90x72 and 96x72"):
         measure(plain, [*painted[:3], painted[3][:, :90], *painted[4:]])
+    with pytest.raises(InputError, match="psychic"):
+        measure(plain, painted, method="psychic")

@@ -11,7 +11,7 @@ from styletrf.courtyard import CourtyardConfig, capture_courtyard, courtyard_cam
 from styletrf.courtyard import render_view as photographed
 from styletrf.field_training import train_field
 from styletrf.field_training_config import FieldTrainingConfig
-from styletrf.flow import agreement, optical_flow
+from styletrf.flow import FlowEstimator, agreement
 from styletrf.kernels import kernels_for
 from styletrf.rendering import RenderConfig, render_view
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
@@ -27,7 +27,8 @@ def test_optical_flow_is_the_flow_of_the_surfaces():
     (image_a, depth_a), (image_b, depth_b) = (photographed(camera, config) for camera in (a, b))
     exact, visible = exact_flow(a, depth_a, b, depth_b)
     frames = [(image / 255).astype(np.float32) for image in (image_a, image_b)]
-    there, back = optical_flow(*frames), optical_flow(*reversed(frames))
+    estimated = FlowEstimator()
+    there, back = estimated(*frames), estimated(*reversed(frames))
     error = np.linalg.norm(there - exact, axis=-1)
     seen = visible & np.isfinite(depth_a)
     assert np.linalg.norm(exact, axis=-1)[seen].mean() > 0.5, "the views do differ"

@@ -1,0 +1,82 @@
+"""How unlike two pictures look, and how much of a style one has, by the features of VGG16."""
+
+from collections.abc import Mapping
+from typing import final
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional
+
+from styletrf.metrics import Image
+from styletrf.perceptual_loss import STYLE_LAYERS, gram_matrix, shrunk
+from styletrf.vgg import REDUCTION, VGG16
+
+Features = Mapping[str, Float[Tensor, "1 _ _ _"]]
+
+
+@final
+class Perception:
+    """Looks at pictures through VGG16, at the size at which they are compared."""
+
+    def __init__(self, vgg: VGG16, long_side_px: int) -> None:
+        """Looks with `vgg` at pictures whose longer side is reduced to at most `long_side_px`."""
+        self._vgg, self._long_side_px = vgg, long_side_px
+
+    @torch.inference_mode()
+    def features(self, image: Image) -> Features:
+        """Returns the features at relu1_2, relu2_2, relu3_3 and relu4_3."""
+        height, width = image.shape[:2]
+        short_px = self._long_side_px * min(height, width) // max(height, width)
+        device = self._vgg.mean.device
+        tensor = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32)).to(device)
+        small = shrunk(tensor.clamp(0, 1), max(short_px, REDUCTION))
+        return self._vgg.features(small, STYLE_LAYERS)
+
+
+@torch.inference_mode()
+def perceptual_distance(a: Features, b: Features) -> float:
+    """Returns the mean over layers and places of |f_a / |f_a| - f_b / |f_b||^2, in [0, 2].
+
+    LPIPS (Zhang et al. 2018, equation 1) with all channels weighted alike: 0 for equal pictures.
+    Not differentiable.
+    """
+    distances = []
+    for layer in STYLE_LAYERS:
+        unit_a, unit_b = (functional.normalize(f[layer].float(), dim=1) for f in (a, b))
+        distances.append((unit_a - unit_b).square().sum(dim=1).mean())
+    return float(torch.stack(distances).mean())
+
+
+def masked_distance(
+    perception: Perception,
+    a: Image,
+    features_a: Features,
+    b: Image,
+    mask: Bool[np.ndarray, "height width"],
+) -> float:
+    """Returns the perceptual distance of `a` and `b` where the mask is true; NaN where it never is.
+
+    Outside of it `b` is given the pixels of `a`, so that nothing there differs, and the mean is
+    taken over the share inside.
+    """
+    share = float(mask.mean())
+    if share == 0:
+        return float("nan")
+    filled = np.where(mask[..., None], b, a)
+    return perceptual_distance(features_a, perception.features(filled)) / share
+
+
+@torch.inference_mode()
+def style_distance(found: Features, painting: Features) -> float:
+    """Returns the mean over layers of |G - G_s| / |G_s|, `G` and `G_s` the Gram matrices.
+
+    0 for the painting itself, about 1 and more for pictures that have nothing of it.
+    """
+    ratios = []
+    for layer in STYLE_LAYERS:
+        gram, target = (gram_matrix(f[layer]) for f in (found, painting))
+        smallest = torch.finfo(target.dtype).tiny
+        ratios.append((gram - target).norm() / target.norm().clamp(min=smallest))
+    return float(torch.stack(ratios).mean())

@@ -1,0 +1,84 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from styletrf.perceptual_distance import (
+    Perception,
+    masked_distance,
+    perceptual_distance,
+    style_distance,
+)
+
+
+def picture(seed, height=48, width=64):
+    noise = np.random.default_rng(seed).random((height, width, 3)).astype(np.float32)
+    return cv2.GaussianBlur(noise, (0, 0), 1.5)
+
+
+@pytest.fixture
+def look(vgg):
+    return Perception(vgg, 64)
+
+
+def test_distance_is_a_symmetric_and_zero_between_equals(look):
+    a, b = look.features(picture(0)), look.features(picture(1))
+    assert perceptual_distance(a, a) == pytest.approx(0, abs=1e-6)
+    assert perceptual_distance(a, b) == pytest.approx(perceptual_distance(b, a))
+    assert 0 < perceptual_distance(a, b) < 2
+
+
+def test_distance_grows_with_the_blur(look):
+    sharp = picture(0)
+    distances = [
+        perceptual_distance(
+            look.features(sharp), look.features(cv2.GaussianBlur(sharp, (0, 0), sigma))
+        )
+        for sigma in (0.5, 1.0, 2.0)
+    ]
+    assert distances == sorted(distances)
+
+
+def test_what_is_masked_out_does_not_count(look):
+    a, b = picture(0), picture(0).copy()
+    mask = np.ones(a.shape[:2], bool)
+    mask[:, 40:] = False
+    b[:, 40:] = 1 - b[:, 40:]
+    assert masked_distance(look, a, look.features(a), b, mask) == pytest.approx(0, abs=1e-6)
+
+
+def test_the_mean_is_over_what_is_seen(look):
+    """Two halves alike, of which one is masked: the distance is that of both."""
+    a, b = (np.concatenate([picture(k)] * 2, axis=1) for k in (0, 1))
+    whole = np.ones(a.shape[:2], bool)
+    half = whole.copy()
+    half[:, 64:] = False
+    look_wide = look
+    distances = [masked_distance(look_wide, a, look.features(a), b, m) for m in (whole, half)]
+    assert distances[1] == pytest.approx(distances[0], rel=0.15)  # but for the seam
+
+
+def test_nothing_seen_has_no_distance(look):
+    a = picture(0)
+    none = np.zeros(a.shape[:2], bool)
+    assert math.isnan(masked_distance(look, a, look.features(a), a, none))
+
+
+def test_style_does_not_depend_on_the_place(look):
+    painting = picture(0)
+    turned = np.roll(painting, 16, axis=1)
+    found = style_distance(look.features(turned), look.features(painting))
+    assert found < 0.5 * style_distance(look.features(0.5 * painting), look.features(painting))
+
+
+@pytest.mark.parametrize("size", [(16, 16), (8, 300), (300, 9)])
+def test_odd_sizes_are_looked_at(look, size):
+    features = look.features(picture(0, *size))
+    assert perceptual_distance(features, features) == pytest.approx(0, abs=1e-6)
+
+
+def test_black_pictures_have_finite_distances(look):
+    black, other = look.features(np.zeros((48, 64, 3), np.float32)), look.features(picture(0))
+    assert math.isfinite(perceptual_distance(black, other))
+    assert math.isfinite(style_distance(other, black))
