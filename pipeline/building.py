@@ -99,6 +99,8 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
             "started": started.isoformat(timespec="milliseconds"),
             "seconds": round(report.seconds, 3),
             "peak_memory_bytes": report.peak_memory_bytes,
+            "cpu_seconds": round(report.cpu_seconds, 3),
+            "other_cpu_seconds": round(report.other_cpu_seconds, 3),
             "log": log.relative_to(store.root).as_posix(),
             "closure": "" if task.revision else keep(closure(type(task)), store),
         }

@@ -48,6 +48,7 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int) -> dict[str, An
     processes share counts twice.
     """
     started, oom_kills, seconds, peak, kind = time.monotonic(), _oom_kills(), 0.0, 0, "killed"
+    busy = _busy_seconds()
     while not (ended := os.wait4(builder, os.WNOHANG))[0]:
         seconds, peak = time.monotonic() - started, max(peak, _resident_bytes(builder))
         if max_seconds and seconds > max_seconds:
@@ -59,7 +60,9 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int) -> dict[str, An
         time.sleep(_SECONDS_BETWEEN_LOOKS)
     _end(builder)  # what it started and left behind
     status, largest = os.waitstatus_to_exitcode(ended[1]), ended[2].ru_maxrss * _MAXRSS_UNIT
+    own = ended[2].ru_utime + ended[2].ru_stime
     report = {"status": status, "seconds": seconds, "peak_memory_bytes": max(peak, largest)}
+    report |= {"cpu_seconds": own, "other_cpu_seconds": max(0.0, _busy_seconds() - busy - own)}
     if status >= 0:
         return report  # and the builder has told the rest
     if kind == "killed" and _oom_kills() > oom_kills:
@@ -106,6 +109,14 @@ def _resident_bytes(group: int) -> int:
         with contextlib.suppress(psutil.Error, OSError):  # it is gone by now
             total += psutil.Process(pid).memory_info().rss if os.getpgid(pid) == group else 0
     return total
+
+
+def _busy_seconds() -> float:
+    """What all cores of the machine have spent on anything since it started."""
+    times = psutil.cpu_times()
+    idle = times.idle + getattr(times, "iowait", 0.0)
+    counted_twice = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)
+    return float(sum(times) - idle - counted_twice)
 
 
 def _oom_kills() -> int:

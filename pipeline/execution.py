@@ -92,6 +92,8 @@ class Report:
         status: Its exit status, or minus the signal that ended it.
         seconds: Wall-clock time.
         peak_memory_bytes: Largest resident memory, of all processes of the build together.
+        cpu_seconds: What the build took of the cores.
+        other_cpu_seconds: What everything else on the machine took of them meanwhile.
     """
 
     kind: Literal["built"] | FailureKind
@@ -99,6 +101,8 @@ class Report:
     status: int
     seconds: float
     peak_memory_bytes: int
+    cpu_seconds: float = 0.0
+    other_cpu_seconds: float = 0.0
 
 
 class Executor(Protocol):

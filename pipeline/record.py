@@ -52,7 +52,8 @@ class ActionRecord:
         action: What was asked.
         output: What came out.
         provenance: How, told and never keyed: `task` and `label` (as shown), `host`, `started`
-            (UTC), `seconds`, `log` (relative to the store), and for builds `peak_memory_bytes`.
+            (UTC), `seconds`, `log` (relative to the store), and for builds `peak_memory_bytes`,
+            `cpu_seconds` and `other_cpu_seconds` (of all else on the machine meanwhile).
     """
 
     action: Action

@@ -84,11 +84,10 @@ class Consistency:
     summary: dict[str, dict[str, Any]]
 
 
-def read_frames(unstylized: Path, stylized: Path, cameras: Sequence[Camera]) -> Iterator[Frame]:
-    """Yields the frames `frames/NAME.exr` and `frames/NAME.png` of two folders, one by one."""
-    for camera in cameras:
-        plain = read_float_image(unstylized / "frames" / f"{camera.name}.exr")
-        yield Frame(camera, plain, read_rgb(stylized / "frames" / f"{camera.name}.png"))
+def read_frame(unstylized: Path, stylized: Path, camera: Camera) -> Frame:
+    """Returns the frame `frames/NAME.exr` and `frames/NAME.png` of two folders."""
+    plain = read_float_image(unstylized / "frames" / f"{camera.name}.exr")
+    return Frame(camera, plain, read_rgb(stylized / "frames" / f"{camera.name}.png"))
 
 
 def measure_consistency(

@@ -28,11 +28,14 @@ class QualityConfig:
 
     Attributes:
         render: The render.
+        long_side_px: The longer side of the views compared; 0 for the scene's working size. Values
+            compare at one size only.
         perceptual_px: The longer side at which views go through the perceptual network.
         lpips: Whether LPIPS is measured as well, see `styletrf.lpips_distance`.
     """
 
     render: RenderConfig = field(default_factory=RenderConfig)
+    long_side_px: int = 0
     perceptual_px: int = 504
     lpips: bool = False
 

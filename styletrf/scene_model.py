@@ -56,9 +56,9 @@ class SceneModel:
     looking: Looking  # how the photographers did; outward is away from the focus
     evidence: dict[str, Any]
 
-    def normalized(self, cameras: Sequence[Camera]) -> list[Camera]:
-        """Returns the cameras in the normalised world at the working size."""
-        long_side = max(self.image_width, self.image_height)
+    def normalized(self, cameras: Sequence[Camera], long_side_px: int = 0) -> list[Camera]:
+        """Returns the cameras in the normalised world, at the working size or that given."""
+        long_side = long_side_px or max(self.image_width, self.image_height)
         return [
             moved(fitted_to(camera, long_side), self.normalized_from_world) for camera in cameras
         ]

@@ -106,6 +106,19 @@ def find_style(data_root: Path, name: str) -> Path:
     raise InputError(f"style {name!r}", _missing(styles, existing, problem), remedy)
 
 
+def first_style(data_root: Path) -> str:
+    """Returns the name of the first style image by name.
+
+    Raises:
+        InputError: There is none.
+    """
+    files = (path for path in (data_root / "styles").glob("[!.]*") if path.is_file())
+    images = sorted(_of_suffix(files, PHOTOGRAPH_SUFFIXES))
+    if not images:
+        find_style(data_root, "any")  # which says what to do
+    return images[0].stem
+
+
 def find_content(data_root: Path, name: str) -> Path | None:
     """Returns the photographs that a style network is to learn on; None is the embedded set.
 

@@ -6,18 +6,19 @@
               `- StyleNetwork - StylizedPriors - StylizedField - StylizedFrames - ConsistencyMetrics
 
 PriorRenders needs TrajectoryFrames, too: priors show what the path sees. `SceneReport` looks at a
-scene before the fit.
+scene before the fit; `TradeOff` measures what its settings cost and buy.
 
 A task gathers its inputs, calls the library and writes what it returns. Importing this package
 loads no torch: heavy imports stand inside `build`, which runs in an interpreter of its own.
 """
 
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
-from tasks.metrics import ConsistencyMetrics, QualityMetrics
+from tasks.metrics import ConsistencyMetrics, QualityMetrics, StylizationMetrics
 from tasks.preflight import SceneReport
 from tasks.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.style import ContentImages, PerceptualWeights, StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
+from tasks.trade_off import TradeOff
 from tasks.trajectory import Grid, StylizedTrajectory
 
 __all__ = [
@@ -34,9 +35,11 @@ __all__ = [
     "SceneReport",
     "StyleImage",
     "StyleNetwork",
+    "StylizationMetrics",
     "StylizedField",
     "StylizedFrames",
     "StylizedPriors",
     "StylizedTrajectory",
+    "TradeOff",
     "TrajectoryFrames",
 ]

@@ -32,7 +32,7 @@ def check_command(command: CmdlineParser) -> None:
                 stage.require_sound()
     except InputError as error:
         raise SystemExit(str(error)) from error
-    tuned = [stage for stage in stages if isinstance(stage, TunedStage) and stage.settings]
+    tuned = [s for s in stages if isinstance(s, TunedStage) and (s.settings or s.tuning)]
     settings = {(stage.task_family, json.dumps(stage.values())) for stage in tuned}
     asked = {
         "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
@@ -57,6 +57,7 @@ def configurations() -> dict[str, type]:
     from styletrf.scene_model import SceneModelConfig
     from styletrf.style_training_config import StyleTrainingConfig
     from styletrf.stylization import StylizationConfig
+    from styletrf.stylization_loss import StylizationLossConfig
 
     return {
         "CameraPoses": CameraPosesConfig,
@@ -68,6 +69,7 @@ def configurations() -> dict[str, type]:
         "SceneCapture": CaptureConfig,
         "SceneModel": SceneModelConfig,
         "StyleNetwork": StyleTrainingConfig,
+        "StylizationMetrics": StylizationLossConfig,
         "StylizedField": StylizationConfig,
         "StylizedPriors": GatysConfig,
         "StylizedFrames": RenderConfig,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import luigi
 
@@ -47,8 +48,9 @@ class QualityMetrics(TunedStage):
         from styletrf.views import load_views
 
         model = read_scene_model(inputs["model"] / "scene.json")
-        cameras = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[1])
         config, device = configured(QualityConfig, self.values()), device_named(self.device)
+        held_out = read_split(inputs["poses"] / "cameras.parquet")[1]
+        cameras = model.normalized(held_out, config.long_side_px)
         radiance = load_field(inputs["field"])
         renders = rendered(radiance, model.space, cameras, config.render, device, run.progress)
         (out / "views").mkdir()
@@ -85,7 +87,7 @@ class ConsistencyMetrics(TunedStage, FrameControls):
         """Warp and compare."""
         from styletrf.camera_table import read_cameras
         from styletrf.configuration import configured
-        from styletrf.consistency import ConsistencyConfig, measure_consistency, read_frames
+        from styletrf.consistency import ConsistencyConfig, measure_consistency, read_frame
         from styletrf.devices import device_named
         from styletrf.images import read_rgb
         from styletrf.perceptual_distance import Perception
@@ -96,7 +98,7 @@ class ConsistencyMetrics(TunedStage, FrameControls):
         cameras = read_cameras(inputs["unstylized"] / "cameras.parquet")
         vgg = load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(self.device))
         consistency = measure_consistency(
-            read_frames(inputs["unstylized"], inputs["stylized"], cameras),
+            (read_frame(inputs["unstylized"], inputs["stylized"], camera) for camera in cameras),
             len(cameras),
             read_rgb(inputs["style"] / "style.png"),
             Perception(vgg, config.perceptual_px),
@@ -105,3 +107,50 @@ class ConsistencyMetrics(TunedStage, FrameControls):
         )
         write_rows(out / "pairs.parquet", consistency.pairs)
         write_summary(out / "summary.json", consistency.summary)
+
+
+class StylizationMetrics(TunedStage, FrameControls):
+    """The style and content loss of the stylised frames: what all stages together achieve.
+
+    Leaves `frames.parquet` and `summary.json`.
+    """
+
+    tools = ("torch",)
+    computes = True
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The frames with and without style, the painting, and what looks at them."""
+        return {
+            "unstylized": self.need(TrajectoryFrames),
+            "stylized": self.need(StylizedFrames),
+            "style": self.need(StyleImage),
+            "perceptual": self.need(PerceptualWeights),
+        }
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Look at some of the frames."""
+        from styletrf.camera_table import read_cameras
+        from styletrf.configuration import configured
+        from styletrf.consistency import read_frame
+        from styletrf.devices import device_named
+        from styletrf.images import read_rgb
+        from styletrf.stylization_loss import StylizationLossConfig, measure_stylization
+        from styletrf.tables import write_rows, write_summary
+        from styletrf.vgg import load_vgg
+
+        cameras = {c.name: c for c in read_cameras(inputs["unstylized"] / "cameras.parquet")}
+
+        def images(name: str) -> tuple[Any, Any]:
+            frame = read_frame(inputs["unstylized"], inputs["stylized"], cameras[name])
+            return frame.unstylized.color, frame.stylized
+
+        rows, means = measure_stylization(
+            list(cameras),
+            images,
+            read_rgb(inputs["style"] / "style.png"),
+            load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(self.device)),
+            configured(StylizationLossConfig, self.values()),
+            run.progress,
+        )
+        write_rows(out / "frames.parquet", rows)
+        write_summary(out / "summary.json", means)

@@ -77,6 +77,11 @@ class GradedStage(Stage):
         default="standard",
         description="draft for a look in minutes, standard, or the paper's own settings",
     )
+    tuning = luigi.DictParameter(  # type: ignore[var-annotated]
+        default={},
+        description="settings of stages that replace the quality's, such as"
+        ' {"RadianceField": {"iterations": 500}}',
+    )
 
     def identity_parameters(self) -> Mapping[str, object]:
         """Nothing but the inputs."""
@@ -94,8 +99,9 @@ class TunedStage(GradedStage):
     )
 
     def values(self) -> dict[str, Any]:
-        """Returns the stage's settings: the quality's, then the user's."""
-        return {**settings_for(self.task_family, self.quality), **_thawed(self.settings)}
+        """Returns the stage's settings: the quality's, then those tuned, then the user's own."""
+        tuned = _thawed(self.tuning).get(self.task_family, {})
+        return {**settings_for(self.task_family, self.quality), **tuned, **_thawed(self.settings)}
 
     def identity_parameters(self) -> Mapping[str, object]:
         """The values of the settings."""

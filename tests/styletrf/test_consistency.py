@@ -5,7 +5,7 @@ import pytest
 from pans import FRAMES, HEIGHT, STEP, WIDTH, camera, pan, shown, texture
 
 from styletrf.camera_table import read_cameras
-from styletrf.consistency import ConsistencyConfig, measure_consistency, read_frames
+from styletrf.consistency import ConsistencyConfig, measure_consistency, read_frame
 from styletrf.errors import InputError
 from styletrf.float_images import FloatImage
 from styletrf.frames import write_float_frames, write_pictures
@@ -140,9 +140,8 @@ def test_files_and_arrays_give_the_same(measure, vgg, tmp_path):
         (tmp_path / name).mkdir()
     write_float_frames(tmp_path / "a", cameras, iter(renders))
     write_pictures(tmp_path / "b", [c.name for c in cameras], iter(painted))
-    frames = read_frames(
-        tmp_path / "a", tmp_path / "b", read_cameras(tmp_path / "a" / "cameras.parquet")
-    )
+    read = read_cameras(tmp_path / "a" / "cameras.parquet")
+    frames = (read_frame(tmp_path / "a", tmp_path / "b", c) for c in read)
     config = ConsistencyConfig(deltas=(1,), perceptual_px=32)
     from_files = measure_consistency(frames, 4, texture(1), Perception(vgg, 32), config)
     from_arrays = measure(plain, painted, deltas=(1,))

@@ -1,0 +1,133 @@
+"""The page of a trade-off: its front to point at, the answers with their commands, all variants."""
+
+import html
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from styletrf.errors import InputError
+from styletrf.page import duration, gibibytes, section, write_page
+from styletrf.trade_off import (
+    BUSY_SHARE,
+    Combination,
+    FrontPoint,
+    Measurement,
+    Tuning,
+    best_in,
+    fastest_within,
+    smallest_within,
+)
+from styletrf.trade_off_chart import front_svg, told
+
+_STYLE = """<style>
+.front circle.beaten { fill: var(--quiet); opacity: .35; }
+.front circle.best { fill: var(--accent); stroke: var(--card); stroke-width: 2; cursor: pointer; }
+.front circle.overlaps { fill: var(--card); stroke: var(--accent); }
+.front circle:hover, .front circle:focus { stroke: var(--text); stroke-width: 3; outline: none; }
+.front .spread { stroke: var(--accent); stroke-width: 2; }
+.front line { stroke: var(--line); } .front text { fill: var(--quiet); font-size: 12px; }
+.told { min-height: 8.5rem; white-space: pre-wrap; overflow-wrap: anywhere; padding: .75rem 1rem; }
+</style>"""
+_SCRIPT = """<script>
+const told = document.querySelector(".told");
+for (const point of document.querySelectorAll(".front circle"))
+  for (const event of ["pointerenter", "focus", "click"])
+    point.addEventListener(event, () => { told.textContent = point.dataset.told; });
+</script>"""
+
+
+@dataclass(frozen=True, slots=True)
+class TradeOffContent:
+    """Everything the page shows; `command` returns what to type to have some settings."""
+
+    scene: str
+    style: str
+    quality: str
+    space: str
+    machine: str
+    measured: str
+    points: Sequence[Combination]
+    front: Sequence[FrontPoint]
+    measurements: Sequence[Measurement]
+    command: Callable[[Tuning], str]
+
+
+QUESTIONS: dict[str, Callable[[Sequence[Combination]], Combination]] = {
+    "The fastest within 0.5 dB of the best": lambda points: fastest_within(points, 0.5),
+    "The best in 5 minutes": lambda points: best_in(points, 300),
+    "The smallest within 1 dB of the best": lambda points: smallest_within(points, 1.0),
+}
+
+
+def write_trade_off_page(path: Path, content: TradeOffContent) -> None:
+    """Writes the page; it needs no other file."""
+    title = f"{content.scene}: time and accuracy"
+    counts = (
+        f"{len(content.measurements)} measurements around <b>{html.escape(content.quality)}</b>, "
+        f"{len(content.points)} combinations, {len(content.front)} of them on the front. "
+        f"Scene in {html.escape(content.space)} space, style {html.escape(content.style)}, "
+        f"measured on {html.escape(content.measured)}, {html.escape(content.machine)}."
+    )
+    chart = (
+        f'<div class="card">{front_svg(content.points, content.front)}</div>'
+        '<pre class="card told small" aria-live="polite">Point at a circle, or reach one with the '
+        "tabulator: here stands what it is.</pre>"
+        '<p class="quiet small">Filled: on the front. Hollow: on the front, but its time cannot be '
+        "told from that of its neighbour. Grey: another is faster and nearer to the best.</p>"
+    )
+    sections = [
+        _STYLE,
+        f"<header><div><h1>{html.escape(title)}</h1><p>{counts}</p></div></header>",
+        chart,
+        section("Answers", "".join(_answer(content, question) for question in QUESTIONS)),
+        section("The scene: what one change does", _table(content.measurements, "scene")),
+        section("The style: what one change does", _table(content.measurements, "style")),
+        _SCRIPT,
+    ]
+    write_page(path, title, sections)
+
+
+def _answer(content: TradeOffContent, question: str) -> str:
+    asked = f"<h3>{html.escape(question)}</h3>"
+    try:
+        point = QUESTIONS[question](content.points)
+    except InputError:
+        return f"{asked}<p>None of the combinations.</p>"
+    lines = "<br>".join(html.escape(line) for line in told(point)[:-1])
+    command = f"<pre>{html.escape(content.command(point.tuning))}</pre>"
+    return f'{asked}<p class="small">{lines}</p><div class="card">{command}</div>'
+
+
+def _table(measurements: Sequence[Measurement], part: str) -> str:
+    side = [m for m in measurements if m.part == part]
+    if not side:
+        return ""
+    usual = side[0]
+    rows = "".join(_row(m, usual) for m in side)
+    unit = "PSNR" if part == "scene" else "style"
+    head = "".join(
+        f'<th class="number">{name}</th>' for name in (unit, "change", "time", "memory", "kept")
+    )
+    return (
+        f'<div class="card"><table><thead><tr><th>changed</th>{head}</tr></thead>'
+        f"<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _row(measurement: Measurement, usual: Measurement) -> str:
+    seconds = sum(measurement.seconds.values())
+    busy = ""
+    if measurement.other_cpu_share > BUSY_SHARE:
+        busy = (
+            f'<div class="quiet small">beside other work: {measurement.other_cpu_share:.0%}</div>'
+        )
+    values = (
+        f"{measurement.quality_db:.2f} dB",
+        f"{measurement.quality_db - usual.quality_db:+.2f}",
+        duration(seconds),
+        gibibytes(measurement.peak_memory_bytes),
+        f"{measurement.model_bytes / 1e6:.0f} MB",
+    )
+    cells = "".join(f'<td class="number">{value}</td>' for value in values)
+    name = html.escape(measurement.name or "nothing")
+    return f'<tr><th scope="row">{name}{busy}</th>{cells}</tr>'

@@ -1,0 +1,89 @@
+"""What the stages of a variant took and achieved, from their records."""
+
+import math
+import os
+import platform
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.record import ActionRecord
+from styletrf.tables import read_summary
+from styletrf.trade_off import Measurement, Part
+from tasks.sweep import Variant
+
+SCENE = {
+    "SceneCapture", "CameraPoses", "SceneModel", "RadianceField", "QualityMetrics",
+    "TrajectoryFrames",
+}  # fmt: skip
+"""Stages of the scene's side; all others are the style's."""
+
+KEPT = {"RadianceField", "StylizedField", "StyleNetwork"}
+"""Stages whose artifacts a result is rendered from."""
+
+JUDGES = {"StylizationMetrics"}
+"""Stages that measure, and that the main command does without."""
+
+
+def measurement(
+    variant: Variant, lineage: Iterable[ActionRecord], summary: Mapping[str, Any]
+) -> Measurement:
+    """Returns the cost and the quality of a variant on its side.
+
+    Args:
+        variant: What was changed.
+        lineage: The records of all its stages, also of the other side.
+        summary: Of QualityMetrics for the scene, of StylizationMetrics for the style.
+    """
+    own = [r for r in lineage if _part(r) == variant.part and r.action.family not in JUDGES]
+    return Measurement(
+        part=variant.part,
+        name=variant.name,
+        tuning=variant.tuning,
+        quality_db=quality_db(variant.part, summary),
+        seconds={r.action.family: _number(r, "seconds") for r in own},
+        other_cpu_share=max(map(_other_cpu_share, own), default=0.0),
+        peak_memory_bytes=int(max((_number(r, "peak_memory_bytes") for r in own), default=0)),
+        model_bytes=sum(r.output.size for r in own if r.action.family in KEPT),
+    )
+
+
+def quality_db(part: Part, summary: Mapping[str, Any]) -> float:
+    """Returns the PSNR, or -10 log10 of the style and content loss."""
+    if part == "scene":
+        return float(summary["psnr"])
+    return -10 * math.log10(summary["style_and_content"])
+
+
+def summary_in(folder: Path) -> dict[str, Any]:
+    """Returns the `summary.json` of an artifact."""
+    return read_summary(folder / "summary.json")
+
+
+def machine() -> str:
+    """Returns in words where this runs."""
+    return f"{os.cpu_count()} cores, {_processor()}"
+
+
+def _processor() -> str:
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or platform.machine())
+
+
+def _part(record: ActionRecord) -> Part:
+    return "scene" if record.action.family in SCENE else "style"
+
+
+def _number(record: ActionRecord, name: str) -> float:
+    value: Any = record.provenance.get(name, 0)  # records of earlier days lack some
+    return float(value)
+
+
+def _other_cpu_share(record: ActionRecord) -> float:
+    """Of stages too short to be told from the noise of the system, none."""
+    seconds = _number(record, "seconds")
+    if seconds < 5:
+        return 0.0
+    return _number(record, "other_cpu_seconds") / (seconds * (os.cpu_count() or 1))

@@ -1,0 +1,156 @@
+"""What accuracy costs: variants measured one by one, and the best combinations of them."""
+
+import json
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import luigi
+
+from pipeline.record import ActionRecord
+from pipeline.settings import out_root
+from pipeline.task import RunContext, StoredTask
+from styletrf.errors import InputError
+from styletrf.trade_off import Measurement, Tuning, merged
+from tasks.field import TrajectoryFrames
+from tasks.measuring import measurement, summary_in
+from tasks.metrics import QualityMetrics, StylizationMetrics
+from tasks.scene import SceneModel
+from tasks.showing import ShownStage
+from tasks.stage import GradedStage, Stage
+from tasks.sweep import Variant, sweep
+from tasks.trajectory import StylizedTrajectory
+
+
+class TradeOff(ShownStage, GradedStage):
+    """The front of time and accuracy of a scene: a sweep over the knobs around a quality.
+
+    Its points are ordinary stages in the store, measured one after the other; run it on a machine
+    that does nothing else, with one worker. Leaves `report.html`, `measurements.parquet`,
+    `combinations.parquet`, `front.parquet`, and `front.json`, which `--quality "within 0.5 dB"` and
+    `--budget` of the main command read; linked from `out/SCENE/trade-off/`.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    style = luigi.Parameter(
+        default="stained_glass", description="an image in data/styles, or an embedded painting"
+    )
+    content = StylizedTrajectory.content
+    perceptual = StylizedTrajectory.perceptual
+    repeats = luigi.IntParameter(
+        default=3, description="how often the unchanged quality is measured, for the spread"
+    )
+    only: Any = luigi.ListParameter(
+        default=[], description='some of the changes, such as ["iterations x 0.5"], instead of all'
+    )
+    tools = ()
+
+    def require_sound(self) -> None:
+        """Refuses a sweep without a middle, or of changes that it does not know.
+
+        Raises:
+            InputError: Fewer than one repeat, or a name that is no change's.
+        """
+        if self.repeats < 1:
+            raise InputError(f"--repeats {self.repeats}", "measures nothing", "Give 1 or more")
+        names = [v.name for v in sweep(self.quality, self.tuning, 1) if v.name]
+        if unknown := set(self.only) - set(names):
+            told = f"--only {sorted(unknown)}"
+            raise InputError(told, "is no change of the sweep", f"Give some of {names}")
+
+    def variants(self) -> list[Variant]:
+        """What is measured."""
+        found = sweep(self.quality, self.tuning, self.repeats)
+        return [v for v in found if not (self.only and v.name) or v.name in self.only]
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The stages that measure each variant, `K` and `K frames`, and the usual result."""
+        needed: dict[str, Stage] = {"result": self.need(StylizedTrajectory)}
+        needed["model"] = self.need(SceneModel)
+        for k, variant in enumerate(self.variants()):
+            tuning = merged(self.tuning, variant.tuning)
+            judge = QualityMetrics if variant.part == "scene" else StylizationMetrics
+            needed[f"{k}"] = self.need(judge, tuning=tuning)
+            needed[f"{k} frames"] = self.need(TrajectoryFrames, tuning=tuning)
+        return needed
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The words that the page and its commands repeat."""
+        names = ("scene", "style", "quality", "content", "perceptual", "repeats", "only", "tuning")
+        return {name: self.param_kwargs[name] for name in names}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Gather what the stages took and achieved, and find the front."""
+        from styletrf.tables import write_rows, write_summary
+        from styletrf.trade_off import combinations, pareto_front
+        from styletrf.trade_off_page import TradeOffContent, write_trade_off_page
+        from tasks.measuring import machine
+
+        measured = self._measurements(inputs, run.lineage)
+        points = combinations(measured)
+        front = pareto_front(points)
+        write_rows(out / "measurements.parquet", [_flat(asdict(m)) for m in measured])
+        write_rows(out / "combinations.parquet", [_flat(asdict(p)) for p in points])
+        rows = [_flat(asdict(p.combination)) | {"overlaps": p.overlaps} for p in front]
+        write_rows(out / "front.parquet", rows)
+        evidence = json.loads((inputs["model"] / "scene.json").read_text())["evidence"]
+        told = {
+            "scene": self.scene, "style": self.style, "quality": self.quality,
+            "space": evidence["space"]["chosen"], "machine": machine(),
+            "measured": datetime.now(UTC).date().isoformat(),
+        }  # fmt: skip
+        write_summary(out / "front.json", {**told, "points": [asdict(p) for p in front]})
+        content = TradeOffContent(**told, points=points, front=front, measurements=measured,
+                                  command=self.command)  # fmt: skip
+        write_trade_off_page(out / "report.html", content)
+
+    def command(self, tuning: Tuning) -> str:
+        """Returns the main command with these settings."""
+        words = ["luigi", "--module", "tasks", "StylizedTrajectory"]
+        for name in ("scene", "style", "quality", "content", "perceptual"):
+            if name in ("scene", "style", "quality") or not self.is_usual(name):
+                words += [f"--{name}", self.param_kwargs[name]]
+        together = merged(self.tuning, tuning)
+        return shlex.join([*words, "--tuning", json.dumps(together)] if together else words)
+
+    def _measurements(
+        self, inputs: Mapping[str, Path], records: Sequence[ActionRecord]
+    ) -> list[Measurement]:
+        stages, known = self.requires(), {record.action.key: record for record in records}
+
+        def lineage(name: str) -> dict[str, ActionRecord]:
+            own = stages[name].record()
+            keys = [*stages[name].lineage(), *([own.action.key] if own else [])]
+            return {known[key].action.family: known[key] for key in keys}
+
+        usual = {n: r for n, r in lineage("result").items() if n in _AFTERWARDS}
+        return [
+            measurement(
+                variant,
+                {**usual, **lineage(f"{k} frames"), **lineage(f"{k}")}.values(),
+                summary_in(inputs[f"{k}"]),
+            )
+            for k, variant in enumerate(self.variants())
+        ]
+
+    @property
+    def folder(self) -> Path:
+        """Where the result is shown."""
+        return Path(out_root(), self.scene, "trade-off")
+
+    def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        """The page and its tables."""
+        names = ("report.html", "front.json", "front.parquet", "combinations.parquet")
+        return {name: place(self) / name for name in (*names, "measurements.parquet")}
+
+
+_AFTERWARDS = ("ConsistencyMetrics", "StylizedTrajectory")
+"""What the main command does once the frames are there, whatever the variant."""
+
+
+def _flat(row: dict[str, Any]) -> dict[str, Any]:
+    """A row of a table: mappings as JSON."""
+    return {n: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for n, v in row.items()}
