@@ -64,12 +64,10 @@ class StylizedTrajectory(ShownStage, FrameControls):
         from styletrf.tables import write_summary
         from tasks.reporting import report_content, summary_of
 
-        frames = sorted((inputs["frames"] / "frames").glob("*.png"))
-        shutil.copyfile(frames[0], out / "poster.png")
-        write_summary(out / "summary.json", summary_of(inputs))
-        write_report(
-            out / "report.html", report_content(self.identity_parameters(), inputs, run.lineage)
-        )
+        words, poster = self.identity_parameters(), out / "poster.png"
+        shutil.copyfile(min((inputs["frames"] / "frames").glob("*.png")), poster)
+        write_summary(out / "summary.json", summary_of(words, inputs, run.lineage))
+        write_report(out / "report.html", report_content(words, inputs, poster, run.lineage))
 
     @property
     def folder(self) -> Path:
