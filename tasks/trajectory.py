@@ -17,6 +17,7 @@ from tasks.showing import ShownStage
 from tasks.stage import Stage
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
+from tasks.wall import refresh_wall, root_of_command, wall_at_exit
 
 CONTROLS = (
     "stroke_scale", "content_weight", "network", "stylizer", "colors", "strategy", "match",
@@ -69,6 +70,20 @@ class StylizedTrajectory(ShownStage, FrameControls):
         write_summary(out / "summary.json", summary_of(words, inputs, run.lineage))
         write_report(out / "report.html", report_content(words, inputs, poster, run.lineage))
 
+    def cells(self) -> "list[StylizedTrajectory]":
+        """The results asked for."""
+        return [self]
+
+    def complete(self) -> bool:
+        """Whether the result is in the store and in `out/`; the command refreshes the index."""
+        with wall_at_exit(self):
+            return super().complete()
+
+    def publish(self, object_path: Path) -> None:
+        """Make the links, and have the index show the result."""
+        super().publish(object_path)
+        refresh_wall(root_of_command())
+
     @property
     def folder(self) -> Path:
         """Where the result is shown."""
@@ -93,7 +108,10 @@ class StylizedTrajectory(ShownStage, FrameControls):
 
 
 class Grid(luigi.WrapperTask):
-    """Every style on every scene; what one cell shares with another is made once."""
+    """Every style on every scene; what one cell shares with another is made once.
+
+    `out/index.html` shows them all, and why those are missing that could not be made.
+    """
 
     scenes = luigi.ListParameter(description='such as ["horns", "fern"]')
     styles = luigi.ListParameter(description='such as ["mosaic", "udnie"]')
@@ -124,8 +142,17 @@ class Grid(luigi.WrapperTask):
             problem = "is one painting's network, for several styles"
             raise InputError(f"--network {self.network}", problem, "Give one style")
 
+    def complete(self) -> bool:
+        """Whether every cell is; the command writes the index, unless it is refused."""
+        with wall_at_exit(self, is_answer=True):
+            return bool(super().complete())  # type: ignore[no-untyped-call]
+
     def requires(self) -> list[StylizedTrajectory]:
         """One result a cell."""
+        return self.cells()
+
+    def cells(self) -> list[StylizedTrajectory]:
+        """The results asked for."""
         names = ("quality", "device", "content", "perceptual", *CONTROLS)
         shared = {name: self.param_kwargs[name] for name in names}
         cells = [
