@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
-from pipeline.building import DONE
+from pipeline.attempts import attempts
 from pipeline.canonical import Json
 from pipeline.errors import StoreError
-from pipeline.locks import is_held
 from pipeline.record import ActionRecord
 from pipeline.store import Store
 from pipeline.verify import records
@@ -116,18 +115,11 @@ def _scene(record: ActionRecord) -> str:
 def _failures(store: Store, family: str, everything: Iterable[ActionRecord]) -> Rows:
     """A row a log of a build that published nothing, with its last line."""
     published = {str(record.provenance["log"]) for record in everything}
-    rows: Rows = []
-    for log in sorted((store.root / "logs").glob(f"{family}/*.log"), key=_changed_s):
-        end = log.read_text(errors="replace").strip().rpartition("\n")[2]
-        if not end.startswith(DONE) and log.relative_to(store.root).as_posix() not in published:
-            locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
-            state = "under way" if any(is_held(lock) for lock in locks) else "ended"
-            rows.append({"state": state, "log": str(log), "end": end})
-    return rows
-
-
-def _changed_s(path: Path) -> float:
-    return path.stat().st_mtime
+    return [
+        {"state": "under way" if a.is_under_way else "ended", "log": str(a.log), "end": a.end}
+        for a in attempts(store, family)
+        if not a.is_published and a.log.relative_to(store.root).as_posix() not in published
+    ]
 
 
 def _told(path: Path) -> str:

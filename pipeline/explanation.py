@@ -25,7 +25,7 @@ def explain(task: luigi.Task, store: Store) -> Iterator[dict[str, Json]]:
     past = sorted(records(store), key=lambda r: str(r.provenance["started"]), reverse=True)
     makers = {record.output.digest: str(record.provenance["label"]) for record in past}
     unknown: set[luigi.Task] = set()
-    for each in _upstream_first(task, set()):
+    for each in upstream_first(task):
         missing = [upstream.label for upstream in each.requires().values() if upstream in unknown]
         waiting = f"waits for {', '.join(missing)}"
         state, differences = (waiting, Differences()) if missing else _state(each, store, past)
@@ -35,11 +35,13 @@ def explain(task: luigi.Task, store: Store) -> Iterator[dict[str, Json]]:
             yield {"task": each.label, "state": state, "what": what, "then": then, "now": now}
 
 
-def _upstream_first(task: luigi.Task, seen: set[luigi.Task]) -> Iterator[StoredTask]:
+def upstream_first(task: luigi.Task, seen: set[luigi.Task] | None = None) -> Iterator[StoredTask]:
+    """The stored tasks of a graph, each once and after all that it needs; last the task itself."""
+    seen = set() if seen is None else seen
     if task not in seen:
         seen.add(task)
         for upstream in task.deps():  # type: ignore[no-untyped-call]
-            yield from _upstream_first(upstream, seen)
+            yield from upstream_first(upstream, seen)
         yield from [task] if isinstance(task, StoredTask) else []
 
 

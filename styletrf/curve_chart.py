@@ -1,30 +1,36 @@
-"""A training curve as a small inline SVG, colored by the page that holds it."""
+"""A curve of a training or a trajectory as a small inline SVG, colored by the page around it."""
 
 import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 _WIDTH, _HEIGHT = 320, 190
-_LEFT, _RIGHT, _TOP, _BOTTOM = 40, 54, 10, 36
+_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 54, 10, 36
 _MOST_POINTS = 240
+Point: TypeAlias = tuple[float | int, float | int]
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A quantity against the seconds of training it took.
+    """A quantity against the seconds of training it took, or against something else.
 
     Attributes:
-        title: What was trained.
+        title: What was trained or measured.
         quantity: What is drawn, with its unit: `PSNR, dB`.
-        seconds: Ascending, one for each value.
+        at: Where, ascending, one for each value.
         values: Drawn where finite.
+        floor: What the values would be at best, at the same places; none where not known.
+        along: What `at` counts.
     """
 
     title: str
     quantity: str
-    seconds: Sequence[float | int]
+    at: Sequence[float | int]
     values: Sequence[float | int]
+    floor: Sequence[float | int] = ()
+    along: str = "seconds"
 
 
 def curve_svg(curve: Curve) -> str:
@@ -32,27 +38,24 @@ def curve_svg(curve: Curve) -> str:
 
     Curves of more than 240 points are drawn as the means of as many runs of neighbors.
     """
-    points = _thinned(
-        [
-            (second, value)
-            for second, value in zip(curve.seconds, curve.values, strict=True)
-            if math.isfinite(second) and math.isfinite(value)
-        ]
-    )
+    points = _finite(curve.at, curve.values)
+    floor = _finite(curve.at, curve.floor) if curve.floor else []
     if not points:
         return ""
     longest = float(points[-1][0]) or 1.0
-    y_ticks = ticks(min(value for _, value in points), max(value for _, value in points))
-    placed = [(_x(second, longest), _y(value, y_ticks)) for second, value in points]
+    levels = [value for _, value in (*points, *floor)]
+    y_ticks = ticks(min(levels), max(levels))
+    name = f"{curve.quantity} of {curve.title} against {curve.along}"
     return "".join(
         [
-            f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
-            f'aria-label="{html.escape(f"{curve.quantity} of {curve.title} against seconds")}">',
+            f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{html.escape(name)}">',
             *(_horizontal(value, y_ticks) for value in y_ticks),
             *(_below(x, longest) for x in ticks(0.0, longest) if x <= longest),
-            f'<text x="{_WIDTH - _RIGHT}" y="{_HEIGHT - 4}" text-anchor="end">seconds</text>',
-            f'<polyline class="curve" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in placed)}"/>',
-            _last_value(placed[-1], points[-1][1]),
+            f'<text x="{_WIDTH - _RIGHT}" y="{_HEIGHT - 4}" text-anchor="end">'
+            f"{html.escape(curve.along)}</text>",
+            _line("floor", floor, longest, y_ticks),
+            _line("curve", points, longest, y_ticks),
+            _last_value(_placed(points[-1], longest, y_ticks), points[-1][1]),
             "</svg>",
         ]
     )
@@ -76,12 +79,22 @@ def short(value: float | int) -> str:
     return f"{value:.4g}" if abs(value) >= 1 else f"{value:.3g}"
 
 
-def _thinned(
-    points: list[tuple[float | int, float | int]],
-) -> list[tuple[float | int, float | int]]:
+def _finite(at: Sequence[float | int], values: Sequence[float | int]) -> list[Point]:
+    pairs = zip(at, values, strict=True)
+    points = [(x, y) for x, y in pairs if math.isfinite(x) and math.isfinite(y)]
     run = math.ceil(len(points) / _MOST_POINTS)
     groups = [points[start : start + run] for start in range(0, len(points), run or 1)]
     return [(sum(x for x, _ in g) / len(g), sum(y for _, y in g) / len(g)) for g in groups]
+
+
+def _line(kind: str, points: list[Point], longest: float, y_ticks: list[float]) -> str:
+    placed = (_placed(point, longest, y_ticks) for point in points)
+    told = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed)
+    return f'<polyline class="{kind}" points="{told}"/>' if points else ""
+
+
+def _placed(point: Point, longest: float, y_ticks: list[float]) -> tuple[float, float]:
+    return _x(point[0], longest), _y(point[1], y_ticks)
 
 
 def _x(second: float | int, longest: float | int) -> float:

@@ -7,13 +7,27 @@ from string import Template
 
 from styletrf.whole_files import whole_file
 
-_TEMPLATE = Path(__file__).with_name("report_template.html")
+_TEMPLATE = Path(__file__).with_name("page_template.html")
 
 
-def write_page(path: Path, title: str, sections: Iterable[str]) -> None:
-    """Writes the page; the title is escaped, the sections are HTML, empty ones left out."""
-    template = Template(_TEMPLATE.read_text(encoding="utf-8"))
-    page = template.substitute(title=html.escape(title), body="\n".join(filter(None, sections)))
+def write_page(
+    path: Path, title: str, sections: Iterable[str], style: str = "", script: str = ""
+) -> None:
+    """Writes the page; the title is escaped, the sections are HTML, empty ones left out.
+
+    Args:
+        path: Where to; a page that stands there stays until the new one is whole.
+        title: What the browser's tab says.
+        sections: What the page shows.
+        style: CSS besides that of all pages.
+        script: JavaScript, run when all sections are there.
+    """
+    page = Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
+        title=html.escape(title),
+        style=style,
+        body="\n".join(filter(None, sections)),
+        script=f"<script>\n{script}</script>" if script else "",
+    )
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8", newline="\n")
 
@@ -47,3 +61,8 @@ def duration(seconds: float | int) -> str:
 def gibibytes(n_bytes: int) -> str:
     """Returns bytes as `1.25 GiB`."""
     return f"{n_bytes / 2**30:.2f} GiB"
+
+
+def megabytes(n_bytes: int) -> str:
+    """Returns bytes as `1.3 MB`; small files are 0.1 MB at least."""
+    return f"{max(n_bytes / 1e6, 0.1):.1f} MB"

@@ -1,27 +1,22 @@
 """The page that goes with a stylised trajectory: what was made, how well, how, and at what cost.
 
-`report.html` needs nothing but the files beside it: styles, script and charts are inside, videos
-and images are named relative to it. No link leads out of its folder.
+`report.html` needs nothing beside it: videos, images, charts, styles and script are inside, and no
+link leads out, so that it can be mailed.
 """
 
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
-from urllib.parse import quote
+from pathlib import Path
 
+from styletrf.comparison import SCRIPT, STYLE, Comparison, comparison
 from styletrf.curve_chart import Curve, curve_svg
-from styletrf.page import duration, folded_table, gibibytes, section, write_page
+from styletrf.embedding import embedded_bytes, embedded_image, embedded_video
+from styletrf.metric_table import MetricTable, metric_table
+from styletrf.page import duration, folded_table, gibibytes, megabytes, section, write_page
+from styletrf.video import video_info
 
-
-@dataclass(frozen=True, slots=True)
-class Metric:
-    """A number with what it means in one line, and the best that was attainable, if known."""
-
-    name: str
-    value: str
-    meaning: str
-    floor: str = ""
+_POSTER_PX, _STYLE_PX, _PRIOR_PX = 1920, 480, 480  # longer sides, about twice what is shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,20 +33,22 @@ class StageCost:
 class ReportContent:
     """Everything the page shows; a part left empty leaves its section out.
 
-    Files are named relative to the page, with `/`. `parameters` go by stage; `digests` by artifact.
+    Files are put into the page: videos as they are, images as JPEG, smaller where they are large.
+    `steadiness` are curves over the frames; `parameters` go by stage; `digests` by artifact.
     """
 
     scene: str
     style: str
     quality: str
     summary: str = ""
-    video: str = ""
-    unstylized_video: str = ""
-    poster: str = ""
-    style_image: str = ""
-    priors: Sequence[str] = ()
+    video: Path | None = None
+    unstylized_video: Path | None = None
+    poster: Path | None = None
+    style_image: Path | None = None
+    priors: Sequence[Path] = ()
     curves: Sequence[Curve] = ()
-    metrics: Sequence[Metric] = ()
+    metrics: Sequence[MetricTable] = ()
+    steadiness: Sequence[Curve] = ()
     stages: Sequence[StageCost] = ()
     parameters: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -63,25 +60,45 @@ def write_report(path: Path, content: ReportContent) -> None:
     """Writes the page; the same content gives the same bytes, and all text is escaped.
 
     Raises:
-        ValueError: A file of the content is not named relative to the page, or is above it.
+        InputError: A file of the content is no video or image, whichever it should be.
+        OSError: It cannot be read.
     """
+    videos, style_image = _comparison(content), _image(content.style_image, _STYLE_PX)
+    priors = [_image(prior, _PRIOR_PX) for prior in content.priors]
     sections = [
-        _header(content),
-        _stage(content),
-        section("Priors", _priors(content.priors)),
-        section("Metrics", _metrics(content.metrics)),
+        _header(content, style_image),
+        comparison(videos),
+        section("Priors", _priors(priors)),
+        section("Metrics", _metrics(content.metrics) + _curves(content.steadiness)),
         section("Training", _curves(content.curves)),
         section("Time and memory", _costs(content.stages)),
         section("How it was made", _provenance(content)),
         section("Make it again", _command(content.command)),
+        _inside(videos, [style_image, *priors]),
     ]
-    write_page(path, f"{content.scene} in the style of {content.style}", sections)
+    title = f"{content.scene} in the style of {content.style}"
+    write_page(path, title, sections, STYLE, SCRIPT)
 
 
-def _header(content: ReportContent) -> str:
-    image = ""
-    if content.style_image:
-        image = f'<img src="{_address(content.style_image)}" alt="The style image">'
+def _comparison(content: ReportContent) -> Comparison:
+    poster = _image(content.poster, _POSTER_PX)
+    if not content.video:
+        return Comparison(poster=poster)
+    seen, other = video_info(content.video), content.unstylized_video
+    return Comparison(
+        video=embedded_video(content.video),
+        unstylized_video=embedded_video(other) if other else "",
+        poster=poster,
+        aspect=seen.width / seen.height,
+    )
+
+
+def _image(path: Path | None, longest_px: int) -> str:
+    return embedded_image(path, longest_px) if path else ""
+
+
+def _header(content: ReportContent, style_image: str) -> str:
+    image = f'<img src="{style_image}" alt="The style image">' if style_image else ""
     return (
         f"<header>{image}<div><h1>{html.escape(content.scene)} "
         f'<span class="quiet">in the style of</span> {html.escape(content.style)}</h1>'
@@ -90,54 +107,20 @@ def _header(content: ReportContent) -> str:
     )
 
 
-def _stage(content: ReportContent) -> str:
-    poster = f' poster="{_address(content.poster)}"' if content.poster else ""
-    if not content.video:
-        image = f'<img src="{_address(content.poster)}" alt="A frame of the stylised trajectory">'
-        return f'<div class="stage">{image}</div>' if content.poster else ""
-    common = f'muted loop playsinline preload="auto"{poster}'
-    stylized = f'<video src="{_address(content.video)}" {common}'
-    if not content.unstylized_video:
-        return f'<div class="stage">{stylized} controls autoplay></video></div>'
-    unstylized = f'<video class="before" src="{_address(content.unstylized_video)}" muted loop'
-    return (
-        f'<div class="stage"><div class="compare">{stylized}></video>'
-        f'{unstylized} playsinline preload="auto"></video>'
-        '<span class="label" style="left:.7rem">before</span>'
-        '<span class="label" style="right:.7rem">stylised</span><div class="edge"></div>'
-        '<input class="split" type="range" min="0" max="100" value="50" step="0.1" '
-        'aria-label="Where the unstylised video ends and the stylised one begins"></div>'
-        '<div class="controls"><button type="button">Play</button>'
-        '<input class="seek" type="range" min="0" max="1" value="0" step="0.001" '
-        'aria-label="Time"></div></div>'
-    )
-
-
 def _priors(priors: Sequence[str]) -> str:
     if not priors:
         return ""
     images = "".join(
-        f'<img src="{_address(name)}" alt="Stylised prior {number}" loading="lazy">'
-        for number, name in enumerate(priors, start=1)
+        f'<img src="{prior}" alt="Stylised prior {number}">'
+        for number, prior in enumerate(priors, start=1)
     )
     meaning = f"The {len(priors)} stylised views that the appearance was fitted to."
-    return f'<p class="quiet small">{meaning}</p><div class="strip" tabindex="0">{images}</div>'
+    strip = f'<div class="strip" role="group" aria-label="Priors" tabindex="0">{images}</div>'
+    return f'<p class="quiet small">{meaning}</p>{strip}'
 
 
-def _metrics(metrics: Sequence[Metric]) -> str:
-    rows = "".join(
-        f'<tr><th scope="row">{html.escape(metric.name)}</th>'
-        f'<td class="number">{html.escape(metric.value)}</td>'
-        f'<td class="number floor">{html.escape(metric.floor)}</td>'
-        f'<td class="quiet small">{html.escape(metric.meaning)}</td></tr>'
-        for metric in metrics
-    )
-    head = (
-        '<tr><th>measure</th><th class="number">value</th><th class="number">floor</th>'
-        "<th>what it means</th></tr>"
-    )
-    table = f'<table class="metrics"><thead>{head}</thead><tbody>{rows}</tbody></table>'
-    return f'<div class="card">{table}</div>' if metrics else ""
+def _metrics(tables: Sequence[MetricTable]) -> str:
+    return "".join(metric_table(table) for table in tables)
 
 
 def _curves(curves: Sequence[Curve]) -> str:
@@ -180,9 +163,14 @@ def _command(command: str) -> str:
     return f'<div class="card"><pre>{html.escape(command)}</pre></div>' if command else ""
 
 
-def _address(name: str) -> str:
-    """The name as a relative URL; quoting leaves no room for a scheme or an attribute's end."""
-    path = PurePosixPath(name)
-    if path.is_absolute() or ".." in path.parts:
-        raise ValueError(f"{name} is not a file beside or below the report")
-    return quote(str(path))
+def _inside(videos: Comparison, images: Sequence[str]) -> str:
+    """How large the parts of the file are."""
+    parts = {
+        "the video": embedded_bytes(videos.video),
+        "the unstylised one": embedded_bytes(videos.unstylized_video),
+        "the images": sum(map(embedded_bytes, [videos.poster, *images])),
+    }
+    told = ", ".join(f"{name} {megabytes(size)}" for name, size in parts.items() if size)
+    if not told:
+        return ""
+    return f'<footer class="quiet small">All in this one file: {told}.</footer>'

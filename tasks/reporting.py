@@ -11,27 +11,40 @@ from typing import Any
 
 from pipeline.record import ActionRecord
 from styletrf.curve_chart import Curve
-from styletrf.report import Metric, ReportContent, StageCost
+from styletrf.report import ReportContent, StageCost
 from styletrf.tables import read_rows, read_summary
+from tasks.measures import metric_tables, term
 from tasks.qualities import settings_for
 
 
-def summary_of(inputs: Mapping[str, Path]) -> dict[str, Any]:
-    """Returns the metrics of one result."""
+def summary_of(
+    words: Mapping[str, Any], inputs: Mapping[str, Path], lineage: Sequence[ActionRecord]
+) -> dict[str, Any]:
+    """Returns the numbers of one result: its metrics, what it cost, and the words that asked it."""
+    costs = [_cost(record) for record in lineage]
     return {
         "quality": read_summary(inputs["quality"] / "summary.json"),
         "consistency": read_summary(inputs["consistency"] / "summary.json"),
+        "cost": {
+            "seconds": sum(cost.seconds for cost in costs),
+            "peak_memory_bytes": max((cost.peak_memory_bytes or 0 for cost in costs), default=0),
+        },
+        "words": dict(words),
     }
 
 
 def report_content(
-    words: Mapping[str, Any], inputs: Mapping[str, Path], lineage: Sequence[ActionRecord]
+    words: Mapping[str, Any],
+    inputs: Mapping[str, Path],
+    poster: Path,
+    lineage: Sequence[ActionRecord],
 ) -> ReportContent:
-    """Returns the content of `report.html`; files are named as `out/SCENE/STYLE/` links them.
+    """Returns the content of `report.html`.
 
     Args:
         words: The parameters of the command.
         inputs: The artifacts shown.
+        poster: The frame shown while nothing plays.
         lineage: The records of everything upstream.
     """
     return ReportContent(
@@ -39,13 +52,14 @@ def report_content(
         style=words["style"],
         quality=words["quality"],
         summary=placed(read_summary(inputs["poses"] / "poses.json")),
-        video="video.mp4",
-        unstylized_video="unstylized.mp4",
-        poster="poster.png",
-        style_image="style.png",
+        video=inputs["frames"] / "video.mp4",
+        unstylized_video=inputs["trajectory"] / "video.mp4",
+        poster=poster,
+        style_image=inputs["style"] / "style.png",
         priors=_priors(inputs),
         curves=_curves(inputs),
-        metrics=_metrics(summary_of(inputs)),
+        metrics=metric_tables(summary_of(words, inputs, lineage)),
+        steadiness=_steadiness(read_rows(inputs["consistency"] / "pairs.parquet")),
         stages=[_cost(record) for record in lineage],
         parameters={name: _parameters(record) for name, record in _named(lineage).items()},
         versions={
@@ -105,9 +119,8 @@ def _cost(record: ActionRecord) -> StageCost:
     )
 
 
-def _priors(inputs: Mapping[str, Path]) -> list[str]:
-    folder = inputs.get("priors")
-    return sorted(f"priors/{p.name}" for p in (folder / "frames").iterdir()) if folder else []
+def _priors(inputs: Mapping[str, Path]) -> list[Path]:
+    return sorted((inputs["priors"] / "frames").iterdir()) if "priors" in inputs else []
 
 
 def _curves(inputs: Mapping[str, Path]) -> list[Curve]:
@@ -129,22 +142,16 @@ def _curve(title: str, quantity: str, rows: list[dict[str, Any]], column: str) -
     )
 
 
-def _metrics(summary: Mapping[str, Any]) -> list[Metric]:
-    quality, consistency = summary["quality"], summary["consistency"]
+def _steadiness(pairs: Sequence[Mapping[str, Any]]) -> list[Curve]:
+    """The paper's error over the trajectory with its floor, a curve for each distance."""
     return [
-        Metric("PSNR", f"{quality['psnr']:.2f} dB", "the field against photographs held out"),
-        Metric("SSIM", f"{quality['ssim']:.3f}", "structure kept; 1 is the photograph itself"),
-        *(_consistency(int(name.rpartition("_")[2]), consistency[name]) for name in consistency),
+        Curve(
+            title=term(delta).capitalize(),
+            quantity="error along the flow; dashed, its floor",
+            at=[pair["first"] for pair in pairs if pair["delta"] == delta],
+            values=[pair["error"] for pair in pairs if pair["delta"] == delta],
+            floor=[pair["floor"] for pair in pairs if pair["delta"] == delta],
+            along="frame",
+        )
+        for delta in sorted({pair["delta"] for pair in pairs})
     ]
-
-
-def _consistency(delta: int, values: Mapping[str, Any]) -> Metric:
-    name = "short-term error" if delta == 1 else "long-term error"
-    meaning = (
-        "change between frames that follow each other"
-        if delta == 1
-        else f"change between frames {delta} apart"
-    )
-    error, floor = (values.get(key) for key in ("error", "floor"))
-    told = ["not measured" if value is None else f"{value:.5f}" for value in (error, floor)]
-    return Metric(name, told[0], f"{meaning}, along the flow of the unstylised frames", told[1])

@@ -1,18 +1,16 @@
 """Results that are shown in `out/`: folders of links into the store, restored by every run."""
 
-import atexit
 import os
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
-import luigi
 from luigi.cmdline_parser import CmdlineParser
-from luigi.task_register import Register
 
 from pipeline.roots import show_in
 from pipeline.settings import current_store
 from pipeline.task import StoredTask, artifact
+from tasks.at_exit import at_exit
 from tasks.stage import Stage
 
 
@@ -66,31 +64,9 @@ def _announce_at_exit(task: ShownStage) -> None:
     if not is_command or task.announced:
         return
     task.announced = True
-    process, parameters = os.getpid(), _command_parameters()
 
     def announce() -> None:
-        _adopt(parameters)  # Luigi has forgotten the command line by then
-        if os.getpid() == process and Stage.complete(task):
+        if Stage.complete(task):
             print(task.folder / "report.html")  # noqa: T201  the command's answer
 
-    atexit.register(announce)
-
-
-def _command_parameters() -> dict[str, dict[str, str]]:
-    """What the command line says of any family of tasks, as `--Family-name value`, by family."""
-    parser = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
-    given = vars(parser.known_args) if parser else {}
-    parameters: dict[str, dict[str, str]] = {}
-    known = Register.get_all_params()  # type: ignore[no-untyped-call]
-    for family, _, name, _ in known:
-        if (value := given.get(f"{family}_{name}")) is not None:
-            parameters.setdefault(family, {})[name] = str(value)
-    return parameters
-
-
-def _adopt(parameters: Mapping[str, Mapping[str, str]]) -> None:
-    """Make another process's `_command_parameters` the defaults in this one."""
-    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
-    for family, values in parameters.items():
-        for name, value in values.items():
-            config.set(family, name, value.replace("%", "%%"))
+    at_exit(announce)

@@ -11,10 +11,11 @@ from typing import Any
 import luigi
 
 from pipeline.record import ActionRecord
-from pipeline.settings import out_root
+from pipeline.settings import data_root, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.trade_off import Measurement, Tuning, merged
+from styletrf.user_folders import first_style
 from tasks.field import TrajectoryFrames
 from tasks.measuring import measurement, summary_in
 from tasks.metrics import QualityMetrics, StylizationMetrics
@@ -36,7 +37,7 @@ class TradeOff(ShownStage, GradedStage):
 
     scene = luigi.Parameter(description="a folder in data/scenes")
     style = luigi.Parameter(
-        default="stained_glass", description="an image in data/styles, or an embedded painting"
+        default="", description="an image in data/styles; without a name, the first of them"
     )
     content = StylizedTrajectory.content
     perceptual = StylizedTrajectory.perceptual
@@ -68,19 +69,28 @@ class TradeOff(ShownStage, GradedStage):
 
     def requires(self) -> Mapping[str, Stage]:
         """The stages that measure each variant, `K` and `K frames`, and the usual result."""
-        needed: dict[str, Stage] = {"result": self.need(StylizedTrajectory)}
+        painting = {"style": self.painting}
+        needed: dict[str, Stage] = {"result": self.need(StylizedTrajectory, **painting)}
         needed["model"] = self.need(SceneModel)
         for k, variant in enumerate(self.variants()):
             tuning = merged(self.tuning, variant.tuning)
-            judge = QualityMetrics if variant.part == "scene" else StylizationMetrics
-            needed[f"{k}"] = self.need(judge, tuning=tuning)
+            needed[f"{k}"] = (
+                self.need(QualityMetrics, tuning=tuning)
+                if variant.part == "scene"
+                else self.need(StylizationMetrics, tuning=tuning, **painting)
+            )
             needed[f"{k} frames"] = self.need(TrajectoryFrames, tuning=tuning)
         return needed
 
+    @property
+    def painting(self) -> str:
+        """The style's name."""
+        return self.style or first_style(data_root())
+
     def identity_parameters(self) -> Mapping[str, object]:
         """The words that the page and its commands repeat."""
-        names = ("scene", "style", "quality", "content", "perceptual", "repeats", "only", "tuning")
-        return {name: self.param_kwargs[name] for name in names}
+        names = ("scene", "quality", "content", "perceptual", "repeats", "only", "tuning")
+        return {"style": self.painting} | {name: self.param_kwargs[name] for name in names}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Gather what the stages took and achieved, and find the front."""
@@ -98,7 +108,7 @@ class TradeOff(ShownStage, GradedStage):
         write_rows(out / "front.parquet", rows)
         evidence = json.loads((inputs["model"] / "scene.json").read_text())["evidence"]
         told = {
-            "scene": self.scene, "style": self.style, "quality": self.quality,
+            "scene": self.scene, "style": self.painting, "quality": self.quality,
             "space": evidence["space"]["chosen"], "machine": machine(),
             "measured": datetime.now(UTC).date().isoformat(),
         }  # fmt: skip
@@ -109,9 +119,10 @@ class TradeOff(ShownStage, GradedStage):
 
     def command(self, tuning: Tuning) -> str:
         """Returns the main command with these settings."""
-        words = ["luigi", "--module", "tasks", "StylizedTrajectory"]
-        for name in ("scene", "style", "quality", "content", "perceptual"):
-            if name in ("scene", "style", "quality") or not self.is_usual(name):
+        words = ["luigi", "--module", "tasks", "StylizedTrajectory", "--scene", self.scene]
+        words += ["--style", self.painting, "--quality", self.quality]
+        for name in ("content", "perceptual"):
+            if not self.is_usual(name):
                 words += [f"--{name}", self.param_kwargs[name]]
         together = merged(self.tuning, tuning)
         return shlex.join([*words, "--tuning", json.dumps(together)] if together else words)

@@ -17,6 +17,7 @@ from tasks.showing import ShownStage
 from tasks.stage import Stage
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
+from tasks.wall import refresh_wall, root_of_command, wall_at_exit
 
 CONTROLS = (
     "stroke_scale", "content_weight", "network", "stylizer", "colors", "strategy", "match",
@@ -64,12 +65,24 @@ class StylizedTrajectory(ShownStage, FrameControls):
         from styletrf.tables import write_summary
         from tasks.reporting import report_content, summary_of
 
-        frames = sorted((inputs["frames"] / "frames").glob("*.png"))
-        shutil.copyfile(frames[0], out / "poster.png")
-        write_summary(out / "summary.json", summary_of(inputs))
-        write_report(
-            out / "report.html", report_content(self.identity_parameters(), inputs, run.lineage)
-        )
+        words, poster = self.identity_parameters(), out / "poster.png"
+        shutil.copyfile(min((inputs["frames"] / "frames").glob("*.png")), poster)
+        write_summary(out / "summary.json", summary_of(words, inputs, run.lineage))
+        write_report(out / "report.html", report_content(words, inputs, poster, run.lineage))
+
+    def cells(self) -> "list[StylizedTrajectory]":
+        """The results asked for."""
+        return [self]
+
+    def complete(self) -> bool:
+        """Whether the result is in the store and in `out/`; the command refreshes the index."""
+        with wall_at_exit(self):
+            return super().complete()
+
+    def publish(self, object_path: Path) -> None:
+        """Make the links, and have the index show the result."""
+        super().publish(object_path)
+        refresh_wall(root_of_command())
 
     @property
     def folder(self) -> Path:
@@ -95,7 +108,10 @@ class StylizedTrajectory(ShownStage, FrameControls):
 
 
 class Grid(luigi.WrapperTask):
-    """Every style on every scene; what one cell shares with another is made once."""
+    """Every style on every scene; what one cell shares with another is made once.
+
+    `out/index.html` shows them all, and why those are missing that could not be made.
+    """
 
     scenes = luigi.ListParameter(description='such as ["horns", "fern"]')
     styles = luigi.ListParameter(description='such as ["mosaic", "udnie"]')
@@ -126,8 +142,17 @@ class Grid(luigi.WrapperTask):
             problem = "is one painting's network, for several styles"
             raise InputError(f"--network {self.network}", problem, "Give one style")
 
+    def complete(self) -> bool:
+        """Whether every cell is; the command writes the index, unless it is refused."""
+        with wall_at_exit(self, is_answer=True):
+            return bool(super().complete())  # type: ignore[no-untyped-call]
+
     def requires(self) -> list[StylizedTrajectory]:
         """One result a cell."""
+        return self.cells()
+
+    def cells(self) -> list[StylizedTrajectory]:
+        """The results asked for."""
         names = ("quality", "device", "content", "perceptual", *CONTROLS)
         shared = {name: self.param_kwargs[name] for name in names}
         cells = [

@@ -140,7 +140,7 @@ EDITS = {  # file, what is replaced by what, and the families whose results may 
         "StylizedField",
     ),
     "a template": (
-        "styletrf/report_template.html",
+        "styletrf/page_template.html",
         "<title>",
         "<title>A ",
         "StylizedTrajectory SceneReport",

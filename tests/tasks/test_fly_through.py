@@ -90,7 +90,10 @@ class Workplace:
         }
 
     def run(self, style: str) -> Run:
-        words = ["StylizedTrajectory", "--scene", "yard", "--style", style, "--quality", "draft"]
+        return self.command("StylizedTrajectory", "--scene", "yard", "--style", style)
+
+    def command(self, *task: str) -> Run:
+        words = [*task, "--quality", "draft"]
         words += ["--content", "embedded", "--perceptual", str(self.perceptual), "--device", "cpu"]
         for family, settings in SETTINGS.items():
             words += [f"--{family}-settings", json.dumps(settings)]
@@ -138,6 +141,7 @@ def test_the_command_makes_everything_and_says_where_it_is(workplace: Workplace,
     links = list(first.report.parent.iterdir())
     assert {link.name for link in links} >= {"report.html", "video.mp4", "frames", "priors"}
     assert all(link.exists() for link in links)
+    assert "yard/brush/video.mp4" in (workplace.root / "out/index.html").read_text()
     for name in ("video.mp4", "unstylized.mp4"):
         assert video_info(first.report.with_name(name)).frames == FRAMES
     assert len(list(first.report.with_name("frames").iterdir())) == FRAMES
@@ -206,6 +210,18 @@ def test_another_style_builds_only_what_depends_on_it(workplace: Workplace):
     assert set(other.started) == OF_THE_STYLE
     assert other.report.parent.name == "dots"
     assert other.report.is_file()
+
+
+@pytest.mark.usefixtures("first")
+def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
+    index = workplace.root / "out/index.html"
+    index.unlink()
+    grid = workplace.command("Grid", "--scenes", '["yard"]', "--styles", '["brush", "none"]')
+    assert (grid.status, grid.report, set(grid.started)) == (30, index, set())
+    text = index.read_text()
+    assert "1 failed." in text
+    assert "there is no such style" in text
+    assert 'href="yard/brush/report.html"' in text
 
 
 def test_links_that_were_deleted_come_back_without_building(workplace: Workplace, first: Run):

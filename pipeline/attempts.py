@@ -1,0 +1,83 @@
+"""Attempts at builds, as their logs tell it: which are under way, and how the others ended."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import luigi
+
+from pipeline.building import DONE
+from pipeline.errors import Errors, StoreError
+from pipeline.explanation import upstream_first
+from pipeline.locks import is_held
+from pipeline.store import Store
+from pipeline.task import StoredTask
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """A build that was begun; `end` is the last line of its log, which says how it ended."""
+
+    log: Path
+    end: str
+    is_under_way: bool
+
+    @property
+    def is_published(self) -> bool:
+        """Whether the log says that the build was."""
+        return self.end.startswith(DONE)
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """The stage that keeps another from being made, and why; or that is being built right now."""
+
+    task: StoredTask
+    reason: str
+    is_under_way: bool = False
+
+
+def attempts(store: Store, family: str = "*", key: str = "") -> list[Attempt]:
+    """Every attempt at builds of a family, or at one key, of which there is a log; oldest first."""
+    logs = (store.root / "logs").glob(f"{family}/{key[:16]}*.log")
+    return [_attempt(store, log) for log in sorted(logs, key=_changed)]
+
+
+def obstacle(task: luigi.Task, store: Store) -> Obstacle | None:
+    """What keeps a task from being made: what failed, or else what is under way; or nothing yet.
+
+    It looks at this store alone, and at the last attempt at each stage whose inputs are there.
+    """
+    missing: set[StoredTask] = set()
+    found: list[Obstacle] = []
+    for each in upstream_first(task):
+        if missing & set(each.requires().values()):
+            missing.add(each)
+            continue
+        is_made, problem = _state(each, store)
+        missing |= set() if is_made else {each}
+        found += [problem] if problem else []
+    return min(found, key=lambda problem: problem.is_under_way, default=None)
+
+
+def _state(task: StoredTask, store: Store) -> tuple[bool, Obstacle | None]:
+    """Whether a task whose inputs are there is made, and what is in its way."""
+    mendable: Errors = (StoreError, *task.user_errors)
+    try:
+        key = task.action().key
+    except mendable as error:
+        return False, Obstacle(task, str(error))
+    if store.record(key):
+        return True, None
+    tried = attempts(store, task.task_family, key)[-1:]
+    seen = [Obstacle(task, a.end, a.is_under_way) for a in tried if not a.is_published]
+    return False, seen[0] if seen else None
+
+
+def _attempt(store: Store, log: Path) -> Attempt:
+    end = log.read_text(errors="replace").strip().rpartition("\n")[2]
+    locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
+    return Attempt(log, end, any(is_held(lock) for lock in locks))
+
+
+def _changed(log: Path) -> tuple[int, str]:
+    return log.stat().st_mtime_ns, log.name

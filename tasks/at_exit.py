@@ -1,0 +1,49 @@
+"""What a command still does when all else is done, however that went."""
+
+import atexit
+import functools
+import os
+from collections.abc import Callable, Mapping
+
+import luigi
+from luigi.cmdline_parser import CmdlineParser
+from luigi.task_register import Register
+
+
+def at_exit(act: Callable[[], None]) -> Callable[[], None]:
+    """Has this process, not its workers, do something at its end, with the command's parameters.
+
+    What was asked for first is done last.
+
+    Returns:
+        What takes it back.
+    """
+    process, parameters = os.getpid(), _command_parameters()
+
+    def run() -> None:
+        if os.getpid() == process:
+            _adopt(parameters)  # Luigi has forgotten the command line by then
+            act()
+
+    atexit.register(run)
+    return functools.partial(atexit.unregister, run)
+
+
+def _command_parameters() -> dict[str, dict[str, str]]:
+    """What the command line says of any family of tasks, as `--Family-name value`, by family."""
+    parser = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+    given = vars(parser.known_args) if parser else {}
+    parameters: dict[str, dict[str, str]] = {}
+    known = Register.get_all_params()  # type: ignore[no-untyped-call]
+    for family, _, name, _ in known:
+        if (value := given.get(f"{family}_{name}")) is not None:
+            parameters.setdefault(family, {})[name] = str(value)
+    return parameters
+
+
+def _adopt(parameters: Mapping[str, Mapping[str, str]]) -> None:
+    """Make another process's `_command_parameters` the defaults in this one."""
+    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
+    for family, values in parameters.items():
+        for name, value in values.items():
+            config.set(family, name, value.replace("%", "%%"))

@@ -1,0 +1,103 @@
+"""What the measures of a result are called, what they mean, and what they are compared with."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from styletrf.metric_table import Figure, Metric, MetricTable
+
+NOT_MEASURED = "not measured"
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A measure by its name in `summary.json`, and that of what it is compared with, if anything.
+
+    `form` writes its value, `word` says what the other value is.
+    """
+
+    key: str
+    name: str
+    meaning: str
+    form: str = "{:.5f}"
+    other: str = ""
+    word: str = "floor"
+
+
+QUALITY = (
+    Measure("psnr", "PSNR", "how near the field is to photographs held out; more is better",
+            "{:.2f} dB"),
+    Measure("ssim", "SSIM", "the structure kept of them; 1 is the photograph itself", "{:.3f}"),
+    Measure("perceptual", "perceptual distance", "how unlike them it looks to a VGG16; 0 is alike",
+            "{:.4f}"),
+    Measure("lpips", "LPIPS", "how unlike them it looks to people, as learnt; 0 is alike",
+            "{:.4f}"),
+)  # fmt: skip
+CONSISTENCY = (
+    Measure("error", "error along the flow",
+            "the paper's: squared difference to the other frame, moved along the flow of the"
+            " unstylised ones; all pixels", other="floor"),
+    Measure("masked_error", "error where the flow holds",
+            "the same, where flow there and back agree", other="masked_floor"),
+    Measure("valid_fraction", "pixels where the flow holds", "share of all", "{:.0%}"),
+    Measure("geometric_error", "error along the geometry",
+            "the other frame moved by the field's own depth, where nothing hides it",
+            other="geometric_floor"),
+    Measure("geometric_fraction", "pixels seen in both frames", "share of all", "{:.0%}"),
+    Measure("normalized_error", "error by contrast",
+            "along the geometry; 1 is as unlike as unrelated frames", "{:.4f}",
+            other="normalized_floor"),
+    Measure("perceptual_error", "perceptual change", "how unlike the two look to a VGG16", "{:.4f}",
+            other="perceptual_floor"),
+    Measure("style_distance", "style distance",
+            "of the frames to the painting, by Gram matrices: a grey video is steady, and far off",
+            "{:.4f}", other="style_distance_unstylized", word="unstylised"),
+    Measure("pairs", "pairs of frames", "compared", "{}"),
+    Measure("pairs_without_correspondence", "pairs that share nothing", "left out of the means",
+            "{}"),
+    Measure("flow", "flow", "how it was found", "{}"),
+)  # fmt: skip
+
+
+def metric_tables(summary: Mapping[str, Any]) -> list[MetricTable]:
+    """Returns the measures of a result in tables; what was not asked of it is left out."""
+    held_out = _table("Against photographs held out", QUALITY, {"": summary["quality"]})
+    deltas = {term(delta): values for delta, values in by_delta(summary).items()}
+    apart = ", ".join(f"{term(delta)}: {delta} apart" for delta in by_delta(summary))
+    return [held_out, _table(f"Between frames ({apart})", CONSISTENCY, deltas)]
+
+
+def by_delta(summary: Mapping[str, Any]) -> dict[int, Mapping[str, Any]]:
+    """Returns the measures between frames by how many frames these are apart, ascending."""
+    consistency = summary["consistency"]
+    deltas = {int(n.removeprefix("delta_")): n for n in consistency if n.startswith("delta_")}
+    return {delta: consistency[deltas[delta]] for delta in sorted(deltas)}
+
+
+def term(delta: int) -> str:
+    """Returns what the paper calls frames so many apart."""
+    return {1: "short term", 5: "long term"}.get(delta, f"{delta} frames")
+
+
+def _table(
+    title: str, measures: Sequence[Measure], columns: Mapping[str, Mapping[str, Any]]
+) -> MetricTable:
+    metrics = [
+        Metric(m.name, m.meaning, [_figure(m, values) for values in columns.values()])
+        for m in measures
+        if any(m.key in values for values in columns.values())
+    ]
+    return MetricTable(title, list(columns), metrics)
+
+
+def _figure(measure: Measure, values: Mapping[str, Any]) -> Figure:
+    value, other = values.get(measure.key), values.get(measure.other)
+    if value is None:
+        return Figure(NOT_MEASURED)
+    told = measure.form.format(value)
+    if not measure.other:
+        return Figure(told)
+    if other is None:
+        return Figure(told, f"{measure.word} {NOT_MEASURED}")
+    times = f", {value / other:.2g}\N{NO-BREAK SPACE}times" if other > 0 else ""
+    return Figure(told, f"{measure.word} {measure.form.format(other)}{times}")

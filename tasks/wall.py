@@ -1,0 +1,124 @@
+"""`out/index.html`: every result shown in `out/`, and what became of the others asked for."""
+
+import functools
+import json
+import logging
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import luigi
+from luigi.cmdline_parser import CmdlineParser
+
+from pipeline.attempts import obstacle
+from pipeline.settings import current_store, out_root
+from styletrf.page import duration
+from styletrf.wall import Cell, Score, write_wall
+from tasks.at_exit import at_exit
+from tasks.measures import NOT_MEASURED, by_delta, term
+
+screen = logging.getLogger("pipeline")
+
+
+def refresh_wall(root: luigi.Task | None) -> Path | None:
+    """Writes the page and returns where it is; it never raises, since no result depends on it.
+
+    Args:
+        root: What was asked for; its `cells()`, if it has these, get a place, made or not.
+    """
+    path = out_root() / "index.html"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_wall(path, _cells(getattr(root, "cells", list)()))
+    except Exception as error:  # noqa: BLE001
+        screen.warning("%s could not be written: %s: %s", path, type(error).__name__, error)
+        return None
+    return path
+
+
+def root_of_command() -> luigi.Task | None:
+    """Returns the task that the command of this process asks for, if it is a command's."""
+    command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+    return command.get_task_obj() if command else None
+
+
+@contextmanager
+def wall_at_exit(task: luigi.Task, *, is_answer: bool = False) -> Iterator[None]:
+    """Has the command that asks for this task refresh the page at its end, done or failed.
+
+    Not if the command is refused within the block.
+
+    Args:
+        task: Of other commands than its own this does nothing.
+        is_answer: Whether to print where the page is, as the last line.
+    """
+    take_back = _refresh_at_exit(task, is_answer) if root_of_command() == task else None
+    try:
+        yield
+    except SystemExit:
+        if take_back:
+            take_back()
+        raise
+
+
+@functools.cache
+def _refresh_at_exit(root: luigi.Task, is_answer: bool) -> Callable[[], None]:  # noqa: FBT001
+    def refresh() -> None:
+        path = refresh_wall(root)
+        if path and is_answer:
+            print(path)  # noqa: T201  the command's answer
+
+    return at_exit(refresh)
+
+
+def _cells(asked: Iterable[Any]) -> list[Cell]:
+    cells = {(cell.scene, cell.style): cell for cell in map(_shown, _folders())}
+    for task in asked:
+        name, problem = (task.scene, task.style), obstacle(task, current_store())
+        cells.setdefault(name, Cell(*name))
+        if problem:
+            family, is_under_way = problem.task.task_family, problem.is_under_way
+            reason = family if is_under_way else f"{family}: {problem.reason}"
+            cells[name] = replace(cells[name], failure=reason, is_under_way=is_under_way)
+    return list(cells.values())
+
+
+def _folders() -> list[Path]:
+    """The folders of `out/` that show a stylised trajectory which is there."""
+    found = (path.parent for path in out_root().glob("*/*/video.mp4") if path.exists())
+    return [folder for folder in found if (folder / "summary.json").exists()]
+
+
+def _shown(folder: Path) -> Cell:
+    summary = json.loads((folder / "summary.json").read_text())  # no pyarrow, which starts threads
+    quality = str(summary.get("words", {}).get("quality", ""))
+    scores = _scores(summary)
+    return Cell(folder.parent.name, folder.name, is_made=True, quality=quality, scores=scores)
+
+
+def _scores(summary: Mapping[str, Any]) -> list[Score]:
+    psnr = summary["quality"].get("psnr")
+    distances = [v.get("style_distance") for v in by_delta(summary).values()]
+    seconds = summary.get("cost", {}).get("seconds")
+    return [
+        _score("PSNR", psnr, "{:.2f} dB".format, "highest"),
+        *(
+            _score(f"{term(delta)} error", _times_floor(values), "{:.2f} x floor".format)
+            for delta, values in by_delta(summary).items()
+        ),
+        _score("style distance", next(iter(distances), None), "{:.4f}".format),
+        _score("time, all stages", seconds, duration),
+    ]
+
+
+def _score(
+    name: str, value: float | None, form: Callable[[float], str], best: str = "lowest"
+) -> Score:
+    return Score(name, value, NOT_MEASURED if value is None else form(value), best)
+
+
+def _times_floor(values: Mapping[str, Any]) -> float | None:
+    error, floor = values.get("error"), values.get("floor")
+    return None if error is None or not floor else float(error / floor)
