@@ -7,7 +7,7 @@ front are worth a run.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import fmean, stdev
 from typing import Any, Literal
@@ -115,35 +115,40 @@ def spreads(repeats: Sequence[Measurement]) -> dict[str, float]:
     return {s: stdev(t) / fmean(t) for s, t in times.items() if len(t) > 1 and fmean(t) > 0}
 
 
-def unchanged(measurements: Iterable[Measurement], part: Part) -> list[Measurement]:
-    """Returns the measurements of the quality as it is: the first, and its repeats."""
-    return [m for m in measurements if m.part == part and not m.name]
+def variants(measurements: Sequence[Measurement], part: Part) -> list[Measurement]:
+    """Returns the measurements of one side, the unchanged quality first, the mean of its repeats.
+
+    Raises:
+        InputError: The unchanged quality is not among them.
+    """
+    side = [m for m in measurements if m.part == part]
+    repeats = [m for m in side if not m.name]
+    if not repeats:
+        raise InputError("trade-off", "lacks the unchanged quality", "Measure that first")
+    stages = dict.fromkeys(stage for m in repeats for stage in m.seconds)
+    mean = replace(
+        repeats[0],
+        tuning={},
+        quality_db=fmean(m.quality_db for m in repeats),
+        seconds={s: fmean(m.seconds[s] for m in repeats if s in m.seconds) for s in stages},
+    )
+    return [mean, *(m for m in side if m.name)]
 
 
 def combinations(measurements: Sequence[Measurement]) -> list[Combination]:
     """Returns every variant of the scene with every variant of the style.
 
-    The seconds are those of both. Stages that render the field count by the ratio of what frames
-    cost (`TrajectoryFrames`) with that field and with the unchanged one.
+    The seconds are those of both, repeats averaged. Stages that render the field count by the ratio
+    of what frames cost (`TrajectoryFrames`) with that field and with the unchanged one.
 
     Raises:
         InputError: The unchanged quality is not among the measurements, on either side.
     """
-    sides: dict[Part, list[Measurement]] = {"scene": [], "style": []}
-    for measurement in measurements:
-        known = {m.name for m in sides[measurement.part]}
-        if measurement.name not in known:  # the first of the repeats
-            sides[measurement.part].append(measurement)
-    if not all(unchanged(side, part) for part, side in sides.items()):
-        raise InputError("trade-off", "lacks the unchanged quality", "Measure that first")
-    best = {part: max(m.quality_db for m in side) for part, side in sides.items()}
+    scenes, styles = variants(measurements, "scene"), variants(measurements, "style")
+    best = {side[0].part: max(m.quality_db for m in side) for side in (scenes, styles)}
     spread = spreads([m for m in measurements if not m.name])
-    frames = unchanged(sides["scene"], "scene")[0].seconds.get("TrajectoryFrames", 0.0)
-    return [
-        _combined(scene, style, best, spread, frames)
-        for scene in sides["scene"]
-        for style in sides["style"]
-    ]
+    frames = scenes[0].seconds.get("TrajectoryFrames", 0.0)
+    return [_combined(scene, style, best, spread, frames) for scene in scenes for style in styles]
 
 
 def _combined(

@@ -90,12 +90,12 @@ class _Axes:
         """The grid and its words."""
         across = [
             f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">-{t:g}</text>'
+            f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{-t or 0:g}</text>'
             for t, y in ((t, self._y(t)) for t in self._ticks)
         ]
         below = []
         for seconds in _round_seconds(math.exp(self._first), math.exp(self._last)):
-            x = self.place(seconds, 0).split(",")[0]
+            x = self.place(seconds, 0.0).split(",")[0]
             below.append(
                 f'<text x="{x}" y="{_HEIGHT - 24}" text-anchor="middle">{duration(seconds)}</text>'
             )

@@ -54,7 +54,7 @@ class TradeOffContent:
 
 QUESTIONS: dict[str, Callable[[Sequence[Combination]], Combination]] = {
     "The fastest within 0.5 dB of the best": lambda points: fastest_within(points, 0.5),
-    "The best in 5 minutes": lambda points: best_in(points, 300),
+    "The best in 5 minutes": lambda points: best_in(points, 300.0),
     "The smallest within 1 dB of the best": lambda points: smallest_within(points, 1.0),
 }
 

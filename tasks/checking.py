@@ -35,6 +35,7 @@ def check_command(command: CmdlineParser) -> None:
     tuned = [s for s in stages if isinstance(s, TunedStage) and (s.settings or s.tuning)]
     settings = {(stage.task_family, json.dumps(stage.values())) for stage in tuned}
     asked = {
+        "tuned": sorted({name for stage in tuned for name in stage.tuning}),
         "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
         "settings": sorted(settings),
     }
@@ -104,11 +105,14 @@ def _check(asked: dict[str, Any]) -> None:
 
     if asked["cuda"]:
         device_named("cuda")
+    if unknown := set(asked["tuned"]) - set(configurations()):
+        remedy = f"Give some of {sorted(configurations())}"
+        raise InputError(f"--tuning {sorted(unknown)}", "are no stages that take settings", remedy)
     for family, values in asked["settings"]:
         try:
             configured(configurations()[family], json.loads(values))
         except InputError as error:
-            subject = f"--{family}-settings, {error.subject}"
+            subject = f"settings of {family}, {error.subject}"
             raise InputError(subject, error.problem, error.remedy) from error
 
 

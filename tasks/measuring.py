@@ -1,5 +1,6 @@
 """What the stages of a variant took and achieved, from their records."""
 
+import json
 import math
 import os
 import platform
@@ -8,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.record import ActionRecord
-from styletrf.tables import read_summary
 from styletrf.trade_off import Measurement, Part
 from tasks.sweep import Variant
 
@@ -57,7 +57,7 @@ def quality_db(part: Part, summary: Mapping[str, Any]) -> float:
 
 def summary_in(folder: Path) -> dict[str, Any]:
     """Returns the `summary.json` of an artifact."""
-    return read_summary(folder / "summary.json")
+    return dict(json.loads((folder / "summary.json").read_text()))
 
 
 def machine() -> str:

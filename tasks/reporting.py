@@ -1,8 +1,6 @@
 """What the report of a stylised fly-through says, gathered from the store."""
 
-import json
 import platform
-import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -13,6 +11,7 @@ from pipeline.record import ActionRecord
 from styletrf.curve_chart import Curve
 from styletrf.report import ReportContent, StageCost
 from styletrf.tables import read_rows, read_summary
+from tasks.command import main_command
 from tasks.measures import metric_tables, term
 from tasks.qualities import settings_for
 
@@ -67,7 +66,7 @@ def report_content(
             **{name: version(name) for name in ("styletrf", "torch", "pycolmap", "luigi", "numba")},
         },
         digests={name: record.output.digest for name, record in _named(lineage).items()},
-        command=_command(words, lineage),
+        command=main_command(words, _tuning(words["quality"], lineage)),
     )
 
 
@@ -81,19 +80,16 @@ def placed(poses: Mapping[str, Any]) -> str:
     return f"{told}."
 
 
-def _command(words: Mapping[str, Any], lineage: Sequence[ActionRecord]) -> str:
-    """Returns the command that makes this result again, with the settings the user changed."""
-    command = ["luigi", "--module", "tasks", "StylizedTrajectory"]
-    for name, value in words.items():
-        told = json.dumps(dict(value)) if isinstance(value, Mapping) else str(value)
-        command += [f"--{name.replace('_', '-')}", told]
+def _tuning(quality: str, lineage: Sequence[ActionRecord]) -> dict[str, dict[str, Any]]:
+    """Returns the settings that the user changed, by stage."""
+    tuning = {}
     for record in lineage:
-        usual = settings_for(record.action.family, words["quality"])
+        usual = settings_for(record.action.family, quality)
         told = _parameters(record).get("settings", {})
         changed = {name: value for name, value in told.items() if usual.get(name) != value}
         if changed:
-            command += [f"--{record.action.family}-settings", json.dumps(changed)]
-    return shlex.join(command)
+            tuning[record.action.family] = changed
+    return tuning
 
 
 def _named(lineage: Sequence[ActionRecord]) -> dict[str, ActionRecord]:

@@ -1,7 +1,6 @@
 """What accuracy costs: variants measured one by one, and the best combinations of them."""
 
 import json
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -15,7 +14,7 @@ from pipeline.settings import data_root, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.trade_off import Measurement, Tuning, merged
-from styletrf.user_folders import first_style
+from tasks.command import main_command
 from tasks.field import TrajectoryFrames
 from tasks.measuring import measurement, summary_in
 from tasks.metrics import QualityMetrics, StylizationMetrics
@@ -85,6 +84,8 @@ class TradeOff(ShownStage, GradedStage):
     @property
     def painting(self) -> str:
         """The style's name."""
+        from styletrf.user_folders import first_style
+
         return self.style or first_style(data_root())
 
     def identity_parameters(self) -> Mapping[str, object]:
@@ -119,13 +120,11 @@ class TradeOff(ShownStage, GradedStage):
 
     def command(self, tuning: Tuning) -> str:
         """Returns the main command with these settings."""
-        words = ["luigi", "--module", "tasks", "StylizedTrajectory", "--scene", self.scene]
-        words += ["--style", self.painting, "--quality", self.quality]
+        words = {"scene": self.scene, "style": self.painting, "quality": self.quality}
         for name in ("content", "perceptual"):
             if not self.is_usual(name):
-                words += [f"--{name}", self.param_kwargs[name]]
-        together = merged(self.tuning, tuning)
-        return shlex.join([*words, "--tuning", json.dumps(together)] if together else words)
+                words[name] = self.param_kwargs[name]
+        return main_command(words, merged(self.tuning, tuning))
 
     def _measurements(
         self, inputs: Mapping[str, Path], records: Sequence[ActionRecord]

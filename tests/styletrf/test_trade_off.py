@@ -1,0 +1,129 @@
+"""Fronts and answers, by their definitions; and the page that shows them."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from styletrf.errors import InputError
+from styletrf.trade_off import (
+    Measurement,
+    best_in,
+    combinations,
+    fastest_within,
+    merged,
+    pareto_front,
+    smallest_within,
+    spreads,
+)
+from styletrf.trade_off_page import TradeOffContent, write_trade_off_page
+
+
+def scene(name="", psnr=25.0, field=100.0, frames=30.0, size=100, **more):
+    seconds = {"RadianceField": field, "TrajectoryFrames": frames}
+    tuning = {"RadianceField": {"iterations": field}} if name else {}
+    return Measurement("scene", name, tuning, psnr, seconds, 0.0, 10, size, **more)
+
+
+def style(name="", db=-5.0, network=180.0, frames=30.0, size=10):
+    seconds = {"StyleNetwork": network, "StylizedFrames": frames}
+    tuning = {"StyleNetwork": {"iterations": network}} if name else {}
+    return Measurement("style", name, tuning, db, seconds, 0.0, 20, size)
+
+
+MEASURED = [
+    scene(), style(),
+    scene("fast", 24.0, 50.0, size=50), scene("slow", 25.5, 200.0), scene("bad", 20.0, 150.0),
+    style("short", -5.4, 60.0), style("long", -4.8, 400.0),
+]  # fmt: skip
+
+
+def test_every_variant_of_one_side_goes_with_every_one_of_the_other():
+    points = combinations(MEASURED)
+    assert len(points) == 4 * 3
+    usual = next(p for p in points if not p.scene and not p.style)
+    assert usual.seconds == 100 + 30 + 180 + 30
+    assert usual.shortfall_db == pytest.approx(0.5)  # the scene's, more than the style's 0.2
+    assert (usual.peak_memory_bytes, usual.model_bytes, usual.tuning) == (20, 110, {})
+    both = next(p for p in points if (p.scene, p.style) == ("fast", "short"))
+    assert both.tuning == {
+        "RadianceField": {"iterations": 50},
+        "StyleNetwork": {"iterations": 60},
+    }
+    assert both.shortfall_db == pytest.approx(1.5)
+
+
+def test_stages_that_render_follow_what_a_frame_costs():
+    measured = [scene(), style(), scene("cheap frames", frames=15.0)]
+    by_name = {p.scene: p for p in combinations(measured)}
+    assert by_name["cheap frames"].seconds == 100 + 15 + 180 + 15
+
+
+def test_no_point_of_the_front_is_beaten_and_every_other_is():
+    points = combinations(MEASURED)
+    front = [p.combination for p in pareto_front(points)]
+    for point in points:
+        beaten = any(
+            o.seconds <= point.seconds and o.shortfall_db <= point.shortfall_db and o != point
+            for o in points
+        )
+        assert beaten != (point in front)
+    assert [p.seconds for p in front] == sorted(p.seconds for p in front)
+
+
+def test_answers_are_the_least_of_those_that_qualify():
+    points = combinations(MEASURED)
+    fastest = fastest_within(points, 0.7)
+    good = [p for p in points if p.shortfall_db <= 0.7]
+    assert fastest.seconds == min(p.seconds for p in good)
+    assert smallest_within(points, 2.0).model_bytes == min(
+        p.model_bytes for p in points if p.shortfall_db <= 2.0
+    )
+    best = best_in(points, 300.0)
+    assert best.shortfall_db == min(p.shortfall_db for p in points if p.seconds <= 300)
+    for impossible in (lambda: best_in(points, 1.0), lambda: fastest_within(points, -1.0)):
+        with pytest.raises(InputError, match="no such point"):
+            impossible()
+
+
+def test_repeats_tell_the_spread_and_close_neighbours_are_marked():
+    repeats = [scene(field=t) for t in (90.0, 100.0, 110.0)]
+    assert spreads(repeats) == {"RadianceField": pytest.approx(0.1)}
+    near = scene("near", 25.2, 104.0)
+    points = combinations([*repeats, style(), near])
+    usual = next(p for p in points if not p.scene)
+    assert usual.seconds == pytest.approx(100 + 30 + 180 + 30)
+    assert usual.seconds_spread == pytest.approx(10.0)
+    assert [p.overlaps for p in pareto_front(points)] == [True, True]
+    assert [p.overlaps for p in pareto_front(combinations([scene(), style(), near]))] == [False] * 2
+
+
+def test_a_sweep_without_its_middle_is_refused():
+    with pytest.raises(InputError, match="lacks the unchanged quality"):
+        combinations([scene("fast"), style()])
+
+
+def test_later_settings_count():
+    one, two = {"A": {"x": 1, "y": 2}}, {"A": {"x": 3}, "B": {"z": 4}}
+    assert merged(one, two) == {"A": {"x": 3, "y": 2}, "B": {"z": 4}}
+    assert one == {"A": {"x": 1, "y": 2}}
+
+
+def test_the_page_shows_every_point_and_escapes_what_it_is_told(tmp_path):
+    points = combinations(MEASURED)
+    content = TradeOffContent(
+        "<b>place", "ink & wash", "draft", "ndc", "2 cores", "2026-01-01", points,
+        pareto_front(points), [*MEASURED, replace(MEASURED[2], name="<i>", other_cpu_share=0.4)],
+        lambda tuning: f"luigi --tuning '{tuning}'",
+    )  # fmt: skip
+    write_trade_off_page(tmp_path / "a.html", content)
+    page = (tmp_path / "a.html").read_text()
+    assert page.count("<circle") == len(points)
+    assert page.count('class="beaten"') == len(points) - len(pareto_front(points))
+    assert "<b>place" not in page
+    assert "<i>" not in page
+    assert "beside other work: 40%" in page
+    assert not re.search(r'(?:src|href)="(?!#|data:)', page)
+    assert "The fastest within 0.5 dB" in page
+    write_trade_off_page(tmp_path / "b.html", content)
+    assert (tmp_path / "b.html").read_bytes() == (tmp_path / "a.html").read_bytes()
