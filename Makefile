@@ -1,4 +1,4 @@
-# Two commands on a fresh machine with Python 3.11, make and gcc: `make demo` and `make test`.
+# Commands on a fresh machine with Python 3.11, make and gcc: `make demo`, `make test`, `make stability`.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 RUN := $(VENV)/bin
@@ -6,7 +6,7 @@ SCENE ?= courtyard
 STYLE ?= stained_glass
 TEST_ARGS ?= -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test lint install clean distclean
+.PHONY: demo test stability lint install clean distclean
 
 install: $(VENV)/installed
 
@@ -34,6 +34,10 @@ demo: install
 # works costs it most of a small machine.
 test: install
 	OMP_WAIT_POLICY=PASSIVE $(RUN)/python -m pytest --durations=15 $(TEST_ARGS)
+
+# The tests of numerical extremes, and their table: what happened, and the error against float64.
+stability: install
+	OMP_WAIT_POLICY=PASSIVE $(RUN)/python -m pytest -m extremes --stability=docs/stability.md $(TEST_ARGS)
 
 lint: install
 	$(RUN)/ruff format --check .

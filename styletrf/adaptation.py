@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import torch
 from jaxtyping import UInt8
@@ -16,12 +17,13 @@ from torch import Tensor, nn
 
 from styletrf.appearance import Appearance
 from styletrf.cameras import Camera
-from styletrf.errors import NotFiniteError
 from styletrf.field import RadianceField
+from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.kernels import Kernels
 from styletrf.progress import Progress, silent
 from styletrf.ray_cache import RayBatch, march_once
 from styletrf.space import Space, ViewRays
+from styletrf.training_guard import batch_stages
 
 PARTS = ("factors", "basis", "network", "background")
 """What an appearance consists of."""
@@ -76,7 +78,7 @@ def adapt_appearance(
         The curve, and the mean mass of weights that the cache left out.
 
     Raises:
-        NotFiniteError: The loss stopped being finite.
+        NotFiniteError: Something stopped being finite; it names what did first.
     """
     started = time.monotonic()
     generator = torch.Generator().manual_seed(config.seed)
@@ -111,7 +113,7 @@ def fit_appearance(
         started: From when the seconds of the curve count; by default from now.
 
     Raises:
-        NotFiniteError: The loss stopped being finite.
+        NotFiniteError: Something stopped being finite; it names what did first.
     """
     started = time.monotonic() if started is None else started
     if not config.sees_view:
@@ -123,7 +125,9 @@ def fit_appearance(
         loss = (batch.color(appearance, kernels) - batch.target).square().mean()
         mse = float(loss.detach())
         if not math.isfinite(mse):
-            raise NotFiniteError("appearance adaptation", "loss", f"iteration {k}")
+            left = parameter_stages(appearance, optimizer)
+            named = chain(left, batch_stages(appearance, kernels, batch), [("loss", loss.detach())])
+            require_finite("appearance adaptation", f"at iteration {k}", named)
         if k % config.tv_every == 0:
             smoothness = appearance.factors.total_variation()
             loss = loss + config.tv_every * config.tv_weight * smoothness
@@ -133,6 +137,8 @@ def fit_appearance(
         if (k + 1) % 20 == 0:
             curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, psnr=psnr)
+    left = parameter_stages(appearance, optimizer)
+    require_finite("appearance adaptation", "after the last iteration", left)
     return curve
 
 

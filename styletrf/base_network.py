@@ -5,8 +5,7 @@ The files beside this one were made by `styletrf.base_network_training`, which s
 
 from pathlib import Path
 
-from safetensors.torch import load_file
-
+from styletrf.finiteness import load_finite
 from styletrf.style_network import StyleNetwork, StyleNetworkConfig
 
 BASE_NETWORKS = {
@@ -20,6 +19,6 @@ def base_network(config: StyleNetworkConfig) -> StyleNetwork | None:
     if config not in BASE_NETWORKS:
         return None
     network = StyleNetwork(config)
-    stored = load_file(BASE_NETWORKS[config])
+    stored = load_finite(BASE_NETWORKS[config])
     network.load_state_dict({name: value.float() for name, value in stored.items()})
     return network

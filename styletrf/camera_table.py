@@ -11,7 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from styletrf.cameras import Camera
+from styletrf.cameras import Camera, camera_numbers
+from styletrf.finiteness import require_finite, require_finite_file
 
 _SCHEMA = pa.schema(
     [
@@ -40,29 +41,48 @@ def write_cameras(
     """Writes pinhole cameras in the order given, then the names of the unregistered images.
 
     Those whose names are in `held_out` are for measuring only.
+
+    Raises:
+        NotFiniteError: A pose or a lens is not.
     """
+    require_finite("cameras", f"in {path.name}", map(camera_numbers, cameras))
     rows = [{**_row(camera), "held_out": camera.name in held_out} for camera in cameras]
     rows += [{"name": name, "registered": False} for name in unregistered]
     pq.write_table(pa.Table.from_pylist(rows, schema=_SCHEMA), path)
 
 
 def read_cameras(path: Path) -> list[Camera]:
-    """Returns the registered cameras, in the order of the table."""
-    return [_camera(row) for row in pq.read_table(path).to_pylist() if row["registered"]]
+    """Returns the registered cameras, in the order of the table.
+
+    Raises:
+        InputError: A pose or a lens is not finite.
+    """
+    return [camera for camera, _ in _registered(path)]
 
 
 def read_split(path: Path) -> tuple[list[Camera], list[Camera]]:
-    """Returns the registered cameras to fit to, and those held out to measure by."""
+    """Returns the registered cameras to fit to, and those held out to measure by.
+
+    Raises:
+        InputError: A pose or a lens is not finite.
+    """
     parts: tuple[list[Camera], list[Camera]] = ([], [])
-    for row in pq.read_table(path).to_pylist():
-        if row["registered"]:
-            parts[row["held_out"]].append(_camera(row))
+    for camera, held_out in _registered(path):
+        parts[held_out].append(camera)
     return parts
 
 
 def read_unregistered(path: Path) -> list[str]:
     """Returns the names of the images that have no camera."""
     return [row["name"] for row in pq.read_table(path).to_pylist() if not row["registered"]]
+
+
+def _registered(path: Path) -> list[tuple[Camera, bool]]:
+    """Returns the registered cameras and whether each is held out."""
+    rows = [row for row in pq.read_table(path).to_pylist() if row["registered"]]
+    cameras = [(_camera(row), bool(row["held_out"])) for row in rows]
+    require_finite_file(path, (camera_numbers(camera) for camera, _ in cameras))
+    return cameras
 
 
 def _row(camera: Camera) -> dict[str, object]:

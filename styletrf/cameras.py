@@ -39,6 +39,12 @@ class Camera:
         return self.world_from_camera[:, 2]
 
 
+def camera_numbers(camera: Camera) -> tuple[str, Float[np.ndarray, " 16"]]:
+    """Returns "camera NAME" and all its numbers, pose and lens, to see whether they are finite."""
+    lens = [camera.fx, camera.fy, camera.cx, camera.cy]
+    return f"camera {camera.name}", np.concatenate([camera.world_from_camera.reshape(-1), lens])
+
+
 @dataclass(frozen=True, slots=True)
 class Rays:
     """Rays in the world; directions have z = 1 in their camera, so a ray's parameter is depth Z."""

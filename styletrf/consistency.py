@@ -15,6 +15,7 @@ import numpy as np
 
 from styletrf.cameras import Camera
 from styletrf.errors import InputError
+from styletrf.finiteness import require_finite
 from styletrf.float_images import FloatImage, read_float_image
 from styletrf.flow import FlowEstimator
 from styletrf.flow_consistency import flow_errors
@@ -25,6 +26,8 @@ from styletrf.perceptual_distance import Features, Perception, masked_distance, 
 from styletrf.progress import Progress, silent
 
 SHORT_TERM, LONG_TERM = 1, 5
+_ALWAYS_TOLD = ("error", "floor", "style_distance", "style_distance_unstylized")
+"""The others are NaN where nothing is seen in both frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +115,7 @@ def measure_consistency(
 
     Raises:
         InputError: A frame differs in size, or there are too few for any of the deltas.
+        NotFiniteError: A frame is not, the flow between two, or a figure that every pair has.
     """
     _require_pairs(n_frames, config.deltas)
     total = sum(max(0, n_frames - delta) for delta in config.deltas)
@@ -119,6 +123,8 @@ def measure_consistency(
     rows: list[dict[str, Any]] = []
     for first, second, a, b in _pairs(frames, perception, config.deltas):
         compared = comparison(a, b)
+        told = [(name, np.array(compared[name])) for name in _ALWAYS_TOLD]
+        require_finite("consistency", f"from frame {first} to {second}", told)
         rows.append({"first": first, "second": second, "delta": second - first} | compared)
         progress(len(rows), total, consistency_error=sum(r["error"] for r in rows) / len(rows))
     rows.sort(key=lambda row: (row["delta"], row["first"]))
@@ -141,6 +147,8 @@ def _pairs(
     for second, frame in enumerate(frames):
         before = window[second - 1].frame if second else frame
         _require_one_size(second, frame, before)
+        images = [("unstylised", frame.unstylized.color), ("stylised", frame.stylized)]
+        require_finite("consistency", f"in frame {frame.camera.name}", images)
         features = (perception.features(i) for i in (frame.unstylized.color, frame.stylized))
         window[second] = _Seen(frame, *features)
         for delta in deltas:

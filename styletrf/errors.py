@@ -23,7 +23,17 @@ class NetworkError(InputError):
 
 
 class NotFiniteError(Exception):
-    """A number stopped being finite; names the stage, the tensor and when."""
+    """A number stopped being finite.
 
-    def __init__(self, stage: str, tensor: str, when: str) -> None:
-        super().__init__(f"{stage}: {tensor} is not finite at {when}")
+    Args:
+        stage: Which computation is at fault.
+        tensor: The first that is not finite, in the order in which they cause each other.
+        where: The input that it came of, such as "in view 0003" or "at iteration 12".
+    """
+
+    def __init__(self, stage: str, tensor: str, where: str) -> None:
+        super().__init__(stage, tensor, where)
+        self.stage, self.tensor, self.where = stage, tensor, where
+
+    def __str__(self) -> str:
+        return f"{self.stage}: {self.tensor} is not finite {self.where}"

@@ -14,11 +14,12 @@ from pathlib import Path
 
 import torch
 from jaxtyping import UInt8
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from styletrf.appearance import Appearance
 from styletrf.configuration import configured
+from styletrf.finiteness import load_finite
 from styletrf.kernels import March, Thinning
 from styletrf.shading import ShadingKind
 from styletrf.space import Bounds
@@ -139,16 +140,20 @@ def save_appearance(folder: Path, field: RadianceField) -> None:
 
 
 def load_field(density_folder: Path, appearance_folder: Path | None = None) -> RadianceField:
-    """Returns the field whose density is in one folder and whose appearance in another."""
+    """Returns the field whose density is in one folder and whose appearance in another.
+
+    Raises:
+        InputError: A tensor is not finite.
+    """
     appearance_folder = appearance_folder or density_folder
     values = json.loads((density_folder / "field.json").read_text())
     field = RadianceField(configured(FieldConfig, values["config"]), values["resolution"])
     field.step_length = values["step_length"]
     field.bounds = Bounds(*(tuple(values["bounds"][side]) for side in ("lower", "upper")))
-    density = load_file(density_folder / "density.safetensors")
+    density = load_finite(density_folder / "density.safetensors")
     set_occupancy(field.density, density["occupancy"])
     field.density.load_state_dict(density)
-    field.appearance.load_state_dict(load_file(appearance_folder / "appearance.safetensors"))
+    field.appearance.load_state_dict(load_finite(appearance_folder / "appearance.safetensors"))
     return field
 
 

@@ -22,6 +22,7 @@ from styletrf.errors import NotFiniteError
 from styletrf.field import RadianceField, set_occupancy
 from styletrf.field_checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field_training_config import FieldTrainingConfig
+from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.kernels import Kernels, Samples, Segments, Thinning
 from styletrf.occupancy import known_occupancy, occupied_voxels, unless_nowhere
 from styletrf.pixel_rays import pixel_rays
@@ -29,12 +30,7 @@ from styletrf.progress import Progress, silent
 from styletrf.rendering import RenderConfig, render_color, render_rays
 from styletrf.shrinking import shrink
 from styletrf.space import Space, ViewRays
-from styletrf.training_guard import (
-    camera_stages,
-    first_not_finite,
-    iteration_stages,
-    parameter_stages,
-)
+from styletrf.training_guard import iteration_stages
 from styletrf.training_schedule import decay, march_step, stage_resolution
 
 _LOGGER = logging.getLogger(__name__)
@@ -100,9 +96,7 @@ class FieldTrainer:
     ) -> None:
         config = replace(config, field=config.field.in_space(space.kind))
         self.config, self.kernels, self.images = config, kernels, images
-        self.checkpoint_dir, self.iteration = None, 0
-        self.require_finite(camera_stages(cameras))
-        self.checkpoint_dir = checkpoint_dir
+        self.checkpoint_dir, self.iteration = checkpoint_dir, 0
         self.cameras, self.space, self.final_resolution = cameras, space, resolution
         self.generator = torch.Generator().manual_seed(config.seed)
         coarse = self._resolution(stage=0)
@@ -159,7 +153,9 @@ class FieldTrainer:
         config = RenderConfig(self.config.termination, self.config.min_weight)
         segments, target = pixel_rays(rays, self.images, pixels)
         color = render_rays(field, self.kernels, segments, config).color
-        return float((color - target).square().mean())
+        loss = (color - target).square().mean()
+        self.require_finite([("loss of the finished field", loss)])
+        return float(loss)
 
     def psnr(self) -> float:
         """Returns the smoothed PSNR of the training rays."""
@@ -274,11 +270,11 @@ class FieldTrainer:
             found = unless_nowhere((found & density.occupancy).bool())
         set_occupancy(density, found)
 
-    def require_finite(self, stages: Iterable[tuple[str, Tensor]]) -> None:
+    def require_finite(self, stages: Iterable[Named]) -> None:
         """Saves the state and stops where one of the named tensors is not finite."""
         name = first_not_finite(stages)
         if name is None:
             return
         if self.checkpoint_dir is not None:
             save_fit(self.checkpoint_dir / "not_finite", self)
-        raise NotFiniteError("field training", name, f"iteration {self.iteration}")
+        raise NotFiniteError("field training", name, f"at iteration {self.iteration}")

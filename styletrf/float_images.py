@@ -43,7 +43,7 @@ def write_float_image(
 
     Raises:
         InputError: A value is NaN; or color or opacity is infinite in the precision of the file
-            (half ends at 65504). Infinite depth is meaningful and is kept.
+            (half ends at 65504). Infinite depth is meaningful and is kept, unless it is negative.
     """
     stored = np.float16 if half else np.float32
     with np.errstate(over="ignore"):  # reported below
@@ -63,7 +63,8 @@ def read_float_image(path: Path) -> FloatImage:
     """Returns the view as it was written, widened to float32 (exact).
 
     Raises:
-        InputError: The file is missing, damaged, or lacks one of the channels R G B A Z.
+        InputError: The file is missing, damaged, lacks one of the channels R G B A Z, or one is
+            not finite; depth may be infinite.
     """
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
@@ -80,6 +81,7 @@ def read_float_image(path: Path) -> FloatImage:
         raise InputError(
             str(path), f"has no channel {' '.join(missing)}", "Give a file with R G B A Z"
         )
+    _check_values(path, {name: pixels[name] for name in (*_COLOR_CHANNELS, "A", "Z")})
     color = np.stack([pixels[name] for name in _COLOR_CHANNELS], axis=-1)
     return FloatImage(color, pixels["A"], pixels["Z"])
 
@@ -88,6 +90,8 @@ def _check_values(path: Path, channels: dict[str, np.ndarray]) -> None:
     for name, pixels in channels.items():
         if np.isnan(pixels).any():
             raise InputError(str(path), f"channel {name} holds NaN", "Look for it in the renderer")
+        if name == "Z" and np.isneginf(pixels).any():
+            raise InputError(str(path), "channel Z holds -infinity", "Look for it in the renderer")
         if name != "Z" and np.isinf(pixels).any():
             raise InputError(
                 str(path),

@@ -83,7 +83,9 @@ def warp_to_a(
     """
     height, width = b_image.shape[:2]
     rows, columns = np.indices((height, width), dtype=np.float32)
-    x, y = columns + flow_a_to_b[..., 0], rows + flow_a_to_b[..., 1]
+    # beyond the border all is alike; OpenCV's integers overflow on what is far beyond
+    x = np.clip(columns + flow_a_to_b[..., 0], -1, width)
+    y = np.clip(rows + flow_a_to_b[..., 1], -1, height)
     warped = cv2.remap(
         b_image, x, y, interpolation=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )

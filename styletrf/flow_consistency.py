@@ -7,6 +7,7 @@ error where the flow can be trusted stand beside it.
 
 from dataclasses import dataclass
 
+from styletrf.finiteness import require_finite
 from styletrf.flow import FlowEstimator, agreement, warp_to_a
 from styletrf.metrics import Image, mean_squared_error
 
@@ -39,8 +40,12 @@ def flow_errors(
 
     The error is the mean over pixels p and channels of (S_i(p) - S_j(p + w(p)))^2. Pixels that
     leave the image take its nearest border pixel.
+
+    Raises:
+        NotFiniteError: The flow is not.
     """
     there, back = estimator(*unstylized), estimator(*unstylized[::-1])
+    require_finite("consistency", f"by {estimator.method}", [("flow", there), ("flow back", back)])
     valid = agreement(there, back)
     painted, _ = warp_to_a(stylized[1], there)
     plain, _ = warp_to_a(unstylized[1], there)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from styletrf.appearance import Coloring
 from styletrf.camera_table import read_cameras, write_cameras
 from styletrf.cameras import Camera
 from styletrf.field import RadianceField
+from styletrf.finiteness import first_not_finite, parameter_stages, require_finite
 from styletrf.float_images import read_float_image, write_float_image
 from styletrf.images import to_integers, write_rgb
 from styletrf.kernels import kernels_for
@@ -40,14 +42,32 @@ def rendered(
     progress: Progress = silent,
     appearance: Coloring | None = None,
 ) -> Iterator[Rendering]:
-    """Yields the render of each camera, on the CPU; an `appearance` replaces the field's own."""
+    """Yields the render of each camera, on the CPU; an `appearance` replaces the field's own.
+
+    Raises:
+        NotFiniteError: One is not; it names the view, and the camera or the parameter if that is
+            not. Infinite depth is where nothing is hit.
+    """
     radiance = radiance.to(device)
     appearance = None if appearance is None else appearance.to(device)
     rays = ViewRays(cameras, space.within(radiance.bounds), radiance.step_length, device)
     for k, camera in enumerate(cameras):
         render = render_view(radiance, kernels_for(device), rays, k, camera, config, appearance)
         progress(k + 1, len(cameras))
-        yield Rendering(*(getattr(render, name).cpu() for name in render.__slots__))
+        render = Rendering(*(getattr(render, name).cpu() for name in render.__slots__))
+        _require_finite(render, camera, radiance, appearance or radiance.appearance)
+        yield render
+
+
+def _require_finite(
+    render: Rendering, camera: Camera, radiance: RadianceField, appearance: Coloring
+) -> None:
+    outputs = [("colour", render.color), ("opacity", render.opacity)]
+    for name, depth in (("depth", render.depth), ("median depth", render.median_depth)):
+        outputs.append((name, depth.masked_fill(depth == torch.inf, 0.0)))
+    if first_not_finite(outputs):
+        causes = parameter_stages(radiance.density), parameter_stages(appearance)
+        require_finite("rendering", f"in view {camera.name}", chain(*causes, outputs))
 
 
 def write_float_frames(

@@ -4,6 +4,7 @@ The paper's comparison for the feed-forward network: slower by two orders, and e
 own optimum, so neighbours disagree.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import torch
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from styletrf.finiteness import require_finite
 from styletrf.perceptual_loss import (
     PerceptualLossConfig,
     perceptual_loss,
@@ -46,6 +48,9 @@ def paint_by_optimization(
         style: RGB in [0, 1].
         config: How.
         progress: Told the iteration and the loss.
+
+    Raises:
+        NotFiniteError: The loss stopped being finite, or an image that it comes of is not.
     """
     grams = style_grams(vgg, shrunk(style, config.style_px))
     plain = content.permute(2, 0, 1)[None]
@@ -66,6 +71,11 @@ def paint_by_optimization(
             terms.total.backward()
             optimizer.step()
             done += 1
-            progress(done, sum(config.iterations), loss=float(terms.total.detach()))
+            loss = float(terms.total.detach())
+            if not math.isfinite(loss):
+                stages = [("view", content), *grams.items(), ("painted view", painted)]
+                stages = [*stages, ("loss", terms.total.detach())]
+                require_finite("painting by optimisation", f"at iteration {done}", stages)
+            progress(done, sum(config.iterations), loss=loss)
         painted = painted.detach().clamp(0, 1)
     return painted[0].permute(1, 2, 0).contiguous()

@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import torch
 from jaxtyping import UInt8
@@ -16,13 +17,14 @@ from torch import Tensor
 
 from styletrf.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
 from styletrf.cameras import Camera
-from styletrf.errors import NotFiniteError
 from styletrf.field import RadianceField
+from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.kernels import Kernels
 from styletrf.progress import Progress, silent
 from styletrf.ray_cache import RayCache, march_once
 from styletrf.space import Space, ViewRays
 from styletrf.stroke_losses import ImageLoss
+from styletrf.training_guard import batch_stages
 
 _TILE = 1 << 14
 
@@ -63,7 +65,7 @@ def adapt_to_image_loss(
         The curve.
 
     Raises:
-        NotFiniteError: The loss stopped being finite.
+        NotFiniteError: Something stopped being finite; it names what did first, and the view.
     """
     plain, painted = views
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
@@ -79,7 +81,13 @@ def adapt_to_image_loss(
         loss, image = _accumulate(field, cache, shape, image_loss, kernels)
         mse = float((image - painted[view].float() / 255).square().mean())
         if not math.isfinite(loss):
-            raise NotFiniteError("appearance adaptation", "image loss", f"iteration {k}")
+            tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
+            named = chain(
+                parameter_stages(field.appearance, optimizer), *tiles,
+                [("image loss", torch.tensor(loss))],
+            )  # fmt: skip
+            where = f"at iteration {k}, view {cameras[view].name}"
+            require_finite("appearance adaptation", where, named)
         for group in optimizer.param_groups:
             decay = adaptation.rate_decay ** (k / config.iterations)
             group["lr"] = config.rate * group["initial_rate"] * decay
@@ -88,6 +96,8 @@ def adapt_to_image_loss(
         psnr = -10 * math.log10(max(mse, 1e-10))
         curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, loss=loss)
+    left = parameter_stages(field.appearance, optimizer)
+    require_finite("appearance adaptation", "after the last iteration", left)
     return curve
 
 

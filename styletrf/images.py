@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8, UInt16
 
-from styletrf.errors import InputError
+from styletrf.errors import InputError, NotFiniteError
 from styletrf.whole_files import whole_file
 
 Bits = Literal[8, 16]
@@ -40,10 +40,11 @@ def write_rgb(path: Path, image: Float[np.ndarray, "height width 3"], bits: Bits
     outside [0, 1] are clipped.
 
     Raises:
-        InputError: The image holds NaN.
+        InputError: The image is not finite.
     """
-    if np.isnan(image).any():
-        raise InputError(str(path), "the image to write holds NaN", "Look for it where it was made")
+    if not np.isfinite(image).all():
+        problem = "the image to write holds NaN or infinity"
+        raise InputError(str(path), problem, "Look for it where it was made")
     bgr = cv2.cvtColor(to_integers(image, bits), cv2.COLOR_RGB2BGR)
     _, encoded = cv2.imencode(".png", bgr)
     with whole_file(path) as partial:
@@ -53,7 +54,13 @@ def write_rgb(path: Path, image: Float[np.ndarray, "height width 3"], bits: Bits
 def to_integers(
     image: Float[np.ndarray, "height width 3"], bits: Bits = 8
 ) -> UInt8[np.ndarray, "height width 3"] | UInt16[np.ndarray, "height width 3"]:
-    """Returns the nearest levels of 8 or 16 bits, values outside [0, 1] clipped."""
+    """Returns the nearest levels of 8 or 16 bits, values outside [0, 1] clipped.
+
+    Raises:
+        NotFiniteError: A value is not; NaN would become black.
+    """
+    if not np.isfinite(image).all():
+        raise NotFiniteError("levels", "the image", f"before it is rounded to {bits} bits")
     dtype = np.uint8 if bits == 8 else np.uint16
     levels = np.clip(image, 0.0, 1.0).astype(np.float64) * np.iinfo(dtype).max
     return np.asarray(np.rint(levels), dtype=dtype)

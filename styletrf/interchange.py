@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from styletrf.errors import InputError
+from styletrf.finiteness import first_not_finite
 from styletrf.style_network import OUTPUT_SCALE, StyleNetwork, StyleNetworkConfig
 
 _RANGE = 255.0
@@ -52,6 +53,8 @@ def from_fast_neural_style(path: Path) -> StyleNetwork:
         if theirs not in state:
             raise _no_network(path, f"has no {theirs}")
         ours[name] = state[theirs].float()
+    if bad := first_not_finite(ours.items()):
+        raise _no_network(path, f"{_their_name(bad)} is not finite")
     ours["encoder.1.weight"] = ours["encoder.1.weight"] * _RANGE
     last = "decoder.11"
     ours[f"{last}.weight"] = ours[f"{last}.weight"] / (_RANGE * OUTPUT_SCALE)

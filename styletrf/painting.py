@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from styletrf.errors import NotFiniteError
 from styletrf.gatys import GatysConfig, paint_by_optimization
 from styletrf.images import read_rgb
 from styletrf.progress import Progress, silent
@@ -42,7 +43,14 @@ def painted(paint: Painter, views: Sequence[Image], progress: Progress = silent)
 def each_painted(
     paint: Painter, views: Iterator[Image], count: int, progress: Progress = silent
 ) -> Iterator[Image]:
-    """Yields the views painted, one at a time."""
+    """Yields the views painted, one at a time.
+
+    Raises:
+        NotFiniteError: One of them is not; it names the view.
+    """
     for k, view in enumerate(views):
-        yield paint(torch.from_numpy(view)).numpy()
+        try:
+            yield paint(torch.from_numpy(view)).numpy()
+        except NotFiniteError as error:
+            raise NotFiniteError(error.stage, error.tensor, f"in view {k:04d}") from error
         progress(k + 1, count)

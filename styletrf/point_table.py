@@ -12,6 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Float, Int, UInt8
 
+from styletrf.finiteness import require_finite_file
+
 
 @dataclass(frozen=True, slots=True)
 class SparsePoints:
@@ -54,8 +56,13 @@ def write_points(path: Path, points: SparsePoints) -> None:
 
 
 def read_points(path: Path) -> SparsePoints:
-    """Returns what `write_points` wrote."""
+    """Returns what `write_points` wrote.
+
+    Raises:
+        InputError: The coordinates of a point are not finite.
+    """
     table = pq.read_table(path)
+    require_finite_file(path, [(f"column {name}", table[name].to_numpy()) for name in "xyz"])
     tracks = table["track_image"].combine_chunks()
     return SparsePoints(
         xyz_world=_columns(table, "x", "y", "z"),

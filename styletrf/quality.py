@@ -11,6 +11,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from styletrf.cameras import Camera
+from styletrf.finiteness import require_finite
 from styletrf.images import from_integers, write_rgb
 from styletrf.lpips_distance import lpips_judge
 from styletrf.metrics import Image, psnr, ssim
@@ -67,11 +68,16 @@ def measure_quality(
     """Returns a row of every judge's figure for each view, and the means.
 
     Writes each render beside its photograph as `NAME.png`.
+
+    Raises:
+        NotFiniteError: A render or a figure is not, but for the infinite PSNR of equal pictures.
     """
     rows: list[dict[str, Any]] = []
     for camera, render, photograph in zip(cameras, renders, photographs, strict=True):
         image, reference = render.color.numpy(), from_integers(photograph.numpy())
         figures = {name: judge(image, reference) for name, judge in judges.items()}
+        told = [(name, np.array(value)) for name, value in figures.items() if value != np.inf]
+        require_finite("quality", f"in view {camera.name}", [("render", image), *told])
         rows.append({"view": camera.name} | figures)
         write_rgb(picture_folder / f"{camera.name}.png", np.concatenate([image, reference], axis=1))
     means = {name: float(np.mean([row[name] for row in rows])) for name in judges}

@@ -14,9 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.box import place_in_box
-from styletrf.cameras import Camera, fitted_to, moved
+from styletrf.cameras import Camera, camera_numbers, fitted_to, moved
 from styletrf.contraction import octaves_lost, place_unbounded
 from styletrf.errors import InputError
+from styletrf.finiteness import Named, require_finite, require_finite_file
 from styletrf.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.placement import Looking, Placement
 from styletrf.space import Space
@@ -85,7 +86,10 @@ def decide_scene_model(
     Raises:
         InputError: There are too few points to see where the scene is, or the space that is set
             cannot hold it.
+        NotFiniteError: A point, a camera or the model is not.
     """
+    named = [("sparse points", points_world), *map(camera_numbers, cameras)]
+    require_finite("scene model", "as it was given", named)
     if len(points_world) < 16:
         raise InputError(
             "sparse points",
@@ -113,7 +117,20 @@ def decide_scene_model(
         placement, evidence=placement.evidence | {"space": evidence, "shading": of_shading}
     )
     view = fitted_to(cameras[0], config.image_long_side)
-    return _sized(placement, view, shading, config.max_voxels)
+    model = _sized(placement, view, shading, config.max_voxels)
+    made_of = f"of {len(cameras)} cameras and {len(points_world)} points"
+    require_finite("scene model", made_of, _numbers(model))
+    return model
+
+
+def _numbers(model: SceneModel) -> list[Named]:
+    space = model.space
+    return [
+        ("normalized_from_world", model.normalized_from_world),
+        ("grid_from_world", space.grid_from_world),
+        ("axis_lengths", np.array([*space.axis_lengths, space.depth_min])),
+        ("focus", np.array(model.focus)),
+    ]
 
 
 def _shading(
@@ -136,7 +153,11 @@ def write_scene_model(path: Path, model: SceneModel) -> None:
 
 
 def read_scene_model(path: Path) -> SceneModel:
-    """Returns the model in `scene.json`."""
+    """Returns the model in `scene.json`.
+
+    Raises:
+        InputError: It is not finite.
+    """
     values = json.loads(path.read_text())
     space = values.pop("space")
     space["grid_from_world"] = np.array(space["grid_from_world"])
@@ -144,7 +165,9 @@ def read_scene_model(path: Path) -> SceneModel:
     values["normalized_from_world"] = np.array(values["normalized_from_world"])
     values["resolution"] = tuple(values["resolution"])
     values["focus"] = tuple(values["focus"])
-    return SceneModel(space=Space(**space), **values)
+    model = SceneModel(space=Space(**space), **values)
+    require_finite_file(path, _numbers(model))
+    return model
 
 
 def _plain(value: Any) -> Any:

@@ -16,7 +16,8 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.cameras import Camera
+from styletrf.cameras import Camera, camera_numbers
+from styletrf.finiteness import require_finite
 from styletrf.kernels.samples import Segments
 
 
@@ -85,12 +86,17 @@ class ViewRays:
 
     For each view and map the homogeneous grid point at depth Z through pixel (x, y) is
     `start + Z * slope @ (x, y, 1)`.
+
+    Raises:
+        NotFiniteError: A camera or a map is not; its rays would count as such that miss.
     """
 
     def __init__(
         self, cameras: Sequence[Camera], space: Space, step: float, device: torch.device
     ) -> None:
         matrices = space.grid_from_world
+        named = [("the map to the grid", matrices), *map(camera_numbers, cameras)]
+        require_finite("rays", f"in space {space.kind}", named)
         starts, slopes, directions = [], [], []
         for camera in cameras:
             directions_world = camera.world_from_camera[:, :3] @ _unprojection(camera)

@@ -14,12 +14,13 @@ from typing import cast
 import torch
 from jaxtyping import Float
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn import functional
 
 from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
+from styletrf.finiteness import load_finite, parameter_stages, require_finite
 
 SMALLEST_PX = 16
 """Images need at least this many pixels a side: reflection needs something to reflect."""
@@ -132,10 +133,16 @@ def stylize(
     Args:
         network: A trained network, on the device of the image.
         image: RGB in [0, 1], at least 16x16.
+
+    Raises:
+        NotFiniteError: What was painted is not; it names the image, or a parameter, if that is not.
     """
     fast = computes_in_bfloat16(image.device)
     with torch.inference_mode(), torch.autocast(image.device.type, torch.bfloat16, enabled=fast):
         painted: Tensor = network(image.permute(2, 0, 1)[None])[0]
+        if not torch.isfinite(painted).all():  # which clamping would hide
+            stages = [("image", image), *parameter_stages(network), ("painted image", painted)]
+            require_finite("painting", "in this view", stages)
         return painted.permute(1, 2, 0).float().clamp(0, 1).contiguous()
 
 
@@ -151,12 +158,12 @@ def load_style_network(folder: Path, device: torch.device | str = "cpu") -> Styl
     """Returns the network that `save_style_network` wrote.
 
     Raises:
-        InputError: The files are absent, damaged, or do not fit each other.
+        InputError: The files are absent, damaged, not finite, or do not fit each other.
     """
     try:
         config = json.loads((folder / "style_network.json").read_text(encoding="utf-8"))
         network = StyleNetwork(StyleNetworkConfig(**config))
-        network.load_state_dict(load_file(folder / "style_network.safetensors"))
+        network.load_state_dict(load_finite(folder / "style_network.safetensors"))
     except (OSError, SafetensorError, RuntimeError, TypeError, ValueError) as error:
         problem = f"cannot be read as a style network ({str(error).splitlines()[0]})"
         raise InputError(str(folder), problem, "Train the style network again") from error

@@ -2,6 +2,7 @@
 
 import copy
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import torch
@@ -11,6 +12,7 @@ from torch.nn import functional
 
 from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
+from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.perceptual_loss import PerceptualTerms, perceptual_loss, shrunk, style_grams
 from styletrf.steadiness import ContentPair, disturbed, steadiness
 from styletrf.style_checkpoint import Training
@@ -44,10 +46,10 @@ class StyleStep:
         """Takes iteration `k` and returns the terms of its loss.
 
         Raises:
-            InputError: A term is no longer finite.
+            InputError: A term is no longer finite; it names what else is not, if anything.
         """
         terms = self.terms(training.network, k, content)
-        _check_finite(terms, k)
+        self._require_finite(terms, training, k, content)
         training.optimizer.zero_grad()
         terms.total.backward()
         for group in training.optimizer.param_groups:
@@ -79,6 +81,30 @@ class StyleStep:
         unsteady = config.every * config.weight * steadiness(first, second, content)
         return replace(terms, steadiness=unsteady)
 
+    def _require_finite(
+        self, terms: PerceptualTerms, training: Training, k: int, content: Tensor | ContentPair
+    ) -> None:
+        for name in ("content", "style", "tv", "steadiness"):
+            value = float(getattr(terms, name).detach())
+            if math.isfinite(value):
+                continue
+            cause = first_not_finite(self._causes(training, content))
+            of = f", for {cause} is not finite" if cause else ""
+            raise InputError(
+                "style training",
+                f"the {name} term became {value} in iteration {k + 1}{of}",
+                "Lower the learning rate, such as by --StyleNetwork-settings"
+                """ '{"learning_rate": 5e-4, "final_learning_rate": 1e-4}', and run it again""",
+            )
+
+    def _causes(self, training: Training, content: Tensor | ContentPair) -> Iterator[Named]:
+        """Yields what a loss comes of: the batch, the style, and what past steps left."""
+        images = [content] if isinstance(content, Tensor) else [content.first, content.second]
+        yield from (("a content image", image) for image in images)
+        for layer, gram in self._grams.items():
+            yield f"the style's Gram matrix of {layer}", gram
+        yield from parameter_stages(training.network, training.optimizer)
+
     def _painted(self, network: StyleNetwork, content: Tensor) -> Tensor:
         with torch.autocast(self._device.type, torch.bfloat16, enabled=self._fast):
             output: Tensor = network(content)
@@ -94,15 +120,3 @@ class StyleStep:
 def _learning_rate(config: StyleTrainingConfig, k: int) -> float:
     ratio = config.final_learning_rate / config.learning_rate
     return float(config.learning_rate * ratio ** (k / config.iterations))
-
-
-def _check_finite(terms: PerceptualTerms, k: int) -> None:
-    for name in ("content", "style", "tv", "steadiness"):
-        value = float(getattr(terms, name).detach())
-        if not math.isfinite(value):
-            raise InputError(
-                "style training",
-                f"the {name} term became {value} in iteration {k + 1}",
-                "Lower the learning rate, such as by --StyleNetwork-settings"
-                """ '{"learning_rate": 5e-4, "final_learning_rate": 1e-4}', and run it again""",
-            )

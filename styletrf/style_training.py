@@ -18,6 +18,7 @@ from torch import Tensor
 
 from styletrf.base_network import base_network
 from styletrf.content_batches import content_batches, read_content
+from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.perceptual_loss import PerceptualTerms, shrunk
 from styletrf.progress import Progress, silent
 from styletrf.steadiness import ContentPair
@@ -64,6 +65,7 @@ def train_style_network(
 
     Raises:
         InputError: A term of the loss is no longer finite, or there are no content images.
+        NotFiniteError: A parameter of the network is no longer finite.
     """
     path = checkpoint_folder / "style_training.safetensors"
     training, config = begin(config, vgg.mean.device)
@@ -90,10 +92,17 @@ def train_style_network(
             training.curve.append(row)
             progress(k + 1, config.iterations, loss=row.loss)
             if time.monotonic() - saved >= checkpoint_s:
-                write_checkpoint(path, training)
+                _save(path, training)
                 saved = time.monotonic()
-    write_checkpoint(path, training)
+    _save(path, training)
     return training.network.eval(), training.curve
+
+
+def _save(path: Path, training: Training) -> None:
+    """Writes a checkpoint, which must be worth going on from."""
+    left = parameter_stages(training.network, training.optimizer)
+    require_finite("style training", f"at iteration {len(training.curve)}", left)
+    write_checkpoint(path, training)
 
 
 def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[bytes]) -> None:

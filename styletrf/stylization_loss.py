@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from styletrf.finiteness import require_finite
 from styletrf.metrics import Image
 from styletrf.perceptual_loss import PerceptualLossConfig, perceptual_loss, shrunk, style_grams
 from styletrf.progress import Progress, silent
@@ -60,6 +61,9 @@ def measure_stylization(
         vgg: The perceptual network.
         config: What is looked at.
         progress: Told after every frame.
+
+    Raises:
+        NotFiniteError: A frame or a term of its loss is not.
     """
     grams = style_grams(vgg, shrunk(_tensor(painting, vgg)[0].permute(1, 2, 0), config.style_px))
     chosen = np.unique(np.linspace(0, len(views) - 1, config.frames).round().astype(int))
@@ -67,6 +71,9 @@ def measure_stylization(
     for k in chosen:
         plain, painted = (_tensor(image, vgg) for image in frames(views[k]))
         terms = perceptual_loss(vgg, painted, plain, grams, config.loss)
+        named = [("unstylised", plain), ("stylised", painted)]
+        named += [("style loss", terms.style), ("content loss", terms.content)]
+        require_finite("stylisation loss", f"in frame {views[k]}", named)
         style, content = float(terms.style), float(terms.content)
         rows.append(StylizationLoss(views[k], style, content, style + content))
         progress(len(rows), len(chosen), loss=style + content)

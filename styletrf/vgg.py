@@ -11,10 +11,10 @@ from typing import cast
 import torch
 from jaxtyping import Float
 from safetensors import SafetensorError
-from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from styletrf.errors import InputError
+from styletrf.finiteness import load_finite
 
 CONVOLUTIONS: dict[str, tuple[int, int]] = {
     "conv1_1": (3, 64),
@@ -96,11 +96,11 @@ def load_vgg(path: Path, device: torch.device | str = "cpu") -> VGG16:
     """Returns the network with the weights of a `vgg16.safetensors`, frozen.
 
     Raises:
-        InputError: The file is absent, damaged, or holds other tensors.
+        InputError: The file is absent, damaged, holds other tensors, or one that is not finite.
     """
     network = VGG16()
     try:
-        network.load_state_dict(load_file(path))
+        network.load_state_dict(load_finite(path))
     except (OSError, SafetensorError, RuntimeError) as error:
         problem = f"cannot be read as VGG16 weights ({str(error).splitlines()[0]})"
         raise InputError(str(path), problem, "Build the perceptual weights again") from error

@@ -1,5 +1,6 @@
 """Rays and factors to try the kernels on, on torch's default device."""
 
+import copy
 from dataclasses import fields, replace
 
 import torch
@@ -65,6 +66,12 @@ def with_steps(segments: Segments, n_steps: int) -> Segments:
 def doubled(segments: Segments) -> Segments:
     values = [getattr(segments, f.name) for f in fields(segments)]
     return Segments(*(v.double() if v.is_floating_point() else v for v in values))
+
+
+def exact_trace(factors: TensorVM, segments: Segments, jitter: Tensor, march: March) -> Samples:
+    """The samples by the definition, in float64."""
+    wide = copy.deepcopy(factors).double().requires_grad_(requires_grad=False)
+    return REFERENCE.trace(wide, doubled(segments), jitter.double(), march)
 
 
 def constant_factors(raw: float, resolution=(2, 2, 2)) -> TensorVM:

@@ -38,6 +38,7 @@ def test_colors_that_fit_already_stay():
     np.testing.assert_allclose(colors @ matrix.T + offset, colors, atol=2e-2)
 
 
+@pytest.mark.extremes("Colour transfer")
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
 def test_a_painting_in_greys_is_not_blown_up(level):
     grey = [np.full((20, 20, 3), level, dtype=np.float32) for _ in range(2)]

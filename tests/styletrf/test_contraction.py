@@ -1,6 +1,7 @@
 """Contraction: one to one, without gaps between its parts, straight within them."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -42,5 +43,6 @@ def test_the_inner_box_and_what_is_beyond_meet_without_a_step(seed):
     )
 
 
+@pytest.mark.extremes("Spaces: box, NDC, contraction")
 def test_corners_of_the_grid_that_nothing_is_mapped_to_are_nowhere():
     assert np.isnan(SPACE.to_world(np.array([[0.9, 0.9, 0.0]]))).all()

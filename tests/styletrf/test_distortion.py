@@ -38,6 +38,7 @@ def test_gathered_weights_have_less_than_spread_ones():
     assert near < apart
 
 
+@pytest.mark.extremes("Distortion")
 def test_rays_without_samples_have_none():
     assert distortion(*packed([[], []], [[], []])) == 0
 

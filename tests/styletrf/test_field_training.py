@@ -183,7 +183,7 @@ def background(trainer: FieldTrainer) -> torch.Tensor:
 def test_a_camera_that_is_not_finite_is_named(scene):
     nowhere = replace(scene.cameras[1], world_from_camera=np.full((3, 4), np.nan))
     model = scene.model
-    with pytest.raises(NotFiniteError, match="field training: camera 1 is not finite"):
+    with pytest.raises(NotFiniteError, match="rays: camera 1 is not finite"):
         FieldTrainer(
             [scene.cameras[0], nowhere], scene.images[:2], model.space, model.resolution,
             CONFIG, KERNELS,

@@ -56,6 +56,7 @@ def test_the_same_view_gives_the_same_bytes_and_another_view_others(tmp_path):
     assert a != c
 
 
+@pytest.mark.extremes("Float images")
 @pytest.mark.parametrize("part", [0, 1, 2])
 def test_nan_is_refused_and_nothing_written(tmp_path, part):
     parts = view()
@@ -65,6 +66,7 @@ def test_nan_is_refused_and_nothing_written(tmp_path, part):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.extremes("Float images")
 def test_color_beyond_half_is_refused_in_half_and_kept_in_float(tmp_path):
     color, opacity, depth = view()
     color[2, 2, 1] = 7e4
@@ -89,3 +91,11 @@ def test_a_missing_channel_is_named(tmp_path):
     OpenEXR.File({}, dict.fromkeys("RGB", pixels)).write(str(tmp_path / "a.exr"))
     with pytest.raises(InputError, match="no channel A Z"):
         read_float_image(tmp_path / "a.exr")
+
+
+def test_a_depth_of_minus_infinity_is_refused(tmp_path):
+    color, opacity, depth = view()
+    depth[3, 4] = -np.inf
+    with pytest.raises(InputError, match="channel Z holds -infinity"):
+        write_float_image(tmp_path / "a.exr", color, opacity, depth)
+    assert list(tmp_path.iterdir()) == []

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from styletrf.errors import InputError
+from styletrf.errors import InputError, NotFiniteError
 from styletrf.images import from_integers, read_rgb, to_integers, write_rgb
 
 
@@ -31,7 +31,18 @@ def test_values_are_rounded_without_bias(tmp_path, bits):
 
 def test_values_outside_the_range_are_clipped():
     assert to_integers(np.full((1, 1, 3), 1.7)).max() == 255
-    assert to_integers(np.full((1, 1, 3), -np.inf)).min() == 0
+    assert to_integers(np.full((1, 1, 3), -1e30)).min() == 0
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_becomes_neither_black_nor_white(tmp_path, value):
+    image = np.full((4, 4, 3), 0.5)
+    image[1, 2, 0] = value
+    with pytest.raises(NotFiniteError, match="the image is not finite before it is rounded"):
+        to_integers(image)
+    with pytest.raises(InputError, match=r"a\.png: the image to write holds NaN or infinity"):
+        write_rgb(tmp_path / "a.png", image)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_channels_are_red_green_blue_in_the_file(tmp_path):

@@ -7,6 +7,7 @@ import torch
 from kernel_cases import (
     REFERENCE,
     constant_factors,
+    exact_trace,
     generator,
     make_segments,
     opacity_of,
@@ -17,6 +18,8 @@ from kernel_cases import (
 
 from styletrf.kernels import March
 from styletrf.tensor_vm import TensorVM
+
+pytestmark = pytest.mark.extremes("Kernels: density, transmittance, weights")
 
 LENGTHS = [0.0, 1e-30, 1e-10, 1.0, 1e10, 1e30, float("inf")]
 SCALES = [0.0, 1e-30, 1e-8, 1.0, 1e8, 1e30, float("inf")]
@@ -45,13 +48,15 @@ def assert_finite(*tensors):
 
 
 @pytest.mark.parametrize("scale", SCALES)
-def test_weights_and_gradients_are_finite_and_light_is_conserved(form, scale):
+def test_weights_and_gradients_are_finite_and_light_is_conserved(form, scale, stability):
     """Whatever density and length: weights and what gets through add up to 1 (hazards 5, 6)."""
     factors = TensorVM((4, 4, 4), (2, 2, 2), generator=generator(0))
     segments, march = rays_of_lengths(), whole_grid(scale)
     samples, gradients = traced(form, factors, segments, march)
     assert_finite(samples.weights, *gradients)
     assert (samples.weights >= 0).all()
+    exact = exact_trace(factors, segments, torch.full((len(segments),), 0.5), march)
+    stability(f"density times {scale:g}, lengths 0 to infinity", samples.weights, exact.weights)
     raw = form.density(factors, samples.positions).detach().double()
     thickness = segments.step_thickness(scale).double()[samples.ray]
     tau = (thickness * torch.nn.functional.softplus(raw)).detach()
@@ -62,7 +67,7 @@ def test_weights_and_gradients_are_finite_and_light_is_conserved(form, scale):
 
 @pytest.mark.parametrize("raw", [-1e30, -1e4, -80.0, 0.0, 100.0, 1e4, 1e30])
 @pytest.mark.parametrize("scale", [1e-30, 25.0, 1e30])
-def test_raw_densities_of_any_size(form, raw, scale):
+def test_raw_densities_of_any_size(form, raw, scale, stability):
     """Softplus and its slope neither overflow nor turn into NaN (hazards 12, 13)."""
     factors = constant_factors(raw)
     samples, gradients = traced(form, factors, rays_of_lengths(LENGTHS[:6]), whole_grid(scale))
@@ -72,24 +77,40 @@ def test_raw_densities_of_any_size(form, raw, scale):
     expected = -torch.expm1(-5 * thickness * softplus)
     opacity = opacity_of(form, samples).detach().double()
     torch.testing.assert_close(opacity, expected, rtol=1e-4, atol=1e-37)
+    stability(f"raw density {raw:g}, times 1e-30 to 1e30", opacity.float(), expected)
 
 
-def test_hazard_6_thin_fog_keeps_its_relative_accuracy(form):
+def test_hazard_6_thin_fog_keeps_its_relative_accuracy(form, stability):
     """1 - exp(-tau) taken literally is 0 below 6e-8."""
     tau = torch.tensor([1e-30, 1e-20, 1e-12, 1e-8, 1e-6, 1e-4, 1e-2, 0.3, 0.49, 0.51, 1.0, 3.0])
     segments = rays_of_lengths((tau / torch.log(torch.tensor(2.0))).tolist(), n_steps=1)
     samples = form.trace(constant_factors(0.0), segments, torch.zeros(12), whole_grid())
     expected = -torch.expm1(-tau.double())
     torch.testing.assert_close(samples.weights.detach().double(), expected, rtol=2e-6, atol=0)
+    stability("optical thickness 1e-30 to 3, each", (samples.weights / expected).float(), tau**0)
 
 
 @pytest.mark.parametrize("raw", [-60.0, -30.0, -17.0, -7.0, -1.0, -0.1, 0.0, 0.1, 1.0, 7.0, 40.0])
-def test_softplus_keeps_its_relative_accuracy(form, raw):
+def test_softplus_keeps_its_relative_accuracy(form, raw, stability):
     segments = rays_of_lengths([1e-6 / max(raw, 1.0)], n_steps=1)
     samples = form.trace(constant_factors(raw), segments, torch.zeros(1), whole_grid())
     tau = segments.lengths.double() * torch.log1p(torch.exp(torch.tensor(raw).double()))
     weights = samples.weights.detach().double()
     torch.testing.assert_close(weights, -torch.expm1(-tau), rtol=1e-5, atol=0)
+    stability("raw density -60 to 40, each", weights.float(), -torch.expm1(-tau))
+
+
+@pytest.mark.parametrize("tau", [1e-6, 1e-3, 1.0])
+def test_thousands_of_samples_add_up(form, tau, stability):
+    """Also where each adds less than the rounding of the sum."""
+    n_steps = 5000
+    length = n_steps * tau / torch.log(torch.tensor(2.0))
+    segments = rays_of_lengths([float(length)], n_steps)
+    samples = form.trace(constant_factors(0.0), segments, torch.zeros(1), whole_grid())
+    expected = -torch.expm1(-torch.tensor([n_steps * tau]).double())
+    opacity = opacity_of(form, samples).detach()
+    torch.testing.assert_close(opacity.double(), expected, rtol=1e-4, atol=0)
+    stability(f"{n_steps} samples of thickness {tau:g}", opacity, expected)
 
 
 def test_hazard_5_an_opaque_first_sample_hides_all_others(form):
@@ -135,11 +156,12 @@ def test_a_transparent_ray_has_samples_without_weight(form):
 
 
 @pytest.mark.parametrize("far", [1e6, 1e19, 1e30, float("inf")])
-def test_coordinates_far_outside_are_those_of_the_border(form, far):
+def test_coordinates_far_outside_are_those_of_the_border(form, far, stability):
     factors = TensorVM((4, 3, 5), (2, 1, 2), generator=generator(0))
     corners = torch.tensor([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0]])
     at_border = form.features(factors, corners)
     torch.testing.assert_close(form.features(factors, far * corners), at_border)
+    stability(f"coordinates {far:g}", form.features(factors, far * corners), at_border)
     occupancy = torch.zeros(3, 3, 3, dtype=torch.uint8)
     occupancy[2, 2, 2] = 1  # the voxel at the first corner alone
     segments = segments_between(min(far, 1e37) * corners, 2 * min(far, 1e37) * corners, 3)
@@ -170,7 +192,7 @@ def test_rays_without_length_or_steps(form):
     assert_finite(*gradients)
 
 
-def test_nan_in_a_factor_reaches_the_weights_and_the_heavy_samples(form):
+def test_nan_in_a_factor_reaches_the_weights_and_the_heavy_samples(form, stability):
     """So that a guard can see it: nothing drops it on the way."""
     for tensors in ("planes", "lines"):
         factors = constant_factors(0.0, (3, 3, 3))
@@ -188,6 +210,7 @@ def test_nan_in_a_factor_reaches_the_weights_and_the_heavy_samples(form):
         ours = form.trace(factors, rays_of_lengths([1.0] * 4, 20), torch.full((4,), 0.5), march)
         assert torch.equal(ours.offsets, exact.offsets)
         assert torch.equal(ours.weights.isnan(), exact.weights.isnan())
+        stability(f"NaN in the last column of {tensors}", ours.weights, exact.weights)
 
 
 def test_nan_in_components_reaches_the_colors(form):
@@ -220,9 +243,10 @@ def test_gradients_of_nan_coordinates_stay_within_bounds(form):
 
 
 @pytest.mark.parametrize("weight", [0.0, 1e-45, 1e-38, 1.0])
-def test_sums_of_weights_of_any_size(form, weight):
+def test_sums_of_weights_of_any_size(form, weight, stability):
     weights = torch.full((3,), weight, requires_grad=True)
     values = torch.tensor([[0.0], [1.0], [1e30]], requires_grad=True)
     sums = form.composite(packed([3], weights), values)
     sums.sum().backward()
     assert_finite(sums, weights.grad, values.grad)
+    stability(f"weights {weight:g}, values to 1e30", sums[0, 0], weights[0].double() * (1 + 1e30))

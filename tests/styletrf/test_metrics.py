@@ -39,6 +39,7 @@ def test_psnr_of_a_constant_difference(difference):
     assert psnr(constant(difference), constant(0.0)) == pytest.approx(-20 * math.log10(difference))
 
 
+@pytest.mark.extremes("PSNR and SSIM")
 def test_psnr_of_the_smallest_error_is_finite():
     assert math.isfinite(psnr_of_error(5e-324))
 

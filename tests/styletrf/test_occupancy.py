@@ -1,5 +1,6 @@
 """Occupancy: where density is and one voxel around, never nowhere."""
 
+import pytest
 import torch
 
 from styletrf.field import Density, FieldConfig
@@ -39,10 +40,12 @@ def test_more_is_occupied_at_a_lower_opacity_and_a_longer_step():
     assert count(0.02, 0.05) >= count(0.01, 0.05)
 
 
+@pytest.mark.extremes("Occupancy")
 def test_where_nothing_is_everything_counts_as_occupied():
     assert occupied_voxels(slab(opaque=0.0), KERNELS, 0.05, 0.5).all()
 
 
+@pytest.mark.extremes("Occupancy")
 def test_a_lattice_of_one_point_has_an_occupancy():
     density = Density(FieldConfig((1, 1, 1), (1, 1, 1)), (1, 1, 1))
     assert occupied_voxels(density, KERNELS, 0.1, 0.01).shape == (2, 2, 2)

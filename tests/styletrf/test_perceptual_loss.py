@@ -117,6 +117,7 @@ def test_relative_terms_do_not_depend_on_the_scale_of_the_network(vgg: VGG16):
     torch.testing.assert_close(other.total, terms.total, rtol=1e-3, atol=0)
 
 
+@pytest.mark.extremes("Perceptual loss")
 @BOTH
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
 def test_flat_images_have_finite_terms_and_gradients(vgg: VGG16, relative: bool, value: float):

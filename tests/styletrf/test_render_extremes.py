@@ -1,11 +1,12 @@
 """Rendering at the extremes, with every form of the kernels: finite, in range, light conserved."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from kernel_cases import generator, segments_between
+from kernel_cases import REFERENCE, doubled, generator, segments_between
 from mini_scene import painted_plane
 from test_field_training import CONFIG
 
@@ -16,6 +17,8 @@ from styletrf.kernels import kernels_for
 from styletrf.occupancy import occupied_voxels
 from styletrf.rendering import LEAST_OPACITY, RenderConfig, render_color, render_rays, render_view
 from styletrf.space import Space, ViewRays
+
+pytestmark = pytest.mark.extremes("Rendering: colour, opacity, depth")
 
 CPU = torch.device("cpu")
 SIZE = FieldConfig((2, 1, 1), (2, 1, 1), features=4, hidden=8, density_shift=0.0)
@@ -53,6 +56,11 @@ def assert_sound(render):
     assert torch.isposinf(render.depth[~hit]).all()
 
 
+def exactly(field, segments, config=EXACT):
+    """The render by the definition, in float64."""
+    return render_rays(copy.deepcopy(field).double(), REFERENCE, doubled(segments), config)
+
+
 def assert_background(field, render):
     background = torch.sigmoid(field.appearance.background).detach()
     torch.testing.assert_close(render.color, background.expand_as(render.color))
@@ -61,10 +69,13 @@ def assert_background(field, render):
 
 @pytest.mark.parametrize("config", [RenderConfig(), EXACT])
 @pytest.mark.parametrize("scale", [0.0, 1e-30, 1e-3, 1.0, 1e30, float("inf")])
-def test_any_density_renders_and_has_finite_gradients(form, scale, config):
+def test_any_density_renders_and_has_finite_gradients(form, scale, config, stability):
     field = small_field(density_scale=scale)
     segments = rays_of(camera_at([0.1, 0.2, -3.0]), box_space(), 0.4)
-    assert_sound(render_rays(field, form, segments, config))
+    render, exact = render_rays(field, form, segments, config), exactly(field, segments, config)
+    assert_sound(render)
+    stability(f"colour, density times {scale:g}", render.color, exact.color)
+    stability(f"depth, density times {scale:g}", render.depth, exact.depth)
     march = field.density.march(config.termination)
     jitter = torch.full_like(segments.lengths, 0.5)
     samples = form.trace(field.density.factors, segments, jitter, march)
@@ -76,15 +87,17 @@ def test_any_density_renders_and_has_finite_gradients(form, scale, config):
 
 
 @pytest.mark.parametrize("raw", [-1e30, -100.0, 100.0, 1e30])
-def test_features_of_any_size_render(form, raw):
+def test_features_of_any_size_render(form, raw, stability):
     """Hazard 12: large positive and negative features."""
     field = small_field()
     with torch.no_grad():
         for part in (field.density, field.appearance):
             part.factors.planes[0].fill_(raw)
             part.factors.lines[0].fill_(1.0)
-    render = render_rays(field, form, rays_of(camera_at([0, 0, -3.0]), box_space(), 0.4), EXACT)
+    segments = rays_of(camera_at([0, 0, -3.0]), box_space(), 0.4)
+    render = render_rays(field, form, segments, EXACT)
     assert_sound(render)
+    stability(f"features {raw:g}", render.color, exactly(field, segments).color)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +168,7 @@ def test_hazard_8_the_depth_of_a_half_transparent_ray(form):
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_the_picture_does_not_depend_on_the_unit_of_length(form, scale):
+def test_the_picture_does_not_depend_on_the_unit_of_length(form, scale, stability):
     field = small_field(density_scale=5.0)
     center = np.array([0.2, -0.1, -3.0])
     at_one = rays_of(camera_at(center), box_space(), 0.3)
@@ -167,6 +180,7 @@ def test_the_picture_does_not_depend_on_the_unit_of_length(form, scale):
     one, other = (render_rays(field, form, rays, EXACT) for rays in (at_one, scaled))
     torch.testing.assert_close(other.color, one.color)
     torch.testing.assert_close(other.depth, one.depth * scale)
+    stability(f"unit {scale:g}", other.color, exactly(field, scaled).color)
 
 
 @pytest.mark.parametrize("resolution", [(1, 4, 3), (4, 1, 3), (4, 3, 1), (1, 1, 1)])
@@ -193,7 +207,7 @@ def test_nan_in_a_plane_reaches_the_color_and_only_there(form, part):
 
 
 @pytest.mark.parametrize("level", [0, 255])
-def test_one_view_of_a_white_or_a_black_scene_can_be_fitted(level):
+def test_one_view_of_a_white_or_a_black_scene_can_be_fitted(level, stability):
     """Hazard 11: nothing to learn a shape from, and nothing turns NaN; the level is found."""
     scene, kernels = painted_plane(), kernels_for(CPU)
     views, images = scene.cameras[:1], torch.full_like(scene.images[:1], level)
@@ -203,3 +217,4 @@ def test_one_view_of_a_white_or_a_black_scene_can_be_fitted(level):
     rays = ViewRays(views, model.space, field.step_length, CPU)
     render = render_view(field, kernels, rays, 0, views[0], RenderConfig())
     assert (render.color - level / 255).abs().mean() < 0.1
+    stability(f"{len(views)} photograph of level {level}", precision="float32", happened="fitted")

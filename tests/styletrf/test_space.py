@@ -43,6 +43,7 @@ def points_before(cameras, scale=1.0):
     return scale * rng.uniform(-1, 1, (300, 3))
 
 
+@pytest.mark.extremes("Spaces: box, NDC, contraction")
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(("cameras_of", "kind"), [(forward_cameras, "ndc"), (orbit_cameras, "box")])
 def test_the_space_is_decided_at_any_scale(cameras_of, kind, scale):
@@ -95,6 +96,7 @@ def box_space() -> Space:
     return Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), 1e-3)
 
 
+@pytest.mark.extremes("Spaces: box, NDC, contraction")
 def test_rays_that_miss_run_along_faces_or_start_inside():
     looking = Camera("a", 3, 3, 1.0, 1.0, 1.5, 1.5, np.column_stack([np.eye(3), [0, 0, -3.0]]))
     away = replace(

@@ -59,6 +59,7 @@ def test_less_contrast_is_not_steadier():
     torch.testing.assert_close(steadiness(*faint, pair), steadiness(*strokes, pair))
 
 
+@pytest.mark.extremes("Steadiness")
 @pytest.mark.parametrize("value", [0.0, 0.5])
 def test_a_picture_of_one_color_has_finite_steadiness(value):
     pair = disturbed(smooth_images(), SteadinessConfig(), torch.Generator().manual_seed(0))
@@ -67,6 +68,7 @@ def test_a_picture_of_one_color_has_finite_steadiness(value):
     assert torch.isfinite(flat.grad).all()
 
 
+@pytest.mark.extremes("Steadiness")
 def test_nothing_valid_is_no_error_and_has_a_gradient_of_zero():
     first = torch.rand(1, 3, 8, 8, requires_grad=True)
     nowhere = ContentPair(

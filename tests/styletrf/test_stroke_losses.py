@@ -17,6 +17,7 @@ def test_the_nearest_counts_and_not_the_length():
     assert opposite == pytest.approx(2, abs=1e-4)
 
 
+@pytest.mark.extremes("Stroke losses")
 def test_features_of_zero_have_finite_gradients():
     features = torch.zeros(3, 4, requires_grad=True)
     nearest_distance(features, torch.eye(4)).backward()
@@ -43,6 +44,7 @@ def test_the_painting_itself_is_nearest_to_the_style(vgg, kind):
     assert loss(image, other) < loss(other, other)
 
 
+@pytest.mark.extremes("Stroke losses")
 @pytest.mark.parametrize("kind", ["gram", "features"])
 @pytest.mark.parametrize("image", [0.0, 0.5, 1.0])
 def test_constant_images_have_finite_losses(vgg, kind, image):

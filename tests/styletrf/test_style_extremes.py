@@ -22,6 +22,7 @@ from styletrf.style_training import begin
 SMALL = StyleNetworkConfig(width=2, n_residual=1)
 
 
+@pytest.mark.extremes("Style network")
 @pytest.mark.parametrize("size", [(16, 16), (17, 4096), (4096, 18), (16, 4095), (1023, 31)])
 def test_pictures_of_any_proportions_are_painted(size):
     network = StyleNetwork(SMALL, torch.Generator().manual_seed(0))
@@ -30,6 +31,7 @@ def test_pictures_of_any_proportions_are_painted(size):
     assert torch.isfinite(painted).all()
 
 
+@pytest.mark.extremes("Gram matrices")
 @pytest.mark.parametrize("value", [0.0, 1e-30, 1e-3, 1e3, 1e9])
 def test_features_of_any_scale_have_finite_grams_and_gradients(value):
     features = torch.full((1, 4, 6, 6), value, requires_grad=True)
@@ -41,6 +43,7 @@ def test_features_of_any_scale_have_finite_grams_and_gradients(value):
     assert torch.isfinite(features.grad).all()
 
 
+@pytest.mark.extremes("Style training")
 @pytest.mark.parametrize("weight", [10.0**k for k in range(-6, 7, 2)])
 def test_style_weights_over_twelve_orders_train_a_finite_step(vgg, weight):
     loss = PerceptualLossConfig(style_weight=weight)
@@ -54,6 +57,7 @@ def test_style_weights_over_twelve_orders_train_a_finite_step(vgg, weight):
     assert all(torch.isfinite(p).all() for p in training.network.parameters())
 
 
+@pytest.mark.extremes("Style training")
 @pytest.mark.parametrize("weight", [float("inf"), float("nan"), 1e39])
 def test_a_weight_that_is_not_finite_is_named(vgg, weight):
     loss = PerceptualLossConfig(style_weight=weight)
@@ -63,6 +67,7 @@ def test_a_weight_that_is_not_finite_is_named(vgg, weight):
         StyleStep(config, vgg, style())(training, 0, torch.rand(1, 3, 32, 32))
 
 
+@pytest.mark.extremes("Style training")
 def test_a_style_that_is_the_content_costs_nothing(vgg):
     image = torch.rand(1, 3, 48, 48, generator=torch.Generator().manual_seed(0))
     image.requires_grad_()
@@ -74,6 +79,7 @@ def test_a_style_that_is_the_content_costs_nothing(vgg):
     assert torch.isfinite(image.grad).all()
 
 
+@pytest.mark.extremes("Style training")
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("painting", [0.0, 1.0])
 def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painting):
@@ -84,6 +90,7 @@ def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painti
         assert torch.isfinite(step(training, k, torch.full((1, 3, 32, 32), level)).total)
 
 
+@pytest.mark.extremes("Style training")
 def test_noise_that_drowns_the_photograph_is_finite(vgg):
     config = replace(TINY, steadiness=SteadinessConfig(noise=1e3, shift_px=1e4, every=1))
     training, config = begin(config, torch.device("cpu"))

@@ -36,6 +36,7 @@ def test_images_under_16_pixels_are_refused(shape: tuple[int, int]):
         tiny()(torch.rand(1, 3, *shape))
 
 
+@pytest.mark.extremes("Style network")
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
 def test_constant_images_have_finite_outputs_and_gradients(value: float):
     network, images = tiny(), torch.full((1, 3, 20, 20), value, requires_grad=True)

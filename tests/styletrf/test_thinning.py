@@ -48,6 +48,7 @@ def test_without_a_threshold_nothing_is_left_out(thinning):
     assert torch.equal(thinned(gradient, thinning), gradient)
 
 
+@pytest.mark.extremes("Optimiser and gradients")
 @pytest.mark.parametrize("value", [0.0, torch.nan, torch.inf])
 def test_nothing_and_what_is_not_finite_come_back_as_they_are(value):
     gradient = torch.full((4, 2), value)

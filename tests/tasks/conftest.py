@@ -168,10 +168,10 @@ def build(
 
 
 @pytest.fixture(scope="session")
-def mini(
+def mini_graph(
     build: Callable[..., Path], mini_poses: Path, photographs: Path, perceptual_file: Path
-) -> Callable[..., Path]:
-    """Returns a stage's artifact on the mini scene by family and controls, built once."""
+) -> tuple[Callable[..., Path], Callable[..., tuple[Any, dict[str, Path]]]]:
+    """The stages on the mini scene: what `mini` and `stage_of` return."""
     import luigi
 
     import tasks
@@ -194,23 +194,40 @@ def mini(
     def artifact_of(family: str, **controls: Any) -> Path:
         key = family, json.dumps(controls, sort_keys=True, default=dict)
         if key not in made:
-            kind: type[luigi.Task] = getattr(tasks, family)
-            names = set(kind.get_param_names())
-            parameters: dict[str, Any] = {k: v for k, v in words.items() if k in names}
-            if "settings" in names:
-                parameters["settings"] = SETTINGS.get(family, {})
-            stage = kind(**{**parameters, **controls})
-            stage.require_sound()
+            stage, inputs = with_inputs(family, **controls)
             with pytest.MonkeyPatch.context() as patch:
                 patch.setenv("STYLETRF_DATA", str(photographs))
-                needed = {
-                    name: artifact_of(task.task_family, **controls_of(task))
-                    for name, task in stage.requires().items()
-                }
-                made[key] = build(stage, **needed)
+                made[key] = build(stage, **inputs)
         return made[key]
 
-    return artifact_of
+    def with_inputs(family: str, **controls: Any) -> tuple[Any, dict[str, Path]]:
+        kind: type[luigi.Task] = getattr(tasks, family)
+        names = set(kind.get_param_names())
+        parameters: dict[str, Any] = {k: v for k, v in words.items() if k in names}
+        if "settings" in names:
+            parameters["settings"] = SETTINGS.get(family, {})
+        stage = kind(**{**parameters, **controls})
+        stage.require_sound()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("STYLETRF_DATA", str(photographs))
+            return stage, {
+                name: artifact_of(task.task_family, **controls_of(task))
+                for name, task in stage.requires().items()
+            }
+
+    return artifact_of, with_inputs
+
+
+@pytest.fixture(scope="session")
+def mini(mini_graph: tuple[Callable[..., Path], Any]) -> Callable[..., Path]:
+    """Returns a stage's artifact on the mini scene by family and controls, built once."""
+    return mini_graph[0]
+
+
+@pytest.fixture(scope="session")
+def stage_of(mini_graph: tuple[Any, Callable[..., Any]]) -> Callable[..., Any]:
+    """Returns a stage on the mini scene by family and controls, and its inputs, built once."""
+    return mini_graph[1]
 
 
 def read_json(path: Path) -> Any:

@@ -181,7 +181,7 @@ def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
     assert project.changed() == users
     project.pipeline("adopt", *users, "--reason", "another rename")
     assert project.changed() == set(), "adoptions form a chain"
-    project.edit("styletrf/camera_table.py", "parts.row", "parts[not row")
+    project.edit("styletrf/camera_table.py", "parts.held_out", "parts[not held_out")
     assert project.changed() == users
 
 

@@ -1,0 +1,173 @@
+"""The stability report: what the tests of numerical extremes found, as one table.
+
+A test that is marked `extremes("module")` states a law in its name and is in the report. By the
+fixture `stability` it tells its cases: what came out, and what the same gives in float64.
+`pytest -m extremes --stability PATH` writes the table (`make stability`).
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+OPTION, PROPERTY = "--stability", "stability"
+ROUNDING = 1e-16  # of float64: an error below counts as none
+HEADER = "| what holds | case | precision | what happened | error |\n|---|---|---|---|---|\n"
+PREFACE = """# Numerical extremes
+
+Written by `make stability`. The error is the largest deviation from the same computed in float64
+(or from a closed form in float64), relative to the largest value of that, absolute where that is
+zero; rounded up to a power of ten, the worst of all forms of the kernels and of all parameters
+that a row stands for. A row without an error states a law that has none.
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: a law of a module, and one of the cases it was tried on."""
+
+    module: str
+    file: str
+    line: int
+    law: str
+    case: str = "-"
+    precision: str = "-"
+    happened: str = "holds"
+    error: float | None = None
+
+
+Cases = Callable[..., None]
+
+
+@pytest.fixture
+def stability(request: pytest.FixtureRequest, record_property: Callable[..., None]) -> Cases:
+    """Tells a case: `found` against `exact`, both tensors, arrays or numbers; or only in words."""
+
+    def case(
+        name: str, found: Any = None, exact: Any = None,
+        *, precision: str | None = None, happened: str | None = None,
+    ) -> None:  # fmt: skip
+        name = re.sub(r"e\+?(-?)0*(\d)", r"e\1\2", name)  # 1e+30 is 1e30
+        of_law = _law(request.node)
+        if found is None:
+            row = Row(*of_law, name, precision or "-", happened or "holds")
+        else:
+            values, error = _numbers(found), deviation(_numbers(found), _numbers(exact))
+            told = happened or _kind(values)
+            row = Row(*of_law, name, precision or _dtype(found), told, error)
+        record_property(PROPERTY, astuple(row))
+
+    return case
+
+
+def deviation(found: np.ndarray, exact: np.ndarray) -> float:
+    """Returns the largest deviation over the largest finite magnitude of what is exact.
+
+    The same infinity, and NaN where there is to be NaN, are no deviation.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        same = (found == exact) | (np.isnan(found) & np.isnan(exact))
+        difference = np.where(same, 0.0, np.abs(found - exact))
+    finite = np.abs(exact[np.isfinite(exact)])
+    scale = float(finite.max(initial=0.0)) or 1.0
+    largest = float(difference.max(initial=0.0)) / scale
+    return math.inf if math.isnan(largest) else largest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(OPTION, type=Path, help="where to write the table of numerical extremes")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption(OPTION) and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Report(config.getoption(OPTION)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Notes the law of a test that told no cases, and of one that failed."""
+    report = yield
+    if report.when == "call" and item.get_closest_marker("extremes") and not report.skipped:
+        told = [value for name, value in report.user_properties if name == PROPERTY]
+        if report.failed or not told:
+            words = "FAILED" if report.failed else "holds"
+            report.user_properties.append((PROPERTY, astuple(Row(*_law(item), happened=words))))
+    return report
+
+
+class Report:
+    """Gathers the rows of all tests, and writes them when the session ends."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.rows = path, list[Row]()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call":
+            found = (value for name, value in report.user_properties if name == PROPERTY)
+            self.rows.extend(Row(*value) for value in found)
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        table = in_markdown(self.rows)
+        self.path.write_text(table)
+        terminalreporter.write(f"\n{table}")
+
+
+def in_markdown(rows: Iterable[Row]) -> str:
+    """Returns the table, a section a module; of rows that differ in the error alone the worst."""
+    worst: dict[tuple[str, ...], Row] = {}
+    for row in rows:
+        key = astuple(row)[:-1]
+        if key not in worst or (row.error or 0) > (worst[key].error or 0):
+            worst[key] = row
+    text, module, law = PREFACE, "", ""
+    for row in sorted(worst.values(), key=lambda row: (row.module, row.file, row.line)):
+        if row.module != module:
+            module, law = row.module, ""
+            text += f"\n## {module}\n\n{HEADER}"
+        shown = "" if row.law == law else row.law
+        law = row.law
+        text += f"| {shown} | {row.case} | {row.precision} | {row.happened} | {_order(row)} |\n"
+    return text
+
+
+def law_in_words(test: str) -> str:
+    """Returns the law that a test is named after."""
+    return test.removeprefix("test_").partition("[")[0].replace("_", " ")
+
+
+def _law(item: pytest.Item) -> tuple[str, str, int, str]:
+    marker, (file, line, _) = item.get_closest_marker("extremes"), item.location
+    if marker is None:
+        raise ValueError(f"{item.name} is not marked as of the extremes of a module")
+    return marker.args[0], file, line or 0, law_in_words(item.name)
+
+
+def _numbers(values: Any) -> np.ndarray:
+    if isinstance(values, torch.Tensor):
+        values = values.detach().cpu().double().numpy()
+    return np.asarray(values, dtype=np.float64)
+
+
+def _dtype(values: Any) -> str:
+    return str(values.dtype).removeprefix("torch.") if hasattr(values, "dtype") else "float64"
+
+
+def _kind(values: np.ndarray) -> str:
+    if not values.any():
+        return "zero"
+    kinds = {"NaN": np.isnan(values), "infinite": np.isinf(values), "finite": np.isfinite(values)}
+    return " and ".join(kind for kind, where in kinds.items() if where.any())
+
+
+def _order(row: Row) -> str:
+    if row.error is None:
+        return "-"
+    if row.error < ROUNDING or math.isinf(row.error):
+        return "0" if row.error < ROUNDING else "infinite"
+    return f"1e{math.ceil(math.log10(row.error))}"
