@@ -48,6 +48,23 @@ def measurement(
     )
 
 
+def lineage_of(artifact: Path, records: Iterable[ActionRecord]) -> dict[str, ActionRecord]:
+    """Returns the records of an artifact and of all that went into it, by family.
+
+    Args:
+        artifact: In the store, where its folder is named by its digest.
+        records: Those to look through.
+    """
+    by_digest = {record.output.digest: record for record in records}
+    found: dict[str, ActionRecord] = {}
+    pending = [artifact.name]
+    while pending:
+        record = by_digest[pending.pop()]
+        found[record.action.family] = record
+        pending += record.action.inputs.values()
+    return found
+
+
 def quality_db(part: Part, summary: Mapping[str, Any]) -> float:
     """Returns the PSNR, or -10 log10 of the style and content loss."""
     if part == "scene":

@@ -16,7 +16,7 @@ from styletrf.errors import InputError
 from styletrf.trade_off import Measurement, Tuning, merged
 from tasks.command import main_command
 from tasks.field import TrajectoryFrames
-from tasks.measuring import measurement, summary_in
+from tasks.measuring import lineage_of, measurement, summary_in
 from tasks.metrics import QualityMetrics, StylizationMetrics
 from tasks.scene import SceneModel
 from tasks.showing import ShownStage
@@ -129,18 +129,16 @@ class TradeOff(ShownStage, GradedStage):
     def _measurements(
         self, inputs: Mapping[str, Path], records: Sequence[ActionRecord]
     ) -> list[Measurement]:
-        stages, known = self.requires(), {record.action.key: record for record in records}
-
-        def lineage(name: str) -> dict[str, ActionRecord]:
-            own = stages[name].record()
-            keys = [*stages[name].lineage(), *([own.action.key] if own else [])]
-            return {known[key].action.family: known[key] for key in keys}
-
-        usual = {n: r for n, r in lineage("result").items() if n in _AFTERWARDS}
+        usual = lineage_of(inputs["result"], records)
+        afterwards = {n: record for n, record in usual.items() if n in _AFTERWARDS}
         return [
             measurement(
                 variant,
-                {**usual, **lineage(f"{k} frames"), **lineage(f"{k}")}.values(),
+                (
+                    afterwards
+                    | lineage_of(inputs[f"{k} frames"], records)
+                    | lineage_of(inputs[f"{k}"], records)
+                ).values(),
                 summary_in(inputs[f"{k}"]),
             )
             for k, variant in enumerate(self.variants())
