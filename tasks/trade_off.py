@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -102,6 +102,7 @@ class TradeOff(ShownStage, GradedStage):
 
         measured = self._measurements(inputs, run.lineage)
         points = combinations(measured)
+        points = [replace(p, tuning=merged(self.tuning, p.tuning)) for p in points]
         front = pareto_front(points)
         write_rows(out / "measurements.parquet", [_flat(asdict(m)) for m in measured])
         write_rows(out / "combinations.parquet", [_flat(asdict(p)) for p in points])
@@ -124,7 +125,7 @@ class TradeOff(ShownStage, GradedStage):
         for name in ("content", "perceptual"):
             if not self.is_usual(name):
                 words[name] = self.param_kwargs[name]
-        return main_command(words, merged(self.tuning, tuning))
+        return main_command(words, tuning)
 
     def _measurements(
         self, inputs: Mapping[str, Path], records: Sequence[ActionRecord]
