@@ -25,7 +25,7 @@ def check_command(command: CmdlineParser) -> None:
     Raises:
         SystemExit: A setting, the device or a combination of words cannot be used.
     """
-    stages = _graph(command.get_task_obj())  # type: ignore[no-untyped-call]
+    stages = graph(command.get_task_obj())  # type: ignore[no-untyped-call]
     try:
         for stage in stages:
             if hasattr(stage, "require_sound"):  # not of Luigi's own
@@ -78,7 +78,8 @@ def configurations() -> dict[str, type]:
     }
 
 
-def _graph(root: luigi.Task) -> list[luigi.Task]:
+def graph(root: luigi.Task) -> list[luigi.Task]:
+    """Returns a task and all that is upstream of it, each once."""
     found: dict[str, luigi.Task] = {}
     pending = [root]
     while pending:

@@ -99,9 +99,9 @@ class TunedStage(GradedStage):
     )
 
     def values(self) -> dict[str, Any]:
-        """Returns the stage's settings: the quality's, then those tuned, then the user's own."""
+        """Returns the stage's settings: the quality's, then the family's own, then those tuned."""
         tuned = _thawed(self.tuning).get(self.task_family, {})
-        return {**settings_for(self.task_family, self.quality), **tuned, **_thawed(self.settings)}
+        return {**settings_for(self.task_family, self.quality), **_thawed(self.settings), **tuned}
 
     def identity_parameters(self) -> Mapping[str, object]:
         """The values of the settings."""

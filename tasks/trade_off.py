@@ -14,13 +14,14 @@ from pipeline.settings import data_root, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.trade_off import Measurement, Tuning, merged
+from tasks.checking import graph
 from tasks.command import main_command
 from tasks.field import TrajectoryFrames
 from tasks.measuring import lineage_of, measurement, summary_in
 from tasks.metrics import QualityMetrics, StylizationMetrics
 from tasks.scene import SceneModel
 from tasks.showing import ShownStage
-from tasks.stage import GradedStage, Stage
+from tasks.stage import GradedStage, Stage, TunedStage
 from tasks.sweep import Variant, sweep
 from tasks.trajectory import StylizedTrajectory
 
@@ -56,6 +57,10 @@ class TradeOff(ShownStage, GradedStage):
         """
         if self.repeats < 1:
             raise InputError(f"--repeats {self.repeats}", "measures nothing", "Give 1 or more")
+        changed = {t.task_family for t in graph(self) if isinstance(t, TunedStage) and t.settings}
+        if changed:
+            told = f"settings of {', '.join(sorted(changed))}"
+            raise InputError(told, "would hide what a sweep changes", "Give them by --tuning")
         names = [v.name for v in sweep(self.quality, self.tuning, 1) if v.name]
         if unknown := set(self.only) - set(names):
             told = f"--only {sorted(unknown)}"

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -93,10 +94,11 @@ class Workplace:
         return self.command("StylizedTrajectory", "--scene", "yard", "--style", style)
 
     def command(self, *task: str) -> Run:
-        words = [*task, "--quality", "draft"]
+        words = [*task] if "--quality" in task else [*task, "--quality", "draft"]
         words += ["--content", "embedded", "--perceptual", str(self.perceptual), "--device", "cpu"]
-        for family, settings in SETTINGS.items():
-            words += [f"--{family}-settings", json.dumps(settings)]
+        if "--tuning" not in task:
+            for family, settings in SETTINGS.items():
+                words += [f"--{family}-settings", json.dumps(settings)]
         begun = time.monotonic()
         process = subprocess.run(
             [sys.executable, "-m", "luigi", "--module", "tasks", *words],
@@ -135,7 +137,8 @@ def first(workplace: Workplace) -> Run:
 
 
 def test_the_command_makes_everything_and_says_where_it_is(workplace: Workplace, first: Run):
-    assert set(first.started) == set(tasks.__all__) - {"Grid", "SceneReport"}
+    others = {"Grid", "SceneReport", "StylizationMetrics", "TradeOff"}
+    assert set(first.started) == set(tasks.__all__) - others
     assert len(first.started) == len(set(first.started))
     assert first.report == workplace.root / "out/yard/brush/report.html"
     links = list(first.report.parent.iterdir())
@@ -222,6 +225,35 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     assert "1 failed." in text
     assert "there is no such style" in text
     assert 'href="yard/brush/report.html"' in text
+
+
+@pytest.mark.usefixtures("first")
+def test_a_sweep_measures_its_variants_alone_and_its_front_grants_wishes(workplace: Workplace):
+    """What the usual result needs is there; a killed sweep would go on likewise."""
+    changes = ["frames to 3 %", "adaptation iterations x 0.5"]
+    words = ["TradeOff", "--scene", "yard", "--style", "brush", "--repeats", "1"]
+    words += ["--only", json.dumps(changes)]
+    refused = workplace.command(*words)
+    assert refused.status == 1
+    assert "would hide what a sweep changes. Give them by --tuning" in refused.screen
+    sweep = workplace.command(*words, "--tuning", json.dumps(SETTINGS))
+    assert sweep.status == 0, sweep.screen
+    assert Counter(sweep.started) == {
+        "QualityMetrics": 1, "TrajectoryFrames": 1,  # of the frames
+        "StylizedField": 1, "StylizedFrames": 1, "StylizationMetrics": 2,  # of the adaptation
+        "TradeOff": 1,
+    }  # fmt: skip
+    assert sweep.report == workplace.root / "out/yard/trade-off/report.html"
+    front = json.loads(sweep.report.with_name("front.json").read_text())
+    assert 1 <= len(front["points"]) <= 4
+    assert all("RadianceField" in point["combination"]["tuning"] for point in front["points"])
+    wish = ["StylizedTrajectory", "--scene", "yard", "--style", "brush", "--quality"]
+    granted = workplace.command(*wish, "within 99 dB")
+    assert granted.status == 0, granted.screen
+    assert "the front of this scene" in granted.screen
+    assert granted.report == workplace.root / "out/yard/brush/report.html"
+    again = workplace.command(*wish, "within 99 dB")
+    assert (again.status, again.started) == (0, [])
 
 
 def test_links_that_were_deleted_come_back_without_building(workplace: Workplace, first: Run):
