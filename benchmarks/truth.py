@@ -2,18 +2,23 @@
 
     truth.py poses horns fern fox
     truth.py depth courtyard --field FOLDER [--set model.space='"box"']
+    truth.py flow --iterations 5000
 
 `poses` solves the poses of a scene that came with some, and compares the two after the similarity
 that fits the centres best. `depth` compares a field's median depth at held-out views of a courtyard
 (`python -m styletrf.courtyard`) with the exact one, in units of the scene's median depth.
+`flow` fits a field to a courtyard with its exact cameras, and compares the flow between nearby views by the field's depth with the exact one,
+where both say that the other view sees the place.
 """
 
 import argparse
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import luigi
 import numpy as np
 import torch
@@ -22,9 +27,15 @@ from given_scenes import load_given_scene
 
 from pipeline.task import artifact
 from styletrf.camera_table import read_cameras
-from styletrf.cameras import Camera
+from styletrf.cameras import Camera, fitted_to, pixel_centers
+from styletrf.courtyard import CourtyardConfig, capture_courtyard
+from styletrf.courtyard import render_view as photographed
+from styletrf.exact_flow import exact_flow
 from styletrf.field import load_field
+from styletrf.field_training import train_field
 from styletrf.frames import rendered
+from styletrf.kernels import kernels_for
+from styletrf.scene_model import decide_scene_model
 from tasks.scene import CameraPoses
 
 
@@ -110,6 +121,60 @@ def depth(options: argparse.Namespace) -> None:
     }))  # fmt: skip
 
 
+def flow(options: argparse.Namespace) -> None:
+    """Prints the errors in pixels of the flow by a field's depth."""
+    config = CourtyardConfig(kind="forward")
+    capture = capture_courtyard(config)
+    points = np.concatenate(
+        [_points_world(*v) for v in zip(capture.cameras, capture.depths, strict=True)]
+    )
+    settings = settings_of(options)
+    model = decide_scene_model(capture.cameras, points[::997], settings.model)
+    cameras = model.normalized(capture.cameras)
+    kernels, cpu = kernels_for(torch.device("cpu")), torch.device("cpu")
+    images = torch.from_numpy(np.stack([_reduced(i, cameras[0]) for i in capture.images]))
+    training = replace(settings.training, iterations=options.iterations)
+    field, _ = train_field(cameras, images, model.space, model.resolution, training, kernels)
+    errors, fractions = [], []
+    for camera in capture.cameras[:: options.every]:
+        pair = _step_aside(camera, 0.02 * options.apart)
+        views = model.normalized(pair)
+        renders = list(rendered(field, model.space, views, settings.render, cpu))
+        world = [fitted_to(c, max(views[0].width, views[0].height)) for c in pair]
+        true = [photographed(c, config)[1] for c in world]
+        found, seen = exact_flow(
+            views[0], renders[0].depth.numpy(), views[1], renders[1].depth.numpy(), 0.02
+        )
+        exact, visible = exact_flow(world[0], true[0], world[1], true[1])
+        both = seen & visible & np.isfinite(true[0])
+        errors.append(np.linalg.norm(found - exact, axis=-1)[both])
+        fractions.append(float(seen.mean()))
+    error = np.concatenate(errors)
+    print(json.dumps({  # noqa: T201
+        "views": len(errors), "median_px": float(np.median(error)),
+        "p90_px": float(np.quantile(error, 0.9)), "p99_px": float(np.quantile(error, 0.99)),
+        "within_0.1_px": float((error < 0.1).mean()), "seen": float(np.mean(fractions)),
+    }))  # fmt: skip
+
+
+def _step_aside(camera: Camera, meters: float) -> list[Camera]:
+    pose = camera.world_from_camera.copy()
+    pose[:, 3] += meters * pose[:, 0]
+    return [camera, replace(camera, world_from_camera=pose)]
+
+
+def _reduced(image: np.ndarray, camera: Camera) -> np.ndarray:
+    return cv2.resize(image, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+
+
+def _points_world(camera: Camera, depth: np.ndarray) -> np.ndarray:
+    x, y = (pixel_centers(camera.width, camera.height) - [camera.cx, camera.cy]).T
+    rays = np.stack([x / camera.fx, y / camera.fy, np.ones_like(x)], axis=-1)
+    z = depth.reshape(-1)
+    points = (rays * z[:, None])[np.isfinite(z)]
+    return points @ camera.world_from_camera[:, :3].T + camera.center_world
+
+
 def main() -> None:
     """Runs the mode that the command line names."""
     result = argparse.ArgumentParser(
@@ -127,6 +192,14 @@ def main() -> None:
     two.add_argument("--seed", type=int, default=0)
     two.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
     two.set_defaults(run=depth)
+    three = modes.add_parser("flow", help=flow.__doc__)
+    three.add_argument("--iterations", type=int, default=5000)
+    three.add_argument("--every", type=int, default=8, help="of the views, which are looked at")
+    three.add_argument("--apart", type=int, default=1, help="steps of two centimetres")
+    three.add_argument("--quality", default="draft")
+    three.add_argument("--seed", type=int, default=0)
+    three.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
+    three.set_defaults(run=flow)
     options = result.parse_args()
     options.run(options)
 
