@@ -7,8 +7,8 @@
 `poses` solves the poses of a scene that came with some, and compares the two after the similarity
 that fits the centres best. `depth` compares a field's median depth at held-out views of a courtyard
 (`python -m styletrf.courtyard`) with the exact one, in units of the scene's median depth.
-`flow` fits a field to a courtyard with its exact cameras, and compares the flow between nearby views
-by the field's depth with the exact one, where both say that the other view sees the place.
+`flow` fits a field to a courtyard with its exact cameras, and compares the flow between nearby
+views by the field's depth with the exact one, where both say that the other view sees the place.
 """
 
 import argparse
