@@ -9,17 +9,20 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 
 import torch
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from torch import Tensor
+from torch.nn import functional
 
 from styletrf.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
 from styletrf.cameras import Camera
 from styletrf.field import RadianceField
 from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.kernels import Kernels
+from styletrf.perceptual_loss import relative_difference
 from styletrf.progress import Progress, silent
 from styletrf.ray_cache import RayCache, march_once
 from styletrf.space import Space, ViewRays
@@ -27,14 +30,20 @@ from styletrf.stroke_losses import ImageLoss
 from styletrf.training_guard import batch_stages
 
 _TILE = 1 << 14
+_PARTS = 24
 
 
 @dataclass(frozen=True, slots=True)
 class ImageAdaptationConfig:
-    """How often, and how fast compared with the adaptation to pixels before."""
+    """How often, and how fast compared with the adaptation to pixels before.
+
+    A loss of strokes says little of colour, which drifts towards the photographs' or to grey:
+    `color_weight` is that of the drift, see `color_drift`.
+    """
 
     iterations: int = 60  # a view each
     rate: float = 0.2  # times those of the adaptation
+    color_weight: float = 20.0
 
 
 def adapt_to_image_loss(
@@ -78,8 +87,10 @@ def adapt_to_image_loss(
         view = int(order_of_views[k])
         cache = _view_cache(field, rays, plain, view, adaptation, kernels)
         shape = plain.shape[1:]
-        loss, image = _accumulate(field, cache, shape, image_loss, kernels)
-        mse = float((image - painted[view].float() / 255).square().mean())
+        target = painted[view].float() / 255
+        held = partial(_with_colors_held, image_loss, target, config.color_weight)
+        loss, image = _accumulate(field, cache, shape, held, kernels)
+        mse = float((image - target).square().mean())
         if not math.isfinite(loss):
             tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
             named = chain(
@@ -99,6 +110,25 @@ def adapt_to_image_loss(
     left = parameter_stages(field.appearance, optimizer)
     require_finite("appearance adaptation", "after the last iteration", left)
     return curve
+
+
+def color_drift(
+    image: Float[Tensor, "1 3 height width"], painted: Float[Tensor, "1 3 height width"]
+) -> Float[Tensor, ""]:
+    """Returns how far the mean colours of 24x24 parts are from those of the painted view.
+
+    `log(1 + d / t)`, `d` the mean squared difference, `t` the mean square of the target.
+    Differentiable.
+    """
+    parts = [functional.adaptive_avg_pool2d(i, _PARTS) for i in (image, painted)]
+    return relative_difference(*parts)
+
+
+def _with_colors_held(
+    image_loss: ImageLoss, painted: Tensor, weight: float, image: Tensor, plain: Tensor
+) -> Tensor:
+    drift = color_drift(image, painted.permute(2, 0, 1)[None])
+    return image_loss(image, plain) + weight * drift
 
 
 def _view_cache(

@@ -1,5 +1,6 @@
 """Deferred back-propagation is back-propagation; the density is only read."""
 
+import copy
 from dataclasses import replace
 
 import pytest
@@ -8,10 +9,17 @@ from mini_scene import painted_plane
 from test_field_training import CONFIG, fit
 
 from styletrf.adaptation import AdaptationConfig
+from styletrf.frames import rendered
 from styletrf.free_adaptation import adapt_all, fit_anew
-from styletrf.image_adaptation import ImageAdaptationConfig, _accumulate, adapt_to_image_loss
+from styletrf.image_adaptation import (
+    ImageAdaptationConfig,
+    _accumulate,
+    adapt_to_image_loss,
+    color_drift,
+)
 from styletrf.kernels import kernels_for
 from styletrf.ray_cache import march_once
+from styletrf.rendering import RenderConfig
 from styletrf.space import ViewRays
 
 CPU = torch.device("cpu")
@@ -59,6 +67,26 @@ def test_the_loss_falls_and_the_density_stays(scene, field):
     )  # fmt: skip
     assert sum(told[-6:]) < 0.85 * sum(told[:6])
     assert all(torch.equal(t, before[name]) for name, t in field.density.state_dict().items())
+
+
+def test_a_loss_that_says_nothing_of_colour_leaves_the_painted_colours(scene, field):
+    """A loss of contrast alone would take the view to grey: the drift holds it."""
+
+    def contrast(image, plain):
+        return image.var(dim=(2, 3)).sum()
+
+    def end(color_weight):
+        own = copy.deepcopy(field)
+        adapt_to_image_loss(
+            own, scene.cameras, (scene.images, scene.images), scene.model.space, contrast,
+            ImageAdaptationConfig(iterations=24, rate=1.0, color_weight=color_weight),
+            AdaptationConfig(), KERNELS,
+        )  # fmt: skip
+        renders = rendered(own, scene.model.space, scene.cameras[:1], RenderConfig(), CPU)
+        shown = next(iter(renders)).color.permute(2, 0, 1)[None]
+        return color_drift(shown, (scene.images[:1] / 255).permute(0, 3, 1, 2))
+
+    assert end(20.0) < 0.3 * end(0.0)
 
 
 def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, field):
