@@ -19,21 +19,8 @@ from styletrf.trade_off import (
 )
 from styletrf.trade_off_chart import front_svg, told
 
-_STYLE = """<style>
-.front circle.beaten { fill: var(--quiet); opacity: .35; }
-.front circle.best { fill: var(--accent); stroke: var(--card); stroke-width: 2; cursor: pointer; }
-.front circle.overlaps { fill: var(--card); stroke: var(--accent); }
-.front circle:hover, .front circle:focus { stroke: var(--text); stroke-width: 3; outline: none; }
-.front .spread { stroke: var(--accent); stroke-width: 2; }
-.front line { stroke: var(--line); } .front text { fill: var(--quiet); font-size: 12px; }
-.told { min-height: 8.5rem; white-space: pre-wrap; overflow-wrap: anywhere; padding: .75rem 1rem; }
-</style>"""
-_SCRIPT = """<script>
-const told = document.querySelector(".told");
-for (const point of document.querySelectorAll(".front circle"))
-  for (const event of ["pointerenter", "focus", "click"])
-    point.addEventListener(event, () => { told.textContent = point.dataset.told; });
-</script>"""
+STYLE = Path(__file__).with_name("trade_off.css").read_text(encoding="utf-8")
+SCRIPT = Path(__file__).with_name("trade_off.js").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +63,13 @@ def write_trade_off_page(path: Path, content: TradeOffContent) -> None:
         "told from that of its neighbour. Grey: another is faster and nearer to the best.</p>"
     )
     sections = [
-        _STYLE,
         f"<header><div><h1>{html.escape(title)}</h1><p>{counts}</p></div></header>",
         chart,
         section("Answers", "".join(_answer(content, question) for question in QUESTIONS)),
         section("The scene: what one change does", _table(content.measurements, "scene")),
         section("The style: what one change does", _table(content.measurements, "style")),
-        _SCRIPT,
     ]
-    write_page(path, title, sections)
+    write_page(path, title, sections, STYLE, SCRIPT)
 
 
 def _answer(content: TradeOffContent, question: str) -> str:

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from headless import answer_of, needs_chromium
 
 from styletrf.errors import InputError
 from styletrf.trade_off import (
@@ -109,15 +110,20 @@ def test_later_settings_count():
     assert one == {"A": {"x": 1, "y": 2}}
 
 
-def test_the_page_shows_every_point_and_escapes_what_it_is_told(tmp_path):
+def written(folder):
     points = combinations(MEASURED)
     content = TradeOffContent(
         "<b>place", "ink & wash", "draft", "ndc", "2 cores", "2026-01-01", points,
         pareto_front(points), [*MEASURED, replace(MEASURED[2], name="<i>", other_cpu_share=0.4)],
         lambda tuning: f"luigi --tuning '{tuning}'",
     )  # fmt: skip
-    write_trade_off_page(tmp_path / "a.html", content)
-    page = (tmp_path / "a.html").read_text()
+    write_trade_off_page(folder / "page.html", content)
+    return folder / "page.html"
+
+
+def test_the_page_shows_every_point_and_escapes_what_it_is_told(tmp_path):
+    points = combinations(MEASURED)
+    page = written(tmp_path).read_text()
     assert page.count("<circle") == len(points)
     assert page.count('class="beaten"') == len(points) - len(pareto_front(points))
     assert "<b>place" not in page
@@ -125,5 +131,23 @@ def test_the_page_shows_every_point_and_escapes_what_it_is_told(tmp_path):
     assert "beside other work: 40%" in page
     assert not re.search(r'(?:src|href)="(?!#|data:)', page)
     assert "The fastest within 0.5 dB" in page
-    write_trade_off_page(tmp_path / "b.html", content)
-    assert (tmp_path / "b.html").read_bytes() == (tmp_path / "a.html").read_bytes()
+    assert written(tmp_path).read_text() == page
+
+
+PROBE = """
+  const told = document.querySelector(".told"), before = told.textContent;
+  const grey = document.querySelector("circle.beaten");
+  document.querySelector("circle.best").focus();
+  const focused = told.textContent;
+  grey.dispatchEvent(new PointerEvent("pointerenter"));
+  return { before, focused, pointed: told.textContent, overflow: overflow() };
+"""
+
+
+@needs_chromium
+@pytest.mark.parametrize("width", [390, 1280])
+def test_a_browser_tells_what_a_point_is(tmp_path, width):
+    answer = answer_of(written(tmp_path), PROBE, width)
+    assert (answer["errors"], answer["overflow"]) == ([], 0)
+    assert len({answer["before"], answer["focused"], answer["pointed"]}) == 3
+    assert "dB short of the best" in answer["focused"]

@@ -1,0 +1,67 @@
+"""Table 1 of the paper for scenes and styles at hand: `python benchmarks/consistency.py --help`.
+
+    consistency.py horns fern --styles udnie mediter
+
+Has the tasks make what is missing (draft), and prints a row of Markdown for each scene, style and
+method: the field as it is meant (S3), the network on every frame, and the paper's other strategies.
+Every error is followed by its floor, that of the unstylised frames; `style` is the distance of the
+frames to the painting, and that of the unstylised frames.
+"""
+
+import argparse
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import luigi
+
+from pipeline.task import artifact
+from tasks.metrics import ConsistencyMetrics
+
+METHODS: dict[str, dict[str, str]] = {
+    "field (S3)": {},
+    "per frame": {"method": "per-frame"},
+    "S2": {"strategy": "s2"},
+    "S1": {"strategy": "s1"},
+}
+COLUMNS = {
+    "along the flow": ("error", "floor"),
+    "along the depth": ("geometric_error", "geometric_floor"),
+    "by contrast": ("normalized_error", "normalized_floor"),
+    "in features": ("perceptual_error", "perceptual_floor"),
+}
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--styles", nargs="+", required=True)
+    parser.add_argument("--content", default="auto")
+    options = parser.parse_args()
+    heads = [f"{name}, {term}" for name in COLUMNS for term in ("short", "long")]
+    print("| scene | style | method | " + " | ".join([*heads, "style"]) + " |")  # noqa: T201
+    print("|---" * (len(heads) + 4) + "|")  # noqa: T201
+    for scene in options.scenes:
+        for style in options.styles:
+            for name, words in METHODS.items():
+                task = ConsistencyMetrics(
+                    scene=scene, style=style, quality="draft", content=options.content, **words
+                )
+                if not luigi.build([task], local_scheduler=True, log_level="WARNING"):
+                    raise SystemExit(f"{task} failed")
+                summary = json.loads((artifact(task) / "summary.json").read_text())
+                print(f"| {scene} | {style} | {name} | {_row(summary)} |", flush=True)  # noqa: T201
+
+
+def _row(summary: Mapping[str, Any]) -> str:
+    terms = [summary["delta_1"], summary["delta_5"]]
+    cells = [f"{t[e]:.4f} ({t[f]:.4f})" for e, f in COLUMNS.values() for t in terms]
+    far = f"{terms[0]['style_distance']:.2f} ({terms[0]['style_distance_unstylized']:.2f})"
+    return " | ".join([*cells, far])
+
+
+if __name__ == "__main__":
+    main()
