@@ -22,7 +22,8 @@ from typing import Any
 import psutil
 
 _PR_SET_PDEATHSIG = 1
-_SECONDS_BETWEEN_LOOKS = 0.1
+_SECONDS_BETWEEN_LOOKS, _SECONDS_BETWEEN_NOTES = 0.1, 5.0
+_SPENT = ".seconds"
 _MAXRSS_UNIT = 1 if sys.platform == "darwin" else 1024
 _CAUSES = {"timeout": "for taking too long", "memory": "for want of memory"}
 
@@ -37,20 +38,24 @@ def main() -> int:
         return _build(job, terminal)
     with contextlib.suppress(OSError):  # both sides do it, so that neither has to wait
         os.setpgid(builder, builder)
-    _say(1, **_supervise(builder, job["timeout_seconds"], job["memory_limit_bytes"]))
+    limits = job["timeout_seconds"], job["memory_limit_bytes"]
+    _say(1, **_supervise(builder, *limits, Path(job["resume"])))
     return 0
 
 
-def _supervise(builder: int, max_seconds: float, max_bytes: int) -> dict[str, Any]:
+def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -> dict[str, Any]:
     """Wait for the builder; end its group when nobody waits for it or it takes too much.
 
     Memory is the resident memory of the whole group, as seen now and then; a page that two
     processes share counts twice.
     """
     started, oom_kills, seconds, peak, kind = time.monotonic(), _oom_kills(), 0.0, 0, "killed"
-    busy = _busy_seconds()
+    busy, earlier, noted = _busy_seconds(), _spent(resume), 0.0
     while not (ended := os.wait4(builder, os.WNOHANG))[0]:
         seconds, peak = time.monotonic() - started, max(peak, _resident_bytes(builder))
+        if seconds > noted + _SECONDS_BETWEEN_NOTES:
+            noted = seconds
+            _note_spent(resume, earlier + seconds)
         if max_seconds and seconds > max_seconds:
             kind = "timeout"
         elif max_bytes and peak > max_bytes:
@@ -62,6 +67,7 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int) -> dict[str, An
     status, largest = os.waitstatus_to_exitcode(ended[1]), ended[2].ru_maxrss * _MAXRSS_UNIT
     own = ended[2].ru_utime + ended[2].ru_stime
     report = {"status": status, "seconds": seconds, "peak_memory_bytes": max(peak, largest)}
+    report |= {"earlier_seconds": earlier}
     report |= {"cpu_seconds": own, "other_cpu_seconds": max(0.0, _busy_seconds() - busy - own)}
     if status >= 0:
         return report  # and the builder has told the rest
@@ -109,6 +115,25 @@ def _resident_bytes(group: int) -> int:
         with contextlib.suppress(psutil.Error, OSError):  # it is gone by now
             total += psutil.Process(pid).memory_info().rss if os.getpgid(pid) == group else 0
     return total
+
+
+def _spent(resume: Path) -> float:
+    """What earlier attempts took whose checkpoints this one goes on from."""
+    with contextlib.suppress(OSError, ValueError):
+        if _checkpoints(resume):
+            return float((resume / _SPENT).read_text())
+    return 0.0
+
+
+def _checkpoints(resume: Path) -> list[Path]:
+    return [path for path in resume.iterdir() if path.name != _SPENT]
+
+
+def _note_spent(resume: Path, seconds: float) -> None:
+    """Leave the time beside the checkpoints, if there are any; a full disk is no reason to end."""
+    with contextlib.suppress(OSError):
+        if _checkpoints(resume):
+            (resume / _SPENT).write_text(f"{seconds:.1f}")
 
 
 def _busy_seconds() -> float:

@@ -91,6 +91,7 @@ class Report:
         message: Why it did not succeed.
         status: Its exit status, or minus the signal that ended it.
         seconds: Wall-clock time.
+        earlier_seconds: That of attempts which ended early, and whose checkpoints it went on from.
         peak_memory_bytes: Largest resident memory, of all processes of the build together.
         cpu_seconds: What the build took of the cores.
         other_cpu_seconds: What everything else on the machine took of them meanwhile.
@@ -101,6 +102,7 @@ class Report:
     status: int
     seconds: float
     peak_memory_bytes: int
+    earlier_seconds: float = 0.0
     cpu_seconds: float = 0.0
     other_cpu_seconds: float = 0.0
 

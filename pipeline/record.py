@@ -53,7 +53,8 @@ class ActionRecord:
         output: What came out.
         provenance: How, told and never keyed: `task` and `label` (as shown), `host`, `started`
             (UTC), `seconds`, `log` (relative to the store), and for builds `peak_memory_bytes`,
-            `cpu_seconds` and `other_cpu_seconds` (of all else on the machine meanwhile).
+            `earlier_seconds` (of `seconds`, those of attempts that were killed), `cpu_seconds`,
+            and `other_cpu_seconds` (of all else on the machine meanwhile).
     """
 
     action: Action

@@ -17,13 +17,14 @@ from styletrf.cameras import Camera
 from styletrf.errors import InputError
 from styletrf.finiteness import require_finite
 from styletrf.float_images import FloatImage, read_float_image
-from styletrf.flow import FlowEstimator
+from styletrf.flow import FlowEstimator, Method
 from styletrf.flow_consistency import flow_errors
 from styletrf.geometric_consistency import corresponding, geometric_errors
 from styletrf.images import read_rgb
 from styletrf.metrics import Image
 from styletrf.perceptual_distance import Features, Perception, masked_distance, style_distance
 from styletrf.progress import Progress, silent
+from styletrf.vgg import REDUCTION
 
 SHORT_TERM, LONG_TERM = 1, 5
 _ALWAYS_TOLD = ("error", "floor", "style_distance", "style_distance_unstylized")
@@ -41,10 +42,16 @@ class ConsistencyConfig:
         perceptual_px: The longer side at which frames go through the perceptual network.
     """
 
-    method: str = "dis"
+    method: Method = "dis"
     deltas: tuple[int, ...] = (SHORT_TERM, LONG_TERM)
     tolerance: float = 0.02
     perceptual_px: int = 192
+
+    def __post_init__(self) -> None:
+        if not self.deltas or min(self.deltas) < 1:
+            raise ValueError(f"deltas are {self.deltas}, not distances from 1")
+        if self.tolerance <= 0 or self.perceptual_px < REDUCTION:
+            raise ValueError(f"tolerance is above 0, perceptual_px at least {REDUCTION}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +86,9 @@ class Consistency:
 
     A pair is a row of `first`, `second` (indices of frames), `delta`, and the attributes of
     `FlowErrors`, `GeometricErrors` and `PerceptualErrors`. An entry of the summary has the means of
-    these, null where there is nothing to average, `pairs` (their number) and
-    `pairs_without_correspondence` (those of which nothing is seen in both frames).
+    these, null where there is nothing to average; `pairs`, their number; and those that a mean
+    leaves out: `pairs_without_flow` (no pixel returns to itself), `pairs_without_correspondence`
+    (nothing is seen in both frames) and `pairs_without_contrast`.
     """
 
     pairs: list[dict[str, Any]]
@@ -164,7 +172,8 @@ class _Comparison:
         self, perception: Perception, painting: Features, config: ConsistencyConfig
     ) -> None:
         self._perception, self._painting = perception, painting
-        self._estimator, self._tolerance = FlowEstimator(config.method), config.tolerance
+        self._estimator = FlowEstimator(config.method, perception.device)
+        self._tolerance = config.tolerance
 
     def __call__(self, a: _Seen, b: _Seen) -> dict[str, Any]:
         """Returns the row of a pair."""
@@ -188,8 +197,15 @@ class _Comparison:
 def _summary(rows: Sequence[Mapping[str, Any]], delta: int) -> dict[str, Any]:
     chosen = [row for row in rows if row["delta"] == delta]
     names = [name for name in rows[0] if isinstance(rows[0][name], float)]
-    unseen = sum(row["geometric_fraction"] == 0 for row in chosen)
-    counts = {"pairs": len(chosen), "pairs_without_correspondence": unseen, "flow": rows[0]["flow"]}
+    counts = {
+        "pairs": len(chosen),
+        "pairs_without_flow": sum(row["valid_fraction"] == 0 for row in chosen),
+        "pairs_without_correspondence": sum(row["geometric_fraction"] == 0 for row in chosen),
+        "pairs_without_contrast": sum(
+            row["geometric_fraction"] > 0 and math.isnan(row["normalized_error"]) for row in chosen
+        ),
+        "flow": rows[0]["flow"],
+    }
     return counts | {name: _mean([row[name] for row in chosen]) for name in names}
 
 

@@ -1,10 +1,11 @@
 """Where each pixel of one frame went in another, and the other frame brought back by it."""
 
 from collections.abc import Callable
-from typing import Final, final
+from typing import Final, Literal, final, get_args
 
 import cv2
 import numpy as np
+import torch
 from jaxtyping import Bool, Float
 
 from styletrf.errors import InputError
@@ -16,20 +17,22 @@ Image = Float[np.ndarray, "height width 3"]
 Flow = Float[np.ndarray, "height width 2"]
 Mask = Bool[np.ndarray, "height width"]
 
-METHODS = ("dis", "farneback", "deepflow", "raft")
+Method = Literal["dis", "farneback", "deepflow", "raft"]
+METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @final
 class FlowEstimator:
     """Estimates the optical flow between frames by one method; made once, for many frames."""
 
-    def __init__(self, method: str = "dis") -> None:
+    def __init__(self, method: Method = "dis", device: torch.device | str = "cpu") -> None:
         """Makes ready the estimator.
 
         Args:
             method: `dis` (Kroeger et al. 2016, medium preset), `farneback` (Farneback 2003) or
                 `deepflow` (Weinzaepfel et al. 2013, without its matching), on 8 bit luminance;
                 or `raft` (Teed and Deng 2020), see `styletrf.raft_flow`.
+            device: Where `raft` computes; the others compute on the CPU.
 
         Raises:
             InputError: The method is unknown, or what it needs is not at hand.
@@ -37,7 +40,7 @@ class FlowEstimator:
         if method not in METHODS:
             raise InputError(method, "is no method of optical flow here", f"Use one of {METHODS}")
         self.method: Final = method
-        self._estimate = raft_estimator() if method == "raft" else _of_luminance(method)
+        self._estimate = raft_estimator(device) if method == "raft" else _of_luminance(method)
 
     def __call__(self, a: Image, b: Image) -> Flow:
         """Returns the displacement (x, y) in pixels from each pixel of `a` to its place in `b`.

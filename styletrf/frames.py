@@ -26,8 +26,9 @@ from styletrf.video import write_video
 
 @dataclass(frozen=True, slots=True)
 class FramesConfig:
-    """Which path is rendered, and how."""
+    """Which path is rendered, and how; `long_side_px` 0 is the scene's working size."""
 
+    long_side_px: int = 0
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
     frames_per_second: int = 24

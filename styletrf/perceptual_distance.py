@@ -13,6 +13,8 @@ from styletrf.metrics import Image
 from styletrf.perceptual_loss import STYLE_LAYERS, gram_matrix, shrunk
 from styletrf.vgg import REDUCTION, VGG16
 
+_ALL_BUT_ROUNDING = 0.999
+
 Features = Mapping[str, Float[Tensor, "1 _ _ _"]]
 
 
@@ -24,29 +26,45 @@ class Perception:
         """Looks with `vgg` at pictures whose longer side is reduced to at most `long_side_px`."""
         self._vgg, self._long_side_px = vgg, long_side_px
 
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+        return self._vgg.mean.device
+
     @torch.inference_mode()
     def features(self, image: Image) -> Features:
         """Returns the features at relu1_2, relu2_2, relu3_3 and relu4_3."""
         height, width = image.shape[:2]
         short_px = self._long_side_px * min(height, width) // max(height, width)
-        device = self._vgg.mean.device
-        tensor = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32)).to(device)
+        tensor = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32)).to(self.device)
         small = shrunk(tensor.clamp(0, 1), max(short_px, REDUCTION))
         return self._vgg.features(small, STYLE_LAYERS)
 
 
 @torch.inference_mode()
-def perceptual_distance(a: Features, b: Features) -> float:
+def perceptual_distance(
+    a: Features, b: Features, mask: Bool[np.ndarray, "height width"] | None = None
+) -> float:
     """Returns the mean over layers and places of |f_a / |f_a| - f_b / |f_b||^2, in [0, 2].
 
     LPIPS (Zhang et al. 2018, equation 1) with all channels weighted alike: 0 for equal pictures.
-    Not differentiable.
+    With a mask of the pictures, over the places all of whose pixels are in it; NaN where a layer
+    has none. Not differentiable.
     """
     distances = []
     for layer in STYLE_LAYERS:
         unit_a, unit_b = (functional.normalize(f[layer].float(), dim=1) for f in (a, b))
-        distances.append((unit_a - unit_b).square().sum(dim=1).mean())
+        distance = (unit_a - unit_b).square().sum(dim=1)
+        if mask is not None:
+            distance = distance[_whole_places(mask, distance)]
+        distances.append(distance.mean())
     return float(torch.stack(distances).mean())
+
+
+def _whole_places(mask: Bool[np.ndarray, "_ _"], like: Float[Tensor, "1 _ _"]) -> Tensor:
+    pixels = torch.from_numpy(mask).to(like)[None, None]
+    rows, columns = like.shape[-2:]
+    return functional.adaptive_avg_pool2d(pixels, (rows, columns))[0] > _ALL_BUT_ROUNDING
 
 
 def masked_distance(
@@ -58,14 +76,12 @@ def masked_distance(
 ) -> float:
     """Returns the perceptual distance of `a` and `b` where the mask is true; NaN where it never is.
 
-    Outside of it `b` is given the pixels of `a`, so that nothing there differs, and the mean is
-    taken over the share inside.
+    Outside of it `b` is given the pixels of `a`, so that nothing there differs.
     """
-    share = float(mask.mean())
-    if share == 0:
+    if not mask.any():
         return float("nan")
     filled = np.where(mask[..., None], b, a)
-    return perceptual_distance(features_a, perception.features(filled)) / share
+    return perceptual_distance(features_a, perception.features(filled), mask)
 
 
 @torch.inference_mode()

@@ -22,8 +22,12 @@ _PLACES = 20_000  # of those that the trajectory sees
 
 @dataclass(frozen=True, slots=True)
 class PriorsConfig:
-    """Candidates (`trajectory`), how many of them are needed, and how they are rendered."""
+    """Candidates (`trajectory`), how many of them are needed, and how they are rendered.
 
+    A `long_side_px` of 0 is the scene's working size.
+    """
+
+    long_side_px: int = 0
     trajectory: TrajectoryConfig = field(default_factory=lambda: TrajectoryConfig(frames=40))
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
     render: RenderConfig = field(default_factory=RenderConfig)

@@ -17,7 +17,7 @@ from styletrf.lpips_distance import lpips_judge
 from styletrf.metrics import Image, psnr, ssim
 from styletrf.perceptual_distance import Perception, perceptual_distance
 from styletrf.rendering import RenderConfig, Rendering
-from styletrf.vgg import load_vgg
+from styletrf.vgg import REDUCTION, load_vgg
 
 Judge = Callable[[Image, Image], float]
 """What an image is worth against its reference."""
@@ -39,6 +39,10 @@ class QualityConfig:
     long_side_px: int = 0
     perceptual_px: int = 504
     lpips: bool = False
+
+    def __post_init__(self) -> None:
+        if self.long_side_px < 0 or self.perceptual_px < REDUCTION:
+            raise ValueError(f"long_side_px is 0 or more, perceptual_px at least {REDUCTION}")
 
 
 def judges_named(config: QualityConfig, weights: Path, device: torch.device) -> dict[str, Judge]:

@@ -24,23 +24,26 @@ Image = Float[np.ndarray, "height width 3"]
 Flow = Float[np.ndarray, "height width 2"]
 
 
-def raft_estimator(folder: Path | None = None) -> Callable[[Image, Image], Flow]:
+def raft_estimator(
+    device: torch.device | str = "cpu", folder: Path | None = None
+) -> Callable[[Image, Image], Flow]:
     """Returns what estimates the flow (x, y) in pixels from one frame in [0, 1] to another.
 
     Args:
+        device: Where to compute.
         folder: Where the weights lie; by default the `checkpoints` of torch's hub folder.
 
     Raises:
         InputError: torchvision is not installed, or its weights are not there, or not the ones.
     """
     folder = folder or Path(torch.hub.get_dir(), "checkpoints")
-    network = _network(folder / _NAME)
+    network = _network(folder / _NAME).to(device)
 
     @torch.inference_mode()
     def estimate(a: Image, b: Image) -> Flow:
         height, width = a.shape[:2]
-        flow: Tensor = network(_padded(a), _padded(b))[-1][0]
-        return flow[:, :height, :width].permute(1, 2, 0).contiguous().numpy()
+        flow: Tensor = network(_padded(a).to(device), _padded(b).to(device))[-1][0]
+        return flow[:, :height, :width].permute(1, 2, 0).contiguous().cpu().numpy()
 
     return estimate
 

@@ -38,7 +38,8 @@ class Rendering:
     """Colour and opacity in [0, 1] and the depth Z of rays.
 
     The depth is that of the mean position along the ray's grid segment, its clear part counted at
-    the far end; in NDC that averages disparity, so a little haze before infinity does not spoil it.
+    the far end, unless the ray was ended there for being opaque; in NDC that averages disparity, so
+    a little haze before infinity does not spoil it.
     Where nothing is hit (an opacity below 1e-3) it is infinite. The median depth is where the
     transmittance falls to one half, infinite where it never does: it lies on one of two surfaces
     that share a pixel, where the mean lies between them.
@@ -103,7 +104,8 @@ def render_rays(
     )  # fmt: skip
     sums = kernels.composite(samples, torch.stack([torch.ones_like(samples.s), samples.s], dim=1))
     opacity = sums[:, 0].clamp(max=1)
-    mean_s = (sums[:, 1] + 1 - opacity).clamp(0, 1)
+    left = torch.where(1 - opacity <= config.termination, 0, 1 - opacity)
+    mean_s = ((sums[:, 1] + left) / (opacity + left).clamp(min=LEAST_OPACITY)).clamp(0, 1)
     rays = torch.arange(len(segments), device=mean_s.device)
     depth = torch.where(opacity < LEAST_OPACITY, torch.inf, segments.depth_along(rays, mean_s))
     return Rendering(color.clamp(0, 1), opacity, depth, median_depth(segments, samples))

@@ -32,6 +32,10 @@ class StylizationLossConfig:
     style_px: int = 420
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
 
+    def __post_init__(self) -> None:
+        if min(self.frames, self.style_px) < 1:
+            raise ValueError("frames and style_px are at least 1")
+
 
 @dataclass(frozen=True, slots=True)
 class StylizationLoss:

@@ -1,6 +1,7 @@
 """Rows in Parquet and summaries in JSON, from dataclasses."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,9 +12,12 @@ import pyarrow.parquet as pq
 
 
 def write_rows(path: Path, rows: Sequence[Any]) -> None:
-    """Writes dataclasses (or mappings) of one kind as a Parquet table, a column a field."""
+    """Writes dataclasses (or mappings) of one kind as a Parquet table, a column a field.
+
+    What is not a number is an empty field, which tools leave out of a mean.
+    """
     flat = [dict(row) if isinstance(row, Mapping) else asdict(row) for row in rows]
-    pq.write_table(pa.Table.from_pylist(flat), path)
+    pq.write_table(pa.Table.from_pylist([_defined(row) for row in flat]), path)
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
@@ -32,6 +36,10 @@ def read_summary(path: Path) -> dict[str, Any]:
     """Returns the JSON object that `write_summary` wrote."""
     summary: dict[str, Any] = json.loads(path.read_text())
     return summary
+
+
+def _defined(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {n: None if isinstance(v, float) and math.isnan(v) else v for n, v in row.items()}
 
 
 def _finite(value: Any) -> Any:

@@ -6,9 +6,8 @@ combination of two is reckoned. That makes hundreds of points of a few dozen, of
 front are worth a run.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from statistics import fmean, stdev
 from typing import Any, Literal
 
@@ -18,7 +17,7 @@ Part = Literal["scene", "style"]
 Tuning = Mapping[str, Mapping[str, Any]]
 """Settings by stage."""
 
-FOLLOWING_FRAMES = ("PriorRenders", "StylizedField", "StylizedFrames")
+FOLLOWING_FRAMES = ("PriorRenders", "StylizedFrames")
 """Stages of the style whose time follows what a frame of the field costs."""
 
 BUSY_SHARE = 0.1
@@ -36,9 +35,9 @@ class Measurement:
         quality_db: Of the scene: PSNR of views held out. Of the style: -10 log10 of the style and
             content loss of the stylised frames.
         seconds: By stage.
-        other_cpu_share: Of the cores' time, what other work took meanwhile.
+        other_cpu_share: Of the cores' time, what other work took meanwhile; None if not known.
         peak_memory_bytes: Of the stage that takes most.
-        model_bytes: Of what is kept to render from: the field; or the appearance and the network.
+        model_bytes: Of what is kept to render from, by stage.
     """
 
     part: Part
@@ -46,9 +45,9 @@ class Measurement:
     tuning: Tuning
     quality_db: float
     seconds: Mapping[str, float]
-    other_cpu_share: float
+    other_cpu_share: float | None
     peak_memory_bytes: int
-    model_bytes: int
+    model_bytes: Mapping[str, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,8 @@ class Combination:
         psnr_db: Of the field.
         style_db: Of the style.
         seconds: From photographs and painting to the result.
-        seconds_spread: One standard deviation, of repeats.
+        seconds_spread: One standard deviation, by the repeats; None without them.
+        other_cpu_share: As of the measurement that was disturbed more; None if not known of one.
         peak_memory_bytes: Of the stage that takes most.
         model_bytes: Of all that is kept to render from.
     """
@@ -75,23 +75,23 @@ class Combination:
     psnr_db: float
     style_db: float
     seconds: float
-    seconds_spread: float
+    seconds_spread: float | None
+    other_cpu_share: float | None
     peak_memory_bytes: int
     model_bytes: int
 
 
 @dataclass(frozen=True, slots=True)
-class FrontPoint:
-    """A combination that no other beats in time and shortfall both.
+class Spread:
+    """What repeats with other seeds differ by, one standard deviation.
 
     Attributes:
-        combination: The point.
-        overlaps: Whether its time cannot be told from that of a neighbour on the front: two
-            standard deviations of the difference are more than it.
+        seconds: By stage, over their mean; of the stages that ran more than once.
+        quality_db: By side; of the sides that were measured more than once.
     """
 
-    combination: Combination
-    overlaps: bool
+    seconds: Mapping[str, float]
+    quality_db: Mapping[Part, float]
 
 
 def merged(*tunings: Tuning) -> dict[str, dict[str, Any]]:
@@ -103,16 +103,18 @@ def merged(*tunings: Tuning) -> dict[str, dict[str, Any]]:
     return result
 
 
-def spreads(repeats: Sequence[Measurement]) -> dict[str, float]:
-    """Returns the standard deviation of each stage's seconds over their mean, where it is known.
-
-    Of `repeats`, which differ in their seeds alone; a stage that ran once among them has none.
-    """
+def spread_of(measurements: Iterable[Measurement]) -> Spread:
+    """Returns the spread of the repeats of the unchanged quality among the measurements."""
     times: dict[str, set[float]] = {}
-    for measurement in repeats:
+    qualities: dict[Part, list[float]] = {}
+    for measurement in (m for m in measurements if not m.name):
+        qualities.setdefault(measurement.part, []).append(measurement.quality_db)
         for stage, seconds in measurement.seconds.items():
             times.setdefault(stage, set()).add(seconds)
-    return {s: stdev(t) / fmean(t) for s, t in times.items() if len(t) > 1 and fmean(t) > 0}
+    return Spread(
+        {s: stdev(t) / fmean(t) for s, t in times.items() if len(t) > 1},
+        {part: stdev(q) for part, q in qualities.items() if len(q) > 1},
+    )
 
 
 def variants(measurements: Sequence[Measurement], part: Part) -> list[Measurement]:
@@ -139,30 +141,33 @@ def combinations(measurements: Sequence[Measurement]) -> list[Combination]:
     """Returns every variant of the scene with every variant of the style.
 
     The seconds are those of both, repeats averaged. Stages that render the field count by the ratio
-    of what frames cost (`TrajectoryFrames`) with that field and with the unchanged one.
+    of what frames cost (`TrajectoryFrames`) with that field and with the unchanged one; an
+    appearance by the ratio of the fields' bytes. Memory is not scaled.
 
     Raises:
         InputError: The unchanged quality is not among the measurements, on either side.
     """
     scenes, styles = variants(measurements, "scene"), variants(measurements, "style")
     best = {side[0].part: max(m.quality_db for m in side) for side in (scenes, styles)}
-    spread = spreads([m for m in measurements if not m.name])
-    frames = scenes[0].seconds.get("TrajectoryFrames", 0.0)
-    return [_combined(scene, style, best, spread, frames) for scene in scenes for style in styles]
+    spread = spread_of(measurements)
+    return [
+        _combined((scene, style), (scenes[0], styles[0]), best, spread)
+        for scene in scenes
+        for style in styles
+    ]
 
 
 def _combined(
-    scene: Measurement,
-    style: Measurement,
+    pair: tuple[Measurement, Measurement],
+    usual: tuple[Measurement, Measurement],
     best: Mapping[Part, float],
-    spread: Mapping[str, float],
-    usual_frames: float,
+    spread: Spread,
 ) -> Combination:
-    ratio = scene.seconds.get("TrajectoryFrames", 0.0) / usual_frames if usual_frames else 1.0
-    following = {s: ratio * t for s, t in style.seconds.items() if s in FOLLOWING_FRAMES}
-    seconds = {**style.seconds, **following, **scene.seconds}
-    variance = sum((spread.get(stage, 0.0) * s) ** 2 for stage, s in seconds.items())
-    short = max(best["scene"] - scene.quality_db, best["style"] - style.quality_db)
+    scene, style = pair
+    short = max(best[m.part] - m.quality_db for m in pair)
+    seconds = stage_seconds(scene, style, usual[0])
+    shares = [m.other_cpu_share for m in pair if m.other_cpu_share is not None]
+    known = [spread.seconds[s] * t for s, t in seconds.items() if s in spread.seconds]
     return Combination(
         scene=scene.name,
         style=style.name,
@@ -171,62 +176,27 @@ def _combined(
         psnr_db=scene.quality_db,
         style_db=style.quality_db,
         seconds=sum(seconds.values()),
-        seconds_spread=variance**0.5,
-        peak_memory_bytes=max(scene.peak_memory_bytes, style.peak_memory_bytes),
-        model_bytes=scene.model_bytes + style.model_bytes,
+        seconds_spread=sum(t**2 for t in known) ** 0.5 if known else None,
+        other_cpu_share=max(shares) if len(shares) == len(pair) else None,
+        peak_memory_bytes=max(m.peak_memory_bytes for m in pair),
+        model_bytes=_bytes_kept(scene, style, usual[0]),
     )
 
 
-def pareto_front(points: Iterable[Combination]) -> list[FrontPoint]:
-    """Returns the points that none beats in time and shortfall, the fastest first."""
-    kept: list[Combination] = []
-    for point in sorted(points, key=lambda p: (p.seconds, p.shortfall_db)):
-        if not kept or point.shortfall_db < kept[-1].shortfall_db:
-            kept.append(point)
-    pairs = pairwise(kept)
-    close = [b.seconds - a.seconds < 2 * _spread_of_difference(a, b) for a, b in pairs]
-    told = zip(kept, [False, *close], [*close, False], strict=False)
-    return [FrontPoint(point, before or after) for point, before, after in told]
+def stage_seconds(
+    scene: Measurement, style: Measurement, usual_scene: Measurement
+) -> dict[str, float]:
+    """Returns the seconds of each stage of two variants together."""
+    usual = usual_scene.seconds.get("TrajectoryFrames", 0.0)
+    ratio = scene.seconds.get("TrajectoryFrames", 0.0) / usual if usual else 1.0
+    following = {s: ratio * t for s, t in style.seconds.items() if s in FOLLOWING_FRAMES}
+    return {**style.seconds, **following, **scene.seconds}
 
 
-def _spread_of_difference(a: Combination, b: Combination) -> float:
-    return float((a.seconds_spread**2 + b.seconds_spread**2) ** 0.5)
-
-
-def fastest_within(points: Iterable[Combination], shortfall_db: float) -> Combination:
-    """Returns the fastest point that falls short of the best by no more than so much.
-
-    Raises:
-        InputError: There is none.
-    """
-    good = (p for p in points if p.shortfall_db <= shortfall_db)
-    return _least(good, lambda p: (p.seconds, p.shortfall_db), f"within {shortfall_db:g} dB")
-
-
-def best_in(points: Iterable[Combination], seconds: float) -> Combination:
-    """Returns the point that falls short of the best by least, of those that take no longer.
-
-    Raises:
-        InputError: All take longer.
-    """
-    quick = (p for p in points if p.seconds <= seconds)
-    return _least(quick, lambda p: (p.shortfall_db, p.seconds), f"in {seconds:g} s")
-
-
-def smallest_within(points: Iterable[Combination], shortfall_db: float) -> Combination:
-    """Returns the point that keeps the fewest bytes, of those within so much of the best.
-
-    Raises:
-        InputError: There is none.
-    """
-    good = (p for p in points if p.shortfall_db <= shortfall_db)
-    return _least(good, lambda p: (p.model_bytes, p.seconds), f"within {shortfall_db:g} dB")
-
-
-def _least(
-    points: Iterable[Combination], measure: Callable[[Combination], tuple[float, float]], asked: str
-) -> Combination:
-    found = min(points, key=measure, default=None)
-    if found is None:
-        raise InputError(f"trade-off {asked}", "has no such point", "Ask for less, or for longer")
-    return found
+def _bytes_kept(scene: Measurement, style: Measurement, usual_scene: Measurement) -> int:
+    """An appearance has as many numbers as that of the field it belongs to."""
+    usual = usual_scene.model_bytes.get("RadianceField", 0)
+    ratio = scene.model_bytes.get("RadianceField", 0) / usual if usual else 1.0
+    of_style = {**style.model_bytes}
+    of_style["StylizedField"] = round(ratio * of_style.get("StylizedField", 0))
+    return sum(scene.model_bytes.values()) + sum(of_style.values())

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from styletrf.curve_chart import ticks
 from styletrf.page import duration, gibibytes
-from styletrf.trade_off import Combination, FrontPoint
+from styletrf.pareto_front import FrontPoint
+from styletrf.trade_off import BUSY_SHARE, Combination
 
 _WIDTH, _HEIGHT = 720, 420
 _LEFT, _RIGHT, _TOP, _BOTTOM = 56, 18, 14, 44
@@ -40,13 +41,23 @@ def front_svg(points: Sequence[Combination], front: Sequence[FrontPoint]) -> str
 def told(point: Combination) -> list[str]:
     """Returns what a point is, line by line."""
     spread = f" ± {point.seconds_spread:.0f} s" if point.seconds_spread else ""
+    busy = busy_words(point.other_cpu_share)
     return [
-        f"{duration(point.seconds)}{spread}, {point.shortfall_db:.2f} dB short of the best",
+        f"{duration(point.seconds)}{spread}, {point.shortfall_db:.2f} dB short of the best{busy}",
         f"scene: {point.scene or 'as it is'}; style: {point.style or 'as it is'}",
         f"{point.psnr_db:.2f} dB on views held out, style {point.style_db:.2f} dB",
         f"{gibibytes(point.peak_memory_bytes)} of memory, {point.model_bytes / 1e6:.0f} MB kept",
         json.dumps(point.tuning),
     ]
+
+
+def busy_words(other_cpu_share: float | None) -> str:
+    """Returns that other work disturbed a measurement, or that nobody knows; nothing if neither."""
+    if other_cpu_share is None:
+        return ", beside unknown work"
+    if other_cpu_share > BUSY_SHARE:
+        return f", beside other work: {other_cpu_share:.0%}"
+    return ""
 
 
 def _kind(point: FrontPoint) -> str:
@@ -64,7 +75,8 @@ def _circle(axes: "_Axes", point: Combination, kind: str, radius: int) -> str:
 
 
 def _spread(axes: "_Axes", point: Combination) -> str:
-    ends = (point.seconds - point.seconds_spread, point.seconds + point.seconds_spread)
+    spread = point.seconds_spread or 0.0
+    ends = (point.seconds - spread, point.seconds + spread)
     left, right = (axes.place(max(s, 1e-3), point.shortfall_db) for s in ends)
     return f'<polyline class="spread" points="{left} {right}"/>'
 
@@ -76,7 +88,8 @@ class _Axes:
         seconds = [point.seconds for point in points]
         self._first = math.log(0.93 * min(seconds))
         self._last = math.log(1.07 * max(seconds))
-        self._ticks = ticks(0.0, max(point.shortfall_db for point in points))
+        worst = max(0.1, *(point.shortfall_db for point in points))
+        self._ticks = [tick for tick in ticks(0.0, worst) if tick >= 0]
 
     def place(self, seconds: float, shortfall_db: float) -> str:
         share = (math.log(seconds) - self._first) / (self._last - self._first)

@@ -7,17 +7,9 @@ from pathlib import Path
 
 from styletrf.errors import InputError
 from styletrf.page import duration, gibibytes, section, write_page
-from styletrf.trade_off import (
-    BUSY_SHARE,
-    Combination,
-    FrontPoint,
-    Measurement,
-    Tuning,
-    best_in,
-    fastest_within,
-    smallest_within,
-)
-from styletrf.trade_off_chart import front_svg, told
+from styletrf.pareto_front import FrontPoint, best_in, fastest_within, smallest_within
+from styletrf.trade_off import Combination, Measurement, Spread, Tuning, spread_of
+from styletrf.trade_off_chart import busy_words, front_svg, told
 
 STYLE = Path(__file__).with_name("trade_off.css").read_text(encoding="utf-8")
 SCRIPT = Path(__file__).with_name("trade_off.js").read_text(encoding="utf-8")
@@ -59,8 +51,8 @@ def write_trade_off_page(path: Path, content: TradeOffContent) -> None:
         f'<div class="card">{front_svg(content.points, content.front)}</div>'
         '<pre class="card told small" aria-live="polite">Point at a circle, or reach one with the '
         "tabulator: here stands what it is.</pre>"
-        '<p class="quiet small">Filled: on the front. Hollow: on the front, but its time cannot be '
-        "told from that of its neighbour. Grey: another is faster and nearer to the best.</p>"
+        '<p class="quiet small">Filled: on the front. Hollow: on it, but not to be told from '
+        f"its neighbour. Grey: another is faster and nearer to the best. {_noise(content)}</p>"
     )
     sections = [
         f"<header><div><h1>{html.escape(title)}</h1><p>{counts}</p></div></header>",
@@ -70,6 +62,14 @@ def write_trade_off_page(path: Path, content: TradeOffContent) -> None:
         section("The style: what one change does", _table(content.measurements, "style")),
     ]
     write_page(path, title, sections, STYLE, SCRIPT)
+
+
+def _noise(content: TradeOffContent) -> str:
+    spread: Spread = spread_of(content.measurements)
+    if not spread.quality_db:
+        return "Nothing was measured twice, so how sure the figures are is not known."
+    sides = ", ".join(f"{part} {db:.2f} dB" for part, db in spread.quality_db.items())
+    return f"Repeats with other seeds differ by (one standard deviation) {sides}."
 
 
 def _answer(content: TradeOffContent, question: str) -> str:
@@ -101,17 +101,14 @@ def _table(measurements: Sequence[Measurement], part: str) -> str:
 
 def _row(measurement: Measurement, usual: Measurement) -> str:
     seconds = sum(measurement.seconds.values())
-    busy = ""
-    if measurement.other_cpu_share > BUSY_SHARE:
-        busy = (
-            f'<div class="quiet small">beside other work: {measurement.other_cpu_share:.0%}</div>'
-        )
+    share = busy_words(measurement.other_cpu_share).removeprefix(", ")
+    busy = f'<div class="quiet small">{share}</div>' if share else ""
     values = (
         f"{measurement.quality_db:.2f} dB",
         f"{measurement.quality_db - usual.quality_db:+.2f}",
         duration(seconds),
         gibibytes(measurement.peak_memory_bytes),
-        f"{measurement.model_bytes / 1e6:.0f} MB",
+        f"{sum(measurement.model_bytes.values()) / 1e6:.0f} MB",
     )
     cells = "".join(f'<td class="number">{value}</td>' for value in values)
     name = html.escape(measurement.name or "nothing")

@@ -25,8 +25,8 @@ def check_command(command: CmdlineParser) -> None:
     Raises:
         SystemExit: A setting, the device or a combination of words cannot be used.
     """
-    stages = graph(command.get_task_obj())  # type: ignore[no-untyped-call]
     try:
+        stages = graph(command.get_task_obj())  # type: ignore[no-untyped-call]
         for stage in stages:
             if hasattr(stage, "require_sound"):  # not of Luigi's own
                 stage.require_sound()

@@ -14,7 +14,8 @@ from typing import Any
 import luigi
 
 from styletrf.errors import InputError
-from styletrf.trade_off import Combination, best_in, fastest_within
+from styletrf.pareto_front import best_in, fastest_within
+from styletrf.trade_off import Combination
 
 SHIPPED = Path(__file__).with_name("fronts")
 _WITHIN = re.compile(r"within\s+(\d+(?:\.\d+)?)\s*dB", re.IGNORECASE)
@@ -106,7 +107,8 @@ def choose(wish: Wish, measured: Path, space: str) -> Choice:
     front: dict[str, Any] = json.loads(path.read_text())
     points = [Combination(**point["combination"]) for point in front["points"]]
     own = "the front of this scene" if path == measured else f"the shipped front for {space} space"
-    name = f"{own} ({front['scene']}, {front['measured']}, {front['machine']})"
+    where = ("scene", "style", "measured", "machine")
+    name = f"{own} ({', '.join(str(front[name]) for name in where)})"
     return Choice(str(front["quality"]), wish.answer(points), name)
 
 

@@ -110,7 +110,8 @@ class PathRenders(TunedStage):
 
         config = self.config(self.values())
         model = read_scene_model(inputs["model"] / "scene.json")
-        photographed = model.normalized(read_cameras(inputs["poses"] / "cameras.parquet"))
+        posed = read_cameras(inputs["poses"] / "cameras.parquet")
+        photographed = model.normalized(posed, config.long_side_px)
         cameras = self.cameras(inputs, photographed, model, config)
         renders = rendered(
             load_field(inputs["field"]),

@@ -21,6 +21,8 @@ SCENE = {
 KEPT = {"RadianceField", "StylizedField", "StyleNetwork"}
 """Stages whose artifacts a result is rendered from."""
 
+_LONG_SECONDS = 5.0
+
 JUDGES = {"StylizationMetrics"}
 """Stages that measure, and that the main command does without."""
 
@@ -42,9 +44,9 @@ def measurement(
         tuning=variant.tuning,
         quality_db=quality_db(variant.part, summary),
         seconds={r.action.family: _number(r, "seconds") for r in own},
-        other_cpu_share=max(map(_other_cpu_share, own), default=0.0),
+        other_cpu_share=_largest_other_share(own),
         peak_memory_bytes=int(max((_number(r, "peak_memory_bytes") for r in own), default=0)),
-        model_bytes=sum(r.output.size for r in own if r.action.family in KEPT),
+        model_bytes={r.action.family: r.output.size for r in own if r.action.family in KEPT},
     )
 
 
@@ -94,13 +96,19 @@ def _part(record: ActionRecord) -> Part:
 
 
 def _number(record: ActionRecord, name: str) -> float:
-    value: Any = record.provenance.get(name, 0)  # records of earlier days lack some
+    value: Any = record.provenance.get(name, 0)
     return float(value)
 
 
-def _other_cpu_share(record: ActionRecord) -> float:
-    """Of stages too short to be told from the noise of the system, none."""
-    seconds = _number(record, "seconds")
-    if seconds < 5:
-        return 0.0
-    return _number(record, "other_cpu_seconds") / (seconds * (os.cpu_count() or 1))
+def _largest_other_share(records: Iterable[ActionRecord]) -> float | None:
+    """Of the stages long enough to be told from the noise of the system; None if one is unknown."""
+    long = [record for record in records if _number(record, "seconds") >= _LONG_SECONDS]
+    if not all("other_cpu_seconds" in record.provenance for record in long):
+        return None
+    cores = os.cpu_count() or 1
+    shares = (_number(r, "other_cpu_seconds") / (cores * _seconds_of_last_attempt(r)) for r in long)
+    return max(shares, default=0.0)
+
+
+def _seconds_of_last_attempt(record: ActionRecord) -> float:
+    return max(_number(record, "seconds") - _number(record, "earlier_seconds"), 1.0)

@@ -35,6 +35,12 @@ class QualityMetrics(TunedStage):
             "model": self.need(SceneModel),
         }
 
+    def external_digests(self) -> Mapping[str, str]:
+        """The release of LPIPS and the digest of its weights, where it is asked for."""
+        from tasks.optional import lpips_digests
+
+        return lpips_digests() if self.values().get("lpips") else {}
+
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the views held out and compare."""
         from styletrf.camera_table import read_split
@@ -82,6 +88,12 @@ class ConsistencyMetrics(TunedStage, FrameControls):
             "style": self.need(StyleImage),
             "perceptual": self.need(PerceptualWeights),
         }
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The release of torchvision and the digest of RAFT's weights, where it is asked for."""
+        from tasks.optional import raft_digests
+
+        return raft_digests() if self.values().get("method") == "raft" else {}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Warp and compare."""

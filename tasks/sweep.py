@@ -1,13 +1,18 @@
 """The designed sweep over the knobs: one change at a time around a quality, and a few together.
 
-Changes are relative to the quality's own values, so that the sweep fits any of them.
+Changes are factors of the values in the middle, so that the sweep fits any quality.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from styletrf.errors import InputError
+from styletrf.trade_off import merged
 from tasks.qualities import settings_for
+
+Values = Mapping[str, Mapping[str, Any]]
+"""Settings by stage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,22 +21,90 @@ class Variant:
 
     part: Literal["scene", "style"]
     name: str
-    tuning: Mapping[str, Mapping[str, Any]]
+    tuning: Values
 
 
-def sweep(quality: str, tuning: Mapping[str, Mapping[str, Any]], repeats: int) -> list[Variant]:
-    """Returns the variants to measure around a quality, the unchanged one first and repeated.
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """Settings that are changed by one factor: `STAGE/NAME`, and the factors tried."""
+
+    part: Literal["scene", "style"]
+    name: str
+    settings: tuple[str, ...]
+    factors: tuple[float, ...]
+
+
+RENDERS = ("TrajectoryFrames/render.", "PriorRenders/render.", "QualityMetrics/render.")
+FAINT = (
+    *(f"{stage}{name}" for stage in RENDERS for name in ("termination", "min_weight")),
+    "StylizedFrames/termination", "StylizedFrames/min_weight",
+)  # fmt: skip
+RANKS = ("RadianceField/field.density_ranks", "RadianceField/field.appearance_ranks")
+KNOBS = (
+    Knob("scene", "iterations", ("RadianceField/iterations",), (0.25, 0.5, 2.0)),
+    Knob("scene", "batch", ("RadianceField/batch", "RadianceField/batch_samples"), (0.5, 2.0)),
+    Knob("scene", "voxels", ("SceneModel/max_voxels",), (0.25, 0.5, 2.0)),
+    Knob("scene", "ranks", RANKS, (0.5, 2.0)),
+    Knob("scene", "steps a voxel", ("RadianceField/steps_per_voxel",), (0.7,)),
+    Knob("scene", "faint samples of the fit", ("RadianceField/min_weight",), (3.0,)),
+    Knob("scene", "photographs' size", ("SceneModel/image_long_side",), (0.75,)),
+    Knob("scene", "faint samples of frames", FAINT, (3.0, 0.3)),
+    Knob("style", "network iterations", ("StyleNetwork/iterations",), (0.25, 0.5, 2.0)),
+    Knob("style", "network width", ("StyleNetwork/network.width",), (2 / 3,)),
+    Knob("style", "network crops", ("StyleNetwork/crop_px",), (0.75,)),
+    Knob(
+        "style", "adaptation iterations", ("StylizedField/adaptation.iterations",), (0.25, 0.5, 2.0)
+    ),
+    Knob("style", "left out of the cache", ("StylizedField/adaptation.min_weight",), (0.5, 15.0)),
+    Knob("style", "times that priors cover", ("PriorRenders/coverage.times",), (1 / 3, 2.0)),
+)
+TOGETHER: dict[tuple[Literal["scene", "style"], str], dict[str, float]] = {
+    ("scene", "quick"): {"iterations": 0.5, "voxels": 0.5, "ranks": 0.5},
+    ("scene", "least"): {
+        "iterations": 0.25, "voxels": 0.25, "ranks": 0.5, "faint samples of frames": 3.0,
+    },
+    ("scene", "most"): {
+        "iterations": 2.0, "voxels": 2.0, "ranks": 1.5, "faint samples of frames": 0.3,
+    },
+    ("style", "quick"): {
+        "network iterations": 0.5, "adaptation iterations": 0.5, "times that priors cover": 2 / 3,
+    },
+    ("style", "least"): {
+        "network iterations": 0.25, "adaptation iterations": 0.25, "times that priors cover": 1 / 3,
+    },
+}  # fmt: skip
+
+
+USUAL: dict[str, dict[str, Any]] = {
+    "RadianceField": {"steps_per_voxel": 0.7, "min_weight": 3e-3},
+    "StylizedField": {"adaptation.min_weight": 2e-3},
+    "PriorRenders": {"coverage.times": 3},
+}
+"""Defaults of the configurations, where all qualities have them."""
+
+
+def middle_of(quality: str, tuning: Values) -> dict[str, dict[str, Any]]:
+    """Returns the settings of a quality, replaced by those tuned, by stage."""
+    stages = {setting.split("/")[0] for knob in KNOBS for setting in knob.settings}
+    of_quality = {stage: settings_for(stage, quality) for stage in sorted(stages)}
+    return merged(USUAL, of_quality, tuning)
+
+
+def sweep(middle: Values, repeats: int) -> list[Variant]:
+    """Returns the variants to measure, the unchanged middle first and repeated.
+
+    A change that leaves everything as it is, because a setting is 0 or as low as it goes, is left
+    out.
 
     Args:
-        quality: A column of `tasks/qualities.py`.
-        tuning: Settings by stage that replace the quality's, also in the middle.
+        middle: The settings around which is swept, see `middle_of`.
         repeats: How often the middle is measured, each time with other seeds.
+
+    Raises:
+        InputError: A setting in the middle is no number.
     """
-    around = {
-        family: {**settings_for(family, quality), **tuning.get(family, {})}
-        for family in ("SceneModel", "RadianceField", "StyleNetwork", "StylizedField")
-    }
-    return [*_repeated(repeats), *_of_scene(around), *_of_style(around)]
+    changes = [*_alone(middle), *_together(middle)]
+    return [*_repeated(repeats), *(v for v in changes if not _is_middle(v, middle))]
 
 
 def _repeated(repeats: int) -> Iterator[Variant]:
@@ -41,100 +114,54 @@ def _repeated(repeats: int) -> Iterator[Variant]:
         yield Variant("style", "", style if seed else {})
 
 
-def _of_scene(around: Mapping[str, Mapping[str, Any]]) -> Iterator[Variant]:
-    model, field = around["SceneModel"], around["RadianceField"]
-    long_side = model["image_long_side"]
-
-    def fit(**settings: Any) -> dict[str, dict[str, Any]]:
-        return {"RadianceField": {n.replace("__", "."): v for n, v in settings.items()}}
-
-    def ranks(factor: float) -> dict[str, Any]:
-        return {
-            f"field.{kind}_ranks": [max(1, round(factor * r)) for r in field[f"field.{kind}_ranks"]]
-            for kind in ("density", "appearance")
-        }
-
-    def voxels(factor: float) -> dict[str, dict[str, Any]]:
-        return {"SceneModel": {"max_voxels": round(factor * model["max_voxels"])}}
-
-    def pixels(factor: float) -> dict[str, dict[str, Any]]:
-        return {
-            "SceneModel": {"image_long_side": round(factor * long_side)},
-            "QualityMetrics": {"long_side_px": long_side},
-        }
-
-    def times(factor: float) -> int:
-        iterations: int = field["iterations"]
-        return round(factor * iterations)
-
-    for factor in (0.25, 0.5, 2.0):
-        yield Variant("scene", f"iterations x {factor:g}", fit(iterations=times(factor)))
-    for factor in (0.5, 2.0):
-        rays = {n: round(factor * field[n]) for n in ("batch", "batch_samples")}
-        yield Variant("scene", f"batch x {factor:g}", fit(**rays))
-    for factor in (0.25, 0.5, 2.0):
-        yield Variant("scene", f"voxels x {factor:g}", voxels(factor))
-    for factor in (0.5, 2.0):
-        yield Variant("scene", f"ranks x {factor:g}", {"RadianceField": ranks(factor)})
-    yield Variant("scene", "steps a voxel x 0.7", fit(steps_per_voxel=0.5))
-    yield Variant("scene", "faint samples left out", fit(min_weight=0.01, termination=0.01))
-    yield Variant("scene", "photographs x 0.75", pixels(0.75))
-    yield Variant("scene", "frames to 3 %", _frames(0.03))
-    yield Variant("scene", "frames to 0.3 %", _frames(0.003))
-    quick = {"RadianceField": {**ranks(0.5), "iterations": times(0.5)}}
-    yield Variant("scene", "quick", voxels(0.5) | quick)
-    least = {"RadianceField": {**ranks(0.5), "iterations": times(0.25)}}
-    yield Variant("scene", "least", {**voxels(0.25), **least, **_frames(0.03)})
-    most = {"RadianceField": {**ranks(1.5), "iterations": times(2.0)}}
-    yield Variant("scene", "most", {**voxels(2.0), **most, **_frames(0.003)})
+def _alone(middle: Values) -> Iterator[Variant]:
+    for knob in KNOBS:
+        for factor in knob.factors:
+            yield Variant(knob.part, f"{knob.name} x {factor:.2g}", _changed(knob, factor, middle))
+    yield Variant("style", "network in float32", {"StyleNetwork": {"bfloat16": False}})
 
 
-def _frames(faint: float) -> dict[str, dict[str, Any]]:
-    """Rays end and samples are left out at this share of a pixel, in every render."""
-    nested = {"render.termination": faint, "render.min_weight": faint}
-    return {
-        "TrajectoryFrames": nested,
-        "PriorRenders": nested,
-        "QualityMetrics": nested,
-        "StylizedFrames": {"termination": faint, "min_weight": faint},
-    }
+def _together(middle: Values) -> Iterator[Variant]:
+    knobs = {knob.name: knob for knob in KNOBS}
+    for (part, name), factors in TOGETHER.items():
+        changes = (_changed(knobs[knob], factor, middle) for knob, factor in factors.items())
+        yield Variant(part, name, merged(*changes))
 
 
-def _of_style(around: Mapping[str, Mapping[str, Any]]) -> Iterator[Variant]:
-    network, adaptation = around["StyleNetwork"], around["StylizedField"]
+def _changed(knob: Knob, factor: float, middle: Values) -> dict[str, dict[str, Any]]:
+    tuning: dict[str, dict[str, Any]] = {}
+    for setting in knob.settings:
+        stage, name = setting.split("/")
+        tuning.setdefault(stage, {})[name] = _times(middle[stage][name], factor, setting)
+    return merged(tuning, _beside(knob, middle))
 
-    def train(**settings: Any) -> dict[str, dict[str, Any]]:
-        return {"StyleNetwork": {n.replace("__", "."): v for n, v in settings.items()}}
 
-    def adapt(**settings: Any) -> dict[str, dict[str, Any]]:
-        return {"StylizedField": {f"adaptation.{n}": v for n, v in settings.items()}}
+def _beside(knob: Knob, middle: Values) -> Values:
+    """What has to go with a change, so that what comes out compares."""
+    if knob.name == "photographs' size":  # frames, and views to judge by, keep theirs
+        size = {"long_side_px": middle["SceneModel"]["image_long_side"]}
+        return dict.fromkeys(("TrajectoryFrames", "PriorRenders", "QualityMetrics"), size)
+    if knob.name == "network width":  # no base network has it
+        return {"StyleNetwork": {"warm_start": False}}
+    return {}
 
-    def times(factor: float) -> int:
-        iterations: int = network["iterations"]
-        return round(factor * iterations)
 
-    def rounds(factor: float) -> int:
-        iterations: int = adaptation["adaptation.iterations"]
-        return round(factor * iterations)
+def _times(value: Any, factor: float, setting: str) -> Any:
+    if isinstance(value, list | tuple):
+        return [_times(part, factor, setting) for part in value]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(
+            f"setting {setting}", f"{value!r} is no number", "Leave it out of --tuning"
+        )
+    if isinstance(value, float):
+        return float(f"{factor * value:.6g}")
+    return max(1, round(factor * value)) if value else 0
 
-    def covered(times: float) -> dict[str, dict[str, Any]]:
-        return {"PriorRenders": {"coverage.times": times}}
 
-    for factor in (0.25, 0.5, 2.0):
-        yield Variant("style", f"network iterations x {factor:g}", train(iterations=times(factor)))
-    narrow = train(network__width=16, warm_start=False)
-    yield Variant("style", "network of width 16", narrow)
-    small = train(crop_px=round(0.75 * network["crop_px"]))
-    yield Variant("style", "network crops x 0.75", small)
-    yield Variant("style", "network in float32", train(bfloat16=False))
-    for factor in (0.25, 0.5, 2.0):
-        name = f"adaptation iterations x {factor:g}"
-        yield Variant("style", name, adapt(iterations=rounds(factor)))
-    yield Variant("style", "larger cache", adapt(min_weight=1e-3))
-    yield Variant("style", "smaller cache", adapt(min_weight=3e-2))
-    yield Variant("style", "priors that cover once", covered(1))
-    yield Variant("style", "priors that cover 6 times", covered(6))
-    quick = train(iterations=times(0.5)) | adapt(iterations=rounds(0.5)) | covered(2)
-    yield Variant("style", "quick", quick)
-    least = train(iterations=times(0.25)) | adapt(iterations=rounds(0.25)) | covered(1)
-    yield Variant("style", "least", least)
+def _is_middle(variant: Variant, middle: Values) -> bool:
+    return all(
+        middle.get(stage, {}).get(name) == value
+        for stage, settings in variant.tuning.items()
+        for name, value in settings.items()
+        if name != "long_side_px"
+    )

@@ -22,7 +22,7 @@ from tasks.metrics import QualityMetrics, StylizationMetrics
 from tasks.scene import SceneModel
 from tasks.showing import ShownStage
 from tasks.stage import GradedStage, Stage, TunedStage
-from tasks.sweep import Variant, sweep
+from tasks.sweep import Variant, middle_of, sweep
 from tasks.trajectory import StylizedTrajectory
 
 
@@ -61,14 +61,14 @@ class TradeOff(ShownStage, GradedStage):
         if changed:
             told = f"settings of {', '.join(sorted(changed))}"
             raise InputError(told, "would hide what a sweep changes", "Give them by --tuning")
-        names = [v.name for v in sweep(self.quality, self.tuning, 1) if v.name]
+        names = [v.name for v in sweep(middle_of(self.quality, self.tuning), 1) if v.name]
         if unknown := set(self.only) - set(names):
             told = f"--only {sorted(unknown)}"
             raise InputError(told, "is no change of the sweep", f"Give some of {names}")
 
     def variants(self) -> list[Variant]:
         """What is measured."""
-        found = sweep(self.quality, self.tuning, self.repeats)
+        found = sweep(middle_of(self.quality, self.tuning), self.repeats)
         return [v for v in found if not (self.only and v.name) or v.name in self.only]
 
     def requires(self) -> Mapping[str, Stage]:
@@ -100,15 +100,16 @@ class TradeOff(ShownStage, GradedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Gather what the stages took and achieved, and find the front."""
+        from styletrf.pareto_front import pareto_front
         from styletrf.tables import write_rows, write_summary
-        from styletrf.trade_off import combinations, pareto_front
+        from styletrf.trade_off import combinations
         from styletrf.trade_off_page import TradeOffContent, write_trade_off_page
         from tasks.measuring import machine
 
         measured = self._measurements(inputs, run.lineage)
         points = combinations(measured)
         points = [replace(p, tuning=merged(self.tuning, p.tuning)) for p in points]
-        front = pareto_front(points)
+        front = pareto_front(points, measured)
         write_rows(out / "measurements.parquet", [_flat(asdict(m)) for m in measured])
         write_rows(out / "combinations.parquet", [_flat(asdict(p)) for p in points])
         rows = [_flat(asdict(p.combination)) | {"overlaps": p.overlaps} for p in front]

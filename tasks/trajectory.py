@@ -9,6 +9,7 @@ from typing import cast
 
 import luigi
 
+from pipeline.errors import TaskFailure
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
@@ -25,6 +26,9 @@ from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
 from tasks.wall import refresh_wall, root_of_command, wall_at_exit
 
 screen = logging.getLogger("pipeline")
+
+PAGES = ("trade-off", "scene-report")
+"""Names in `out/SCENE/` that are no style's."""
 
 CONTROLS = (
     "stroke_scale", "content_weight", "network", "stylizer", "colors", "strategy", "match",
@@ -50,6 +54,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
         default="", description="such as 5min: the best settings that take no longer, by a front"
     )
     tools = ()
+    _is_told = False
 
     @property
     def wish(self) -> Wish | None:
@@ -63,6 +68,11 @@ class StylizedTrajectory(ShownStage, FrameControls):
             InputError: With what to give instead.
         """
         super().require_sound()
+        if self.style in PAGES:
+            raise InputError(f"style {self.style}", "is the name of a page", "Rename the image")
+        if self.budget and not self.is_usual("quality") and self.quality in QUALITIES:
+            told = f"--quality {self.quality} --budget {self.budget}"
+            raise InputError(told, "ask for settings twice", "Leave one of them out")
         if self.wish and self.tuning:
             problem = "goes without a wish for time or accuracy, which chooses the settings"
             raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
@@ -106,30 +116,41 @@ class StylizedTrajectory(ShownStage, FrameControls):
 
     def cells(self) -> "list[StylizedTrajectory]":
         """The results asked for."""
-        return [self.granted() or self] if self.wish else [self]
+        return [self.granted() or self]
 
     def complete(self) -> bool:
         """Whether the result is in the store and in `out/`; the command refreshes the index."""
         with wall_at_exit(self):
-            if not self.wish:
-                return super().complete()
             granted = self.granted()
-            return granted is not None and granted.complete()
+            return granted.complete() if granted else super().complete()
 
     def run(self) -> "Generator[StoredTask, None, None] | None":
         """Make the result; for a wish, have Luigi make the one that grants it."""
         return self._grant() if self.wish else super().run()
 
     def _grant(self) -> "Generator[StoredTask, None, None]":
-        if not self.complete():
-            screen.info("%s: %s", self.label, self._choice().told)
+        try:
+            self._choice()
+        except InputError as error:
+            raise TaskFailure("user", str(self), str(error)) from error
         yield cast("StoredTask", self.granted())
 
     def granted(self) -> "StylizedTrajectory | None":
-        """The result that grants the wish; None while the kind of scene is unknown."""
-        if not self.requires()["model"].complete():
+        """The result that grants the wish.
+
+        None without a wish; while the kind of scene is unknown; and where no result will do, which
+        `require_sound` or `run` tell.
+        """
+        try:
+            self.require_sound()
+            if not self.wish or not self.requires()["model"].complete():
+                return None
+            choice = self._choice()
+        except InputError:
             return None
-        choice = self._choice()
+        if not self._is_told:
+            self._is_told = True
+            screen.info("%s: %s", self.label, choice.told)
         found = {**self.param_kwargs, "quality": choice.quality, "tuning": choice.point.tuning}
         return StylizedTrajectory(**{**found, "budget": ""})
 
