@@ -215,11 +215,11 @@ def _mean(values: Sequence[float]) -> float | None:
 
 
 def _require_pairs(n_frames: int, deltas: Sequence[int]) -> None:
-    if not deltas or min(deltas) < 1 or n_frames <= min(deltas):
+    if n_frames <= min(deltas):
         raise InputError(
             f"trajectory of {n_frames} frames",
             f"has no pair of frames {' or '.join(map(str, deltas))} apart",
-            "Render more frames, or measure smaller distances, from 1",
+            "Render more frames, or measure smaller distances",
         )
 
 

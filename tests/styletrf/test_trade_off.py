@@ -7,29 +7,29 @@ import pytest
 from headless import answer_of, needs_chromium
 
 from styletrf.errors import InputError
+from styletrf.pareto_front import best_in, fastest_within, pareto_front, smallest_within
 from styletrf.trade_off import (
     Measurement,
-    best_in,
     combinations,
-    fastest_within,
     merged,
-    pareto_front,
-    smallest_within,
-    spreads,
+    spread_of,
 )
+from styletrf.trade_off_chart import front_svg
 from styletrf.trade_off_page import TradeOffContent, write_trade_off_page
 
 
 def scene(name="", psnr=25.0, field=100.0, frames=30.0, size=100, **more):
     seconds = {"RadianceField": field, "TrajectoryFrames": frames}
     tuning = {"RadianceField": {"iterations": field}} if name else {}
-    return Measurement("scene", name, tuning, psnr, seconds, 0.0, 10, size, **more)
+    kept = {"RadianceField": size}
+    return Measurement("scene", name, tuning, psnr, seconds, 0.0, 10, kept, **more)
 
 
 def style(name="", db=-5.0, network=180.0, frames=30.0, size=10):
     seconds = {"StyleNetwork": network, "StylizedFrames": frames}
     tuning = {"StyleNetwork": {"iterations": network}} if name else {}
-    return Measurement("style", name, tuning, db, seconds, 0.0, 20, size)
+    kept = {"StyleNetwork": 4, "StylizedField": size}
+    return Measurement("style", name, tuning, db, seconds, 0.0, 20, kept)
 
 
 MEASURED = [
@@ -45,7 +45,7 @@ def test_every_variant_of_one_side_goes_with_every_one_of_the_other():
     usual = next(p for p in points if not p.scene and not p.style)
     assert usual.seconds == 100 + 30 + 180 + 30
     assert usual.shortfall_db == pytest.approx(0.5)  # the scene's, more than the style's 0.2
-    assert (usual.peak_memory_bytes, usual.model_bytes, usual.tuning) == (20, 110, {})
+    assert (usual.peak_memory_bytes, usual.model_bytes, usual.tuning) == (20, 114, {})
     both = next(p for p in points if (p.scene, p.style) == ("fast", "short"))
     assert both.tuning == {
         "RadianceField": {"iterations": 50},
@@ -62,7 +62,7 @@ def test_stages_that_render_follow_what_a_frame_costs():
 
 def test_no_point_of_the_front_is_beaten_and_every_other_is():
     points = combinations(MEASURED)
-    front = [p.combination for p in pareto_front(points)]
+    front = [p.combination for p in pareto_front(points, MEASURED)]
     for point in points:
         beaten = any(
             o.seconds <= point.seconds and o.shortfall_db <= point.shortfall_db and o != point
@@ -87,16 +87,54 @@ def test_answers_are_the_least_of_those_that_qualify():
             impossible()
 
 
-def test_repeats_tell_the_spread_and_close_neighbours_are_marked():
-    repeats = [scene(field=t) for t in (90.0, 100.0, 110.0)]
-    assert spreads(repeats) == {"RadianceField": pytest.approx(0.1)}
-    near = scene("near", 25.2, 104.0)
-    points = combinations([*repeats, style(), near])
-    usual = next(p for p in points if not p.scene)
+def test_repeats_tell_the_spread():
+    repeats = [scene(field=t, psnr=q) for t, q in ((90.0, 25.0), (100.0, 25.1), (110.0, 24.9))]
+    spread = spread_of([*repeats, style()])
+    assert spread.seconds == {"RadianceField": pytest.approx(0.1)}
+    assert spread.quality_db == {"scene": pytest.approx(0.1)}
+    usual = combinations([*repeats, style()])[0]
     assert usual.seconds == pytest.approx(100 + 30 + 180 + 30)
     assert usual.seconds_spread == pytest.approx(10.0)
-    assert [p.overlaps for p in pareto_front(points)] == [True, True]
-    assert [p.overlaps for p in pareto_front(combinations([scene(), style(), near]))] == [False] * 2
+    assert combinations([scene(), style()])[0].seconds_spread is None
+
+
+@pytest.mark.parametrize(
+    ("psnr", "field", "overlaps"),
+    [(26.0, 300.0, False), (26.0, 105.0, True), (25.05, 300.0, True)],
+    ids=["another", "as slow", "as good"],
+)
+def test_points_that_cannot_be_told_apart_are_marked(psnr, field, overlaps):
+    repeats = [scene(field=t, psnr=q) for t, q in ((90.0, 24.9), (110.0, 25.1))]
+    noisy = [style(network=t) for t in (100.0, 300.0)]  # which both points share
+    measured = [*repeats, *noisy, scene("other", psnr, field)]
+    front = pareto_front(combinations(measured), measured)
+    assert [p.overlaps for p in front] == [overlaps] * 2
+
+
+def test_without_repeats_nothing_is_said_of_the_spread():
+    measured = [scene(), style(), scene("near", 25.2, 104.0)]
+    assert [p.overlaps for p in pareto_front(combinations(measured), measured)] == [None] * 2
+
+
+def test_an_appearance_is_as_large_as_its_field():
+    by_name = {p.scene: p for p in combinations([scene(), style(), scene("small", size=25)])}
+    assert by_name["small"].model_bytes == 25 + 4 + round(10 * 0.25)
+
+
+def test_what_is_not_known_of_other_work_is_not_taken_for_none():
+    unknown = replace(scene("old"), other_cpu_share=None)
+    by_name = {p.scene: p for p in combinations([scene(), style(), unknown])}
+    assert (by_name["old"].other_cpu_share, by_name[""].other_cpu_share) == (None, 0.0)
+
+
+@pytest.mark.parametrize(
+    "measured", [[scene(), style()], [scene(), style(), scene("slow", 24.0, 300.0)]]
+)
+def test_a_chart_of_one_shortfall_stays_in_its_frame(measured):
+    points = combinations(measured)
+    drawn = front_svg(points, pareto_front(points, measured))
+    for y in re.findall(r' (?:cy|y1|y2|y)="([^"]+)"', drawn):
+        assert 0 <= float(y) <= 420
 
 
 def test_a_sweep_without_its_middle_is_refused():
@@ -114,7 +152,8 @@ def written(folder):
     points = combinations(MEASURED)
     content = TradeOffContent(
         "<b>place", "ink & wash", "draft", "ndc", "2 cores", "2026-01-01", points,
-        pareto_front(points), [*MEASURED, replace(MEASURED[2], name="<i>", other_cpu_share=0.4)],
+        pareto_front(points, MEASURED),
+        [*MEASURED, replace(MEASURED[2], name="<i>", other_cpu_share=0.4)],
         lambda tuning: f"luigi --tuning '{tuning}'",
     )  # fmt: skip
     write_trade_off_page(folder / "page.html", content)
@@ -125,7 +164,7 @@ def test_the_page_shows_every_point_and_escapes_what_it_is_told(tmp_path):
     points = combinations(MEASURED)
     page = written(tmp_path).read_text()
     assert page.count("<circle") == len(points)
-    assert page.count('class="beaten"') == len(points) - len(pareto_front(points))
+    assert page.count('class="beaten"') == len(points) - len(pareto_front(points, MEASURED))
     assert "<b>place" not in page
     assert "<i>" not in page
     assert "beside other work: 40%" in page
