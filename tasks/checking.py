@@ -11,10 +11,10 @@ import subprocess
 import sys
 from typing import Any
 
-import luigi
 from luigi.cmdline_parser import CmdlineParser
 
 from styletrf.errors import InputError
+from tasks.graph import graph
 from tasks.stage import Stage, TunedStage
 
 
@@ -76,18 +76,6 @@ def configurations() -> dict[str, type]:
         "StylizedFrames": RenderConfig,
         "TrajectoryFrames": FramesConfig,
     }
-
-
-def graph(root: luigi.Task) -> list[luigi.Task]:
-    """Returns a task and all that is upstream of it, each once."""
-    found: dict[str, luigi.Task] = {}
-    pending = [root]
-    while pending:
-        task = pending.pop()
-        if task.task_id not in found:
-            found[task.task_id] = task
-            pending += luigi.task.flatten(task.requires())  # type: ignore[no-untyped-call]
-    return list(found.values())
 
 
 def _refusal(asked: dict[str, Any]) -> str:

@@ -14,9 +14,9 @@ from pipeline.settings import data_root, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.trade_off import Measurement, Tuning, merged
-from tasks.checking import graph
 from tasks.command import main_command
 from tasks.field import TrajectoryFrames
+from tasks.graph import graph
 from tasks.measuring import lineage_of, measurement, summary_in
 from tasks.metrics import QualityMetrics, StylizationMetrics
 from tasks.scene import SceneModel
