@@ -22,7 +22,7 @@ from typing import Any
 import psutil
 
 _PR_SET_PDEATHSIG = 1
-_SECONDS_BETWEEN_LOOKS, _SECONDS_BETWEEN_NOTES = 0.1, 5.0
+_SECONDS_BETWEEN_LOOKS, _SECONDS_BETWEEN_NOTES = 0.1, 0.5
 _SPENT = ".seconds"
 _MAXRSS_UNIT = 1 if sys.platform == "darwin" else 1024
 _CAUSES = {"timeout": "for taking too long", "memory": "for want of memory"}

@@ -47,6 +47,27 @@ def test_success(executor, job):
     assert 5 * MEBIBYTE < report.peak_memory_bytes < 2**40
 
 
+def test_time_before_a_kill_counts_where_a_checkpoint_is_gone_on_from(job):
+    resume = Path(job.resume)
+    assert acted("subprocess", job, "sleep_a_little").earlier_seconds == 0
+    assert not list(resume.iterdir()), "nothing is noted without a checkpoint"
+    (resume / "checkpoint").touch()
+    (resume / ".seconds").write_text("100.0")
+    report = acted("subprocess", job, "sleep_a_little")
+    assert (report.earlier_seconds, report.seconds < 30) == (100, True)
+    assert 100 < float((resume / ".seconds").read_text()) < 130, "what the next attempt would add"
+    (resume / "checkpoint").unlink()
+    assert acted("subprocess", job, "succeed").earlier_seconds == 0
+
+
+def test_cores_of_a_build_and_of_others_are_told_apart(job):
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as other:
+        report = acted("subprocess", job, "sleep_a_little")
+        other.kill()
+    assert 0 < report.cpu_seconds < report.seconds
+    assert report.other_cpu_seconds > 0.3 * report.seconds
+
+
 @every_executor
 @pytest.mark.parametrize("interactive", [False, True])
 def test_a_warning_is_a_line_on_the_terminal_and_in_the_log(executor, job, interactive, capfd):
