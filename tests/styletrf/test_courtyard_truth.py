@@ -57,7 +57,7 @@ def test_depth_of_a_field_is_that_of_the_surfaces():
     truth = capture.depths[0]
     surface = np.isfinite(truth)
     error = np.abs(render.depth.numpy()[surface] / metres / truth[surface] - 1)
-    assert np.median(error) < 0.06  # of a fit of seconds; a wrong convention is off by far more
+    assert np.median(error) < 0.08  # of a fit of seconds; a wrong convention is off by far more
     assert render.opacity.numpy()[surface].mean() > 0.95
 
 

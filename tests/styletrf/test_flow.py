@@ -2,6 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
+from styletrf.configuration import configured
+from styletrf.consistency import ConsistencyConfig
 from styletrf.errors import InputError
 from styletrf.flow import METHODS, FlowEstimator, agreement, warp_to_a
 
@@ -82,7 +84,7 @@ def test_what_disappears_behind_something_else_is_invalid():
 
 
 def test_bad_requests_are_refused():
-    with pytest.raises(InputError, match="Use one of"):
-        FlowEstimator("psychic")
+    with pytest.raises(InputError, match="Choose one of dis"):
+        configured(ConsistencyConfig, {"method": "psychic"})
     with pytest.raises(InputError, match="too small"):
         FlowEstimator()(texture(11, 40), texture(11, 40))

@@ -10,7 +10,7 @@ from styletrf.errors import InputError
 
 def test_what_is_not_at_hand_is_told(tmp_path):
     with pytest.raises(InputError, match=r"torchvision|weights of the flow"):
-        raft_flow.raft_estimator(tmp_path)
+        raft_flow.raft_estimator(folder=tmp_path)
 
 
 def test_other_weights_than_those_named_are_refused(tmp_path):
@@ -19,18 +19,19 @@ def test_other_weights_than_those_named_are_refused(tmp_path):
     )
     (tmp_path / "raft_large_C_T_SKHT_V2-ff5fadd5.pth").write_bytes(b"other weights")
     with pytest.raises(InputError, match="digest in its name"):
-        raft_flow.raft_estimator(tmp_path)
+        raft_flow.raft_estimator(folder=tmp_path)
 
 
 @pytest.mark.parametrize("size", [(128, 136), (90, 131)])
 def test_the_network_sees_frames_in_its_range_and_size(monkeypatch, size):
     seen = []
 
-    def network(a, b):
-        seen.extend([a, b])
-        return [torch.zeros(1, 2, *a.shape[2:]), torch.cat([a[:, :1], b[:, 1:2]], dim=1)]
+    class Network(torch.nn.Module):
+        def forward(self, a, b):
+            seen.extend([a, b])
+            return [torch.zeros(1, 2, *a.shape[2:]), torch.cat([a[:, :1], b[:, 1:2]], dim=1)]
 
-    monkeypatch.setattr(raft_flow, "_network", lambda path: network)
+    monkeypatch.setattr(raft_flow, "_network", lambda path: Network())
     random = np.random.default_rng(0)
     a, b = (random.random((*size, 3)).astype(np.float32) for _ in "ab")
     flow = raft_flow.raft_estimator()(a, b)

@@ -1,5 +1,6 @@
 """A 16x16 scene of four views, and every stage built on it once, with tiny settings."""
 
+import gc
 import inspect
 import json
 import sys
@@ -139,6 +140,7 @@ def recording(found: set[str]) -> Iterator[None]:
             module = code.co_filename.removeprefix(root).removesuffix(".py").replace("/", ".")
             found.add(f"{module.removesuffix('.__init__')}:{code.co_qualname}")
 
+    gc.collect()  # a generator left over from another build would be closed, which is a call
     threading.setprofile(note)
     sys.setprofile(note)
     try:

@@ -230,7 +230,7 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
 @pytest.mark.usefixtures("first")
 def test_a_sweep_measures_its_variants_alone_and_its_front_grants_wishes(workplace: Workplace):
     """What the usual result needs is there; a killed sweep would go on likewise."""
-    changes = ["frames to 3 %", "adaptation iterations x 0.5"]
+    changes = ["faint samples of frames x 3", "adaptation iterations x 0.5"]
     words = ["TradeOff", "--scene", "yard", "--style", "brush", "--repeats", "1"]
     words += ["--only", json.dumps(changes)]
     refused = workplace.command(*words)
