@@ -227,6 +227,14 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     assert 'href="yard/brush/report.html"' in text
 
 
+def test_links_that_were_deleted_come_back_without_building(workplace: Workplace, first: Run):
+    links = {link.name: link.readlink() for link in first.report.parent.iterdir()}
+    shutil.rmtree(workplace.root / "out")
+    again = workplace.run("brush")
+    assert (again.status, again.report, again.started) == (0, first.report, [])
+    assert {link.name: link.readlink() for link in first.report.parent.iterdir()} == links
+
+
 @pytest.mark.usefixtures("first")
 def test_a_sweep_measures_its_variants_alone_and_its_front_grants_wishes(workplace: Workplace):
     """What the usual result needs is there; a killed sweep would go on likewise."""
@@ -254,11 +262,3 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_grants_wishes(workpla
     assert granted.report == workplace.root / "out/yard/brush/report.html"
     again = workplace.command(*wish, "within 99 dB")
     assert (again.status, again.started) == (0, [])
-
-
-def test_links_that_were_deleted_come_back_without_building(workplace: Workplace, first: Run):
-    links = {link.name: link.readlink() for link in first.report.parent.iterdir()}
-    shutil.rmtree(workplace.root / "out")
-    again = workplace.run("brush")
-    assert (again.status, again.report, again.started) == (0, first.report, [])
-    assert {link.name: link.readlink() for link in first.report.parent.iterdir()} == links
