@@ -7,7 +7,7 @@ to the parameters: of the renders' graphs only a tile's is in memory.
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -20,7 +20,7 @@ from torch.nn import functional
 from styletrf.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
 from styletrf.cameras import Camera
 from styletrf.field import RadianceField
-from styletrf.finiteness import parameter_stages, require_finite
+from styletrf.finiteness import Named, parameter_stages, require_finite
 from styletrf.kernels import Kernels
 from styletrf.perceptual_loss import relative_difference
 from styletrf.progress import Progress, silent
@@ -79,12 +79,8 @@ def adapt_to_image_loss(
     plain, painted = views
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
     optimizer = optimizer_of(field.appearance, adaptation)
-    order = torch.Generator().manual_seed(adaptation.seed)
     curve, started = [], time.monotonic()
-    rounds = 1 + config.iterations // len(plain)
-    order_of_views = torch.cat([torch.randperm(len(plain), generator=order) for _ in range(rounds)])
-    for k in range(config.iterations):
-        view = int(order_of_views[k])
+    for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
         cache = _view_cache(field, rays, plain, view, adaptation, kernels)
         shape = plain.shape[1:]
         target = painted[view].float() / 255
@@ -93,12 +89,9 @@ def adapt_to_image_loss(
         mse = float((image - target).square().mean())
         if not math.isfinite(loss):
             tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
-            named = chain(
-                parameter_stages(field.appearance, optimizer), *tiles,
-                [("image loss", torch.tensor(loss))],
-            )  # fmt: skip
+            told = [("image loss", torch.tensor(loss))]
             where = f"at iteration {k}, view {cameras[view].name}"
-            require_finite("appearance adaptation", where, named)
+            _require_finite(where, parameter_stages(field.appearance, optimizer), *tiles, told)
         for group in optimizer.param_groups:
             decay = adaptation.rate_decay ** (k / config.iterations)
             group["lr"] = config.rate * group["initial_rate"] * decay
@@ -107,9 +100,19 @@ def adapt_to_image_loss(
         psnr = -10 * math.log10(max(mse, 1e-10))
         curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, loss=loss)
-    left = parameter_stages(field.appearance, optimizer)
-    require_finite("appearance adaptation", "after the last iteration", left)
+    _require_finite("after the last iteration", parameter_stages(field.appearance, optimizer))
     return curve
+
+
+def _order_of_views(n_views: int, iterations: int, seed: int) -> list[int]:
+    """Every view once in a new order, again and again."""
+    order, rounds = torch.Generator().manual_seed(seed), 1 + iterations // n_views
+    orders = torch.cat([torch.randperm(n_views, generator=order) for _ in range(rounds)])
+    return [int(view) for view in orders[:iterations]]
+
+
+def _require_finite(where: str, *stages: Iterable[Named]) -> None:
+    require_finite("appearance adaptation", where, chain(*stages))
 
 
 def color_drift(

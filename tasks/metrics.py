@@ -71,13 +71,9 @@ class QualityMetrics(TunedStage):
         write_summary(out / "summary.json", means)
 
 
-class ConsistencyMetrics(TunedStage, FrameControls):
-    """How steady the stylised frames are, with floors, and how much of the style they have.
+class FrameMetrics(TunedStage, FrameControls):
+    """What is measured of the stylised frames."""
 
-    Leaves `pairs.parquet` and `summary.json`; what their columns mean: `docs/metrics.md`.
-    """
-
-    tools = ("opencv-contrib-python-headless", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
@@ -88,6 +84,15 @@ class ConsistencyMetrics(TunedStage, FrameControls):
             "style": self.need(StyleImage),
             "perceptual": self.need(PerceptualWeights),
         }
+
+
+class ConsistencyMetrics(FrameMetrics):
+    """How steady the stylised frames are, with floors, and how much of the style they have.
+
+    Leaves `pairs.parquet` and `summary.json`; what their columns mean: `docs/metrics.md`.
+    """
+
+    tools = ("opencv-contrib-python-headless", "torch")
 
     def external_digests(self) -> Mapping[str, str]:
         """The release of torchvision and the digest of RAFT's weights, where it is asked for."""
@@ -121,23 +126,13 @@ class ConsistencyMetrics(TunedStage, FrameControls):
         write_summary(out / "summary.json", consistency.summary)
 
 
-class StylizationMetrics(TunedStage, FrameControls):
+class StylizationMetrics(FrameMetrics):
     """The style and content loss of the stylised frames: what all stages together achieve.
 
     Leaves `frames.parquet` and `summary.json`.
     """
 
     tools = ("torch",)
-    computes = True
-
-    def requires(self) -> Mapping[str, Stage]:
-        """The frames with and without style, the painting, and what looks at them."""
-        return {
-            "unstylized": self.need(TrajectoryFrames),
-            "stylized": self.need(StylizedFrames),
-            "style": self.need(StyleImage),
-            "perceptual": self.need(PerceptualWeights),
-        }
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Look at some of the frames."""
