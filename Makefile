@@ -6,7 +6,7 @@ SCENE ?= courtyard
 STYLE ?= stained_glass
 TEST_ARGS ?= -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test stability lint install clean distclean
+.PHONY: demo test stability soak lint install clean distclean
 
 install: $(VENV)/installed
 
@@ -22,7 +22,7 @@ $(VENV)/installed: pyproject.toml
 # at 320 pixels and with fewer iterations and frames, for a first look in a few minutes.
 DEMO_SETTINGS = --SceneModel-settings '{"image_long_side": 320}' \
 	--RadianceField-settings '{"iterations": 1600}' \
-	--StyleNetwork-settings '{"iterations": 480, "crop_px": 128, "style_px": 267}' \
+	--StyleNetwork-settings '{"iterations": 480, "crop_px": 128, "style_px": 160, "loss.content_weight": 1.0}' \
 	--StylizedField-settings '{"adaptation.iterations": 400}'
 
 demo: install
@@ -38,6 +38,11 @@ test: install
 # The tests of numerical extremes, and their table: what happened, and the error against float64.
 stability: install
 	OMP_WAIT_POLICY=PASSIVE $(RUN)/python -m pytest -m extremes --stability=docs/stability.md $(TEST_ARGS)
+
+# Small grids under luigid, killed at random for an hour: nothing may be lost, or made twice.
+soak: install
+	OMP_WAIT_POLICY=PASSIVE $(RUN)/python tests/mini_nights.py --scenes 2 --styles 2 \
+		--soak-minutes $(or $(MINUTES),60)
 
 lint: install
 	$(RUN)/ruff format --check .

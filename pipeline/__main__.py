@@ -69,7 +69,8 @@ def _parser() -> argparse.ArgumentParser:
     option("--name", help="what to call it")
     command(upkeep.unpin, name={"help": "as `pin` lists it, or a folder that shows results"})
     command(upkeep.push, address={"nargs": "*", "help": f"{begins}; none: all"})
-    option = command(upkeep.pull, address={"nargs": "+", "help": begins})
+    option = command(upkeep.pull, address={"nargs": "*", "help": begins})
+    option("--night", default="", help="of those on a grid's list alone, without names: all of it")
     option("--closure", action="store_true", help="with all that they were made from")
     of_module = {"default": "tasks", "help": "the package of the tasks (tasks)"}
     task = {"nargs": "...", "help": "as Luigi takes it: TASK --parameter value ..."}

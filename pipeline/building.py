@@ -12,15 +12,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.canonical import Json
+from pipeline.checkpoints import forget_checkpoints, shared_checkpoints
 from pipeline.code_identity import closure, keep
+from pipeline.costs import Cost, Spent, note
+from pipeline.display import display_of
+from pipeline.engines import ENGINES
 from pipeline.errors import LostInputError, TaskFailure
-from pipeline.execution import EXECUTORS, Job, Report, is_interactive
-from pipeline.gpu import VISIBLE, Lease, leased
+from pipeline.execution import EXECUTORS, Job, Report
+from pipeline.gpu import VISIBLE
+from pipeline.placing import place
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
+from pipeline.resources import card_for, expected_cost, expected_seconds, share_for, significant
 from pipeline.settings import setting
 from pipeline.sharing import fetch, give, is_available, recorded
 from pipeline.store import Store
+from pipeline.until import require_time
 from pipeline.verify import damage, mend
 
 if TYPE_CHECKING:
@@ -37,11 +44,16 @@ def find_or_build(task: "StoredTask", action: Action, store: Store) -> ActionRec
     if record and is_available(store, record) and (task.published() or fetch(store, record)):
         return record
 
+    if (engine := task.executor or setting("store", "executor")) in ENGINES:
+        return place(task, action, store, engine, expected_cost(task, store))
     say_so = partial(screen.info, "%s: another process is at it, waiting", task.label)
     is_locking = setting("store", "locks") == "true"
     with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():
         try:
-            return store.find(action.key) or build(task, action, store)
+            if record := store.find(action.key):
+                return record
+            require_time(task, expected_cost(task, store))
+            return build(task, action, store)
         except TaskFailure as failure:
             if failure.kind != "changed" and (record := store.find(action.key)):
                 return record  # of another process, which was at it, too
@@ -73,7 +85,9 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
     with (
         store.workspace(action.key) as workspace,
         store.resume(action.key, workspace) as resume,
-        _card(task) as (environment, holds),
+        card_for(task) as (environment, card),
+        share_for(task, store) as share,
+        display_of(task, expected_seconds(task, store)) as display,
     ):
         started = datetime.now(UTC)
         screen.info("%s: started", task.label)
@@ -84,39 +98,45 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
             out=str(workspace / "out"),
             resume=str(resume),
             log=str(log),
-            environment=environment,
-            holds=holds,
+            environment={**dict(share.environment), **environment},
+            holds=(*card, *share.holds),
+            bound_to=share.bound_to,
         )
-        report = EXECUTORS[setting("store", "executor")].run(job)
+        with shared_checkpoints(action.key, resume):
+            report = EXECUTORS[task.executor or setting("store", "executor")].run(job, display)
         _require_success(task, report, job)
         _require_unchanged(task, action)
         _require_untouched(task, inputs.values(), store)
-        provenance: dict[str, Json] = {
-            "task": str(task),
-            "label": task.label,
-            "host": socket.gethostname(),
+        provenance = _provenance(task, report, log, store) | {
             "gpu": environment.get(VISIBLE, ""),
+            "cores": share.cores,
             "started": started.isoformat(timespec="milliseconds"),
-            "seconds": round(report.earlier_seconds + report.seconds, 3),
-            "earlier_seconds": round(report.earlier_seconds, 3),
-            "peak_memory_bytes": report.peak_memory_bytes,
-            "cpu_seconds": round(report.cpu_seconds, 3),
-            "other_cpu_seconds": round(report.other_cpu_seconds, 3),
-            "log": log.relative_to(store.root).as_posix(),
-            "closure": "" if task.revision else keep(closure(type(task)), store),
         }
         record = publish(store, workspace / "out", action, provenance)
         shutil.rmtree(resume, ignore_errors=True)
         _note(log, f"{DONE} {report.seconds:.0f} s")
+        cost = Cost(report.earlier_seconds + report.seconds, report.peak_memory_bytes)
+        note(store, task.task_family, Spent(significant(task), cost))
     give(store, record)
+    forget_checkpoints(action.key)
     screen.info("%s: done in %.0f s", task.label, report.seconds)
     return record
 
 
-def _card(task: "StoredTask") -> contextlib.AbstractContextManager[Lease]:
-    """A GPU for the build; where it wants none, it shall see none."""
-    say_so = partial(screen.info, "%s: every GPU of this host is leased, waiting", task.label)
-    return leased(say_so) if task.needs_gpu else contextlib.nullcontext(({VISIBLE: ""}, ()))
+def _provenance(task: "StoredTask", report: Report, log: Path, store: Store) -> dict[str, Json]:
+    """What a record tells of the build."""
+    return {
+        "task": str(task),
+        "label": task.label,
+        "host": socket.gethostname(),
+        "seconds": round(report.earlier_seconds + report.seconds, 3),
+        "earlier_seconds": round(report.earlier_seconds, 3),
+        "peak_memory_bytes": report.peak_memory_bytes,
+        "cpu_seconds": round(report.cpu_seconds, 3),
+        "other_cpu_seconds": round(report.other_cpu_seconds, 3),
+        "log": log.relative_to(store.root).as_posix(),
+        "closure": "" if task.revision else keep(closure(type(task)), store),
+    }
 
 
 def _verified(task: "StoredTask", upstream: "StoredTask", store: Store) -> ActionRecord:
@@ -140,7 +160,6 @@ def _specification(task: "StoredTask") -> dict[str, Any]:
         "task": type(task).__qualname__,
         "parameters": {n: parameters[n].serialize(v) for n, v in task.param_kwargs.items()},
         "label": task.label,
-        "interactive": is_interactive(),
         "lineage": task.lineage(),
         "timeout_seconds": task.timeout_seconds,
         "memory_limit_bytes": int(memory_gib * 2**30),

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 FailureKind: TypeAlias = Literal[
-    "user", "crash", "killed", "memory", "timeout", "transient", "changed"
+    "user", "crash", "killed", "memory", "timeout", "transient", "changed", "late"
 ]
 Errors: TypeAlias = tuple[type[Exception], ...]
 

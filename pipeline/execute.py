@@ -1,4 +1,4 @@
-"""`python -m pipeline.execute JOB.json TERMINAL`: one build, supervised.
+"""`python -m pipeline.execute JOB.json`: one build, supervised.
 
 The supervisor forks before anything heavy is imported and stays tiny. It waits for the builder and
 guards it: for its time, its memory, and the end of standard input, which means that whoever wanted
@@ -30,12 +30,12 @@ _CAUSES = {"timeout": "for taking too long", "memory": "for want of memory"}
 
 def main() -> int:
     """Fork, supervise, report; returns the exit status."""
-    job, terminal = json.loads(Path(sys.argv[1]).read_text()), int(sys.argv[2])
+    job = json.loads(Path(sys.argv[1]).read_text())
     supervisor = os.getpid()
     builder = os.fork()
     if builder == 0:
-        _die_with(supervisor)
-        return _build(job, terminal)
+        die_with(supervisor)
+        return _build(job)
     with contextlib.suppress(OSError):  # both sides do it, so that neither has to wait
         os.setpgid(builder, builder)
     limits = job["timeout_seconds"], job["memory_limit_bytes"]
@@ -77,15 +77,17 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -
     return {**report, "kind": kind, "message": f"ended {cause}"}
 
 
-def _build(job: dict[str, Any], terminal: int) -> int:
+def _build(job: dict[str, Any]) -> int:
     """In the builder: import the task, build, say how it went."""
+    if job["bound_to"]:
+        os.sched_setaffinity(0, job["bound_to"])  # before anything counts the cores
     report, nothing = os.dup(1), os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)
+    from pipeline.channel import Channel
     from pipeline.execution import Job, perform
 
-    with open(terminal, "w") as screen:
-        kind, message = perform(Job(**job), screen)
+    kind, message = perform(Job(**job), Channel(report))
     _say(report, kind=kind, message=message[:8000])  # the log has all of it
     return 0 if kind == "built" else 1
 
@@ -95,8 +97,8 @@ def _say(descriptor: int, **fields: object) -> None:
         file.write(f"\n{json.dumps(fields)}\n")  # the line before may be half one of the killed
 
 
-def _die_with(supervisor: int) -> None:
-    """In the builder: a group of our own, and the kernel kills us when the supervisor dies."""
+def die_with(supervisor: int) -> None:
+    """A group of our own, and the kernel kills us when our parent, the supervisor, dies."""
     os.setpgid(0, 0)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

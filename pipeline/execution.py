@@ -5,7 +5,6 @@ import dataclasses
 import importlib
 import json
 import logging
-import multiprocessing
 import os
 import resource
 import subprocess
@@ -15,12 +14,11 @@ import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, TextIO, cast
+from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, cast
 
-from tqdm import tqdm
-
+from pipeline.channel import follow
 from pipeline.errors import FailureKind, explain
-from pipeline.progress import Progress, ProgressBar
+from pipeline.progress import Display, Progress
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store
 
@@ -58,12 +56,12 @@ class Job:
         out: The directory to fill; what lies beside it is the executor's.
         resume: The directory of checkpoints.
         log: The file for what the build prints.
-        interactive: Whether to draw a bar.
         lineage: Keys of the records upstream.
         timeout_seconds: When to end the build, if not 0.
         memory_limit_bytes: At which resident memory of its processes to end it, if not 0.
         environment: Variables to set.
-        holds: Descriptors to hold open; the flock of one may be a lease on a GPU.
+        holds: Descriptors to hold open; their flocks are leases.
+        bound_to: The cores to run on; none: all.
     """
 
     module: str
@@ -74,12 +72,12 @@ class Job:
     out: str
     resume: str
     log: str
-    interactive: bool
     lineage: tuple[str, ...] = ()
     timeout_seconds: float = 0.0
     memory_limit_bytes: int = 0
     environment: Mapping[str, str] = field(default_factory=dict)
     holds: tuple[int, ...] = ()
+    bound_to: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,17 +108,17 @@ class Report:
 class Executor(Protocol):
     """Who runs builds, and keeps to all that the job says."""
 
-    def run(self, job: Job) -> Report:
-        """Build; whatever happens to the build is in the report."""
+    def run(self, job: Job, display: Display) -> Report:
+        """Build, and show how it goes; whatever happens to the build is in the report."""
 
 
 class Inline:
     """Builds in this interpreter, without limits: for tests and debuggers."""
 
-    def run(self, job: Job) -> Report:
+    def run(self, job: Job, display: Display) -> Report:
         """Build here."""
         started = time.monotonic()
-        kind, message = perform(job, sys.stderr)
+        kind, message = perform(job, display)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
         return Report(kind, message, kind != "built", time.monotonic() - started, peak)
 
@@ -132,40 +130,38 @@ class Subprocess:
     suddenly, the supervisor there (see `pipeline.execute`) ends the build's process group.
     """
 
-    def run(self, job: Job) -> Report:
+    def run(self, job: Job, display: Display) -> Report:
         """Build there; the job lies beside its `out` as `job.json`."""
         specification = Path(job.out).with_name("job.json")
         specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
         with self._start(specification, job) as supervisor:
             try:
-                said = cast("IO[bytes]", supervisor.stdout).read()
+                told = follow(cast("IO[bytes]", supervisor.stdout), display)
             finally:
+                display.close()
                 supervisor.communicate()  # which first closes its standard input
-        return self._report(said, supervisor.returncode, job.log)
+        return self._report(told, supervisor.returncode, job.log)
 
     def _start(self, specification: Path, job: Job) -> subprocess.Popen[bytes]:
-        """A supervisor that reports on its standard output and may draw on our standard error."""
+        """A supervisor that reports on its standard output."""
         environment = {**os.environ, "PYTHONUNBUFFERED": "1", **job.environment}
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
         command = [sys.executable, "-P", "-m", "pipeline.execute", str(specification)]
-        with os.fdopen(os.dup(2), "wb") as terminal, Path(job.log).open("ab") as log:
+        with Path(job.log).open("ab") as log:
             return subprocess.Popen(
-                [*command, str(terminal.fileno())],
+                command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
-                pass_fds=(terminal.fileno(), *job.holds),
+                pass_fds=job.holds,
                 env=environment,
                 start_new_session=True,
             )
 
-    def _report(self, said: bytes, status: int, log: str) -> Report:
-        """Put together what the builder and the supervisor said; the last word counts."""
+    def _report(self, told: Mapping[str, Any], status: int, log: str) -> Report:
+        """Put together what the builder and the supervisor told."""
         fields: dict[str, Any] = {"kind": "crash", "status": status}
-        fields |= {"seconds": 0.0, "peak_memory_bytes": 0}
-        for line in said.splitlines():
-            with contextlib.suppress(json.JSONDecodeError):  # a builder was killed at it
-                fields |= json.loads(line)
+        fields |= {"seconds": 0.0, "peak_memory_bytes": 0} | dict(told)
         silent = f"ended with status {fields['status']} before it was done. Its log: {log}"
         return Report(**{"message": silent, **fields})
 
@@ -174,31 +170,31 @@ EXECUTORS: Mapping[str, Executor] = {"inline": Inline(), "subprocess": Subproces
 """By the word in [store] executor of `luigi.cfg`."""
 
 
-def perform(job: Job, terminal: TextIO) -> tuple[Literal["built"] | FailureKind, str]:
+def perform(job: Job, display: Display) -> tuple[Literal["built"] | FailureKind, str]:
     """Build the job's task; returns how it went and, on failure, what to tell the user."""
-    bar, log = ProgressBar(job.label, terminal, interactive=job.interactive), Path(job.log)
+    log = Path(job.log)
     task_class: type[StoredTask] = getattr(importlib.import_module(job.module), job.task)
     try:
         task: StoredTask = task_class.from_str_params(job.parameters)  # type: ignore[no-untyped-call]
         inputs = {name: Path(path) for name, path in job.inputs.items()}
         records = (current_store().record(key) for key in job.lineage)
         lineage = tuple(record for record in records if record)
-        with _Warnings(job.label, terminal, log):
-            task.build(inputs, Path(job.out), RunContext(bar, Path(job.resume), log, lineage))
+        with _Warnings(job.label, display, log):
+            task.build(inputs, Path(job.out), RunContext(display, Path(job.resume), log, lineage))
     except Exception as error:  # noqa: BLE001  whatever it is, it is this build's end
         append_trace(log)
         return explain(error, log, task_class.user_errors, task_class.transient_errors)
     finally:
-        bar.close()
+        display.close()
     return "built", ""
 
 
 class _Warnings(logging.Handler):
-    """What a build logs as a warning: a line above the bar of its terminal, and in its log."""
+    """What a build logs as a warning: a line that is shown, and one in its log."""
 
-    def __init__(self, label: str, terminal: TextIO, log: Path) -> None:
+    def __init__(self, label: str, display: Display, log: Path) -> None:
         super().__init__(logging.WARNING)
-        self._label, self._terminal, self._log = label, terminal, log
+        self._label, self._display, self._log = label, display, log
 
     def __enter__(self) -> None:
         logging.getLogger().addHandler(self)
@@ -207,11 +203,9 @@ class _Warnings(logging.Handler):
         logging.getLogger().removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write the warning; a terminal that is gone or a full disk is no reason to end."""
+        """Write the warning; a full disk is no reason to end."""
         line = f"{self._label}: warning: {' '.join(record.getMessage().split())}"
-        with contextlib.suppress(OSError):
-            tqdm.write(line, file=self._terminal)
-            self._terminal.flush()
+        self._display.say(line)
         with contextlib.suppress(OSError), self._log.open("a") as file:
             file.write(f"{line}\n")
 
@@ -220,9 +214,3 @@ def append_trace(log: Path) -> None:
     """Add the exception being handled to a log, if the disk has room for it."""
     with contextlib.suppress(OSError), log.open("a") as file:
         traceback.print_exc(file=file)
-
-
-def is_interactive() -> bool:
-    """Whether one bar may be drawn on standard error: a wide terminal, no parallel worker."""
-    is_alone = multiprocessing.parent_process() is None
-    return is_alone and os.isatty(2) and os.get_terminal_size(2).columns > 0

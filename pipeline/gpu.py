@@ -1,52 +1,41 @@
-"""One build a card: a lease on a GPU of this host, whatever users and stores it has.
-
-A lease is the flock of a file named after the card. The build's own processes hold it, so it goes
-with the last of them, however they end. Like every lock here, it spares trouble and proves nothing.
-"""
+"""One build a card: the cards of this host, as units to lend (`pipeline.units`)."""
 
 import contextlib
-import functools
 import os
 import re
 import subprocess
-import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import TypeAlias
 
 from pipeline.errors import StoreError
-from pipeline.locks import try_lock
 from pipeline.settings import setting
+from pipeline.units import take_in_time, units
 
 Lease: TypeAlias = tuple[dict[str, str], tuple[int, ...]]
 """Variables for a build's environment, and open files for it to hold."""
 VISIBLE = "CUDA_VISIBLE_DEVICES"
-_SECONDS_BETWEEN_LOOKS = 0.5
 CARD = re.compile(r"^(?:GPU(?!.*\n\s+MIG)|\s+MIG).*\(UUID: (.*)\)", re.MULTILINE)
 """In what `nvidia-smi -L` prints: a whole card, or the parts of one that was divided."""
 
 
 @contextlib.contextmanager
-def leased(say_so: Callable[[], object]) -> Iterator[Lease]:
+def leased(say_so: Callable[[], object], most: int = 1) -> Iterator[Lease]:
     """Hold a card that nobody else has; call `say_so` once where others hold all of them.
 
+    Args:
+        say_so: To be called.
+        most: How many cards to hold where so many are free.
+
     Returns:
-        What shows a build this card alone, and the file whose flock holds it; nothing where there
-        are no cards.
+        What shows a build these cards alone, and the files whose flocks hold them; nothing where
+        there are no cards.
 
     Raises:
         StoreError: When the cards cannot be told, or the folder of leases cannot be used.
     """
-    say_once, card = functools.cache(say_so), None
-    files = {card: _open(card) for card in visible(_cards(), os.environ.get(VISIBLE))}
-    try:
-        while files and not (card := next((c for c in files if try_lock(files[c])), None)):
-            say_once()
-            time.sleep(_SECONDS_BETWEEN_LOOKS)
-        yield ({VISIBLE: card}, (files[card],)) if card else ({}, ())
-    finally:
-        for file in files.values():
-            os.close(file)
+    with units("gpu", visible(_cards(), os.environ.get(VISIBLE))) as files:
+        taken = take_in_time(files, 1, most, say_so) if files else []
+        yield ({VISIBLE: ",".join(taken)} if taken else {}), tuple(files[c] for c in taken)
 
 
 def visible(cards: Sequence[str], wanted: str | None) -> list[str]:
@@ -70,19 +59,3 @@ def _cards() -> list[str]:
         reason = str(error).rstrip(".")
         remedy = "Name the cards of this host by their UUIDs in [gpu] cards."
         raise StoreError(f"no GPU can be leased: {reason}. {remedy}") from error
-
-
-def _open(card: str) -> int:
-    """The card's file, which another user may have made; ours can be opened by others."""
-    folder = Path(setting("gpu", "leases"))
-    umask = os.umask(0)
-    try:
-        folder.mkdir(mode=0o1777, exist_ok=True)
-        with contextlib.suppress(FileExistsError):
-            (folder / f"gpu-{card}").touch(0o644, exist_ok=False)
-        return os.open(folder / f"gpu-{card}", os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
-    except OSError as error:
-        remedy = "Name a folder that all users of this host can write to in [gpu] leases."
-        raise StoreError(f"no GPU can be leased: {error}. {remedy}") from error
-    finally:
-        os.umask(umask)

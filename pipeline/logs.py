@@ -8,6 +8,7 @@ from luigi.parameter import ParameterException
 from luigi.rpc import RPCError
 from luigi.task_register import TaskClassException
 
+from pipeline.board import board_of_command
 from pipeline.errors import StoreError, TaskFailure
 
 _PLAIN = (TaskFailure, StoreError, ParameterException, RPCError, TaskClassException)
@@ -22,7 +23,10 @@ class Screen(logging.StreamHandler):  # type: ignore[type-arg]
         self.setFormatter(WithoutTrace())
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write the record, over a progress bar that was left there."""
+        """Write the record, over a progress bar that was left there, or on the board."""
+        if board := board_of_command():
+            board.say(self.format(record))
+            return
         if self.stream.isatty():
             self.stream.write("\r\x1b[K")
         super().emit(record)

@@ -1,5 +1,6 @@
-"""How a build tells the person at the terminal where it stands."""
+"""How a build tells where it stands, and how that is shown."""
 
+import contextlib
 import io
 import time
 from typing import Protocol, TextIO
@@ -15,6 +16,16 @@ class Progress(Protocol):
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
         """Report `done` of `total` units of work; both may restart for a further phase."""
+
+
+class Display(Progress, Protocol):
+    """Where it is shown how a build goes."""
+
+    def say(self, line: str) -> None:
+        """Show a line that stays."""
+
+    def close(self) -> None:
+        """Take off what does not."""
 
 
 class ProgressBar:
@@ -43,6 +54,12 @@ class ProgressBar:
         self._bar.update(done - self._bar.n)
         if self._canvas is not self._stream:
             self._write_line(self._bar)
+
+    def say(self, line: str) -> None:
+        """Write a line above the bar; a terminal that is gone is no reason to end."""
+        with contextlib.suppress(OSError):
+            tqdm.write(line, file=self._stream)
+            self._stream.flush()
 
     def close(self) -> None:
         """Take the bar off the terminal."""

@@ -90,6 +90,16 @@ class Remote:
         with self._at(name) as (files, path):
             return bool(files.exists(path))
 
+    def names(self, folder: str) -> list[str]:
+        """The names in the folder; none where there is no such folder."""
+        with self._at(folder) as (files, path):
+            return sorted(Path(found).name for found in files.find(path))
+
+    def remove(self, name: str) -> None:
+        """Take the name away; that it is gone already is as good."""
+        with self._at(name) as (files, path), contextlib.suppress(FileNotFoundError):
+            files.rm_file(path)
+
     def download(self, name: str, target: Path) -> None:
         """Copy the bytes of that name, unchecked, into a file; raises OSError when that is full."""
         try:

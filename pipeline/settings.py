@@ -19,12 +19,18 @@ _DEFAULTS = {
     ("store", "remote_options"): "{}",  # JSON, for fsspec's file system
     ("store", "push"): "true",  # whether what a run builds is uploaded to the shared store
     ("store", "identity"): "tasks/identity.json",  # the snapshot of the code, with adoptions
+    ("store", "checkpoint_seconds"): "60",  # between uploads of checkpoints; 0: none are shared
     ("store", "executor"): "subprocess",  # "inline" builds in this process, for tests
     ("store", "locks"): "true",  # whether one process at a time builds a key
     ("store", "memory_gib"): "0",  # at which a build is ended, if not 0
     ("store", "retry_seconds"): "10",  # before a second attempt at what may pass; then 4 times that
     ("gpu", "cards"): "",  # UUIDs; those that `nvidia-smi -L` names where this is empty
-    ("gpu", "leases"): "/dev/shm/styletrf-gpu",  # noqa: S108  for all users; never swept
+    ("host", "leases"): "/dev/shm/styletrf",  # noqa: S108  for all users; never swept
+    ("host", "cores"): "2",  # that a build on another machine asks for
+    ("ray", "address"): "",  # of the cluster's head; the one on this machine where this is empty
+    ("slurm", "options"): "",  # further words for sbatch
+    ("host", "memory_gib"): "0",  # what builds may take together; 0: nine tenths of the host's
+    ("night", "webhook"): "",  # where what became of a grid is posted, as JSON
     ("data", "root"): "data",  # STYLETRF_DATA wins
     ("out", "root"): "out",  # STYLETRF_OUT wins
 }

@@ -3,6 +3,7 @@
     objects/ab/<digest>.tar     uploaded first
     code/ab/<digest>.json       what the code with this digest consists of, for `why`
     actions/ab/<key>.json       then this; without its object it counts as absent
+    nights/<name>.keys          the keys that a batch resolved, a line each
 
 Nothing from there is believed: an object comes in by the same way as a build's result, `publish`,
 and only with the digest that its record tells.
@@ -11,12 +12,14 @@ and only with the digest that its record tells.
 import contextlib
 import logging
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from pipeline.archive import pack, unpack
 from pipeline.code_identity import keep_text, kept
 from pipeline.digest import is_tree
+from pipeline.errors import StoreError
 from pipeline.publication import commit, publish
 from pipeline.record import ActionRecord
 from pipeline.remote import Remote
@@ -143,6 +146,28 @@ def push(store: Store, record: ActionRecord, remote: Remote) -> str:
 def shared_records(remote: Remote) -> list[ActionRecord]:
     """Every readable record of the shared store."""
     return [record for text in remote.read_all("actions") if (record := _parsed(text))]
+
+
+def list_night(store: Store, name: str, keys: Sequence[str]) -> None:
+    """Leave a list of what a batch made and found, so that nobody has to list everything."""
+    with store.workspace(name) as workspace:
+        (workspace / "keys").write_text("".join(f"{key}\n" for key in keys))
+        at = f"nights/{name}.keys"
+        current_remote().attempt("writing", lambda remote: remote.create(at, workspace / "keys"))
+
+
+def records_of_night(remote: Remote, name: str) -> list[ActionRecord]:
+    """The shared records on the list of a batch.
+
+    Raises:
+        StoreError: There is no such list.
+    """
+    told = remote.read(f"nights/{name}.keys")
+    if told is None:
+        known = ", ".join(n.removesuffix(".keys") for n in remote.names("nights")[-5:]) or "none"
+        raise StoreError(f"{remote.url} has no list of the night {name}; the last are: {known}")
+    found = (shared_record(remote, key) for key in told.decode("ascii", "replace").split())
+    return [record for record in found if record]
 
 
 def _parsed(text: bytes) -> ActionRecord | None:

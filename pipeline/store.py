@@ -18,7 +18,7 @@ from pipeline.record import ActionRecord
 FORMAT = "styletrf store 1\n"
 _FOLDERS = (
     *("objects", "actions", "code", "tmp", "trash", "quarantine"),
-    *("locks", "runs", "roots", "resume", "logs"),
+    *("locks", "runs", "roots", "resume", "logs", "costs"),
 )
 
 

@@ -16,6 +16,7 @@ from pipeline.building import find_or_build
 from pipeline.canonical import canonical
 from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
 from pipeline.execution import RunContext, append_trace
+from pipeline.fleet import require_agreement
 from pipeline.logs import report_plainly
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import current_store, require_configuration, setting
@@ -23,6 +24,7 @@ from pipeline.sharing import is_available, recorded
 from pipeline.snapshot import code_in_key
 from pipeline.store import Store
 from pipeline.target import StoreTarget, artifact
+from pipeline.until import Until
 
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
 
@@ -53,6 +55,20 @@ class StoredTask(luigi.Task):
     )
     memory_gib = luigi.FloatParameter(
         default=0.0, significant=False, positional=False, description="ends larger builds"
+    )
+    executor = luigi.ChoiceParameter(
+        choices=["", "inline", "subprocess", "ray", "slurm"],
+        default="",
+        significant=False,
+        positional=False,
+        description="what runs builds: a process here (subprocess), or machines of a ray or slurm"
+        " cluster; [store] executor where this is empty",
+    )
+    until = Until(
+        default=None,
+        significant=False,
+        positional=False,
+        description="begins nothing that would be running at this time, such as 06:00",
     )
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -112,6 +128,11 @@ class StoredTask(luigi.Task):
         """Whether `build` computes on a GPU where there is one; where not, it shall see none."""
         return False
 
+    @property
+    def most_cards(self) -> int:
+        """How many GPUs `build` uses at most, where so many are free."""
+        return 1
+
     # What Luigi asks.
 
     def complete(self) -> bool:
@@ -138,7 +159,9 @@ class StoredTask(luigi.Task):
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         store = current_store()
         try:
-            record = self._records[store.root] = find_or_build(self, self.action(), store)
+            action = self.action()
+            require_agreement(self, action.key)
+            record = self._records[store.root] = find_or_build(self, action, store)
             if not self.published():
                 self.publish(store.object(record.output.digest))
         except LostInputError as lost:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pipeline import roots, sharing
 from pipeline.collection import closure, collect
 from pipeline.commands import Answer, Rows, find_all, row_of, totals
-from pipeline.execution import is_interactive
+from pipeline.display import is_interactive
+from pipeline.errors import StoreError
 from pipeline.progress import ProgressBar
 from pipeline.record import ActionRecord
 from pipeline.settings import current_remote
@@ -37,8 +38,14 @@ def push(store: Store, options: Namespace) -> Answer:
 def pull(store: Store, options: Namespace) -> Answer:
     """Fetch from the shared store; status 1 where something could not be."""
     remote = current_remote()
-    found = sharing.shared_records(remote)
+    if not options.address and not options.night:
+        raise StoreError("pull takes what is named: a KEY or DIGEST, or --night NAME")
+    if options.night:
+        found = sharing.records_of_night(remote, options.night)
+    else:
+        found = sharing.shared_records(remote)
     chosen = [r for a in options.address for r in find_all(found, a)]
+    chosen = chosen or (found if options.night else [])
     if options.closure:
         known = {n: r for r in found for n in (r.output.digest, r.action.key)}
         chosen = closure([r.action.key for r in chosen], known)

@@ -22,7 +22,14 @@ from styletrf.flow_consistency import flow_errors
 from styletrf.geometric_consistency import corresponding, geometric_errors
 from styletrf.images import read_rgb
 from styletrf.metrics import Image
-from styletrf.perceptual_distance import Features, Perception, masked_distance, style_distance
+from styletrf.perceptual_distance import (
+    Features,
+    Grams,
+    Perception,
+    grams,
+    masked_distances,
+    style_distance,
+)
 from styletrf.progress import Progress, silent
 from styletrf.vgg import REDUCTION
 
@@ -127,9 +134,10 @@ def measure_consistency(
     """
     _require_pairs(n_frames, config.deltas)
     total = sum(max(0, n_frames - delta) for delta in config.deltas)
-    comparison = _Comparison(perception, perception.features(painting), config)
+    comparison = _Comparison(perception, config)
+    looks = _Looks(perception, grams(perception.features(painting)))
     rows: list[dict[str, Any]] = []
-    for first, second, a, b in _pairs(frames, perception, config.deltas):
+    for first, second, a, b in _pairs(frames, looks, config.deltas):
         compared = comparison(a, b)
         told = [(name, np.array(compared[name])) for name in _ALWAYS_TOLD]
         require_finite("consistency", f"from frame {first} to {second}", told)
@@ -141,15 +149,31 @@ def measure_consistency(
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """A frame, and what the perceptual network sees of it."""
+    """A frame, what the perceptual network sees of it, and how far that is from the painting.
+
+    Without style first, with it second.
+    """
 
     frame: Frame
-    unstylized: Features
-    stylized: Features
+    features: tuple[Features, Features]
+    style_distances: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Looks:
+    """Looks at frames."""
+
+    perception: Perception
+    painting: Grams
+
+    def __call__(self, frame: Frame) -> _Seen:
+        plain, styled = self.perception.features_of([frame.unstylized.color, frame.stylized])
+        far = [style_distance(grams(found), self.painting) for found in (plain, styled)]
+        return _Seen(frame, (plain, styled), (far[0], far[1]))
 
 
 def _pairs(
-    frames: Iterable[Frame], perception: Perception, deltas: Sequence[int]
+    frames: Iterable[Frame], look: _Looks, deltas: Sequence[int]
 ) -> Iterator[tuple[int, int, _Seen, _Seen]]:
     window: dict[int, _Seen] = {}
     for second, frame in enumerate(frames):
@@ -157,8 +181,7 @@ def _pairs(
         _require_one_size(second, frame, before)
         images = [("unstylised", frame.unstylized.color), ("stylised", frame.stylized)]
         require_finite("consistency", f"in frame {frame.camera.name}", images)
-        features = (perception.features(i) for i in (frame.unstylized.color, frame.stylized))
-        window[second] = _Seen(frame, *features)
+        window[second] = look(frame)
         for delta in deltas:
             if second >= delta:
                 yield second - delta, second, window[second - delta], window[second]
@@ -168,10 +191,8 @@ def _pairs(
 class _Comparison:
     """Compares two frames by every measure."""
 
-    def __init__(
-        self, perception: Perception, painting: Features, config: ConsistencyConfig
-    ) -> None:
-        self._perception, self._painting = perception, painting
+    def __init__(self, perception: Perception, config: ConsistencyConfig) -> None:
+        self._perception = perception
         self._estimator = FlowEstimator(config.method, perception.device)
         self._tolerance = config.tolerance
 
@@ -184,13 +205,14 @@ class _Comparison:
         cameras = one.camera, other.camera
         warped = corresponding(cameras, depths, plain[1], other.stylized, self._tolerance)
         along_depth = geometric_errors(plain[0], one.stylized, warped)
-        distance, seen = self._perception, warped.seen
-        looks = PerceptualErrors(
-            masked_distance(distance, one.stylized, a.stylized, warped.stylized, seen),
-            masked_distance(distance, plain[0], a.unstylized, warped.unstylized, seen),
-            style_distance(a.stylized, self._painting),
-            style_distance(a.unstylized, self._painting),
+        floor, error = masked_distances(
+            self._perception,
+            (plain[0], one.stylized),
+            a.features,
+            (warped.unstylized, warped.stylized),
+            warped.seen,
         )
+        looks = PerceptualErrors(error, floor, a.style_distances[1], a.style_distances[0])
         return asdict(along_flow) | asdict(along_depth) | asdict(looks)
 
 

@@ -1,5 +1,6 @@
 """Renders of a field along a path: float images with depth, or pictures and a video."""
 
+import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
@@ -49,6 +50,8 @@ def rendered(
         NotFiniteError: One is not; it names the view, and the camera or the parameter if that is
             not. Infinite depth is where nothing is hit.
     """
+    if not cameras:
+        return
     radiance = radiance.to(device)
     appearance = None if appearance is None else appearance.to(device)
     rays = ViewRays(cameras, space.within(radiance.bounds), radiance.step_length, device)
@@ -84,9 +87,28 @@ def write_float_frames(
     write_cameras(folder / "cameras.parquet", cameras)
 
 
-def float_frames(folder: Path) -> Iterator[Float[np.ndarray, "height width 3"]]:
-    """Yields the colours of the frames that `write_float_frames` wrote, in order."""
-    for camera in read_cameras(folder / "cameras.parquet"):
+def join_float_frames(parts: Sequence[Path], folder: Path) -> None:
+    """Writes what one `write_float_frames` of all the cameras of the parts would have."""
+    join_pictures(parts, folder)
+    tables = (read_cameras(part / "cameras.parquet") for part in parts)
+    write_cameras(folder / "cameras.parquet", list(chain.from_iterable(tables)))
+
+
+def join_pictures(parts: Sequence[Path], folder: Path) -> None:
+    """Copies the `frames/` of all parts."""
+    (folder / "frames").mkdir()
+    for file in chain.from_iterable(part.glob("frames/*") for part in parts):
+        shutil.copyfile(file, folder / "frames" / file.name)
+
+
+def float_frames(
+    folder: Path, cameras: Sequence[Camera] | None = None
+) -> Iterator[Float[np.ndarray, "height width 3"]]:
+    """Yields the colours of the frames that `write_float_frames` wrote, in order.
+
+    Of some cameras alone, where these are given.
+    """
+    for camera in read_cameras(folder / "cameras.parquet") if cameras is None else cameras:
         yield read_float_image(folder / "frames" / f"{camera.name}.exr").color
 
 

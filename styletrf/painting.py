@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
+from safetensors.numpy import load_file, save_file
 from torch import Tensor
 
 from styletrf.errors import NotFiniteError
@@ -33,6 +34,16 @@ def optimizing_painter(
     vgg, manner = load_vgg(weights, device), torch.from_numpy(read_rgb(style)).to(device)
     paint = partial(paint_by_optimization, vgg, style=manner, config=config)
     return lambda image: paint(content=image.to(device)).cpu()
+
+
+def save_painted(path: Path, views: Sequence[Image]) -> None:
+    """Writes painted views as they are, without rounding."""
+    save_file({f"{k:06d}": np.ascontiguousarray(view) for k, view in enumerate(views)}, path)
+
+
+def load_painted(path: Path) -> list[Image]:
+    """Returns the views that `save_painted` wrote, in order."""
+    return [view for _, view in sorted(load_file(path).items())]
 
 
 def painted(paint: Painter, views: Sequence[Image], progress: Progress = silent) -> list[Image]:

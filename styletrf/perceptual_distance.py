@@ -1,6 +1,6 @@
 """How unlike two pictures look, and how much of a style one has, by the features of VGG16."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -16,6 +16,7 @@ from styletrf.vgg import REDUCTION, VGG16
 _ALL_BUT_ROUNDING = 0.999
 
 Features = Mapping[str, Float[Tensor, "1 _ _ _"]]
+Grams = Mapping[str, Float[Tensor, "1 _ _"]]
 
 
 @final
@@ -31,14 +32,19 @@ class Perception:
         """Where it computes."""
         return self._vgg.mean.device
 
-    @torch.inference_mode()
     def features(self, image: Image) -> Features:
         """Returns the features at relu1_2, relu2_2, relu3_3 and relu4_3."""
-        height, width = image.shape[:2]
+        return self.features_of([image])[0]
+
+    @torch.inference_mode()
+    def features_of(self, images: Sequence[Image]) -> list[Features]:
+        """Returns the features of pictures of one size, looked at together."""
+        height, width = images[0].shape[:2]
         short_px = self._long_side_px * min(height, width) // max(height, width)
-        tensor = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32)).to(self.device)
-        small = shrunk(tensor.clamp(0, 1), max(short_px, REDUCTION))
-        return self._vgg.features(small, STYLE_LAYERS)
+        tensors = torch.from_numpy(np.stack(images).astype(np.float32)).to(self.device).clamp(0, 1)
+        small = torch.cat([shrunk(image, max(short_px, REDUCTION)) for image in tensors])
+        found = self._vgg.features(small, STYLE_LAYERS)
+        return [{n: f[k : k + 1] for n, f in found.items()} for k in range(len(images))]
 
 
 @torch.inference_mode()
@@ -67,32 +73,39 @@ def _whole_places(mask: Bool[np.ndarray, "_ _"], like: Float[Tensor, "1 _ _"]) -
     return functional.adaptive_avg_pool2d(pixels, (rows, columns))[0] > _ALL_BUT_ROUNDING
 
 
-def masked_distance(
+def masked_distances(
     perception: Perception,
-    a: Image,
-    features_a: Features,
-    b: Image,
+    a: Sequence[Image],
+    features_a: Sequence[Features],
+    b: Sequence[Image],
     mask: Bool[np.ndarray, "height width"],
-) -> float:
-    """Returns the perceptual distance of `a` and `b` where the mask is true; NaN where it never is.
+) -> list[float]:
+    """Returns the perceptual distance of each `a` and `b` where the mask is true.
 
-    Outside of it `b` is given the pixels of `a`, so that nothing there differs.
+    NaN where it never is. Outside of it `b` is given the pixels of `a`, so that nothing there
+    differs.
     """
     if not mask.any():
-        return float("nan")
-    filled = np.where(mask[..., None], b, a)
-    return perceptual_distance(features_a, perception.features(filled), mask)
+        return [float("nan")] * len(a)
+    filled = [np.where(mask[..., None], y, x) for x, y in zip(a, b, strict=True)]
+    pairs = zip(features_a, perception.features_of(filled), strict=True)
+    return [perceptual_distance(x, y, mask) for x, y in pairs]
 
 
 @torch.inference_mode()
-def style_distance(found: Features, painting: Features) -> float:
+def grams(features: Features) -> Grams:
+    """Returns the Gram matrix of each layer: what there is of a style, wherever it is."""
+    return {layer: gram_matrix(features[layer]) for layer in STYLE_LAYERS}
+
+
+@torch.inference_mode()
+def style_distance(found: Grams, painting: Grams) -> float:
     """Returns the mean over layers of |G - G_s| / |G_s|, `G` and `G_s` the Gram matrices.
 
     0 for the painting itself, about 1 and more for pictures that have nothing of it.
     """
     ratios = []
-    for layer in STYLE_LAYERS:
-        gram, target = (gram_matrix(f[layer]) for f in (found, painting))
+    for layer, target in painting.items():
         smallest = torch.finfo(target.dtype).tiny
-        ratios.append((gram - target).norm() / target.norm().clamp(min=smallest))
+        ratios.append((found[layer] - target).norm() / target.norm().clamp(min=smallest))
     return float(torch.stack(ratios).mean())

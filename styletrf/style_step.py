@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from styletrf.data_parallel import Ranks
 from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
@@ -25,7 +26,11 @@ class StyleStep:
     """An iteration, with what stays the same through all: the Gram matrices of one painting."""
 
     def __init__(
-        self, config: StyleTrainingConfig, vgg: VGG16, style: Float[Tensor, "height width 3"]
+        self,
+        config: StyleTrainingConfig,
+        vgg: VGG16,
+        style: Float[Tensor, "height width 3"],
+        ranks: Ranks | None = None,
     ) -> None:
         """Looks at the painting.
 
@@ -33,7 +38,9 @@ class StyleStep:
             config: How to train.
             vgg: The perceptual network, in float32; its device is where the training runs.
             style: RGB in [0, 1].
+            ranks: Who shares each batch.
         """
+        self._ranks = ranks or Ranks()
         self._device = vgg.mean.device
         self._fast = config.bfloat16 and computes_in_bfloat16(self._device)
         self._vgg = copy.deepcopy(vgg).to(torch.bfloat16) if self._fast else vgg
@@ -48,10 +55,12 @@ class StyleStep:
         Raises:
             InputError: A term is no longer finite; it names what else is not, if anything.
         """
+        content = self._share(content)
         terms = self.terms(training.network, k, content)
         self._require_finite(terms, training, k, content)
         training.optimizer.zero_grad()
         terms.total.backward()
+        self._ranks.average(p.grad for p in training.network.parameters())
         for group in training.optimizer.param_groups:
             group["lr"] = _learning_rate(self._config, k)
         training.optimizer.step()
@@ -69,7 +78,8 @@ class StyleStep:
         if isinstance(content, Tensor):
             content = content.to(self._device)
             if config.weight > 0 and k % config.every == 0:
-                generator = torch.Generator().manual_seed((self._config.seed << 32) + k)
+                seed = (self._config.seed << 32) + (self._ranks.rank << 24) + k
+                generator = torch.Generator().manual_seed(seed)
                 content = disturbed(content, config, generator)
         if not isinstance(content, ContentPair):
             painted = self._painted(network, content)
@@ -80,6 +90,11 @@ class StyleStep:
         terms = self._loss(k, first, content.first)
         unsteady = config.every * config.weight * steadiness(first, second, content)
         return replace(terms, steadiness=unsteady)
+
+    def _share(self, content: Tensor | ContentPair) -> Tensor | ContentPair:
+        if isinstance(content, Tensor):
+            return self._ranks.share(content)
+        return ContentPair(*(self._ranks.share(getattr(content, f)) for f in content.__slots__))
 
     def _require_finite(
         self, terms: PerceptualTerms, training: Training, k: int, content: Tensor | ContentPair

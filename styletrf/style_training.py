@@ -18,6 +18,7 @@ from torch import Tensor
 
 from styletrf.base_network import base_network
 from styletrf.content_batches import content_batches, read_content
+from styletrf.data_parallel import Ranks
 from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.perceptual_loss import PerceptualTerms, shrunk
 from styletrf.progress import Progress, silent
@@ -48,6 +49,7 @@ def train_style_network(
     pairs: Callable[[int], ContentPair] | None = None,
     progress: Progress = silent,
     checkpoint_s: float = 30.0,
+    ranks: Ranks | None = None,
 ) -> tuple[StyleNetwork, list[CurveRow]]:
     """Returns the trained network and the loss of every iteration.
 
@@ -62,17 +64,18 @@ def train_style_network(
             `steadiness.renders` of the iterations that look at steadiness take, not photographs.
         progress: Told the iteration and the loss.
         checkpoint_s: Seconds between checkpoints.
+        ranks: Who shares each batch; the first of them tells, and writes checkpoints.
 
     Raises:
         InputError: A term of the loss is no longer finite, or there are no content images.
         NotFiniteError: A parameter of the network is no longer finite.
     """
-    path = checkpoint_folder / "style_training.safetensors"
+    path, ranks = checkpoint_folder / "style_training.safetensors", ranks or Ranks()
     training, config = begin(config, vgg.mean.device)
     read_checkpoint(path, training)
-    step = StyleStep(config, vgg, style)
+    step = StyleStep(config, vgg, style, ranks)
     start, encoded = len(training.curve), read_content(content_folder)
-    if start == 0:
+    if start == 0 and ranks.is_first:
         _warn(config, vgg, style, encoded)
     batches = content_batches(
         encoded,
@@ -90,11 +93,13 @@ def train_style_network(
             terms = step(training, k, pairs(k) if pairs and paired else content)
             row = _row(k, terms, time.monotonic() - begun)
             training.curve.append(row)
-            progress(k + 1, config.iterations, loss=row.loss)
-            if time.monotonic() - saved >= checkpoint_s:
+            if ranks.is_first:
+                progress(k + 1, config.iterations, loss=row.loss)
+            if ranks.is_first and time.monotonic() - saved >= checkpoint_s:
                 _save(path, training)
                 saved = time.monotonic()
-    _save(path, training)
+    if ranks.is_first:
+        _save(path, training)
     return training.network.eval(), training.curve
 
 

@@ -3,7 +3,8 @@
 import atexit
 import functools
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
@@ -27,6 +28,33 @@ def at_exit(act: Callable[[], None]) -> Callable[[], None]:
 
     atexit.register(run)
     return functools.partial(atexit.unregister, run)
+
+
+@contextmanager
+def acting_at_exit(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Iterator[None]:
+    """Has the command that asks for this task act on it at its end, once, done or failed.
+
+    Not if the command is refused within the block. Of other commands than its own this does
+    nothing.
+    """
+    take_back = _ask_for(task, act) if root_of_command() == task else None
+    try:
+        yield
+    except SystemExit:
+        if take_back:
+            take_back()
+        raise
+
+
+@functools.cache
+def _ask_for(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Callable[[], None]:
+    return at_exit(functools.partial(act, task))
+
+
+def root_of_command() -> luigi.Task | None:
+    """Returns the task that the command of this process asks for, if it is a command's."""
+    command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+    return command.get_task_obj() if command else None
 
 
 def _command_parameters() -> dict[str, dict[str, str]]:

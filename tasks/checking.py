@@ -13,8 +13,10 @@ from typing import Any
 
 from luigi.cmdline_parser import CmdlineParser
 
+from pipeline.board import board_of_command
 from styletrf.errors import InputError
 from tasks.graph import graph
+from tasks.plan import seconds_ahead
 from tasks.stage import Stage, TunedStage
 
 
@@ -41,6 +43,8 @@ def check_command(command: CmdlineParser) -> None:
     }
     if any(asked.values()) and (refusal := _refusal(asked)):
         raise SystemExit(refusal)
+    if board := board_of_command():
+        board.expect(seconds_ahead(stages))
 
 
 def configurations() -> dict[str, type]:

@@ -9,6 +9,7 @@ import luigi
 
 from pipeline.task import RunContext
 from tasks.scene import CameraPoses, SceneModel
+from tasks.shards import ShardedStage, parts_in
 from tasks.stage import Stage, TunedStage
 
 
@@ -67,10 +68,11 @@ class RadianceField(TunedStage):
         write_rows(out / "curve.parquet", curve)
 
 
-class PathRenders(TunedStage):
+class PathRenders(ShardedStage):
     """Float renders of the field along a path.
 
-    Leaves `frames/NAME.exr` (R G B A half, Z float), `cameras.parquet` and `video.mp4`.
+    Leaves `frames/NAME.exr` (R G B A half, Z float), `cameras.parquet` and `video.mp4`; a part
+    leaves no video.
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
@@ -78,11 +80,12 @@ class PathRenders(TunedStage):
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The field, and the cameras and the model that place the path."""
+        """The field, the cameras and the model that place the path, and the parts."""
         return {
             "field": self.need(RadianceField),
             "poses": self.need(CameraPoses),
             "model": self.need(SceneModel),
+            **self.parts(),
         }
 
     @abstractmethod
@@ -96,23 +99,28 @@ class PathRenders(TunedStage):
         """The cameras to render, from those of the photographs."""
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Render the path."""
+        """Render the path, or put its parts together."""
+        from styletrf.frames import float_frames, join_float_frames, write_clip
+
+        config = self.config(self.values())
+        if parts := parts_in(inputs):
+            join_float_frames(parts, out)
+        else:
+            self._render(inputs, out, config, run)
+        if not self.shard:
+            write_clip(out / "video.mp4", float_frames(out), config.frames_per_second)
+
+    def _render(self, inputs: Mapping[str, Path], out: Path, config: Any, run: RunContext) -> None:
         from styletrf.camera_table import read_cameras
         from styletrf.devices import device_named
         from styletrf.field import load_field
-        from styletrf.frames import (
-            float_frames,
-            rendered,
-            write_clip,
-            write_float_frames,
-        )
+        from styletrf.frames import rendered, write_float_frames
         from styletrf.scene_model import read_scene_model
 
-        config = self.config(self.values())
         model = read_scene_model(inputs["model"] / "scene.json")
         posed = read_cameras(inputs["poses"] / "cameras.parquet")
         photographed = model.normalized(posed, config.long_side_px)
-        cameras = self.cameras(inputs, photographed, model, config)
+        cameras = self.of_part(self.cameras(inputs, photographed, model, config))
         renders = rendered(
             load_field(inputs["field"]),
             model.space,
@@ -122,7 +130,6 @@ class PathRenders(TunedStage):
             run.progress,
         )
         write_float_frames(out, cameras, renders)
-        write_clip(out / "video.mp4", float_frames(out), config.frames_per_second)
 
 
 class PriorRenders(PathRenders):

@@ -77,17 +77,16 @@ def _is_box(region: Mapping[str, Any]) -> bool:
 
 
 def frames_by_network(
-    mixture: Mixture, inputs: Mapping[str, Path], device: Any, progress: Any
-) -> Iterator[Any]:
+    mixture: Mixture, inputs: Mapping[str, Path], cameras: Sequence[Any], device: Any,
+    progress: Any,
+) -> Iterator[Any]:  # fmt: skip
     """Yields every frame painted by itself, mixed with what it was by the strength."""
-    from styletrf.camera_table import read_cameras
     from styletrf.frames import float_frames
     from styletrf.painting import each_painted, network_painter
 
-    plain = float_frames(inputs["trajectory"])
-    count = len(read_cameras(inputs["trajectory"] / "cameras.parquet"))
-    again = float_frames(inputs["trajectory"])
-    views = each_painted(network_painter(inputs["network"], device), plain, count, progress)
+    plain, again = (float_frames(inputs["trajectory"], cameras) for _ in range(2))
+    paint = network_painter(inputs["network"], device)
+    views = each_painted(paint, plain, len(cameras), progress)
     for image, before in zip(views, again, strict=True):
         yield mixture.strength * image + (1 - mixture.strength) * before
 

@@ -32,6 +32,12 @@ class Stage(StoredTask):
         description="where to compute: a GPU where there is one (auto), cpu or cuda",
     )
 
+    shards = luigi.IntParameter(
+        default=1,
+        significant=False,
+        description="in how many parts frames and priors are made, at once where workers are free",
+    )
+
     @property
     def label(self) -> str:
         """The stage on the screen: its family and its words, but for those that are usual."""
@@ -44,12 +50,25 @@ class Stage(StoredTask):
         """Whether it computes, and may do so on a GPU."""
         return self.computes and self.device != "cpu"
 
+    @property
+    def priority(self) -> int:  # type: ignore[override]
+        """Where it stands in the command's plan: the seconds from its begin to the very end."""
+        command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+        if command is None:
+            return 0
+        from tasks.plan import seconds_to_the_end
+
+        root = command.get_task_obj()
+        return round(seconds_to_the_end(root).get(self.task_id, 0.0))
+
     def require_sound(self) -> None:
         """Refuses parameters that do not go together, before anything long begins.
 
         Raises:
             InputError: They do not.
         """
+        if self.shards < 1:
+            raise InputError(f"--shards {self.shards}", "makes nothing", "Give 1 or more")
 
     def complete(self) -> bool:
         """Whether the artifact exists; the first that does not has its command looked at."""
@@ -64,7 +83,7 @@ class Stage(StoredTask):
     def need(self, stage: type[Needed], **others: Any) -> Needed:
         """Returns an upstream stage with this one's scene, style, quality and so on."""
         names = set(stage.get_param_names(include_significant=True))  # type: ignore[no-untyped-call]
-        names -= {"settings", "timeout_seconds", "memory_gib"}
+        names -= {"settings", "timeout_seconds", "memory_gib", "shard"}
         shared = {name: self.param_kwargs[name] for name in names if name in self.param_kwargs}
         return stage(**{**shared, **others})
 

@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import luigi
 
@@ -16,6 +16,9 @@ from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
+
+if TYPE_CHECKING:
+    from pipeline.progress import Display
 
 _FEWEST_PROCEDURAL = 64  # made in about 5 s, with which three photographs are content enough
 
@@ -143,6 +146,18 @@ class StyleNetwork(TunedStage, NetworkControls):
 
     computes = True
 
+    cards = luigi.IntParameter(
+        default=1,
+        significant=False,
+        positional=False,
+        description="GPUs to train on where so many are free: each computes a share of the batch",
+    )
+
+    @property
+    def most_cards(self) -> int:
+        """As many as asked for."""
+        return max(1, self.cards)
+
     def requires(self) -> Mapping[str, Stage]:
         """The painting, the content and the perceptual network; or only a network that is given."""
         if self.network:
@@ -203,36 +218,21 @@ class StyleNetwork(TunedStage, NetworkControls):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Train the network, or convert the one that is given."""
-        import torch
-
-        from styletrf.configuration import configured
-        from styletrf.devices import device_named
-        from styletrf.images import read_rgb
         from styletrf.interchange import from_fast_neural_style
-        from styletrf.render_pairs import RenderPairs
         from styletrf.style_network import save_style_network
-        from styletrf.style_training import train_style_network
-        from styletrf.style_training_config import StyleTrainingConfig, steered
-        from styletrf.tables import write_rows
-        from styletrf.vgg import load_vgg
+        from tasks.network_training import Asked, train
 
         if self.network:
             save_style_network(from_fast_neural_style(Path(self.network)), out)
             return
         run.resume.mkdir(parents=True, exist_ok=True)
-        config, pairs = configured(StyleTrainingConfig, self.values()), None
-        config = steered(config, self.stroke_scale, self.content_weight)
-        if "renders" in inputs:
-            sizes = {"batch": config.batch, "crop_px": config.crop_px, "seed": config.seed}
-            pairs = RenderPairs(inputs["renders"], **sizes)
-        network, curve = train_style_network(
-            config,
-            load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(self.device)),
-            torch.from_numpy(read_rgb(inputs["style"] / "style.png")),
-            inputs["content"],
-            checkpoint_folder=run.resume,
-            pairs=pairs,
-            progress=run.progress,
+        asked = Asked(
+            settings=self.values(),
+            stroke_scale=self.stroke_scale,
+            content_weight=self.content_weight,
+            inputs={name: str(path) for name, path in inputs.items()},
+            out=str(out),
+            resume=str(run.resume),
+            device=self.device,
         )
-        save_style_network(network, out)
-        write_rows(out / "curve.parquet", curve)
+        train(asked, cast("Display", run.progress))

@@ -1,7 +1,7 @@
 """Scene and style meet: the priors are painted, the field takes them on, and the path is shown."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,12 +12,13 @@ from tasks.controls import FrameControls, StyleControls
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.qualities import settings_for
 from tasks.scene import SceneModel
+from tasks.shards import ShardedStage, parts_in
 from tasks.stage import Stage, TunedStage
 from tasks.style import PerceptualWeights, StyleImage, StyleNetwork
 
 
-class StylizedPriors(TunedStage, StyleControls):
-    """The prior renders, painted: `frames/NAME.png`.
+class StylizedPriors(ShardedStage, StyleControls):
+    """The prior renders, painted: `frames/NAME.png`; of a part, `painted.safetensors`.
 
     From the second round on, what is painted is half the prior and half what the field shows that
     was adapted to the round before (as SNeRF, Nguyen-Phuoc et al. 2022, goes to and fro).
@@ -26,10 +27,11 @@ class StylizedPriors(TunedStage, StyleControls):
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The renders, what paints them, and the field of the round before."""
+        """The renders, what paints them, the field of the round before, and the parts."""
         needed: dict[str, Stage] = {
             "priors": self.need(PriorRenders),
             "style": self.need(StyleImage),
+            **self.parts(),
         }
         if self.stylizer == "johnson":
             needed["network"] = self.need(StyleNetwork)
@@ -48,6 +50,7 @@ class StylizedPriors(TunedStage, StyleControls):
             "stylizer": self.stylizer,
             "colors": self.colors,
             "factors": self.factors(),
+            **self.identity_of_part(),
         }
 
     def factors(self) -> list[float]:
@@ -59,24 +62,43 @@ class StylizedPriors(TunedStage, StyleControls):
         return super().values() if self.stylizer == "gatys" else {}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Paint every prior."""
+        """Paint every prior, or those of a part; colours are those of all of them together."""
         from styletrf.camera_table import read_cameras
         from styletrf.color_transfer import Colors, in_colors
+        from styletrf.frames import float_frames, write_pictures
+        from styletrf.images import read_rgb
+        from styletrf.painting import load_painted, save_painted
+
+        cameras = read_cameras(inputs["priors"] / "cameras.parquet")
+        if parts := parts_in(inputs):
+            views = [view for part in parts for view in load_painted(part / "painted.safetensors")]
+        else:
+            views = self._painted(self.of_part(cameras), inputs, run)
+        if self.shard:
+            save_painted(out / "painted.safetensors", views)
+            return
+        plain, painting = (
+            list(float_frames(inputs["priors"])),
+            read_rgb(inputs["style"] / "style.png"),
+        )
+        colored = in_colors(views, plain, painting, cast("Colors", self.colors))
+        write_pictures(out, [camera.name for camera in cameras], iter(colored))
+
+    def _painted(
+        self, cameras: Sequence[Any], inputs: Mapping[str, Path], run: RunContext
+    ) -> list[Any]:
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.frames import float_frames, write_pictures
+        from styletrf.frames import float_frames
         from styletrf.gatys import GatysConfig
-        from styletrf.images import read_rgb
         from styletrf.painting import network_painter, optimizing_painter, painted
         from styletrf.restyling import halfway_to
         from styletrf.style_training_config import steered
 
         device = device_named(self.device)
-        cameras = read_cameras(inputs["priors"] / "cameras.parquet")
-        plain = list(float_frames(inputs["priors"]))
-        content = plain
+        content = list(float_frames(inputs["priors"], cameras))
         if "before" in inputs:
-            content = halfway_to(plain, cameras, inputs, device)
+            content = halfway_to(content, cameras, inputs, device)
         if "network" in inputs:
             paint = network_painter(inputs["network"], device)
         else:
@@ -84,10 +106,7 @@ class StylizedPriors(TunedStage, StyleControls):
             config = steered(config, *self.factors())
             weights, style = inputs["perceptual"] / "vgg16.safetensors", inputs["style"]
             paint = optimizing_painter(weights, style / "style.png", config, device)
-        views = painted(paint, content, run.progress)
-        painting = read_rgb(inputs["style"] / "style.png")
-        colored = in_colors(views, plain, painting, cast("Colors", self.colors))
-        write_pictures(out, [camera.name for camera in cameras], iter(colored))
+        return painted(paint, content, run.progress)
 
 
 class StylizedField(TunedStage, StyleControls):
@@ -163,8 +182,8 @@ class StylizedField(TunedStage, StyleControls):
         (out / "density.json").write_text(json.dumps(told, indent=1, sort_keys=True) + "\n")
 
 
-class StylizedFrames(TunedStage, FrameControls):
-    """The fly-through in style: `frames/NAME.png` and `video.mp4`.
+class StylizedFrames(ShardedStage, FrameControls):
+    """The fly-through in style: `frames/NAME.png` and `video.mp4`; of a part `cameras.parquet`.
 
     Path and frame rate are those of TrajectoryFrames.
     """
@@ -173,7 +192,7 @@ class StylizedFrames(TunedStage, FrameControls):
 
     def requires(self) -> Mapping[str, Stage]:
         """The density, the appearances, and the path; or the network that paints each frame."""
-        needed: dict[str, Stage] = {"trajectory": self.need(TrajectoryFrames)}
+        needed: dict[str, Stage] = {"trajectory": self.need(TrajectoryFrames), **self.parts()}
         if self.method == "per-frame":
             return {**needed, "network": self.need(StyleNetwork)}
         needed["field"] = self.need(RadianceField)
@@ -200,7 +219,8 @@ class StylizedFrames(TunedStage, FrameControls):
     def identity_parameters(self) -> Mapping[str, object]:
         """The settings, and what is mixed where."""
         words = {"strength": self.strength, "blend": dict(self.blend), "region": self._region()}
-        return {"settings": self.values(), "method": self.method, **words}
+        part = self.identity_of_part()
+        return {"settings": self.values(), "method": self.method, **words, **part}
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of the mask."""
@@ -212,26 +232,38 @@ class StylizedFrames(TunedStage, FrameControls):
         return {name: value for name, value in self.region.items() if name != "mask"}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Render the path in style."""
-        from styletrf.camera_table import read_cameras
-        from styletrf.configuration import configured
-        from styletrf.devices import device_named
-        from styletrf.frames import write_clip, write_pictures
+        """Render the path in style, or put its parts together."""
+        from styletrf.camera_table import read_cameras, write_cameras
+        from styletrf.frames import join_pictures, write_clip
         from styletrf.images import read_rgb
-        from styletrf.rendering import RenderConfig
         from styletrf.video import video_info
-        from tasks.mixing import Mixture, frames_by_network, frames_of_field
 
         cameras = read_cameras(inputs["trajectory"] / "cameras.parquet")
+        if parts := parts_in(inputs):
+            join_pictures(parts, out)
+        else:
+            self._render(self.of_part(cameras), inputs, out, run)
+        if self.shard:
+            write_cameras(out / "cameras.parquet", self.of_part(cameras))
+            return
+        images = (read_rgb(out / "frames" / f"{camera.name}.png") for camera in cameras)
+        rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
+        write_clip(out / "video.mp4", images, rate)
+
+    def _render(
+        self, cameras: Sequence[Any], inputs: Mapping[str, Path], out: Path, run: RunContext
+    ) -> None:
+        from styletrf.configuration import configured
+        from styletrf.devices import device_named
+        from styletrf.frames import write_pictures
+        from styletrf.rendering import RenderConfig
+        from tasks.mixing import Mixture, frames_by_network, frames_of_field
+
         mixture = Mixture(self.strength, self.blend, self.region)
         device, render = device_named(self.device), configured(RenderConfig, self.values())
         frames: Iterator[Any] = (
-            frames_by_network(mixture, inputs, device, run.progress)
+            frames_by_network(mixture, inputs, cameras, device, run.progress)
             if "network" in inputs
             else frames_of_field(mixture, inputs, cameras, render, device, run.progress)
         )
-        names = [camera.name for camera in cameras]
-        write_pictures(out, names, frames)
-        images = (read_rgb(out / "frames" / f"{name}.png") for name in names)
-        rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
-        write_clip(out / "video.mp4", images, rate)
+        write_pictures(out, [camera.name for camera in cameras], frames)

@@ -3,7 +3,7 @@
 import json
 import logging
 import shutil
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -13,17 +13,20 @@ from pipeline.errors import TaskFailure
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
+from tasks.at_exit import acting_at_exit, root_of_command
 from tasks.choosing import Choice, Wish, WishedQuality, choose, space_of, wish_of
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
+from tasks.night import conclude
 from tasks.qualities import QUALITIES
 from tasks.scene import CameraPoses, SceneModel
+from tasks.shards import part_of
 from tasks.showing import ShownStage
 from tasks.stage import Stage
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
-from tasks.wall import refresh_wall, root_of_command, wall_at_exit
+from tasks.wall import refresh_at_exit, refresh_wall
 
 screen = logging.getLogger("pipeline")
 
@@ -120,7 +123,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
 
     def complete(self) -> bool:
         """Whether the result is in the store and in `out/`; the command refreshes the index."""
-        with wall_at_exit(self):
+        with acting_at_exit(self, refresh_at_exit):
             granted = self.granted()
             return granted.complete() if granted else super().complete()
 
@@ -194,11 +197,17 @@ class Grid(luigi.WrapperTask):
     """
 
     scenes = luigi.ListParameter(description='such as ["horns", "fern"]')
+    part = luigi.Parameter(
+        default="", description="a part of the scenes alone, such as 2/5, for a scheduler's sake"
+    )
     styles = luigi.ListParameter(description='such as ["mosaic", "udnie"]')
     quality = StylizedTrajectory.quality
     budget = StylizedTrajectory.budget
     tuning = StylizedTrajectory.tuning
     device = StylizedTrajectory.device
+    until = StylizedTrajectory.until
+    executor = StylizedTrajectory.executor
+    shards = StylizedTrajectory.shards
     content = StylizedTrajectory.content
     perceptual = StylizedTrajectory.perceptual
     stroke_scale = StylizedTrajectory.stroke_scale
@@ -215,31 +224,40 @@ class Grid(luigi.WrapperTask):
     region = StylizedTrajectory.region
 
     def require_sound(self) -> None:
-        """Refuses one network for several paintings.
+        """Refuses parts that are none, and one network for several paintings.
 
         Raises:
-            InputError: It would paint all cells alike.
+            InputError: With what to give instead.
         """
+        self.cells()
         if self.network and len(self.styles) > 1:
             problem = "is one painting's network, for several styles"
             raise InputError(f"--network {self.network}", problem, "Give one style")
 
     def complete(self) -> bool:
-        """Whether every cell is; the command writes the index, unless it is refused."""
-        with wall_at_exit(self, is_answer=True):
+        """Whether every cell is; the command ends with the index, and with what became of them.
+
+        Not if it is refused.
+        """
+        with acting_at_exit(self, conclude):
             return bool(super().complete())  # type: ignore[no-untyped-call]
 
     def requires(self) -> list[StylizedTrajectory]:
         """One result a cell."""
         return self.cells()
 
+    def of_part(self) -> Sequence[str]:
+        """The scenes asked for; all styles of a scene are of one part, which share its field."""
+        return part_of(self.scenes, f"--part {self.part}") if self.part else self.scenes
+
     def cells(self) -> list[StylizedTrajectory]:
         """The results asked for."""
-        names = ("quality", "budget", "tuning", "device", "content", "perceptual", *CONTROLS)
-        shared = {name: self.param_kwargs[name] for name in names}
+        how = ("device", "until", "executor", "shards")
+        what = ("quality", "budget", "tuning", "content", "perceptual", *CONTROLS)
+        shared = {name: self.param_kwargs[name] for name in (*how, *what)}
         cells = [
             shared | {"scene": scene, "style": style}
-            for scene in self.scenes
+            for scene in self.of_part()
             for style in self.styles
         ]
         return [StylizedTrajectory(**cell) for cell in cells]

@@ -1,22 +1,18 @@
 """`out/index.html`: every result shown in `out/`, and what became of the others asked for."""
 
-import functools
 import json
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import luigi
-from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.attempts import obstacle
 from pipeline.settings import current_store, out_root
 from styletrf.page import duration
 from styletrf.wall import Cell, Score, write_wall
-from tasks.at_exit import at_exit
 from tasks.measures import NOT_MEASURED, by_delta, term
 
 screen = logging.getLogger("pipeline")
@@ -38,39 +34,9 @@ def refresh_wall(root: luigi.Task | None) -> Path | None:
     return path
 
 
-def root_of_command() -> luigi.Task | None:
-    """Returns the task that the command of this process asks for, if it is a command's."""
-    command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
-    return command.get_task_obj() if command else None
-
-
-@contextmanager
-def wall_at_exit(task: luigi.Task, *, is_answer: bool = False) -> Iterator[None]:
-    """Has the command that asks for this task refresh the page at its end, done or failed.
-
-    Not if the command is refused within the block.
-
-    Args:
-        task: Of other commands than its own this does nothing.
-        is_answer: Whether to print where the page is, as the last line.
-    """
-    take_back = _refresh_at_exit(task, is_answer) if root_of_command() == task else None
-    try:
-        yield
-    except SystemExit:
-        if take_back:
-            take_back()
-        raise
-
-
-@functools.cache
-def _refresh_at_exit(root: luigi.Task, is_answer: bool) -> Callable[[], None]:  # noqa: FBT001
-    def refresh() -> None:
-        path = refresh_wall(root)
-        if path and is_answer:
-            print(path)  # noqa: T201  the command's answer
-
-    return at_exit(refresh)
+def refresh_at_exit(root: luigi.Task) -> None:
+    """Writes the page, when the command is over."""
+    refresh_wall(root)
 
 
 def _cells(asked: Iterable[Any]) -> list[Cell]:

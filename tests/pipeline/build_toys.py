@@ -1,6 +1,7 @@
 """Tasks that end in every way a build can end, and that make Luigi stumble."""
 
 import contextlib
+import json
 import logging
 import os
 import signal
@@ -219,3 +220,30 @@ class Forgetful(Word):
 
     def complete(self) -> bool:
         return False
+
+
+class OnCores(StoredTask):
+    """Notes when it ran on which cores, with how many threads to start."""
+
+    name = luigi.Parameter()
+    seconds = luigi.FloatParameter(default=0.5, significant=False)
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        began = time.monotonic()
+        time.sleep(self.seconds)
+        told = {
+            "cores": sorted(os.sched_getaffinity(0)),
+            "threads": os.environ.get("OMP_NUM_THREADS"),
+            "began": began,
+            "ended": time.monotonic(),
+        }
+        (out / "cores.json").write_text(json.dumps(told))
+
+
+class ManyOnCores(luigi.WrapperTask):
+    """Several that each want cores."""
+
+    names = luigi.ListParameter()
+
+    def requires(self) -> list[StoredTask]:
+        return [OnCores(name) for name in self.names]

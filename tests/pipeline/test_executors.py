@@ -16,6 +16,7 @@ from test_command import are_gone, pids_of_slow
 
 from pipeline.execution import EXECUTORS, Job, Report
 from pipeline.locks import try_lock
+from pipeline.progress import ProgressBar
 
 
 @pytest.fixture
@@ -25,14 +26,12 @@ def job(tmp_path: Path) -> Job:
         (tmp_path / name).mkdir()
     (tmp_path / "log").touch()
     places = {name: str(tmp_path / name) for name in ("out", "resume", "log")}
-    return Job(
-        "build_toys", "Act", parameters={}, label="Act", inputs={}, interactive=False, **places
-    )
+    return Job("build_toys", "Act", parameters={}, label="Act", inputs={}, **places)
 
 
 def acted(executor: str, job: Job, act: str, **changes: object) -> Report:
     job = dataclasses.replace(job, parameters={"act": act}, **changes)
-    return EXECUTORS[executor].run(job)
+    return EXECUTORS[executor].run(job, ProgressBar("Act", sys.stderr, interactive=False))
 
 
 every_executor = pytest.mark.parametrize("executor", sorted(EXECUTORS))
@@ -71,7 +70,8 @@ def test_cores_of_a_build_and_of_others_are_told_apart(job):
 @every_executor
 @pytest.mark.parametrize("interactive", [False, True])
 def test_a_warning_is_a_line_on_the_terminal_and_in_the_log(executor, job, interactive, capfd):
-    acted(executor, job, "warn", interactive=interactive)
+    job = dataclasses.replace(job, parameters={"act": "warn"})
+    EXECUTORS[executor].run(job, ProgressBar("Act", sys.stderr, interactive=interactive))
     said = capfd.readouterr().err.replace("\r", "\n").splitlines()
     assert [line for line in said if "odd" in line] == ["Act: warning: this is odd"]
     assert "Act: warning: this is odd\n" in Path(job.log).read_text()
@@ -166,7 +166,9 @@ def test_the_kernels_own_limit_is_recognised(job, cramped):
         "import json, os, pathlib, sys\n"
         "pathlib.Path(sys.argv[1], 'cgroup.procs').write_text(str(os.getpid()))\n"
         "from pipeline.execution import EXECUTORS, Job\n"
-        "print(EXECUTORS['subprocess'].run(Job(**json.loads(sys.argv[2]))).kind)\n"
+        "from pipeline.progress import ProgressBar\n"
+        "job, bar = Job(**json.loads(sys.argv[2])), ProgressBar('', sys.stderr, interactive=0)\n"
+        "print(EXECUTORS['subprocess'].run(job, bar).kind)\n"
     )
     job = dataclasses.replace(job, parameters={"act": "eat"})
     said = subprocess.run(

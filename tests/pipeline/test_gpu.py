@@ -28,13 +28,14 @@ def cards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Cards]:
 
     def tell(names: str, leases: Path = tmp_path / "leases") -> None:
         file = tmp_path / "cards.cfg"
-        file.write_text(f"[gpu]\ncards = {names}\nleases = {leases}\n")
+        file.write_text(f"[gpu]\ncards = {names}\n[host]\nleases = {leases}\n")
         monkeypatch.setenv("LUIGI_CONFIG_PATH", str(file))
         here.set("gpu", "cards", names)
-        here.set("gpu", "leases", str(leases))
+        here.set("host", "leases", str(leases))
 
     yield tell
     here.remove_section("gpu")
+    here.remove_section("host")
 
 
 def on_card(name: str, *words: str) -> subprocess.Popen[str]:
@@ -215,5 +216,5 @@ def test_a_folder_that_cannot_be_used_is_told(cards, tmp_path, obstacle):
         (tmp_path / "leases" / "gpu-GPU-a").symlink_to("/etc/passwd")
     else:
         (tmp_path / "leases").touch()
-    with pytest.raises(StoreError, match=r"Name a folder .* in \[gpu\] leases"), gpu.leased(print):
+    with pytest.raises(StoreError, match=r"Name a folder .* in \[host\] leases"), gpu.leased(print):
         pass

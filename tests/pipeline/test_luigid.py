@@ -149,3 +149,34 @@ def test_a_slow_answer_does_not_make_a_worker_lost():
     settings.read(ROOT / "luigi.cluster.cfg")
     assert settings.getint("scheduler", "worker_disconnect_delay") >= 600
     assert settings.getint("scheduler", "retry_count") == 2
+
+
+def test_machines_with_other_code_are_told_so_and_spoil_nothing(luigid, toys):
+    """Another salt stands for another commit: the same task, another key."""
+    first = worker("Acts", "--acts", '["succeed", "sleep"]', "--workers", "2")
+    pids_of_slow(toys)
+    while not list(records(current_store())):
+        time.sleep(0.02)
+    settings = luigid.config.read_text()
+    luigid.config.write_text(f"{settings}\n[store]\nsalt = another\n")
+    status, screen = finish(worker("Acts", "--acts", '["succeed"]'))
+    first.kill()
+    first.communicate()
+    assert "they have other code, packages, settings or photographs" in screen
+    assert status == 30
+    assert len(list(records(current_store()))) == 1
+    assert not list(problems(current_store(), deep=True))
+
+
+def test_the_page_of_luigid_tells_the_progress(luigid):
+    from luigi.rpc import RemoteScheduler
+
+    process = worker("Lasting", "--steps", "150")
+    scheduler, seen = RemoteScheduler(f"http://127.0.0.1:{luigid.port}/"), set()
+    while process.poll() is None:
+        for name in scheduler.task_list("RUNNING", ""):
+            seen.add(scheduler.get_task_progress_percentage(name)["progressPercentage"])
+            assert "key " in scheduler.get_task_status_message(name)["statusMessage"]
+        time.sleep(0.5)
+    finish(process)
+    assert {p for p in seen if p and 0 < p < 100}

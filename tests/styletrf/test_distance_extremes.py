@@ -7,7 +7,7 @@ from kernel_cases import generator
 
 from styletrf.cameras import Camera
 from styletrf.geometric_consistency import corresponding, geometric_errors
-from styletrf.perceptual_distance import STYLE_LAYERS, perceptual_distance, style_distance
+from styletrf.perceptual_distance import STYLE_LAYERS, grams, perceptual_distance, style_distance
 
 PERCEPTUAL = pytest.mark.extremes("Perceptual and style distance")
 GEOMETRIC = pytest.mark.extremes("Consistency along depths")
@@ -50,9 +50,10 @@ def test_a_perceptual_distance_is_from_0_to_4_and_0_of_equals(dtype, size, stabi
 @PRECISIONS
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_a_style_distance_does_not_depend_on_the_size_of_features(dtype, size, stability):
-    a, b = features(size, dtype, 0), features(size, dtype, 10)
+    both = features(size, dtype, 0), features(size, dtype, 10)
+    a, b = map(grams, both)
     assert style_distance(a, a) == 0
-    exact = style_distance(*({n: f.double() for n, f in x.items()} for x in (a, b)))
+    exact = style_distance(*(grams({n: f.double() for n, f in x.items()}) for x in both))
     found = style_distance(a, b)
     assert found == pytest.approx(exact, rel=1e-4)
     stability(f"features of {size:g}", found, exact, precision=str(dtype).removeprefix("torch."))

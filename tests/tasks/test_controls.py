@@ -123,3 +123,13 @@ def test_what_cannot_be_is_refused_in_words(family, words, told):
         stage.require_sound()
     assert told.split()[-1] in str(error.value)
     assert error.value.remedy
+
+
+def test_a_part_of_a_grid_is_whole_scenes():
+    scenes = [f"s{k}" for k in range(5)]
+    parts = [tasks.Grid(scenes=scenes, styles=["x", "y"], part=f"{k}/2") for k in (1, 2)]
+    cells = [[(c.scene, c.style) for c in part.cells()] for part in parts]
+    assert cells[0] + cells[1] == [(scene, style) for scene in scenes for style in ("x", "y")]
+    assert len(cells[0]) == 4
+    with pytest.raises(InputError, match=r"--part 3/2: is no part"):
+        tasks.Grid(scenes=scenes, styles=["x"], part="3/2").require_sound()

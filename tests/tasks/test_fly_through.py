@@ -219,12 +219,19 @@ def test_another_style_builds_only_what_depends_on_it(workplace: Workplace):
 def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     index = workplace.root / "out/index.html"
     index.unlink()
-    grid = workplace.command("Grid", "--scenes", '["yard"]', "--styles", '["brush", "none"]')
-    assert (grid.status, grid.report, set(grid.started)) == (30, index, set())
+    scenes, styles = '["yard", "nowhere"]', '["brush", "none"]'
+    grid = workplace.command("Grid", "--scenes", scenes, "--styles", styles)
+    assert (grid.status, grid.report, set(grid.started)) == (31, index, set())
     text = index.read_text()
-    assert "1 failed." in text
+    assert "3 failed." in text
     assert "there is no such style" in text
     assert 'href="yard/brush/report.html"' in text
+    night = json.loads((workplace.root / "out/night.json").read_text())
+    told = {(c["scene"], c["style"]): (c["outcome"], c["reason"]) for c in night["cells"]}
+    assert told["yard", "brush"] == ("found", "")
+    assert "there is no such style" in told["yard", "none"][1]
+    assert "there is no such scene" in told["nowhere", "brush"][1]
+    assert "4 cells: 1 found, 3 failed" in grid.screen
 
 
 def test_links_that_were_deleted_come_back_without_building(workplace: Workplace, first: Run):

@@ -1,6 +1,7 @@
 """The graph: who needs whom, what a parameter changes, and what importing costs."""
 
 import inspect
+import re
 import subprocess
 import sys
 
@@ -43,12 +44,19 @@ def test_importing_tasks_loads_no_torch_and_starts_no_thread():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def source(stage):
+    """The text of a stage's build and of what it calls of its own."""
+    names = ["build", *(name for name in dir(stage) if re.match(r"_[a-z]", name))]
+    found = (getattr(stage, name) for name in names)
+    ours = (f for f in found if getattr(f, "__module__", "").startswith("tasks."))
+    return "".join(inspect.getsource(function) for function in ours)
+
+
 def test_a_stage_leases_a_gpu_exactly_if_its_build_asks_for_a_device():
     for name in set(tasks.__all__) - {"Grid"}:
         stage = getattr(tasks, name)
-        assert stage.computes == ("device_named(self.device)" in inspect.getsource(stage.build)), (
-            name
-        )
+        asks = re.search(r"device_named\(self\.device\)|device=self\.device", source(stage))
+        assert stage.computes == bool(asks), name
     stage = tasks.RadianceField(scene="s")
     assert stage.needs_gpu
     assert not tasks.RadianceField(scene="s", device="cpu").needs_gpu
@@ -100,7 +108,7 @@ def test_settings_are_taken_where_they_are_used():
     """A setting that a stage takes and its build ignores would change the key and nothing else."""
     for name in set(tasks.__all__) - {"Grid"}:
         stage = getattr(tasks, name)
-        is_used = "self.values()" in inspect.getsource(stage.build)
+        is_used = "self.values()" in source(stage)
         assert ("settings" in stage.get_param_names()) == is_used, name
 
 

@@ -1,0 +1,79 @@
+"""What earlier builds took, for plans: hints that no result depends on.
+
+`costs/FAMILY.jsonl` of the store has a line a build. A build is expected to take what the builds
+before it took that share most of its parameters.
+"""
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from pipeline.store import Store
+
+_READ_BYTES = 1 << 18  # of the newest lines
+_NEWEST = 5
+USUAL_SECONDS = 60.0
+"""Of what nothing is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a build takes."""
+
+    seconds: float
+    peak_memory_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """What a build took: its parameters, serialised, and its cost."""
+
+    parameters: Mapping[str, str]
+    cost: Cost
+
+
+def note(store: Store, family: str, spent: Spent) -> None:
+    """Add a line; a full disk, or a store that can only be read, is no reason to fail."""
+    line = json.dumps(asdict(spent), sort_keys=True).encode() + b"\n"
+    with contextlib.suppress(OSError):
+        file = os.open(_file(store, family), os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+        try:
+            os.write(file, line)
+        finally:
+            os.close(file)
+
+
+def spendings(store: Store, family: str) -> list[Spent]:
+    """What the newest builds of a family took, oldest first."""
+    return list(_lines(_file(store, family)))
+
+
+def expected(spendings: list[Spent], parameters: Mapping[str, str]) -> Cost | None:
+    """What a build with these parameters will take, as far as earlier ones tell; None: unknown.
+
+    The median time, and the largest memory, of the five newest that share most parameters.
+    """
+    shared = [len(spent.parameters.items() & parameters.items()) for spent in spendings]
+    alike = [s.cost for s, n in zip(spendings, shared, strict=True) if n == max(shared)][-_NEWEST:]
+    if not alike:
+        return None
+    return Cost(median(c.seconds for c in alike), max(c.peak_memory_bytes for c in alike))
+
+
+def _lines(file: Path) -> Iterator[Spent]:
+    """The lines that can be read: the first may be cut off, and any by a full disk."""
+    with contextlib.suppress(OSError), file.open("rb") as lines:
+        lines.seek(max(0, file.stat().st_size - _READ_BYTES))
+        for line in lines:
+            with contextlib.suppress(ValueError, TypeError, KeyError):
+                told: dict[str, Any] = json.loads(line)
+                yield Spent(dict(told["parameters"]), Cost(**told["cost"]))
+
+
+def _file(store: Store, family: str) -> Path:
+    return store.root / "costs" / f"{family}.jsonl"

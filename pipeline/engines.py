@@ -1,0 +1,98 @@
+"""Engines that place builds on other machines: Ray and SLURM.
+
+An engine is asked with an errand, which lies in a folder that this machine has, and answers with
+the outcome, however often it had to send it out. Where things are placed is its business; what they
+are, and that they are right, the store's.
+"""
+
+import contextlib
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from pipeline.errand import NO_ENGINE, Errand, Outcome, command, outcome_in
+from pipeline.errors import StoreError
+from pipeline.settings import setting
+
+
+class Engine(Protocol):
+    """Who finds a machine for an errand."""
+
+    def run(self, errand: Errand, folder: Path) -> Outcome:
+        """Have it built; `folder` takes the errand, and what is printed about it.
+
+        Raises:
+            StoreError: The engine itself cannot be used.
+        """
+
+
+class Ray:
+    """A Ray cluster: `[ray] address`, by default the one that runs on this machine.
+
+    Ray sends an errand again, three times, when its machine is lost.
+    """
+
+    def run(self, errand: Errand, folder: Path) -> Outcome:
+        """Have it built on a node that has the cores, the memory and the card."""
+        with _written(errand, folder) as file:
+            asked = [sys.executable, "-P", "-m", "pipeline.ray_engine", str(file)]
+            done = _run([*asked, setting("ray", "address")], errand)
+            if done.returncode == NO_ENGINE:
+                raise StoreError(f"Ray cannot be used: {_last_line(done.stderr)}")
+            return outcome_in(done.stdout or done.stderr)
+
+
+class Slurm:
+    """A SLURM cluster, by `sbatch`; `[slurm] options` are added to its words."""
+
+    def run(self, errand: Errand, folder: Path) -> Outcome:
+        """Have it built by a job, which SLURM queues again when its node fails."""
+        with _written(errand, folder) as file:
+            said = file.with_suffix(".out")
+            done = _run([*self._sbatch(errand, said), "--wrap", " ".join(command(file))], errand)
+            if not done.stdout.strip():
+                raise StoreError(f"SLURM cannot be used: {_last_line(done.stderr)}")
+            return outcome_in(said.read_text() if said.exists() else done.stderr)
+
+    def _sbatch(self, errand: Errand, said: Path) -> list[str]:
+        words = [
+            *("sbatch", "--parsable", "--wait", "--requeue"),
+            f"--job-name=styletrf-{errand.key[:16]}",
+            f"--cpus-per-task={errand.cores}",
+            f"--output={said}",
+            f"--chdir={errand.folder}",
+        ]
+        if errand.memory_bytes:
+            words.append(f"--mem={-(-errand.memory_bytes // 2**20)}M")
+        if errand.gpus and "gpu" in _run(["sinfo", "-h", "-o", "%G"], errand).stdout:
+            words.append(f"--gres=gpu:{errand.gpus}")
+        return words + setting("slurm", "options").split()
+
+
+ENGINES: Mapping[str, Engine] = {"ray": Ray(), "slurm": Slurm()}
+"""By the word in `--executor`."""
+
+
+@contextlib.contextmanager
+def _written(errand: Errand, folder: Path) -> Iterator[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{errand.key[:16]}.{os.getpid()}.json"
+    file.write_text(errand.to_json())
+    yield file
+    file.unlink()
+
+
+def _run(words: list[str], errand: Errand) -> "subprocess.CompletedProcess[str]":
+    """Run an engine's command; StoreError where it is not installed."""
+    environment = {**os.environ, **errand.environment}
+    try:
+        return subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
+    except FileNotFoundError as error:
+        raise StoreError(f"{words[0]} is not installed on this machine") from error
+
+
+def _last_line(said: str) -> str:
+    return said.strip().rpartition("\n")[2] or "it ended without a word"

@@ -1,0 +1,57 @@
+"""Machines under one luigid build the same things: each tells it the key of what it begins.
+
+A task's name does not tell its code and its data, its key does. Where two machines come to
+different keys for one task, their commits, packages or photographs differ: the second stops there.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import re
+import socket
+from typing import TYPE_CHECKING, Any
+
+import luigi
+import psutil
+from luigi.rpc import RemoteScheduler, RPCError
+
+from pipeline.errors import TaskFailure
+
+if TYPE_CHECKING:
+    from pipeline.task import StoredTask
+
+_TOLD = re.compile(r"key (?P<key>\w+) on (?P<host>\S+), process (?P<pid>\d+)")
+
+
+def require_agreement(task: "StoredTask", key: str) -> None:
+    """Tell luigid the key of a task that begins; nothing where no luigid is asked.
+
+    Raises:
+        TaskFailure: A machine that is at work has another key for it.
+    """
+    settings = luigi.interface.core()  # type: ignore[no-untyped-call]
+    if settings.local_scheduler or not getattr(task, "set_status_message", None):
+        return
+    command = multiprocessing.parent_process()
+    ours = socket.gethostname(), str((command and command.pid) or os.getpid())
+    with contextlib.suppress(RPCError):  # a luigid that is away: what is built is right anyway
+        scheduler: Any = RemoteScheduler(settings.scheduler_url)  # type: ignore[no-untyped-call]
+        told = _TOLD.search(scheduler.get_task_status_message(task.task_id)["statusMessage"] or "")
+        theirs = (told["host"], told["pid"]) if told else ours
+        if told and theirs != ours and told["key"] != key[:16] and _is_at_work(scheduler, *theirs):
+            raise TaskFailure(
+                "user",
+                str(task),
+                f"{theirs[0]} has {told['key']} for it and this machine {key[:16]}: they have other"
+                " code, packages, settings or photographs. Give all machines under a luigid the"
+                " same; if its command is over, go on in ten minutes, or restart luigid.",
+            )
+        task.set_status_message(f"key {key[:16]} on {ours[0]}, process {ours[1]}")  # type: ignore[misc]
+
+
+def _is_at_work(scheduler: Any, host: str, pid: str) -> bool:
+    """Whether the command with this process still runs, as far as luigid or this machine knows."""
+    if host == socket.gethostname():
+        return bool(psutil.pid_exists(int(pid)))
+    workers = scheduler.worker_list(include_running=False)
+    return any(bool((w.get("host"), str(w.get("pid"))) == (host, pid)) for w in workers)

@@ -1,0 +1,132 @@
+"""A build's share of its host, where a command runs several at once: cores and memory.
+
+A share is a set of units (`pipeline.units`): cores by their numbers, and 64ths of the memory. A
+build is bound to its cores, so that its threads, which may spin, cost no other build anything.
+"""
+
+import contextlib
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import luigi
+import psutil
+
+from pipeline.locks import locked
+from pipeline.settings import setting
+from pipeline.units import lease_folder, take_in_time, units
+
+_MEMORY_PARTS = 64
+_RESERVE = 1.2  # times what an earlier build took
+_CGROUP = Path("/sys/fs/cgroup")
+THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "MKL_NUM_THREADS")
+"""What tells libraries how many threads to start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """What a build may use.
+
+    Attributes:
+        cores: How many it shall use.
+        bound_to: The numbers of the cores it is bound to; none: it may run on all.
+        environment: What tells its libraries so.
+        holds: The files whose flocks hold the share.
+    """
+
+    cores: int
+    bound_to: tuple[int, ...] = ()
+    environment: tuple[tuple[str, str], ...] = ()
+    holds: tuple[int, ...] = ()
+
+
+def workers_of_command() -> int:
+    """How many builds the command of this process runs at once (`--workers`)."""
+    return max(1, int(luigi.interface.core().workers))  # type: ignore[no-untyped-call]
+
+
+@contextlib.contextmanager
+def shared(
+    workers: int, expected_bytes: int | None, say_so: Callable[[str], object]
+) -> Iterator[Share]:
+    """Hold a share of this host: an equal part of its cores, and the memory that is expected.
+
+    It waits for one core and for the memory, in the order of asking, and takes up to an equal part
+    of the cores. A command that runs one build at a time has the host to itself.
+
+    Args:
+        workers: How many builds the command runs at once.
+        expected_bytes: The memory that the build will take; an equal part where it is unknown.
+        say_so: Told what is waited for, where it is.
+
+    Raises:
+        StoreError: When the folder of leases cannot be used.
+    """
+    cores = usable_cores()
+    if workers == 1:
+        yield Share(len(cores))
+        return
+    memory = memory_bytes()
+    part = memory / _MEMORY_PARTS
+    wanted = memory / workers if expected_bytes is None else _RESERVE * expected_bytes
+    n_parts = min(_MEMORY_PARTS, max(1, math.ceil(wanted / part)))
+    with (
+        units("memory", [str(n) for n in range(_MEMORY_PARTS)]) as parts,
+        units("core", [str(n) for n in cores]) as files,
+    ):
+        with locked(lease_folder() / "queue", lambda: None):
+            told = f"for {n_parts * part / 2**30:.1f} GiB of memory"
+            held = take_in_time(parts, n_parts, n_parts, lambda: say_so(told))
+            most = math.ceil(len(cores) / workers)
+            mine = take_in_time(files, 1, most, lambda: say_so("for a core"))
+        yield Share(
+            cores=len(mine),
+            bound_to=tuple(map(int, mine)) if _may_bind() else (),
+            environment=tuple((name, str(len(mine))) for name in THREADS),
+            holds=(*(parts[name] for name in held), *(files[name] for name in mine)),
+        )
+
+
+def usable_cores() -> list[int]:
+    """The cores this process may use: those it is bound to, or as many as its group's quota pays.
+
+    Under a quota the numbers stand for no cores in particular.
+    """
+    return _bound()[: _quota() or None]
+
+
+def memory_bytes() -> int:
+    """What builds may take together: `[host] memory_gib`, or nine tenths of what the host has."""
+    if told := float(setting("host", "memory_gib")):
+        return int(told * 2**30)
+    total = int(psutil.virtual_memory().total)
+    limits = [*_words("memory.max"), *_words("memory/memory.limit_in_bytes")]
+    return int(0.9 * min([total, *(int(word) for word in limits if word.isdigit())]))
+
+
+def _bound() -> list[int]:
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def _may_bind() -> bool:
+    """Not under a quota, where others are likely to bind to the same cores; and on Linux alone."""
+    return hasattr(os, "sched_setaffinity") and len(usable_cores()) == len(_bound())
+
+
+def _quota() -> int:
+    """How many cores the control group of this container may keep busy; 0 if that is not told."""
+    told = _words("cpu.max") or [*_words("cpu/cpu.cfs_quota_us"), *_words("cpu/cpu.cfs_period_us")]
+    if len(told) != 2 or not told[0].isdigit():
+        return 0
+    return max(1, math.ceil(int(told[0]) / int(told[1])))
+
+
+def _words(name: str) -> Sequence[str]:
+    """What the control group says; nothing where there is none."""
+    with contextlib.suppress(OSError):
+        return (_CGROUP / name).read_text().split()
+    return []

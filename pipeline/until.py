@@ -1,0 +1,61 @@
+"""When a night ends: nothing is begun that would still be running then."""
+
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, cast
+
+import luigi
+
+from pipeline.costs import Cost
+from pipeline.errors import TaskFailure
+
+if TYPE_CHECKING:
+    from pipeline.task import StoredTask
+
+
+class Until(luigi.Parameter["datetime | None"]):
+    """A moment: the next time a clock shows `06:00`, or a date and time as ISO 8601 has it."""
+
+    def parse(self, x: str) -> datetime | None:
+        """The moment, in local time; None for an empty word.
+
+        Raises:
+            ValueError: When it is neither.
+        """
+        if not x:
+            return None
+        try:
+            return datetime.fromisoformat(x).replace(microsecond=0)
+        except ValueError:
+            return _next(x)
+
+    def serialize(self, x: datetime | None) -> str:
+        """The moment as ISO 8601 has it, which means the same tomorrow."""
+        return x.isoformat() if x else ""
+
+
+def _next(clock: str) -> datetime:
+    now = datetime.now()
+    try:
+        told = datetime.strptime(clock, "%H:%M").time()
+    except ValueError:
+        message = f"--until {clock} is no time of day. Give one such as 06:00 or 2026-11-23T06:00"
+        raise ValueError(message) from None
+    moment = datetime.combine(now, told)
+    return moment if moment > now else moment + timedelta(days=1)
+
+
+def require_time(task: "StoredTask", cost: Cost | None) -> None:
+    """Refuses to begin what would not end in time, as far as earlier builds tell.
+
+    Raises:
+        TaskFailure: It would not.
+    """
+    until = cast("datetime | None", task.until)
+    if until is None:
+        return
+    left = (until - datetime.now(until.tzinfo)).total_seconds()
+    needed = cost.seconds if cost else 0.0
+    if needed >= left:
+        expected = f", and it takes about {needed:.0f} s" if needed else ""
+        reason = f"not begun: {max(0.0, left):.0f} s are left until {until}{expected}"
+        raise TaskFailure("late", str(task), f"{reason}. Run the same command again to go on.")

@@ -1,0 +1,52 @@
+"""Training by several processes, a card each: everyone computes a share of the batch, and all step.
+
+The gradient is the mean over the shares. A loss that is no mean over images, as the relative ones,
+is thereby the mean of the shares' losses, which is not quite that of the whole batch.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Shaped
+from torch import Tensor, distributed
+
+
+@dataclass(frozen=True, slots=True)
+class Ranks:
+    """Which of how many processes this one is; alone, it has all of everything."""
+
+    rank: int = 0
+    count: int = 1
+
+    @property
+    def is_first(self) -> bool:
+        """Whether it is the one that tells and writes."""
+        return self.rank == 0
+
+    def share(self, batch: Shaped[Tensor, "batch ..."]) -> Shaped[Tensor, "share ..."]:
+        """Returns this process's part of a batch.
+
+        Raises:
+            ValueError: The batch cannot be divided evenly.
+        """
+        if len(batch) % self.count:
+            raise ValueError(f"{len(batch)} images cannot be divided among {self.count}")
+        return batch.chunk(self.count)[self.rank]
+
+    def average(self, tensors: Iterable[Tensor | None]) -> None:
+        """Replaces each tensor by its mean over all processes, in place."""
+        if self.count == 1:
+            return
+        for tensor in tensors:
+            if tensor is not None:
+                distributed.all_reduce(tensor)
+                tensor.div_(self.count)
+
+
+def joined(device: torch.device) -> Ranks:
+    """Returns the place of this process among those that `torchrun` started together."""
+    if not distributed.is_torchelastic_launched():
+        return Ranks()
+    distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
+    return Ranks(distributed.get_rank(), distributed.get_world_size())

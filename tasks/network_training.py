@@ -1,0 +1,148 @@
+"""The training of a style network, in one process or, by torchrun, in one a card.
+
+`torchrun -m tasks.network_training ASKED.json` is what each of several runs; the first of them
+prints where it stands, a line of JSON a message.
+"""
+
+import json
+import logging
+import math
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.channel import Channel, follow
+from pipeline.progress import Display
+from styletrf.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is to be trained, as JSON can tell it: paths are words.
+
+    Attributes:
+        settings: Of `StyleTrainingConfig`.
+        stroke_scale: See `tasks.controls`.
+        content_weight: See `tasks.controls`.
+        inputs: Folders: style, content, perceptual, and renders where these are looked at.
+        out: The folder to fill.
+        resume: That of checkpoints.
+        device: `auto`, `cpu` or `cuda`.
+    """
+
+    settings: Mapping[str, Any]
+    stroke_scale: float
+    content_weight: float
+    inputs: Mapping[str, str]
+    out: str
+    resume: str
+    device: str
+
+
+def train(asked: Asked, display: Display) -> None:
+    """Trains on as many cards as this build sees, and writes the network and its curve."""
+    import torch
+
+    from styletrf.devices import device_named
+
+    is_gpu = device_named(asked.device).type == "cuda"
+    cards = math.gcd(torch.cuda.device_count(), _batch(asked)) if is_gpu else 1
+    if cards > 1:
+        train_together(asked, cards, display)
+    else:
+        train_here(asked, display)
+
+
+def train_together(asked: Asked, processes: int, display: Display) -> None:
+    """Trains in several processes that share each batch; torchrun ends all when one fails.
+
+    Raises:
+        InputError: What one of them tells its user.
+        RuntimeError: They failed otherwise.
+    """
+    specification = Path(asked.resume) / ".asked.json"
+    specification.write_text(json.dumps(asdict(asked)))
+    launch = [sys.executable, "-P", "-m", "torch.distributed.run", "--standalone"]
+    command = [*launch, f"--nproc-per-node={processes}", "-m", "tasks.network_training"]
+    with subprocess.Popen([*command, str(specification)], stdout=subprocess.PIPE) as together:
+        told = follow(together.stdout or [], display)
+    if "refused" in told:
+        raise InputError(*told["refused"])
+    if together.returncode:
+        raise RuntimeError(f"torchrun ended with status {together.returncode}")
+
+
+def train_here(asked: Asked, display: Display) -> None:
+    """Trains in this process, which may be one of several."""
+    import torch
+
+    from styletrf.configuration import configured
+    from styletrf.data_parallel import joined
+    from styletrf.devices import device_named
+    from styletrf.images import read_rgb
+    from styletrf.render_pairs import RenderPairs
+    from styletrf.style_network import save_style_network
+    from styletrf.style_training import train_style_network
+    from styletrf.style_training_config import StyleTrainingConfig, steered
+    from styletrf.tables import write_rows
+    from styletrf.vgg import load_vgg
+
+    inputs, device = {n: Path(path) for n, path in asked.inputs.items()}, device_named(asked.device)
+    ranks = joined(device)
+    if device.type == "cuda":
+        torch.cuda.set_device(ranks.rank)
+    config = configured(StyleTrainingConfig, asked.settings)
+    config, pairs = steered(config, asked.stroke_scale, asked.content_weight), None
+    if "renders" in inputs:
+        sizes = {"batch": config.batch, "crop_px": config.crop_px, "seed": config.seed}
+        pairs = RenderPairs(inputs["renders"], **sizes)
+    network, curve = train_style_network(
+        config,
+        load_vgg(inputs["perceptual"] / "vgg16.safetensors", device),
+        torch.from_numpy(read_rgb(inputs["style"] / "style.png")),
+        inputs["content"],
+        checkpoint_folder=Path(asked.resume),
+        pairs=pairs,
+        progress=display,
+        ranks=ranks,
+    )
+    if ranks.is_first:
+        save_style_network(network, Path(asked.out))
+        write_rows(Path(asked.out) / "curve.parquet", curve)
+
+
+def _batch(asked: Asked) -> int:
+    from styletrf.configuration import configured
+    from styletrf.style_training_config import StyleTrainingConfig
+
+    return configured(StyleTrainingConfig, asked.settings).batch
+
+
+class _Told(logging.Handler):
+    """Warnings, to whoever shows how the training goes."""
+
+    def __init__(self, channel: Channel) -> None:
+        super().__init__(logging.WARNING)
+        self._channel = channel
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Tell the warning."""
+        self._channel.say(f"StyleNetwork: warning: {record.getMessage()}")
+
+
+def main() -> None:
+    """Trains as one of several."""
+    asked, channel = Asked(**json.loads(Path(sys.argv[1]).read_text())), Channel(1)
+    logging.getLogger().addHandler(_Told(channel))
+    try:
+        train_here(asked, channel)
+    except InputError as error:
+        channel.tell(refused=[error.subject, error.problem, error.remedy])
+        raise
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,205 @@
+"""What became of a grid: its cells, what they cost, and why some are missing."""
+
+import json
+import logging
+import os
+import socket
+import sys
+import urllib.request
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+import luigi
+import psutil
+
+from pipeline.attempts import obstacle
+from pipeline.record import ActionRecord
+from pipeline.settings import current_store, out_root, setting
+from pipeline.sharing import list_night
+from pipeline.task import StoredTask
+from tasks.graph import graph
+from tasks.wall import refresh_wall
+
+screen = logging.getLogger("pipeline")
+Outcome = Literal["made", "found", "failed", "under way", "not begun"]
+EXIT_STATUS = {"failed": 31, "not begun": 26}
+"""Of a command that made a part of its grid: some of the rest failed; it was not begun in time."""
+
+
+@dataclass(frozen=True, slots=True)
+class CellOutcome:
+    """What became of a scene in a style; `reason` where it is not there."""
+
+    scene: str
+    style: str
+    outcome: Outcome
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Spending:
+    """What a stage, or a scene, took this time, and what of it was found done."""
+
+    name: str
+    built: int
+    found: int
+    seconds: float
+    gpu_seconds: float
+    peak_memory_bytes: int
+    bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Night:
+    """One run of a grid, from `begun` to `ended` (ISO 8601, UTC); `keys` of all that is there."""
+
+    begun: str
+    ended: str
+    host: str
+    cells: Sequence[CellOutcome]
+    keys: Sequence[str]
+    stages: Sequence[Spending]
+    scenes: Sequence[Spending]
+
+    def count(self, outcome: Outcome) -> int:
+        """How many cells came out so."""
+        return sum(cell.outcome == outcome for cell in self.cells)
+
+    @property
+    def exit_status(self) -> int:
+        """What tells that a part is there; 0 leaves the status to Luigi."""
+        is_partial = self.count("made") + self.count("found") > 0
+        told = (EXIT_STATUS[name] for name in ("failed", "not begun") if self.count(name))
+        return next(told, 0) if is_partial else 0
+
+
+def conclude(root: Any) -> None:
+    """Ends the command of a grid: tells what became of it, writes the index, sets the status."""
+    begun = datetime.fromtimestamp(psutil.Process().create_time(), UTC)
+    night = look_back(root.cells(), begun, is_limited=root.until is not None)
+    tell(night)
+    if night.keys:
+        name = f"{begun:%Y%m%dT%H%M%SZ}-{night.host}"
+        list_night(current_store(), name, night.keys)
+    if path := refresh_wall(root):
+        print(path, flush=True)  # noqa: T201  the command's answer
+    if night.exit_status:
+        sys.stderr.flush()
+        os._exit(night.exit_status)  # Luigi knows of no part
+
+
+def look_back(cells: Iterable[Any], begun: datetime, *, is_limited: bool) -> Night:
+    """Returns what became of the cells since `begun`.
+
+    Args:
+        cells: The results asked for.
+        begun: When the command began.
+        is_limited: Whether it was to begin nothing late.
+    """
+    cells = list(cells)
+    stages = {task.task_id: task for cell in cells for task in graph(cell)}
+    records = {name: _record(task) for name, task in stages.items()}
+    made = {name: record for name, record in records.items() if record}
+    families: dict[str, list[ActionRecord]] = {}
+    scenes: dict[str, list[ActionRecord]] = {}
+    for name, record in made.items():
+        families.setdefault(record.action.family, []).append(record)
+        scenes.setdefault(getattr(stages[name], "scene", "") or "all scenes", []).append(record)
+    return Night(
+        begun=begun.isoformat(timespec="seconds"),
+        ended=datetime.now(UTC).isoformat(timespec="seconds"),
+        host=socket.gethostname(),
+        cells=[_outcome(cell, begun, is_limited=is_limited) for cell in cells],
+        keys=sorted({record.action.key for record in made.values()}),
+        stages=[_spending(name, of, begun) for name, of in families.items()],
+        scenes=[_spending(name, of, begun) for name, of in scenes.items()],
+    )
+
+
+def tell(night: Night) -> None:
+    """Writes `out/night.json`, shows it in short, and posts it where the user wants to read it."""
+    path = out_root() / "night.json"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_suffix(".partial")
+        partial.write_text(json.dumps(asdict(night), indent=1, sort_keys=True) + "\n")
+        partial.replace(path)
+    except OSError as error:
+        screen.warning("%s could not be written: %s", path, error)
+    for line in in_words(night):
+        screen.info("%s", line)
+    if address := setting("night", "webhook"):
+        _post(address, night)
+
+
+def in_words(night: Night) -> list[str]:
+    """Returns the night in a few lines."""
+    counts = [f"{night.count(o)} {o}" for o in _OUTCOMES if night.count(o)]
+    built = sum(stage.built for stage in night.stages)
+    found = sum(stage.found for stage in night.stages)
+    seconds = sum(stage.seconds for stage in night.stages)
+    gpu = sum(stage.gpu_seconds for stage in night.stages)
+    size = sum(stage.bytes for stage in night.stages)
+    lines = [
+        f"{len(night.cells)} cells: {', '.join(counts)}",
+        f"{built} stages built in {seconds / 3600:.2f} h, {gpu / 3600:.2f} h of them on GPUs;"
+        f" {found} found done; the store grew by {size / 2**20:.0f} MiB",
+    ]
+    reasons: dict[str, list[str]] = {}
+    for cell in night.cells:
+        if cell.outcome in ("failed", "under way"):
+            reasons.setdefault(cell.reason, []).append(f"{cell.scene} {cell.style}")
+    return lines + [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
+
+
+_OUTCOMES: tuple[Outcome, ...] = ("made", "found", "failed", "under way", "not begun")
+
+
+def _outcome(cell: Any, begun: datetime, *, is_limited: bool) -> CellOutcome:
+    name = cell.scene, cell.style
+    if record := _record(cell):
+        return CellOutcome(*name, "made" if _began(record) >= begun else "found")
+    problem = obstacle(cell, current_store())
+    if problem:
+        outcome: Outcome = "under way" if problem.is_under_way else "failed"
+        return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
+    late = "it would not have ended in time" if is_limited else "nothing was tried"
+    return CellOutcome(*name, "not begun", late)
+
+
+def _spending(name: str, records: Sequence[ActionRecord], begun: datetime) -> Spending:
+    built = [record for record in records if _began(record) >= begun]
+    told: list[Mapping[str, Any]] = [record.provenance for record in built]
+    return Spending(
+        name=name,
+        built=len(built),
+        found=len(records) - len(built),
+        seconds=sum(float(p["seconds"]) for p in told),
+        gpu_seconds=sum(float(p["seconds"]) for p in told if p.get("gpu")),
+        peak_memory_bytes=max((int(p["peak_memory_bytes"]) for p in told), default=0),
+        bytes=sum({r.output.digest: r.output.size for r in built}.values()),
+    )
+
+
+def _record(task: luigi.Task) -> ActionRecord | None:
+    try:
+        return task.record() if isinstance(task, StoredTask) else None
+    except Exception:  # noqa: BLE001  what it is the obstacle tells
+        return None
+
+
+def _began(record: ActionRecord) -> datetime:
+    return datetime.fromisoformat(str(record.provenance["started"]))
+
+
+def _post(address: str, night: Night) -> None:
+    """Sends the night as JSON; that nobody answers is told, and costs nothing else."""
+    body = json.dumps({"text": "\n".join(in_words(night)), **asdict(night)}).encode()
+    asked = urllib.request.Request(address, body, {"Content-Type": "application/json"})  # noqa: S310
+    try:
+        with urllib.request.urlopen(asked, timeout=20):  # noqa: S310  the user's own address
+            pass
+    except (OSError, ValueError) as error:
+        screen.warning("[night] webhook %s: %s", address, error)

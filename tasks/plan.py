@@ -1,0 +1,73 @@
+"""The order of a command's stages: those first from which the way to the end is longest."""
+
+import functools
+from collections.abc import Iterable, Mapping, Sequence
+
+import luigi
+
+from pipeline.costs import USUAL_SECONDS, expected, spendings
+from pipeline.resources import significant
+from pipeline.settings import current_store
+from pipeline.task import StoredTask
+from tasks.graph import graph
+
+
+@functools.cache
+def seconds_to_the_end(root: luigi.Task) -> Mapping[str, float]:
+    """Returns how long each task and all that waits for it take, along the longest way, by task_id.
+
+    As earlier builds took.
+    """
+    stages = graph(root)
+    seconds = _seconds(stages)
+    waiting: dict[str, list[luigi.Task]] = {stage.task_id: [] for stage in stages}
+    for stage in stages:
+        for upstream in luigi.task.flatten(stage.requires()):  # type: ignore[no-untyped-call]
+            waiting[upstream.task_id].append(stage)
+    longest: dict[str, float] = {}
+    for stage in _last_first(stages, waiting):
+        after = max((longest[other.task_id] for other in waiting[stage.task_id]), default=0.0)
+        longest[stage.task_id] = after + seconds[stage.task_id]
+    return longest
+
+
+def _last_first(
+    stages: list[luigi.Task], waiting: Mapping[str, list[luigi.Task]]
+) -> list[luigi.Task]:
+    """The stages in an order in which what waits for a stage comes before it."""
+    found: dict[str, luigi.Task] = {}
+
+    def visit(stage: luigi.Task) -> None:
+        if stage.task_id not in found:
+            for other in waiting[stage.task_id]:
+                visit(other)
+            found[stage.task_id] = stage
+
+    for stage in stages:
+        visit(stage)
+    return list(found.values())
+
+
+def seconds_ahead(stages: Iterable[luigi.Task]) -> float:
+    """Returns how long those of the stages will take together that are not made yet."""
+    made = [s for s in stages if isinstance(s, StoredTask) and not _is_made(s)]
+    return sum(_seconds(made).values())
+
+
+def _is_made(stage: StoredTask) -> bool:
+    try:
+        return stage.record() is not None
+    except Exception:  # noqa: BLE001  what it is its run tells
+        return False
+
+
+def _seconds(stages: Sequence[luigi.Task]) -> dict[str, float]:
+    store = current_store()
+    earlier = {family: spendings(store, family) for family in {s.task_family for s in stages}}
+    told: dict[str, float] = {}
+    for stage in stages:
+        cost = None
+        if isinstance(stage, StoredTask):
+            cost = expected(earlier[stage.task_family], significant(stage))
+        told[stage.task_id] = cost.seconds if cost else USUAL_SECONDS
+    return told

@@ -1,0 +1,243 @@
+"""Grids of small courtyards with tiny settings, as commands of their own: for soaks and timings.
+
+python tests/mini_nights.py --workers 1 2        how much more two builds at once get done
+python tests/mini_nights.py --soak-minutes 60    random kills; nothing may be lost (make soak)
+"""
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+from pipeline.attempts import attempts
+from pipeline.store import Store
+from pipeline.verify import problems, records
+from styletrf.courtyard.capture import CourtyardConfig
+from styletrf.courtyard.folder import write_courtyard
+
+ROOT = Path(__file__).parents[1]
+STYLES = ("brush", "dots", "ink_waves", "stained_glass")
+TUNING = {
+    "SceneModel": {"image_long_side": 64, "max_voxels": 24**3},
+    "RadianceField": {
+        "iterations": 200, "batch": 256, "initial_voxels": 16**3, "upsample_at": [0.3],
+        "occupancy_every": 20,
+    },
+    "ContentImages": {"count": 16},
+    "StyleNetwork": {
+        "network.width": 4, "network.n_residual": 1, "iterations": 40, "identity_iterations": 0,
+        "batch": 1, "crop_px": 32, "style_px": 64,
+    },
+    "PriorRenders": {"trajectory.frames": 6},
+    "TrajectoryFrames": {"trajectory.frames": 6},
+    "StylizedField": {"adaptation.iterations": 60, "adaptation.batch": 256},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Night:
+    """Scenes, styles, and a folder for the rest."""
+
+    root: Path
+    scenes: Sequence[str]
+    styles: Sequence[str]
+
+    def environment(self, **more: str) -> dict[str, str]:
+        """That of its commands."""
+        own = {f"STYLETRF_{n.upper()}": str(self.root / n) for n in ("data", "store", "out")}
+        return os.environ | own | {"PYTHONPATH": str(ROOT)} | more
+
+    def begin(self, *words: str, **more: str) -> "subprocess.Popen[str]":
+        """The grid's command, under way."""
+        grid = ["Grid", "--scenes", json.dumps(self.scenes), "--styles", json.dumps(self.styles)]
+        told = ["--quality", "draft", "--content", "embedded", "--tuning", json.dumps(TUNING)]
+        return subprocess.Popen(
+            [sys.executable, "-m", "luigi", "--module", "tasks", *grid, *told, *words],
+            cwd=ROOT,
+            env=self.environment(**more),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+    def store(self) -> Store:
+        """What it made."""
+        return Store.open(self.root / "store")
+
+    def forget(self) -> None:
+        """Remove all that it made."""
+        for name in ("store", "out"):
+            shutil.rmtree(self.root / name, ignore_errors=True)
+
+
+def prepare(root: Path, n_scenes: int, n_styles: int) -> Night:
+    """Returns a night on courtyards that differ in their number of views."""
+    names = [f"yard{k}" for k in range(n_scenes)]
+    for k, name in enumerate(names):
+        config = CourtyardConfig(n_views=12 + k, width=200, height=150)
+        write_courtyard(root / "data/scenes" / name, config)
+    (root / "data/styles").mkdir(parents=True, exist_ok=True)
+    for style in STYLES[:n_styles]:
+        shutil.copy(ROOT / "data/styles" / f"{style}.jpg", root / "data/styles")
+    return Night(root, names, STYLES[:n_styles])
+
+
+def digests(night: Night) -> dict[str, str]:
+    """What each result is made of, by its label."""
+    store = night.store()
+    return {str(r.provenance["label"]): r.output.digest for r in records(store)}
+
+
+def compare_workers(night: Night, workers: Sequence[int]) -> None:
+    """Times the same grid with so many workers each, after one that compiles the kernels."""
+    seconds, made = {}, {}
+    for n in (workers[0], *workers):
+        night.forget()
+        begun = time.monotonic()
+        command = night.begin("--workers", str(n))
+        screen, _ = command.communicate()
+        if command.returncode:
+            raise SystemExit(screen)
+        seconds[n], made[n] = time.monotonic() - begun, digests(night)
+        print(f"{n} workers: {seconds[n]:.0f} s, {len(made[n])} artifacts", flush=True)  # noqa: T201
+    for n in workers[1:]:
+        same = sum(made[n][label] == digest for label, digest in made[workers[0]].items())
+        times = seconds[workers[0]] / seconds[n]
+        print(f"{n} workers: {times:.2f} times as much; {same} of {len(made[n])} digests alike")  # noqa: T201
+
+
+def soak(night: Night, minutes: float, seed: int) -> None:
+    """Makes the grid again and again under random kills, and looks for what was lost."""
+    chance, end, rounds = random.Random(seed), time.monotonic() + 60 * minutes, 0
+    while time.monotonic() < end:
+        rounds += 1
+        night.forget()
+        kills = _one_night(night, chance)
+        _require_sound(night)
+        print(f"round {rounds}: whole after {dict(kills)}", flush=True)  # noqa: T201
+
+
+def _one_night(night: Night, chance: random.Random) -> Counter[str]:
+    """Two commands under a luigid, killed and begun again until one has nothing left to do."""
+    scheduler = _Scheduler(night)
+    commands: list[subprocess.Popen[str]] = []
+    kills, most = Counter[str](), chance.randint(3, 12)
+    try:
+        while True:
+            commands = [c for c in commands if c.poll() is None]
+            while len(commands) < 2:
+                commands.append(night.begin(**scheduler.environment()))
+            time.sleep(chance.uniform(1, 8))
+            if kills.total() < most:
+                kills[_kill_one(commands, scheduler, chance)] += 1
+            elif any(command.poll() == 0 for command in commands):
+                return kills
+    finally:
+        for command in commands:
+            command.kill()
+            command.communicate()
+        scheduler.kill()
+
+
+def _kill_one(
+    commands: Sequence["subprocess.Popen[str]"], scheduler: "_Scheduler", chance: random.Random
+) -> str:
+    command = chance.choice(commands)
+    what = chance.choice(["command", "build", "luigid", "Ctrl-C"])
+    if what == "luigid":
+        scheduler.kill()
+        time.sleep(chance.uniform(0, 3))
+        scheduler.start()
+    elif what == "command":
+        command.kill()
+    elif what == "Ctrl-C":
+        command.send_signal(signal.SIGINT)
+    else:
+        below = (
+            psutil.Process(command.pid).children(recursive=True) if command.poll() is None else []
+        )
+        if not below:
+            return "nothing"
+        chance.choice(below).kill()
+    return what
+
+
+def _require_sound(night: Night) -> None:
+    """Ends the soak at the first thing that is not as it should be."""
+    store, cells = night.store(), len(night.scenes) * len(night.styles)
+    shown = list((night.root / "out").glob("*/*/report.html"))
+    finished = Counter(a.log.name[:16] for a in attempts(store) if a.is_published)
+    twice = [key for key, times in finished.items() if times > 1]
+    broken = list(problems(store, deep=True))
+    left = list((store.root / "tmp").iterdir())
+    if len(shown) != cells or broken or twice or not all(p.exists() for p in shown):
+        raise SystemExit(f"{len(shown)} of {cells} shown; {broken=} {twice=} {left=}")
+
+
+class _Scheduler:
+    """A luigid on a port of its own, with settings for a night of minutes."""
+
+    def __init__(self, night: Night) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as probe:
+            self._port = probe.getsockname()[1]
+        self._config = night.root / "cluster.cfg"
+        text = (ROOT / "luigi.cluster.cfg").read_text()
+        text = text.replace("http://localhost:8082/", f"http://127.0.0.1:{self._port}/")
+        text = text.replace("worker_disconnect_delay = 600", "worker_disconnect_delay = 5")
+        text = text.replace("retry_delay = 60", "retry_delay = 1").replace(
+            "retry_count = 2", "retry_count = 50"
+        )
+        self._config.write_text(text)
+        self.start()
+
+    def environment(self) -> dict[str, str]:
+        return {"LUIGI_CONFIG_PATH": str(self._config)}
+
+    def start(self) -> None:
+        command = [str(Path(sys.executable).with_name("luigid")), "--address", "127.0.0.1"]
+        self._process = subprocess.Popen(
+            [*command, "--port", str(self._port)],
+            env=os.environ | self.environment(),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+def main() -> None:
+    """Times, or soaks."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--scenes", type=int, default=3)
+    parser.add_argument("--styles", type=int, default=4)
+    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--soak-minutes", type=float, default=0)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        night = prepare(Path(folder), options.scenes, options.styles)
+        if options.soak_minutes:
+            soak(night, options.soak_minutes, options.seed)
+        else:
+            compare_workers(night, options.workers)
+
+
+if __name__ == "__main__":
+    main()

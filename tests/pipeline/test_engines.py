@@ -1,0 +1,172 @@
+"""Builds on other machines: what every engine keeps to, over real ones."""
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+from build_toys import Act
+from store_toys import built
+from test_command import are_gone, pids_of_slow, start
+
+from pipeline.engines import ENGINES
+from pipeline.errand import Errand, Outcome, outcome_in
+from pipeline.settings import current_store
+from pipeline.verify import problems, records
+
+pytestmark = pytest.mark.slow
+HERE = Path(__file__).parent
+
+
+class Cluster:
+    """`ray_cluster.py`, and its address."""
+
+    def __init__(self) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, HERE / "ray_cluster.py"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        self.address, *raylets = self.process.stdout.readline().split()
+        self.raylets = [int(pid) for pid in raylets]
+
+    def do(self, words: str) -> None:
+        self.process.stdin.write(f"{words}\n")
+        self.process.stdin.flush()
+        self.raylets = [int(pid) for pid in self.process.stdout.readline().split()]
+
+    def node_of(self, pid: int) -> int:
+        """The number of the node that a process belongs to, by the raylet above it."""
+        mine = {p.pid for p in psutil.Process(pid).parents()}
+        (place,) = (n for n, raylet in enumerate(self.raylets) if raylet in mine)
+        return place
+
+    def end(self) -> None:
+        self.process.communicate(timeout=60)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    if importlib.util.find_spec("ray") is None:
+        pytest.skip("needs the extra `ray`")
+    cluster = Cluster()
+    yield cluster
+    cluster.end()
+
+
+@pytest.fixture(params=["ray", "slurm"])
+def engine(request, tmp_path, monkeypatch) -> str:
+    """An engine at hand, with settings for it here and in the commands started."""
+    settings = "[host]\ncores = 1\n"
+    if request.param == "ray":
+        settings += f"[ray]\naddress = {request.getfixturevalue('cluster').address}\n"
+    elif shutil.which("sbatch") is None:
+        pytest.skip("needs SLURM")
+    (tmp_path / "engine.cfg").write_text(settings)
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "engine.cfg"))
+    monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "store"))
+    return request.param
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
+    screen = "".join(process.communicate(timeout=120))
+    return process.returncode, screen
+
+
+def send(engine: str, *words: str) -> subprocess.Popen[str]:
+    return start("luigi", "--module", "build_toys", *words, f"--{words[0]}-executor", engine)
+
+
+def test_it_is_built_there_and_found_here(engine):
+    status, screen = finish(send(engine, "Act", "--act", "succeed"))
+    assert status == 0, screen
+    assert f"Act succeed: sent out by {engine}" in screen
+    assert "Act succeed: done on" in screen
+    assert built() == ["Act succeed"]
+    assert not list(problems(current_store(), deep=True))
+    status, screen = finish(send(engine, "Act", "--act", "succeed"))
+    assert "Did not run any tasks" in screen
+
+
+@pytest.mark.parametrize(
+    ("act", "words"),
+    [
+        ("refuse", "words/bad: is no word. Choose another one"),
+        ("crash", "RuntimeError: a defect. The trace is in"),
+        ("be_killed", "ended by SIGKILL"),
+    ],
+)
+def test_a_failure_there_is_told_in_its_words_here(engine, act, words):
+    status, screen = finish(send(engine, "Act", "--act", act))
+    assert status == 30
+    assert words in screen
+    assert "Traceback" not in screen
+
+
+def test_a_machine_that_would_build_something_else_refuses(engine):
+    errand = Errand.of(Act("succeed"), "0" * 64, 0)
+    outcome = ENGINES[engine].run(errand, current_store().root / "errands")
+    assert outcome.kind == "user"
+    assert "has other code, inputs or files than the machine that asks" in outcome.message
+    assert built() == []
+
+
+def test_a_command_that_is_killed_takes_its_build_with_it(engine, toys):
+    process = send(engine, "Slow")
+    pids = pids_of_slow(toys)
+    process.kill()
+    process.communicate()
+    if engine == "ray":  # a job of SLURM is a matter of its own
+        assert are_gone(pids)
+
+
+def test_a_lost_node_costs_a_step_and_nothing_else(engine, toys, request):
+    """Its power goes while it builds; the errand is sent again, and goes on from the checkpoint."""
+    if engine != "ray":
+        pytest.skip("one node here")
+    cluster = request.getfixturevalue("cluster")
+    process = send(engine, "Slow")
+    pids = pids_of_slow(toys)
+    where = cluster.node_of(pids[0])
+    cluster.do(f"kill {where}")
+    assert are_gone(pids)
+    cluster.do("add")
+    status, screen = finish(process)
+    assert status == 0, screen
+    (record,) = records(current_store())
+    artifact = current_store().object(record.output.digest)
+    assert (artifact / "result.txt").read_text() == "resumed"
+    assert not list(problems(current_store(), deep=True))
+    assert built() == ["Slow sleep"] * 2, "begun, and gone on with"
+
+
+def test_an_engine_that_is_not_there_is_told_in_a_line(tmp_path, monkeypatch):
+    (tmp_path / "engine.cfg").write_text("[ray]\naddress = 127.0.0.1:9\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "engine.cfg"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    for name, words in (("slurm", "sbatch is not installed"), ("ray", "Ray cannot be used")):
+        status, screen = finish(send(name, "Act", "--act", "succeed"))
+        assert status == 30
+        assert words in screen
+        assert "Traceback" not in screen
+
+
+def test_an_errand_is_told_and_read_back():
+    errand = Errand.of(Act("succeed"), "0" * 64, 5 << 30)
+    assert Errand.from_json(errand.to_json()) == errand
+    assert errand.parameters["executor"] == "subprocess", "it is not sent on"
+
+
+@pytest.mark.parametrize("said", ["", "a line\n", '{"kind": "bui', "Killed\n[]\n"])
+def test_a_machine_without_a_last_word_was_lost(said):
+    assert outcome_in(said).kind == "killed"
+
+
+def test_the_last_word_counts():
+    assert outcome_in('noise\n{"kind": "built", "host": "n1"}\n\n') == Outcome("built", host="n1")

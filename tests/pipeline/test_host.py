@@ -1,0 +1,138 @@
+"""A share of the host for each build, over real commands; the folder of leases is a setting."""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import luigi
+import pytest
+from test_command import start
+
+from pipeline import host
+from pipeline.settings import current_store
+from pipeline.units import take, units
+from pipeline.verify import records
+
+CORES = sorted(os.sched_getaffinity(0))
+needs_two_cores = pytest.mark.skipif(len(CORES) < 2, reason="needs two cores")
+
+
+@pytest.fixture(autouse=True)
+def leases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of leases of the test's own, here and in the commands it starts."""
+    here = luigi.configuration.get_config()
+    file = tmp_path / "host.cfg"
+    file.write_text(f"[host]\nleases = {tmp_path / 'leases'}\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(file))
+    here.set("host", "leases", str(tmp_path / "leases"))
+    yield tmp_path / "leases"
+    here.remove_section("host")
+
+
+def built_on_cores(workers: int, names: list[str]) -> list[dict]:
+    words = ["ManyOnCores", "--names", json.dumps(names), "--workers", str(workers)]
+    command = start("luigi", "--module", "build_toys", *words)
+    screen = "".join(command.communicate(timeout=60))
+    assert command.returncode == 0, screen
+    store = current_store()
+    paths = [store.object(record.output.digest) / "cores.json" for record in records(store)]
+    return [json.loads(path.read_text()) for path in paths]
+
+
+def most_at_once(built: list[dict]) -> int:
+    return max(sum(a["began"] <= b["began"] < a["ended"] for a in built) for b in built)
+
+
+@needs_two_cores
+def test_builds_that_run_at_once_share_no_core():
+    built = built_on_cores(len(CORES), [f"{k}" for k in range(2 * len(CORES))])
+    assert all(len(b["cores"]) == 1 and b["threads"] == "1" for b in built)
+    for a in built:
+        beside = [
+            b for b in built if b is not a and a["began"] < b["ended"] and b["began"] < a["ended"]
+        ]
+        assert all(not set(a["cores"]) & set(b["cores"]) for b in beside)
+    assert most_at_once(built) > 1
+
+
+def test_more_workers_than_cores_do_not_run_at_once():
+    built = built_on_cores(2 * len(CORES) + 1, [f"{k}" for k in range(2 * len(CORES) + 1)])
+    assert most_at_once(built) <= len(CORES)
+
+
+def test_a_lone_build_has_the_host_to_itself():
+    (built,) = built_on_cores(1, ["one"])
+    assert built["cores"] == CORES
+    assert built["threads"] == os.environ.get("OMP_NUM_THREADS")
+
+
+def test_what_needs_all_the_memory_waits_for_what_has_some(leases, capsys):
+    with host.shared(2, None, print) as first:
+        assert len(first.holds) == 32 + first.cores, "half of the memory where nothing is known"
+        with units("memory", [str(n) for n in range(64)]) as files:
+            assert len(take(files, 1, 64)) == 32
+    with host.shared(2, 2**60, print) as greedy, units("memory", ["0", "63"]) as files:
+        assert take(files, 1, 2) == [], "more than there is means all there is"
+        assert greedy.cores >= 1
+    assert not capsys.readouterr().out
+
+
+def test_it_says_what_it_waits_for(leases):
+    said = []
+
+    class GivenUpError(Exception):
+        pass
+
+    def say(what: str) -> None:
+        said.append(what)
+        raise GivenUpError
+
+    with units("core", [str(core) for core in CORES]) as files:
+        assert len(take(files, len(CORES), len(CORES))) == len(CORES)
+        with pytest.raises(GivenUpError), host.shared(2, 0, say):
+            pass
+    with units("memory", ["0"]) as files:
+        take(files, 1, 1)
+        with pytest.raises(GivenUpError), host.shared(2, 2**60, say):
+            pass
+    assert said[0] == "for a core"
+    assert "GiB of memory" in said[1]
+
+
+def test_all_or_nothing_is_taken(leases):
+    with units("part", ["a", "b", "c"]) as mine, units("part", ["a", "b", "c"]) as others:
+        assert take(others, 1, 1) == ["a"]
+        assert take(mine, 3, 3) == []
+        assert take(others, 3, 3) == ["a", "b", "c"], "what was not enough was given back"
+
+
+@pytest.mark.parametrize(
+    ("files", "cores"),
+    [
+        ({}, len(CORES)),
+        ({"cpu.max": "max 100000"}, len(CORES)),
+        ({"cpu.max": "50000 100000"}, 1),
+        ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, len(CORES)),
+        ({"cpu/cpu.cfs_quota_us": "100000", "cpu/cpu.cfs_period_us": "100000"}, 1),
+        ({"cpu.max": "garbage"}, len(CORES)),
+    ],
+)
+def test_a_quota_of_the_container_counts(tmp_path, monkeypatch, files, cores):
+    for name, text in files.items():
+        (tmp_path / "group" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "group" / name).write_text(text)
+    monkeypatch.setattr(host, "_CGROUP", tmp_path / "group")
+    assert len(host.usable_cores()) == cores
+    with host.shared(2, 0, print) as share:
+        assert bool(share.bound_to) == (cores == len(CORES)), "under a quota cores have no numbers"
+
+
+def test_the_memory_of_the_container_counts(tmp_path, monkeypatch):
+    monkeypatch.setattr(host, "_CGROUP", tmp_path)
+    (tmp_path / "memory.max").write_text("1073741824")
+    assert host.memory_bytes() == int(0.9 * 2**30)
+    (tmp_path / "memory.max").write_text("max")
+    assert host.memory_bytes() > 2**30
+    luigi.configuration.get_config().set("host", "memory_gib", "3")
+    assert host.memory_bytes() == 3 * 2**30

@@ -1,0 +1,99 @@
+"""Checkpoints travel through a shared store: a directory, and a bucket of a real S3 server."""
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from shared_stores import Place
+
+from pipeline.checkpoints import forget_checkpoints, shared_checkpoints
+from pipeline.settings import current_remote
+
+KEY = "ab" * 32
+
+
+def folder(path: Path, **files: str) -> Path:
+    path.mkdir()
+    for name, text in files.items():
+        (path / name).write_text(text)
+    return path
+
+
+def uploaded() -> list[str]:
+    return current_remote().names(f"resume/{KEY}")
+
+
+def test_another_machine_goes_on_from_the_last_one(shared: Place, tmp_path):
+    here = folder(tmp_path / "here", checkpoint="step 1")
+    with shared_checkpoints(KEY, here):
+        (here / "new").write_text("step 2")
+        (here / "new").replace(here / "checkpoint")
+        (here / ".seconds").write_text("12.5")
+    assert len(uploaded()) == 1
+    there = folder(tmp_path / "there")
+    with shared_checkpoints(KEY, there):
+        assert (there / "checkpoint").read_text() == "step 2"
+        assert (there / ".seconds").read_text() == "12.5", "and what was spent until then counts"
+    assert len(uploaded()) == 1, "what did not change is not uploaded again"
+    forget_checkpoints(KEY)
+    assert uploaded() == []
+    assert sorted(p.name for p in tmp_path.iterdir() if p.name[:4] in ("here", "ther")) == [
+        "here", "there",
+    ]  # fmt: skip
+
+
+def test_one_of_its_own_is_newer(shared: Place, tmp_path):
+    with shared_checkpoints(KEY, folder(tmp_path / "here", checkpoint="old")):
+        pass
+    own = folder(tmp_path / "own", checkpoint="own")
+    with shared_checkpoints(KEY, own):
+        assert (own / "checkpoint").read_text() == "own"
+
+
+def test_they_are_given_while_it_builds(shared: Place, tmp_path, monkeypatch):
+    """A machine that is lost has no end."""
+    monkeypatch.setattr(
+        "pipeline.checkpoints.setting", lambda *name: {"push": "true"}.get(name[1], "0.1")
+    )
+    here, seen = folder(tmp_path / "here"), threading.Event()
+    with shared_checkpoints(KEY, here):
+        assert not uploaded()
+        (here / "checkpoint").write_text("step 1")
+        deadline = time.monotonic() + 20
+        while not uploaded() and time.monotonic() < deadline:
+            seen.wait(0.05)
+        assert uploaded()
+
+
+@pytest.mark.parametrize("damage", [b"", b"garbage", None])
+def test_a_damaged_one_is_not_believed(shared: Place, tmp_path, damage, caplog):
+    with shared_checkpoints(KEY, folder(tmp_path / "here", checkpoint="x" * 1000)):
+        pass
+    (name,) = uploaded()
+    remote, bad = current_remote(), tmp_path / "bad"
+    if damage is None:
+        remote.download(f"resume/{KEY}/{name}", bad)
+        damage = bad.read_bytes().replace(b"xxx", b"xyx", 1)
+    bad.write_bytes(damage)
+    remote.remove(f"resume/{KEY}/{name}")
+    assert remote.create(f"resume/{KEY}/{name}", bad)
+    there = folder(tmp_path / "there")
+    with shared_checkpoints(KEY, there):
+        assert not list(there.iterdir())
+
+
+def test_without_a_shared_store_nothing_happens(tmp_path):
+    here = folder(tmp_path / "here", checkpoint="step 1")
+    with shared_checkpoints(KEY, here):
+        pass
+    forget_checkpoints(KEY)
+    assert [path.name for path in here.iterdir()] == ["checkpoint"]
+
+
+def test_a_shared_store_that_is_away_is_a_warning(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "nowhere"))
+    here = folder(tmp_path / "here", checkpoint="step 1")
+    with shared_checkpoints(KEY, here):
+        pass
+    assert "Going on without" in caplog.text

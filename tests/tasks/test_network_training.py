@@ -1,0 +1,65 @@
+"""A style network trained by several processes, as on several cards; here on cores."""
+
+import pytest
+
+from styletrf.errors import InputError
+from styletrf.style_network import load_style_network
+from styletrf.tables import read_rows
+from tasks.network_training import Asked, train_here, train_together
+
+
+class Display:
+    def __init__(self):
+        self.seen, self.said = [], []
+
+    def __call__(self, done, total, **quality):
+        self.seen.append((done, total, quality))
+
+    def say(self, line):
+        self.said.append(line)
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def asked(stage_of, tmp_path):
+    stage, inputs = stage_of("StyleNetwork")
+    for name in ("out", "resume"):
+        (tmp_path / name).mkdir()
+
+    def ask(**settings):
+        return Asked(
+            settings={**stage.values(), "batch": 2, "bfloat16": False, **settings},
+            stroke_scale=1.0,
+            content_weight=1.0,
+            inputs={name: str(path) for name, path in inputs.items()},
+            out=str(tmp_path / "out"),
+            resume=str(tmp_path / "resume"),
+            device="cpu",
+        )
+
+    return ask
+
+
+@pytest.mark.slow
+def test_two_processes_train_one_network(asked, tmp_path):
+    display = Display()
+    train_together(asked(iterations=3), 2, display)
+    load_style_network(tmp_path / "out", "cpu")
+    assert len(read_rows(tmp_path / "out/curve.parquet")) == 3
+    assert display.seen[-1][1] == 3
+    assert (tmp_path / "resume/style_training.safetensors").exists()
+
+
+@pytest.mark.slow
+def test_what_one_of_them_refuses_is_told_as_ever(asked):
+    with pytest.raises(InputError, match="Lower the learning rate"):
+        train_together(
+            asked(iterations=30, learning_rate=1e30, final_learning_rate=1e30), 2, Display()
+        )
+
+
+def test_one_process_needs_nobody(asked, tmp_path):
+    train_here(asked(iterations=2), Display())
+    assert len(read_rows(tmp_path / "out/curve.parquet")) == 2

@@ -1,0 +1,136 @@
+"""What became of a grid."""
+
+import json
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+
+import luigi
+import pytest
+
+import tasks
+from tasks.night import CellOutcome, Night, Spending, in_words, look_back, tell
+
+WORDS = {"quality": "draft", "content": "embedded"}
+
+
+@pytest.fixture
+def out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: Path) -> Path:
+    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
+    monkeypatch.setenv("STYLETRF_DATA", str(photographs))
+    return tmp_path / "out"
+
+
+def night(*outcomes: str) -> Night:
+    cells = [
+        CellOutcome("yard", f"{k}", outcome, "Stage: why") for k, outcome in enumerate(outcomes)
+    ]
+    stage = Spending("RadianceField", 2, 1, 5400.0, 1800.0, 1 << 30, 3 << 20)
+    return Night(
+        "2026-11-22T20:00:00+00:00", "2026-11-23T06:00:00+00:00", "host", cells, [], [stage], []
+    )
+
+
+def test_one_broken_scene_and_one_broken_style_are_named_with_their_reasons(out):
+    grid = tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS)
+    found = look_back(grid.cells(), datetime.now(UTC), is_limited=False)
+    told = {(cell.scene, cell.style): (cell.outcome, cell.reason) for cell in found.cells}
+    assert told["mini", "p"] == ("not begun", "nothing was tried")
+    assert told["mini", "none"][0] == told["nowhere", "p"][0] == "failed"
+    assert "StyleImage: style 'none'" in told["mini", "none"][1]
+    assert "SceneCapture: scene 'nowhere'" in told["nowhere", "p"][1]
+    lines = "\n".join(in_words(found))
+    assert "4 cells: 3 failed, 1 not begun" in lines
+    assert lines.count("scene 'nowhere'") == 1, "a reason is told once"
+
+
+def test_what_was_built_this_time_is_told_from_what_was_found(out):
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
+    (image,) = (t for t in tasks.graph.graph(grid) if t.task_family == "StyleImage")
+    before = datetime.now(UTC)
+    assert luigi.build([image], local_scheduler=True, log_level="WARNING")
+    ran = look_back(grid.cells(), before, is_limited=True)
+    (stage,) = ran.stages
+    assert (stage.name, stage.built, stage.found) == ("StyleImage", 1, 0)
+    assert stage.seconds > 0
+    assert stage.bytes == image.record().output.size
+    assert [scene.name for scene in ran.scenes] == ["all scenes"]
+    (later,) = look_back(grid.cells(), datetime.now(UTC), is_limited=True).stages
+    assert (later.built, later.found, later.bytes, later.seconds) == (0, 1, 0, 0)
+    assert ran.cells[0].reason == "it would not have ended in time"
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "status"),
+    [
+        (["made", "found"], 0),
+        (["made", "failed", "not begun"], 31),
+        (["found", "not begun"], 26),
+        (["made", "under way"], 0),
+        (["failed", "failed"], 0),
+    ],
+)
+def test_the_status_tells_a_part_from_nothing_and_from_all(outcomes, status):
+    assert night(*outcomes).exit_status == status
+
+
+def test_it_is_written_and_said(out, caplog):
+    caplog.set_level("INFO", "pipeline")
+    tell(night("made", "failed"))
+    told = json.loads((out / "night.json").read_text())
+    assert [cell["outcome"] for cell in told["cells"]] == ["made", "failed"]
+    assert told["stages"][0]["gpu_seconds"] == 1800
+    for words in (
+        "2 cells: 1 made, 1 failed",
+        "1.50 h, 0.50 h of them on GPUs",
+        "3 MiB",
+        "yard 1: Stage: why",
+    ):
+        assert words in caplog.text
+
+
+def test_a_place_that_cannot_be_written_is_no_failure(out, caplog):
+    out.touch()
+    tell(night("made"))
+    assert "night.json could not be written" in caplog.text
+
+
+class Listener(BaseHTTPRequestHandler):
+    heard: list[dict] = []  # noqa: RUF012  of the test's server
+
+    def do_POST(self) -> None:
+        self.heard.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, *_words: object) -> None:
+        pass
+
+
+@pytest.fixture
+def address() -> Iterator[str]:
+    server = HTTPServer(("127.0.0.1", 0), Listener)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}/hook"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+    luigi.configuration.get_config().remove_section("night")
+
+
+def test_a_webhook_hears_of_it(out, address):
+    luigi.configuration.get_config().set("night", "webhook", address)
+    tell(replace(night("made", "failed"), host="somewhere"))
+    (heard,) = Listener.heard
+    assert heard["host"] == "somewhere"
+    assert heard["text"].startswith("2 cells: 1 made, 1 failed")
+
+
+def test_a_webhook_that_nobody_answers_is_a_warning(out, address, caplog):
+    luigi.configuration.get_config().set("night", "webhook", "http://127.0.0.1:9/")
+    tell(night("made"))
+    assert "[night] webhook http://127.0.0.1:9/" in caplog.text
