@@ -23,22 +23,36 @@ if TYPE_CHECKING:
 _TOLD = re.compile(r"key (?P<key>\w+) on (?P<host>\S+), process (?P<pid>\d+)")
 
 
-def require_agreement(task: "StoredTask", key: str) -> None:
+def announce(task: "StoredTask", key: str) -> None:
     """Tell luigid the key of a task that begins; nothing where no luigid is asked.
 
     Raises:
         TaskFailure: A machine that is at work has another key for it.
     """
-    settings = luigi.interface.core()  # type: ignore[no-untyped-call]
-    if settings.local_scheduler or not getattr(task, "set_status_message", None):
+    if not _has_luigid() or not getattr(task, "set_status_message", None):
         return
-    command = multiprocessing.parent_process()
-    ours = socket.gethostname(), str((command and command.pid) or os.getpid())
+    require_agreement(task, key)
+    host, pid = _ours()
+    with contextlib.suppress(RPCError):
+        task.set_status_message(f"key {key[:16]} on {host}, process {pid}")  # type: ignore[misc]
+
+
+def require_agreement(task: "StoredTask", key: str) -> None:
+    """Look whether another machine under the same luigid has the same key for a task.
+
+    Raises:
+        TaskFailure: One that is at work has another.
+    """
+    if not _has_luigid():
+        return
+    url = luigi.interface.core().scheduler_url  # type: ignore[no-untyped-call]
     with contextlib.suppress(RPCError):  # a luigid that is away: what is built is right anyway
-        scheduler: Any = RemoteScheduler(settings.scheduler_url)  # type: ignore[no-untyped-call]
+        scheduler: Any = RemoteScheduler(url)  # type: ignore[no-untyped-call]
         told = _TOLD.search(scheduler.get_task_status_message(task.task_id)["statusMessage"] or "")
-        theirs = (told["host"], told["pid"]) if told else ours
-        if told and theirs != ours and told["key"] != key[:16] and _is_at_work(scheduler, *theirs):
+        theirs = (told["host"], told["pid"]) if told else _ours()
+        if told and theirs != _ours() and told["key"] != key[:16]:
+            if not _is_at_work(scheduler, *theirs):
+                return
             raise TaskFailure(
                 "user",
                 str(task),
@@ -46,7 +60,16 @@ def require_agreement(task: "StoredTask", key: str) -> None:
                 " code, packages, settings or photographs. Give all machines under a luigid the"
                 " same; if its command is over, go on in ten minutes, or restart luigid.",
             )
-        task.set_status_message(f"key {key[:16]} on {ours[0]}, process {ours[1]}")  # type: ignore[misc]
+
+
+def _has_luigid() -> bool:
+    return not luigi.interface.core().local_scheduler  # type: ignore[no-untyped-call]
+
+
+def _ours() -> tuple[str, str]:
+    """This host, and the process of the command."""
+    command = multiprocessing.parent_process()
+    return socket.gethostname(), str((command and command.pid) or os.getpid())
 
 
 def _is_at_work(scheduler: Any, host: str, pid: str) -> bool:

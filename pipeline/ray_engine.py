@@ -4,6 +4,7 @@ A process of its own, since Ray's threads do not survive a fork, which every wor
 """
 
 import os
+import socket
 import subprocess
 import sys
 import tempfile
@@ -13,6 +14,7 @@ from pipeline.errand import NO_ENGINE, Errand, command
 from pipeline.execute import die_with
 
 _TIMES = 3
+_SECONDS_TO_ANSWER = 10.0
 
 
 def build_on_node(text: str) -> str:
@@ -32,6 +34,13 @@ def build_on_node(text: str) -> str:
     return done.stdout
 
 
+def _require_answer(address: str) -> None:
+    """Raises OSError where nobody listens, for which Ray itself would wait for minutes."""
+    host, _, port = address.rpartition(":")
+    if port.isdigit() and "/" not in host:
+        socket.create_connection((host, int(port)), _SECONDS_TO_ANSWER).close()
+
+
 def main() -> int:
     """Send the errand out, and print what became of it."""
     die_with(os.getppid())
@@ -40,8 +49,9 @@ def main() -> int:
     try:
         import ray
 
+        _require_answer(sys.argv[2])
         ray.init(address=sys.argv[2] or "auto", log_to_driver=False, logging_level="ERROR")
-    except (ImportError, ConnectionError, RuntimeError, ValueError) as error:
+    except (ImportError, OSError, RuntimeError, ValueError) as error:
         sys.stderr.write(f"{error}\n")
         return NO_ENGINE
     nodes = [node["Resources"] for node in ray.nodes() if node["Alive"]]

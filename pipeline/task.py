@@ -16,7 +16,7 @@ from pipeline.building import find_or_build
 from pipeline.canonical import canonical
 from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
 from pipeline.execution import RunContext, append_trace
-from pipeline.fleet import require_agreement
+from pipeline.fleet import announce, require_agreement
 from pipeline.logs import report_plainly
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import current_store, require_configuration, setting
@@ -159,8 +159,10 @@ class StoredTask(luigi.Task):
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         store = current_store()
         try:
+            if (missing := self._missing()) is not None:
+                return self._run_after(missing)
             action = self.action()
-            require_agreement(self, action.key)
+            announce(self, action.key)
             record = self._records[store.root] = find_or_build(self, action, store)
             if not self.published():
                 self.publish(store.object(record.output.digest))
@@ -172,8 +174,18 @@ class StoredTask(luigi.Task):
             raise self._failure(error, store) from error
         return None
 
+    def _missing(self) -> "StoredTask | None":
+        """What is upstream and was never built here, although a scheduler may call it done."""
+        for upstream in self.requires().values():
+            try:
+                upstream._recorded()
+            except NotBuiltError:
+                return upstream
+        return None
+
     def _run_after(self, upstream: "StoredTask") -> "Generator[StoredTask, None, None]":
         self.forget()
+        require_agreement(upstream, upstream.action().key)
         yield upstream
         if self.run():
             reason = f"its input {upstream} is lost again and again. Run the same command again."

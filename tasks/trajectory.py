@@ -242,6 +242,21 @@ class Grid(luigi.WrapperTask):
         with acting_at_exit(self, conclude):
             return bool(super().complete())  # type: ignore[no-untyped-call]
 
+    def run(self) -> None:
+        """Look once more: a scheduler may call done what another machine made of other code.
+
+        Raises:
+            TaskFailure: Not every result is in this machine's store.
+        """
+        missing = [f"{cell.scene} {cell.style}" for cell in self.cells() if not cell.complete()]
+        if missing:
+            raise TaskFailure(
+                "changed",
+                str(self),
+                f"{', '.join(missing)}: made by a machine with other code, packages, settings or"
+                " photographs, or in another store. Give all machines the same, and run it again.",
+            )
+
     def requires(self) -> list[StylizedTrajectory]:
         """One result a cell."""
         return self.cells()

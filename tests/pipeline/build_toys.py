@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
+from store_toys import Sentence as Sentence
 from store_toys import Slow, ToyError, Word, mark
 
 from pipeline.task import RunContext, StoredTask
@@ -247,3 +248,10 @@ class ManyOnCores(luigi.WrapperTask):
 
     def requires(self) -> list[StoredTask]:
         return [OnCores(name) for name in self.names]
+
+
+class HelloAndSlow(luigi.WrapperTask):
+    """A word, and what keeps the command at work."""
+
+    def requires(self) -> list[StoredTask]:
+        return [Word("hello"), Slow()]
