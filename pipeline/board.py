@@ -17,7 +17,7 @@ from typing import Any
 
 from pipeline.host import workers_of_command
 
-_LONGEST = 4000  # bytes; longer writes to a pipe may be torn
+_LONGEST = 300  # characters of a word; writes of more than 4 KiB to a pipe may be torn
 _SECONDS_TO_END = 5.0
 
 
@@ -36,7 +36,8 @@ class Board:
     def say(self, text: str) -> None:
         """Show lines that stay, above those that live."""
         for line in text.splitlines():
-            self._send(line=line)
+            for k in range(0, max(len(line), 1), _LONGEST):
+                self._send(line=line[k : k + _LONGEST], goes_on=len(line) > k + _LONGEST)
 
     def expect(self, seconds: float) -> None:
         """Begin the line for all builds, which will take so long together."""
@@ -129,7 +130,9 @@ class _Lines:
         """Draw a message; returns whether there are more to come."""
         progress = self._progress
         if "line" in message:
-            progress.console.print(message["line"], markup=False, highlight=False, soft_wrap=True)
+            end = "" if message.get("goes_on") else "\n"
+            style = {"markup": False, "highlight": False, "soft_wrap": True}
+            progress.console.print(message["line"], end=end, **style)
         elif "label" in message:
             self._draw(**message)
         elif "gone" in message:

@@ -23,7 +23,14 @@ from pipeline.gpu import VISIBLE
 from pipeline.placing import place
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
-from pipeline.resources import card_for, expected_cost, expected_seconds, share_for, significant
+from pipeline.resources import (
+    card_for,
+    executor_of,
+    expected_cost,
+    expected_seconds,
+    share_for,
+    significant,
+)
 from pipeline.settings import setting
 from pipeline.sharing import fetch, give, is_available, recorded
 from pipeline.store import Store
@@ -44,8 +51,8 @@ def find_or_build(task: "StoredTask", action: Action, store: Store) -> ActionRec
     if record and is_available(store, record) and (task.published() or fetch(store, record)):
         return record
 
-    if (engine := task.executor or setting("store", "executor")) in ENGINES:
-        return place(task, action, store, engine, expected_cost(task, store))
+    if executor_of(task) in ENGINES:
+        return place(task, action, store)
     say_so = partial(screen.info, "%s: another process is at it, waiting", task.label)
     is_locking = setting("store", "locks") == "true"
     with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():
@@ -103,8 +110,8 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
             bound_to=share.bound_to,
         )
         with shared_checkpoints(action.key, resume):
-            report = EXECUTORS[task.executor or setting("store", "executor")].run(job, display)
-        _require_success(task, report, job)
+            report = EXECUTORS[executor_of(task)].run(job, display)
+            _require_success(task, report, job)
         _require_unchanged(task, action)
         _require_untouched(task, inputs.values(), store)
         provenance = _provenance(task, report, log, store) | {
@@ -153,12 +160,11 @@ def _verified(task: "StoredTask", upstream: "StoredTask", store: Store) -> Actio
 
 def _specification(task: "StoredTask") -> dict[str, Any]:
     """What the job says of the task alone."""
-    parameters = dict(task.get_params())  # type: ignore[no-untyped-call]
     memory_gib = task.memory_gib or float(setting("store", "memory_gib"))
     return {
         "module": type(task).__module__,
         "task": type(task).__qualname__,
-        "parameters": {n: parameters[n].serialize(v) for n, v in task.param_kwargs.items()},
+        "parameters": task.to_str_params(),  # type: ignore[no-untyped-call]
         "label": task.label,
         "lineage": task.lineage(),
         "timeout_seconds": task.timeout_seconds,

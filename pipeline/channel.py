@@ -44,6 +44,8 @@ def follow(lines: Iterable[bytes], display: Display) -> dict[str, Any]:
     for line in lines:
         with contextlib.suppress(json.JSONDecodeError):  # a builder was killed at it
             message = json.loads(line)
+            if not isinstance(message, dict):
+                continue
             if "line" in message:
                 display.say(message["line"])
             elif "done" in message:

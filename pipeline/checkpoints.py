@@ -28,7 +28,8 @@ screen = logging.getLogger("pipeline")
 def shared_checkpoints(key: str, resume: Path) -> Iterator[None]:
     """Bring the newest checkpoint where there is none here, and give those that come.
 
-    Every `[store] checkpoint_seconds`, and at the end; nothing where there is no shared store.
+    Every `[store] checkpoint_seconds`, and when the build fails; nothing where there is no shared
+    store.
 
     Args:
         key: Of the build.
@@ -47,10 +48,12 @@ def shared_checkpoints(key: str, resume: Path) -> Iterator[None]:
     thread.start()
     try:
         yield
+    except BaseException:
+        keeper.keep()
+        raise
     finally:
         is_over.set()
         thread.join()
-        keeper.keep()
 
 
 def forget_checkpoints(key: str) -> None:

@@ -5,11 +5,11 @@ the outcome, however often it had to send it out. Where things are placed is its
 are, and that they are right, the store's.
 """
 
-import contextlib
 import os
+import shlex
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -37,12 +37,12 @@ class Ray:
 
     def run(self, errand: Errand, folder: Path) -> Outcome:
         """Have it built on a node that has the cores, the memory and the card."""
-        with _written(errand, folder) as file:
-            asked = [sys.executable, "-P", "-m", "pipeline.ray_engine", str(file)]
-            done = _run([*asked, setting("ray", "address")], errand)
-            if done.returncode == NO_ENGINE:
-                raise StoreError(f"Ray cannot be used: {_last_line(done.stderr)}")
-            return outcome_in(done.stdout or done.stderr)
+        file = _written(errand, folder)
+        asked = [sys.executable, "-P", "-m", "pipeline.ray_engine", str(file)]
+        done = _run([*asked, setting("ray", "address")], errand)
+        if done.returncode == NO_ENGINE:
+            raise StoreError(f"Ray cannot be used: {_last_line(done.stderr)}")
+        return outcome_in(done.stdout or done.stderr)
 
 
 class Slurm:
@@ -50,12 +50,12 @@ class Slurm:
 
     def run(self, errand: Errand, folder: Path) -> Outcome:
         """Have it built by a job, which SLURM queues again when its node fails."""
-        with _written(errand, folder) as file:
-            said = file.with_suffix(".out")
-            done = _run([*self._sbatch(errand, said), "--wrap", " ".join(command(file))], errand)
-            if not done.stdout.strip():
-                raise StoreError(f"SLURM cannot be used: {_last_line(done.stderr)}")
-            return outcome_in(said.read_text() if said.exists() else done.stderr)
+        file = _written(errand, folder)
+        said = file.with_suffix(".out")
+        done = _run([*self._sbatch(errand, said), "--wrap", shlex.join(command(file))], errand)
+        if not done.stdout.strip():
+            raise StoreError(f"SLURM cannot be used: {_last_line(done.stderr)}")
+        return outcome_in(said.read_text() if said.exists() else done.stderr)
 
     def _sbatch(self, errand: Errand, said: Path) -> list[str]:
         words = [
@@ -76,13 +76,10 @@ ENGINES: Mapping[str, Engine] = {"ray": Ray(), "slurm": Slurm()}
 """By the word in `--executor`."""
 
 
-@contextlib.contextmanager
-def _written(errand: Errand, folder: Path) -> Iterator[Path]:
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"{errand.key[:16]}.{os.getpid()}.json"
+def _written(errand: Errand, folder: Path) -> Path:
+    file = folder / "errand.json"
     file.write_text(errand.to_json())
-    yield file
-    file.unlink()
+    return file
 
 
 def _run(words: list[str], errand: Errand) -> "subprocess.CompletedProcess[str]":

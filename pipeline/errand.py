@@ -68,8 +68,7 @@ class Errand:
     @classmethod
     def of(cls, task: "StoredTask", key: str, memory_bytes: int) -> "Errand":
         """What to ask for a task."""
-        told = dict(task.get_params())  # type: ignore[no-untyped-call]
-        words = {n: told[n].serialize(v) for n, v in task.param_kwargs.items()}
+        words: dict[str, str] = task.to_str_params()  # type: ignore[no-untyped-call]
         return cls(
             module=type(task).__module__,
             task=type(task).__qualname__,

@@ -34,6 +34,7 @@ def main() -> int:
     supervisor = os.getpid()
     builder = os.fork()
     if builder == 0:
+        os.setpgid(0, 0)
         die_with(supervisor)
         return _build(job)
     with contextlib.suppress(OSError):  # both sides do it, so that neither has to wait
@@ -98,8 +99,7 @@ def _say(descriptor: int, **fields: object) -> None:
 
 
 def die_with(supervisor: int) -> None:
-    """A group of our own, and the kernel kills us when our parent, the supervisor, dies."""
-    os.setpgid(0, 0)
+    """Have the kernel kill us when our parent, the supervisor, dies."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != supervisor:

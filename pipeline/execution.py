@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, cast
 
 from pipeline.channel import follow
 from pipeline.errors import FailureKind, explain
-from pipeline.progress import Display, Progress
+from pipeline.progress import Display
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store
 
@@ -37,7 +37,7 @@ class RunContext:
         lineage: The records of all artifacts upstream, first things first.
     """
 
-    progress: Progress
+    progress: Display
     resume: Path
     log: Path
     lineage: tuple[ActionRecord, ...] = ()

@@ -50,9 +50,8 @@ def require_agreement(task: "StoredTask", key: str) -> None:
         scheduler: Any = RemoteScheduler(url)  # type: ignore[no-untyped-call]
         told = _TOLD.search(scheduler.get_task_status_message(task.task_id)["statusMessage"] or "")
         theirs = (told["host"], told["pid"]) if told else _ours()
-        if told and theirs != _ours() and told["key"] != key[:16]:
-            if not _is_at_work(scheduler, *theirs):
-                return
+        differs = told and theirs != _ours() and told["key"] != key[:16]
+        if told and differs and _is_at_work(scheduler, *theirs):
             raise TaskFailure(
                 "user",
                 str(task),
@@ -77,4 +76,4 @@ def _is_at_work(scheduler: Any, host: str, pid: str) -> bool:
     if host == socket.gethostname():
         return bool(psutil.pid_exists(int(pid)))
     workers = scheduler.worker_list(include_running=False)
-    return any(bool((w.get("host"), str(w.get("pid"))) == (host, pid)) for w in workers)
+    return (host, pid) in [(w.get("host"), str(w.get("pid"))) for w in workers]

@@ -3,11 +3,11 @@
 import logging
 from typing import TYPE_CHECKING
 
-from pipeline.costs import Cost
 from pipeline.engines import ENGINES
 from pipeline.errand import Errand
 from pipeline.errors import TaskFailure
 from pipeline.record import Action, ActionRecord
+from pipeline.resources import executor_of, expected_cost
 from pipeline.sharing import is_available, recorded
 from pipeline.store import Store
 from pipeline.until import require_time
@@ -18,26 +18,24 @@ if TYPE_CHECKING:
 screen = logging.getLogger("pipeline")
 
 
-def place(
-    task: "StoredTask", action: Action, store: Store, engine: str, cost: Cost | None
-) -> ActionRecord:
-    """Have an engine build the task; returns the record that its machine left.
+def place(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
+    """Have the task's engine build it; returns the record that its machine left.
 
     Args:
         task: To be built.
         action: What it is.
         store: Of this machine; the other has the same one, or shares one with it.
-        engine: Of `ENGINES`.
-        cost: What it is expected to take.
 
     Raises:
         TaskFailure: It was not built, or cannot be found.
         StoreError: The engine cannot be used.
     """
+    engine, cost = executor_of(task), expected_cost(task, store)
     require_time(task, cost)
     screen.info("%s: sent out by %s", task.label, engine)
     errand = Errand.of(task, action.key, cost.peak_memory_bytes if cost else 0)
-    outcome = ENGINES[engine].run(errand, store.root / "errands")
+    with store.workspace(action.key) as workspace:
+        outcome = ENGINES[engine].run(errand, workspace)
     if outcome.kind != "built":
         where = f" (on {outcome.host})" if outcome.host else ""
         raise TaskFailure(outcome.kind, str(task), f"{outcome.message.rstrip('.')}{where}.")

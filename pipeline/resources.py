@@ -8,12 +8,18 @@ from typing import TYPE_CHECKING
 from pipeline.costs import USUAL_SECONDS, Cost, expected, spendings
 from pipeline.gpu import VISIBLE, Lease, leased
 from pipeline.host import Share, shared, workers_of_command
+from pipeline.settings import setting
 from pipeline.store import Store
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
 
 screen = logging.getLogger("pipeline")
+
+
+def executor_of(task: "StoredTask") -> str:
+    """Who runs the task's build, by its word."""
+    return task.executor or setting("store", "executor")
 
 
 def card_for(task: "StoredTask") -> contextlib.AbstractContextManager[Lease]:

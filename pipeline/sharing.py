@@ -149,7 +149,19 @@ def shared_records(remote: Remote) -> list[ActionRecord]:
 
 
 def list_night(store: Store, name: str, keys: Sequence[str]) -> None:
-    """Leave a list of what a batch made and found, so that nobody has to list everything."""
+    """Leave a list of what a batch made and found, so that nobody has to list everything.
+
+    Nothing where there is no shared store; what fails is a warning.
+    """
+    if not current_remote().url:
+        return
+    try:
+        _upload_list(store, name, keys)
+    except OSError as error:  # of our own disk
+        screen.warning("the list of the night %s is not uploaded: %s", name, error)
+
+
+def _upload_list(store: Store, name: str, keys: Sequence[str]) -> None:
     with store.workspace(name) as workspace:
         (workspace / "keys").write_text("".join(f"{key}\n" for key in keys))
         at = f"nights/{name}.keys"

@@ -22,7 +22,7 @@ from styletrf.data_parallel import Ranks
 from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.perceptual_loss import PerceptualTerms, shrunk
 from styletrf.progress import Progress, silent
-from styletrf.steadiness import ContentPair
+from styletrf.steadiness import ContentPair, SteadinessConfig
 from styletrf.style_checkpoint import (
     CurveRow,
     Training,
@@ -77,20 +77,13 @@ def train_style_network(
     start, encoded = len(training.curve), read_content(content_folder)
     if start == 0 and ranks.is_first:
         _warn(config, vgg, style, encoded)
-    batches = content_batches(
-        encoded,
-        batch=config.batch,
-        size_px=config.crop_px,
-        seed=config.seed,
-        start=start,
-    )
+    sizes = {"batch": config.batch, "size_px": config.crop_px, "seed": config.seed}
+    batches = content_batches(encoded, **sizes, start=start)
     begun, saved = time.monotonic() - training.seconds, time.monotonic()
     with closing(batches):
         for k, content in enumerate(islice(batches, config.iterations - start), start):
-            paired = k % config.steadiness.every == 0 and _is_due(
-                k // config.steadiness.every, config.steadiness.renders
-            )
-            terms = step(training, k, pairs(k) if pairs and paired else content)
+            is_paired = _is_paired(k, config.steadiness)
+            terms = step(training, k, pairs(k) if pairs and is_paired else content)
             row = _row(k, terms, time.monotonic() - begun)
             training.curve.append(row)
             if ranks.is_first:
@@ -120,9 +113,10 @@ def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[
         _LOGGER.warning(warning)
 
 
-def _is_due(k: int, share: float) -> bool:
-    """Whether the k-th is one of the share, spread evenly."""
-    return int((k + 1) * share) > int(k * share)
+def _is_paired(k: int, config: SteadinessConfig) -> bool:
+    """Whether iteration `k` looks at renders: a share, spread evenly, of those that look at all."""
+    look, rest = divmod(k, config.every)
+    return rest == 0 and int((look + 1) * config.renders) > int(look * config.renders)
 
 
 def begin(

@@ -7,6 +7,7 @@ prints where it stands, a line of JSON a message.
 import json
 import logging
 import math
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.channel import Channel, follow
+from pipeline.execute import die_with
 from pipeline.progress import Display
 from styletrf.errors import InputError
 
@@ -135,6 +137,7 @@ class _Told(logging.Handler):
 
 def main() -> None:
     """Trains as one of several."""
+    die_with(os.getppid())  # torchrun gives its processes sessions of their own
     asked, channel = Asked(**json.loads(Path(sys.argv[1]).read_text())), Channel(1)
     logging.getLogger().addHandler(_Told(channel))
     try:

@@ -23,8 +23,8 @@ from tasks.graph import graph
 from tasks.wall import refresh_wall
 
 screen = logging.getLogger("pipeline")
-Outcome = Literal["made", "found", "failed", "under way", "not begun"]
-EXIT_STATUS = {"failed": 31, "not begun": 26}
+Outcome = Literal["made", "found", "failed", "under way", "late", "not begun"]
+EXIT_STATUS: dict[Outcome, int] = {"failed": 31, "late": 26}
 """Of a command that made a part of its grid: some of the rest failed; it was not begun in time."""
 
 
@@ -71,7 +71,7 @@ class Night:
     def exit_status(self) -> int:
         """What tells that a part is there; 0 leaves the status to Luigi."""
         is_partial = self.count("made") + self.count("found") > 0
-        told = (EXIT_STATUS[name] for name in ("failed", "not begun") if self.count(name))
+        told = (status for outcome, status in EXIT_STATUS.items() if self.count(outcome))
         return next(told, 0) if is_partial else 0
 
 
@@ -98,7 +98,7 @@ def look_back(cells: Iterable[Any], begun: datetime, *, is_limited: bool) -> Nig
         begun: When the command began.
         is_limited: Whether it was to begin nothing late.
     """
-    cells = list(cells)
+    cells = [granted for cell in cells for granted in cell.cells()]
     stages = {task.task_id: task for cell in cells for task in graph(cell)}
     records = {name: _record(task) for name, task in stages.items()}
     made = {name: record for name, record in records.items() if record}
@@ -154,7 +154,7 @@ def in_words(night: Night) -> list[str]:
     return lines + [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
 
 
-_OUTCOMES: tuple[Outcome, ...] = ("made", "found", "failed", "under way", "not begun")
+_OUTCOMES: tuple[Outcome, ...] = ("made", "found", "failed", "under way", "late", "not begun")
 
 
 def _outcome(cell: Any, begun: datetime, *, is_limited: bool) -> CellOutcome:
@@ -165,8 +165,9 @@ def _outcome(cell: Any, begun: datetime, *, is_limited: bool) -> CellOutcome:
     if problem:
         outcome: Outcome = "under way" if problem.is_under_way else "failed"
         return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
-    late = "it would not have ended in time" if is_limited else "nothing was tried"
-    return CellOutcome(*name, "not begun", late)
+    if is_limited:
+        return CellOutcome(*name, "late", "it would not have ended in time")
+    return CellOutcome(*name, "not begun", "nothing was tried")
 
 
 def _spending(name: str, records: Sequence[ActionRecord], begun: datetime) -> Spending:
@@ -196,7 +197,8 @@ def _began(record: ActionRecord) -> datetime:
 
 def _post(address: str, night: Night) -> None:
     """Sends the night as JSON; that nobody answers is told, and costs nothing else."""
-    body = json.dumps({"text": "\n".join(in_words(night)), **asdict(night)}).encode()
+    told = {name: value for name, value in asdict(night).items() if name != "keys"}
+    body = json.dumps({"text": "\n".join(in_words(night)), **told}).encode()
     asked = urllib.request.Request(address, body, {"Content-Type": "application/json"})  # noqa: S310
     try:
         with urllib.request.urlopen(asked, timeout=20):  # noqa: S310  the user's own address

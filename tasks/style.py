@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import luigi
 
@@ -16,9 +16,6 @@ from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
-
-if TYPE_CHECKING:
-    from pipeline.progress import Display
 
 _FEWEST_PROCEDURAL = 64  # made in about 5 s, with which three photographs are content enough
 
@@ -235,4 +232,4 @@ class StyleNetwork(TunedStage, NetworkControls):
             resume=str(run.resume),
             device=self.device,
         )
-        train(asked, cast("Display", run.progress))
+        train(asked, run.progress)

@@ -10,7 +10,6 @@ import os
 import random
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
+from luigid_process import Luigid
 
 from pipeline.attempts import attempts
 from pipeline.store import Store
@@ -132,35 +132,35 @@ def soak(night: Night, minutes: float, seed: int) -> None:
 
 def _one_night(night: Night, chance: random.Random) -> Counter[str]:
     """Two commands under a luigid, killed and begun again until one has nothing left to do."""
-    scheduler = _Scheduler(night)
+    luigid = Luigid(night.root, retries=50)
     commands: list[subprocess.Popen[str]] = []
     kills, most = Counter[str](), chance.randint(3, 12)
     try:
         while True:
             commands = [c for c in commands if c.poll() is None]
             while len(commands) < 2:
-                commands.append(night.begin(**scheduler.environment()))
+                commands.append(night.begin(LUIGI_CONFIG_PATH=str(luigid.config)))
             time.sleep(chance.uniform(1, 8))
             if kills.total() < most:
-                kills[_kill_one(commands, scheduler, chance)] += 1
+                kills[_kill_one(commands, luigid, chance)] += 1
             elif any(command.poll() == 0 for command in commands):
                 return kills
     finally:
         for command in commands:
             command.kill()
             command.communicate()
-        scheduler.kill()
+        luigid.kill()
 
 
 def _kill_one(
-    commands: Sequence["subprocess.Popen[str]"], scheduler: "_Scheduler", chance: random.Random
+    commands: Sequence["subprocess.Popen[str]"], luigid: Luigid, chance: random.Random
 ) -> str:
     command = chance.choice(commands)
     what = chance.choice(["command", "build", "luigid", "Ctrl-C"])
     if what == "luigid":
-        scheduler.kill()
+        luigid.kill()
         time.sleep(chance.uniform(0, 3))
-        scheduler.start()
+        luigid.start()
     elif what == "command":
         command.kill()
     elif what == "Ctrl-C":
@@ -185,39 +185,6 @@ def _require_sound(night: Night) -> None:
     left = list((store.root / "tmp").iterdir())
     if len(shown) != cells or broken or twice or not all(p.exists() for p in shown):
         raise SystemExit(f"{len(shown)} of {cells} shown; {broken=} {twice=} {left=}")
-
-
-class _Scheduler:
-    """A luigid on a port of its own, with settings for a night of minutes."""
-
-    def __init__(self, night: Night) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as probe:
-            self._port = probe.getsockname()[1]
-        self._config = night.root / "cluster.cfg"
-        text = (ROOT / "luigi.cluster.cfg").read_text()
-        text = text.replace("http://localhost:8082/", f"http://127.0.0.1:{self._port}/")
-        text = text.replace("worker_disconnect_delay = 600", "worker_disconnect_delay = 5")
-        text = text.replace("retry_delay = 60", "retry_delay = 1").replace(
-            "retry_count = 2", "retry_count = 50"
-        )
-        self._config.write_text(text)
-        self.start()
-
-    def environment(self) -> dict[str, str]:
-        return {"LUIGI_CONFIG_PATH": str(self._config)}
-
-    def start(self) -> None:
-        command = [str(Path(sys.executable).with_name("luigid")), "--address", "127.0.0.1"]
-        self._process = subprocess.Popen(
-            [*command, "--port", str(self._port)],
-            env=os.environ | self.environment(),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.wait()
 
 
 def main() -> None:

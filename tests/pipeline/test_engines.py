@@ -109,9 +109,9 @@ def test_a_failure_there_is_told_in_its_words_here(engine, act, words):
     assert "Traceback" not in screen
 
 
-def test_a_machine_that_would_build_something_else_refuses(engine):
+def test_a_machine_that_would_build_something_else_refuses(engine, tmp_path):
     errand = Errand.of(Act("succeed"), "0" * 64, 0)
-    outcome = ENGINES[engine].run(errand, current_store().root / "errands")
+    outcome = ENGINES[engine].run(errand, tmp_path)
     assert outcome.kind == "user"
     assert "has other code, inputs or files than the machine that asks" in outcome.message
     assert built() == []

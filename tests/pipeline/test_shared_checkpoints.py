@@ -1,7 +1,9 @@
 """Checkpoints travel through a shared store: a directory, and a bucket of a real S3 server."""
 
+import contextlib
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,13 +22,25 @@ def folder(path: Path, **files: str) -> Path:
     return path
 
 
+class LostError(Exception):
+    """What a build ends by."""
+
+
+@contextlib.contextmanager
+def failing(resume: Path) -> Iterator[None]:
+    """A build that fails when it has done what is within."""
+    with contextlib.suppress(LostError), shared_checkpoints(KEY, resume):
+        yield
+        raise LostError
+
+
 def uploaded() -> list[str]:
     return current_remote().names(f"resume/{KEY}")
 
 
 def test_another_machine_goes_on_from_the_last_one(shared: Place, tmp_path):
     here = folder(tmp_path / "here", checkpoint="step 1")
-    with shared_checkpoints(KEY, here):
+    with failing(here):
         (here / "new").write_text("step 2")
         (here / "new").replace(here / "checkpoint")
         (here / ".seconds").write_text("12.5")
@@ -35,7 +49,7 @@ def test_another_machine_goes_on_from_the_last_one(shared: Place, tmp_path):
     with shared_checkpoints(KEY, there):
         assert (there / "checkpoint").read_text() == "step 2"
         assert (there / ".seconds").read_text() == "12.5", "and what was spent until then counts"
-    assert len(uploaded()) == 1, "what did not change is not uploaded again"
+    assert len(uploaded()) == 1, "what succeeds leaves no more"
     forget_checkpoints(KEY)
     assert uploaded() == []
     assert sorted(p.name for p in tmp_path.iterdir() if p.name[:4] in ("here", "ther")) == [
@@ -44,7 +58,7 @@ def test_another_machine_goes_on_from_the_last_one(shared: Place, tmp_path):
 
 
 def test_one_of_its_own_is_newer(shared: Place, tmp_path):
-    with shared_checkpoints(KEY, folder(tmp_path / "here", checkpoint="old")):
+    with failing(folder(tmp_path / "here", checkpoint="old")):
         pass
     own = folder(tmp_path / "own", checkpoint="own")
     with shared_checkpoints(KEY, own):
@@ -68,7 +82,7 @@ def test_they_are_given_while_it_builds(shared: Place, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("damage", [b"", b"garbage", None])
 def test_a_damaged_one_is_not_believed(shared: Place, tmp_path, damage, caplog):
-    with shared_checkpoints(KEY, folder(tmp_path / "here", checkpoint="x" * 1000)):
+    with failing(folder(tmp_path / "here", checkpoint="x" * 1000)):
         pass
     (name,) = uploaded()
     remote, bad = current_remote(), tmp_path / "bad"
@@ -93,7 +107,6 @@ def test_without_a_shared_store_nothing_happens(tmp_path):
 
 def test_a_shared_store_that_is_away_is_a_warning(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "nowhere"))
-    here = folder(tmp_path / "here", checkpoint="step 1")
-    with shared_checkpoints(KEY, here):
+    with failing(folder(tmp_path / "here", checkpoint="step 1")):
         pass
     assert "Going on without" in caplog.text

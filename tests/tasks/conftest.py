@@ -232,5 +232,13 @@ def stage_of(mini_graph: tuple[Any, Callable[..., Any]]) -> Callable[..., Any]:
     return mini_graph[1]
 
 
+@pytest.fixture
+def out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: Path) -> Path:
+    """The folder of results, and the photographs to make them of."""
+    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
+    monkeypatch.setenv("STYLETRF_DATA", str(photographs))
+    return tmp_path / "out"
+
+
 def read_json(path: Path) -> Any:
     return json.loads(path.read_text())

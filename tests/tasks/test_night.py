@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from http.server import BaseHTTPRequestHandler, HTTPServer
-from pathlib import Path
 
 import luigi
 import pytest
@@ -15,13 +14,6 @@ import tasks
 from tasks.night import CellOutcome, Night, Spending, in_words, look_back, tell
 
 WORDS = {"quality": "draft", "content": "embedded"}
-
-
-@pytest.fixture
-def out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: Path) -> Path:
-    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
-    monkeypatch.setenv("STYLETRF_DATA", str(photographs))
-    return tmp_path / "out"
 
 
 def night(*outcomes: str) -> Night:
@@ -47,6 +39,15 @@ def test_one_broken_scene_and_one_broken_style_are_named_with_their_reasons(out)
     assert lines.count("scene 'nowhere'") == 1, "a reason is told once"
 
 
+def test_a_granted_wish_is_the_cell(out, monkeypatch):
+    """What was wished for is made under the settings that were chosen."""
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], budget="5min", content="embedded")
+    chosen = tasks.StylizedTrajectory(scene="mini", style="none", **WORDS)
+    monkeypatch.setattr(tasks.StylizedTrajectory, "granted", lambda self: chosen)
+    (cell,) = look_back(grid.cells(), datetime.now(UTC), is_limited=False).cells
+    assert (cell.style, cell.outcome) == ("none", "failed")
+
+
 def test_what_was_built_this_time_is_told_from_what_was_found(out):
     grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
     (image,) = (t for t in tasks.graph.graph(grid) if t.task_family == "StyleImage")
@@ -67,8 +68,9 @@ def test_what_was_built_this_time_is_told_from_what_was_found(out):
     ("outcomes", "status"),
     [
         (["made", "found"], 0),
-        (["made", "failed", "not begun"], 31),
-        (["found", "not begun"], 26),
+        (["made", "failed", "late"], 31),
+        (["found", "late"], 26),
+        (["found", "not begun"], 0),
         (["made", "under way"], 0),
         (["failed", "failed"], 0),
     ],

@@ -12,13 +12,6 @@ from tasks.wall import refresh_wall
 WORDS = {"quality": "draft", "content": "embedded"}
 
 
-@pytest.fixture
-def out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: Path) -> Path:
-    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
-    monkeypatch.setenv("STYLETRF_DATA", str(photographs))
-    return tmp_path / "out"
-
-
 def show(folder: Path, **more: object) -> None:
     """As if a stylised trajectory were shown there."""
     folder.mkdir(parents=True)
