@@ -1,6 +1,7 @@
 """Attempts at builds, as their logs tell it: which are under way, and how the others ended."""
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import luigi
@@ -11,6 +12,8 @@ from pipeline.explanation import upstream_first
 from pipeline.locks import is_held
 from pipeline.store import Store
 from pipeline.task import StoredTask
+
+_EVER = datetime.fromtimestamp(0, UTC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,16 +39,27 @@ class Obstacle:
     is_under_way: bool = False
 
 
-def attempts(store: Store, family: str = "*", key: str = "") -> list[Attempt]:
-    """Every attempt at builds of a family, or at one key, of which there is a log; oldest first."""
+def attempts(
+    store: Store, family: str = "*", key: str = "", since: datetime = _EVER
+) -> list[Attempt]:
+    """Every attempt at builds of a family, or at one key, of which there is a log; oldest first.
+
+    Of those that ended, those since a moment.
+    """
     logs = (store.root / "logs").glob(f"{family}/{key[:16]}*.log")
-    return [_attempt(store, log) for log in sorted(logs, key=_changed)]
+    found = [_attempt(store, log) for log in sorted(logs, key=_changed)]
+    return [a for a in found if a.is_under_way or a.log.stat().st_mtime >= since.timestamp()]
 
 
-def obstacle(task: luigi.Task, store: Store) -> Obstacle | None:
+def obstacle(task: luigi.Task, store: Store, since: datetime = _EVER) -> Obstacle | None:
     """What keeps a task from being made: what failed, or else what is under way; or nothing yet.
 
     It looks at this store alone, and at the last attempt at each stage whose inputs are there.
+
+    Args:
+        task: That is not made.
+        store: Where attempts left their logs.
+        since: Earlier failures do not count.
     """
     missing: set[StoredTask] = set()
     found: list[Obstacle] = []
@@ -53,13 +67,13 @@ def obstacle(task: luigi.Task, store: Store) -> Obstacle | None:
         if missing & set(each.requires().values()):
             missing.add(each)
             continue
-        is_made, problem = _state(each, store)
+        is_made, problem = _state(each, store, since)
         missing |= set() if is_made else {each}
         found += [problem] if problem else []
     return min(found, key=lambda problem: problem.is_under_way, default=None)
 
 
-def _state(task: StoredTask, store: Store) -> tuple[bool, Obstacle | None]:
+def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, Obstacle | None]:
     """Whether a task whose inputs are there is made, and what is in its way."""
     mendable: Errors = (StoreError, *task.user_errors)
     try:
@@ -68,7 +82,7 @@ def _state(task: StoredTask, store: Store) -> tuple[bool, Obstacle | None]:
         return False, Obstacle(task, str(error))
     if store.record(key):
         return True, None
-    tried = attempts(store, task.task_family, key)[-1:]
+    tried = attempts(store, task.task_family, key, since)[-1:]
     seen = [Obstacle(task, a.end, a.is_under_way) for a in tried if not a.is_published]
     return False, seen[0] if seen else None
 

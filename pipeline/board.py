@@ -33,11 +33,13 @@ class Board:
     descriptor: int
     drawer: "subprocess.Popen[bytes] | None" = None
 
-    def say(self, text: str) -> None:
-        """Show lines that stay, above those that live."""
-        for line in text.splitlines():
-            for k in range(0, max(len(line), 1), _LONGEST):
-                self._send(line=line[k : k + _LONGEST], goes_on=len(line) > k + _LONGEST)
+    def say(self, text: str) -> bool:
+        """Show lines that stay, above those that live; False where nobody draws any more."""
+        return all(
+            self._send(line=line[k : k + _LONGEST], goes_on=len(line) > k + _LONGEST)
+            for line in text.splitlines()
+            for k in range(0, max(len(line), 1), _LONGEST)
+        )
 
     def expect(self, seconds: float) -> None:
         """Begin the line for all builds, which will take so long together."""
@@ -58,11 +60,14 @@ class Board:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self.drawer.wait(_SECONDS_TO_END)
 
-    def _send(self, **message: object) -> None:
+    def _send(self, **message: object) -> bool:
         """Write a message; that nobody draws any more is no reason to fail."""
         message = {k: v[:_LONGEST] if isinstance(v, str) else v for k, v in message.items()}
-        with contextlib.suppress(OSError):
+        try:
             os.write(self.descriptor, json.dumps(message).encode() + b"\n")
+        except OSError:
+            return False
+        return True
 
 
 class BoardLine:

@@ -5,7 +5,7 @@ import logging
 import shutil
 import socket
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.canonical import Json
 from pipeline.checkpoints import forget_checkpoints, shared_checkpoints
 from pipeline.code_identity import closure, keep
-from pipeline.costs import Cost, Spent, note
+from pipeline.costs import USUAL_SECONDS, Cost, Spent, note
 from pipeline.display import display_of
 from pipeline.engines import ENGINES
 from pipeline.errors import LostInputError, TaskFailure
@@ -23,14 +23,7 @@ from pipeline.gpu import VISIBLE
 from pipeline.placing import place
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
-from pipeline.resources import (
-    card_for,
-    executor_of,
-    expected_cost,
-    expected_seconds,
-    share_for,
-    significant,
-)
+from pipeline.resources import card_for, executor_of, expected_cost, share_for, significant
 from pipeline.settings import setting
 from pipeline.sharing import fetch, give, is_available, recorded
 from pipeline.store import Store
@@ -59,7 +52,6 @@ def find_or_build(task: "StoredTask", action: Action, store: Store) -> ActionRec
         try:
             if record := store.find(action.key):
                 return record
-            require_time(task, expected_cost(task, store))
             return build(task, action, store)
         except TaskFailure as failure:
             if failure.kind != "changed" and (record := store.find(action.key)):
@@ -88,15 +80,16 @@ def build(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
 
 def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
     inputs = {name: _verified(task, upstream, store) for name, upstream in task.requires().items()}
-    log = store.new_log(task.task_family, action.key)
+    cost = expected_cost(task, store)
     with (
         store.workspace(action.key) as workspace,
         store.resume(action.key, workspace) as resume,
         card_for(task) as (environment, card),
-        share_for(task, store) as share,
-        display_of(task, expected_seconds(task, store)) as display,
+        share_for(task, cost) as share,
+        display_of(task, cost.seconds if cost else USUAL_SECONDS) as display,
     ):
-        started = datetime.now(UTC)
+        require_time(task, cost)  # now that it need not wait
+        log, started = store.new_log(task.task_family, action.key), datetime.now(UTC)
         screen.info("%s: started", task.label)
         (workspace / "out").mkdir()
         job = Job(
@@ -109,11 +102,12 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
             holds=(*card, *share.holds),
             bound_to=share.bound_to,
         )
-        with shared_checkpoints(action.key, resume):
-            report = EXECUTORS[executor_of(task)].run(job, display)
-            _require_success(task, report, job)
-        _require_unchanged(task, action)
-        _require_untouched(task, inputs.values(), store)
+        with _told_in(log):
+            with shared_checkpoints(action.key, resume):
+                report = EXECUTORS[executor_of(task)].run(job, display)
+                _require_success(task, report, log)
+            _require_unchanged(task, action)
+            _require_untouched(task, inputs.values(), store)
         provenance = _provenance(task, report, log, store) | {
             "gpu": environment.get(VISIBLE, ""),
             "cores": share.cores,
@@ -179,15 +173,24 @@ _REMEDIES = {
 }
 
 
-def _require_success(task: "StoredTask", report: Report, job: Job) -> None:
+@contextlib.contextmanager
+def _told_in(log: Path) -> Iterator[None]:
+    """End the log with the reason why nothing came of the build."""
+    try:
+        yield
+    except TaskFailure as failure:
+        _note(log, failure.reason)
+        raise
+
+
+def _require_success(task: "StoredTask", report: Report, log: Path) -> None:
     if report.kind == "built":
         return
     reason = report.message
     if report.kind in _REMEDIES:
         spent = f"{report.seconds:.0f} s, {report.peak_memory_bytes / 2**30:.1f} GiB"
         remedy = _REMEDIES[report.kind].format(task.task_family)
-        reason = f"{reason} ({spent}). {remedy}. Its log: {job.log}"
-    _note(Path(job.log), reason)
+        reason = f"{reason} ({spent}). {remedy}. Its log: {log}"
     raise TaskFailure(report.kind, str(task), reason)
 
 

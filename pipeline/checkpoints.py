@@ -1,6 +1,6 @@
 """Checkpoints in the shared store, so that another machine goes on where a lost one was.
 
-    resume/<key>/<time>-<digest>-<bytes>-<files>.tar
+    resume/<key>/<when it was written>-<digest>-<bytes>-<files>.tar
 
 Like everything there they are believed only with the digest that their name tells. Whoever builds
 the key removes them.
@@ -21,44 +21,63 @@ from pipeline.digest import Tree, tree_digest
 from pipeline.remote import Remote
 from pipeline.settings import current_remote, setting
 
+_TIME = "%Y%m%dT%H%M%S.%f"  # in UTC
 screen = logging.getLogger("pipeline")
 
 
 @contextlib.contextmanager
 def shared_checkpoints(key: str, resume: Path) -> Iterator[None]:
-    """Bring the newest checkpoint where there is none here, and give those that come.
+    """Bring the newest checkpoint unless it is here, and give those that come.
 
     Every `[store] checkpoint_seconds`, and when the build fails; nothing where there is no shared
-    store.
+    store, or where it is not to be written to.
 
     Args:
         key: Of the build.
         resume: Its folder of checkpoints.
     """
     remote, seconds = current_remote(), float(setting("store", "checkpoint_seconds"))
-    if not remote.url or seconds <= 0 or setting("store", "push") != "true":
+    if not _are_shared():
         yield
         return
     with contextlib.suppress(OSError):
-        if not any(resume.iterdir()):
-            remote.attempt("reading", partial(_bring, key, resume))
+        remote.attempt("reading", partial(_bring, key, resume))
     keeper = _Keeper(key, resume, remote)
-    is_over = threading.Event()
+    is_over, is_lost = threading.Event(), True
     thread = threading.Thread(target=keeper.keep_until, args=(is_over, seconds), daemon=True)
     thread.start()
     try:
         yield
-    except BaseException:
-        keeper.keep()
-        raise
+        is_lost = False
     finally:
         is_over.set()
         thread.join()
+        if is_lost:
+            keeper.keep()
 
 
 def forget_checkpoints(key: str) -> None:
     """Remove those of a key that is built."""
-    current_remote().attempt("writing", lambda remote: _remove(remote, key, remote.names(_at(key))))
+    if _are_shared():
+        remove = partial(_remove, key=key)
+        current_remote().attempt("writing", lambda r: remove(r, names=r.names(_at(key))))
+
+
+def _are_shared() -> bool:
+    has_store = current_remote().url and setting("store", "push") == "true"
+    return bool(has_store) and float(setting("store", "checkpoint_seconds")) > 0
+
+
+def _checkpoints(resume: Path) -> list[tuple[str, int, int]]:
+    """The checkpoints as they are; not the notes beside them, whose names begin with a dot."""
+    files = ((p.name, p.stat()) for p in resume.iterdir() if p.name[0] != ".")
+    return sorted((name, status.st_mtime_ns, status.st_size) for name, status in files)
+
+
+def _written(checkpoints: list[tuple[str, int, int]]) -> str:
+    """When the newest was, as the names in the shared store tell it."""
+    newest_ns = max((time_ns for _, time_ns, _ in checkpoints), default=0)
+    return f"{datetime.fromtimestamp(newest_ns / 1e9, UTC):{_TIME}}"
 
 
 class _Keeper:
@@ -74,30 +93,27 @@ class _Keeper:
             self.keep()
 
     def keep(self) -> None:
-        """Upload the folder if it has changed; what was uploaded before is removed."""
+        """Upload the folder if it has changed; what is older is removed."""
         with contextlib.suppress(OSError, ValueError):  # the disk is full, or a file just went
-            found = self._state()
+            found = _checkpoints(self._resume)
             if found and found != self._kept:
                 self._remote.attempt("writing", self._upload)
                 self._kept = found
-
-    def _state(self) -> list[tuple[str, int, int]]:
-        """The checkpoints as they are; not the notes beside them, whose names begin with a dot."""
-        files = ((p.name, p.stat()) for p in self._resume.iterdir() if p.name[0] != ".")
-        return sorted((name, status.st_mtime_ns, status.st_size) for name, status in files)
 
     def _upload(self, remote: Remote) -> None:
         archive, still = (
             self._resume.with_name(f"{self._resume.name}.{e}") for e in ("tar", "still")
         )
         try:
-            shutil.copytree(self._resume, still, copy_function=_hold_still)
+            unfinished = shutil.ignore_patterns(".*.partial*")
+            shutil.copytree(self._resume, still, copy_function=_hold_still, ignore=unfinished)
             tree = tree_digest(still)
             pack(still, archive)
-            before = remote.names(_at(self._key))
-            told = f"{datetime.now(UTC):%Y%m%dT%H%M%S.%f}-{tree.digest}-{tree.size}-{tree.files}"
-            remote.create(f"{_at(self._key)}/{told}.tar", archive)
-            _remove(remote, self._key, before)
+            written = _written(_checkpoints(still))
+            name = f"{written}-{tree.digest}-{tree.size}-{tree.files}.tar"
+            remote.create(f"{_at(self._key)}/{name}", archive)
+            older = [other for other in remote.names(_at(self._key)) if other < name]
+            _remove(remote, self._key, older)
         finally:
             archive.unlink(missing_ok=True)
             shutil.rmtree(still, ignore_errors=True)
@@ -109,15 +125,22 @@ def _hold_still(source: str, target: str) -> None:
 
 
 def _bring(key: str, resume: Path, remote: Remote) -> None:
-    """Fill the empty folder from the newest archive that is whole."""
+    """Fill the folder from the newest archive that is whole, and newer than what is there."""
+    here = _written(_checkpoints(resume))
     for name in sorted(remote.names(_at(key)), reverse=True):
+        if name.partition("-")[0] <= here:
+            return
         archive, unpacked = (resume.with_name(f"{resume.name}.{end}") for end in ("tar", "new"))
         try:
-            _, digest, size, files = name.removesuffix(".tar").split("-")
+            written, digest, size, files = name.removesuffix(".tar").split("-")
+            written_s = datetime.strptime(f"{written}+0000", f"{_TIME}%z").timestamp()
             remote.download(f"{_at(key)}/{name}", archive)
             unpack(archive, unpacked, Tree(digest, int(size), int(files)))
             if tree_digest(unpacked).digest == digest:
+                for path in resume.iterdir():
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
                 for path in unpacked.iterdir():
+                    os.utime(path, (written_s, written_s))
                     path.rename(resume / path.name)
                 screen.info("going on from a checkpoint that %s has", remote.url)
                 return

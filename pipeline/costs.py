@@ -17,6 +17,7 @@ from pipeline.store import Store
 
 _READ_BYTES = 1 << 18  # of the newest lines
 _NEWEST = 5
+_RESERVE = 1.2  # times the memory that an earlier build took
 USUAL_SECONDS = 60.0
 """Of what nothing is known."""
 
@@ -56,13 +57,16 @@ def spendings(store: Store, family: str) -> list[Spent]:
 def expected(spendings: list[Spent], parameters: Mapping[str, str]) -> Cost | None:
     """What a build with these parameters will take, as far as earlier ones tell; None: unknown.
 
-    The median time, and the largest memory, of the five newest that share most parameters.
+    The median time, and the largest memory and a fifth more, of the five newest that share most
+    parameters.
     """
-    shared = [len(spent.parameters.items() & parameters.items()) for spent in spendings]
-    alike = [s.cost for s, n in zip(spendings, shared, strict=True) if n == max(shared)][-_NEWEST:]
-    if not alike:
+    if not spendings:
         return None
-    return Cost(median(c.seconds for c in alike), max(c.peak_memory_bytes for c in alike))
+    shared = [len(spent.parameters.items() & parameters.items()) for spent in spendings]
+    most = max(shared)
+    alike = [s.cost for s, n in zip(spendings, shared, strict=True) if n == most][-_NEWEST:]
+    memory = _RESERVE * max(c.peak_memory_bytes for c in alike)
+    return Cost(median(c.seconds for c in alike), int(memory))
 
 
 def _lines(file: Path) -> Iterator[Spent]:

@@ -28,6 +28,8 @@ def display_of(task: "StoredTask", seconds: float) -> Iterator[Display]:
         if board
         else ProgressBar(task.label, sys.stderr, interactive=is_interactive())
     )
+    if board:
+        shown(0, 1)  # it has begun
     try:
         if luigi.interface.core().local_scheduler:  # type: ignore[no-untyped-call]
             yield shown

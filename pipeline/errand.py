@@ -17,8 +17,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pipeline.errors import FailureKind, TaskFailure
+from pipeline.errors import FailureKind, LostInputError, TaskFailure
 from pipeline.execute import die_with
+from pipeline.resources import CORES
 from pipeline.settings import current_store, setting
 
 if TYPE_CHECKING:
@@ -37,19 +38,17 @@ class Errand:
         task: The class.
         parameters: The task's parameters, serialised.
         key: That of the action, which the other machine must come to, too.
-        label: The task on the screen.
         cores: How many it shall use; fewer where no machine has so many.
         gpus: How many cards; fewer, or none, where no machine has so many.
         memory_bytes: What it is expected to take; 0 if that is unknown.
-        folder: Where the command runs, which has its `luigi.cfg`.
-        environment: Variables to set.
+        folder: Where the command has to run, which has its `luigi.cfg`.
+        environment: Variables to set for it.
     """
 
     module: str
     task: str
     parameters: Mapping[str, str]
     key: str
-    label: str
     cores: int
     gpus: int
     memory_bytes: int
@@ -68,19 +67,20 @@ class Errand:
     @classmethod
     def of(cls, task: "StoredTask", key: str, memory_bytes: int) -> "Errand":
         """What to ask for a task."""
+        cores = int(setting("host", "cores"))
         words: dict[str, str] = task.to_str_params()  # type: ignore[no-untyped-call]
         return cls(
             module=type(task).__module__,
             task=type(task).__qualname__,
             parameters=words | {"executor": "subprocess"},
             key=key,
-            label=task.label,
-            cores=int(setting("host", "cores")),
+            cores=cores,
             gpus=task.most_cards if task.needs_gpu else 0,
             memory_bytes=memory_bytes,
             folder=str(Path.cwd()),
             environment={
                 **{n: value for n, value in os.environ.items() if _goes_along(n)},
+                CORES: str(cores),
                 "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
             },
         )
@@ -91,12 +91,12 @@ class Outcome:
     """What became of an errand.
 
     Attributes:
-        kind: "built", or the kind of `TaskFailure` that it was.
-        message: Why it was not built.
+        kind: "built", or the kind of `TaskFailure` that it was; "lost" where an input is.
+        message: Why it was not built; the task_id of the input that was lost.
         host: Where.
     """
 
-    kind: Literal["built"] | FailureKind
+    kind: Literal["built", "lost"] | FailureKind
     message: str = ""
     host: str = ""
 
@@ -136,6 +136,8 @@ def perform(errand: Errand) -> Outcome:
             )
             return Outcome("user", reason, host)
         find_or_build(task, action, current_store())
+    except LostInputError as lost:
+        return Outcome("lost", lost.args[0].task_id, host)
     except TaskFailure as failure:
         return Outcome(failure.kind, failure.reason, host)
     except Exception as error:  # noqa: BLE001  it has to be told where it was asked
@@ -146,10 +148,7 @@ def perform(errand: Errand) -> Outcome:
 def main() -> None:
     """Build, and say how it went."""
     die_with(os.getppid())
-    errand = Errand.from_json(Path(sys.argv[1]).read_text())
-    os.environ.update(errand.environment)
-    os.chdir(errand.folder)
-    outcome = perform(errand)
+    outcome = perform(Errand.from_json(Path(sys.argv[1]).read_text()))
     sys.stdout.write(f"\n{json.dumps(dataclasses.asdict(outcome))}\n")
 
 

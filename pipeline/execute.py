@@ -47,8 +47,8 @@ def main() -> int:
 def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -> dict[str, Any]:
     """Wait for the builder; end its group when nobody waits for it or it takes too much.
 
-    Memory is the resident memory of the whole group, as seen now and then; a page that two
-    processes share counts twice.
+    Memory is the resident memory of all its processes, as seen now and then; a page that two of
+    them share counts twice.
     """
     started, oom_kills, seconds, peak, kind = time.monotonic(), _oom_kills(), 0.0, 0, "killed"
     busy, earlier, noted = _busy_seconds(), _spent(resume), 0.0
@@ -111,11 +111,14 @@ def _end(group: int) -> None:
         os.killpg(group, signal.SIGKILL)
 
 
-def _resident_bytes(group: int) -> int:
+def _resident_bytes(builder: int) -> int:
+    """Of the builder and all that it started, whatever group they are of."""
     total = 0
-    for pid in psutil.pids():
-        with contextlib.suppress(psutil.Error, OSError):  # it is gone by now
-            total += psutil.Process(pid).memory_info().rss if os.getpgid(pid) == group else 0
+    with contextlib.suppress(psutil.Error):
+        process = psutil.Process(builder)
+        for each in (process, *process.children(recursive=True)):
+            with contextlib.suppress(psutil.Error):  # it is gone by now
+                total += each.memory_info().rss
     return total
 
 
@@ -128,7 +131,7 @@ def _spent(resume: Path) -> float:
 
 
 def _checkpoints(resume: Path) -> list[Path]:
-    return [path for path in resume.iterdir() if path.name != _SPENT]
+    return [path for path in resume.iterdir() if path.name[0] != "."]
 
 
 def _note_spent(resume: Path, seconds: float) -> None:

@@ -14,12 +14,10 @@ from pathlib import Path
 import luigi
 import psutil
 
-from pipeline.locks import locked
 from pipeline.settings import setting
-from pipeline.units import lease_folder, take_in_time, units
+from pipeline.units import in_turn, take_in_time, units
 
 _MEMORY_PARTS = 64
-_RESERVE = 1.2  # times what an earlier build took
 _CGROUP = Path("/sys/fs/cgroup")
 THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "MKL_NUM_THREADS")
 """What tells libraries how many threads to start."""
@@ -49,38 +47,33 @@ def workers_of_command() -> int:
 
 @contextlib.contextmanager
 def shared(
-    workers: int, expected_bytes: int | None, say_so: Callable[[str], object]
+    most_cores: int, expected_bytes: int | None, say_so: Callable[[str], object]
 ) -> Iterator[Share]:
-    """Hold a share of this host: an equal part of its cores, and the memory that is expected.
+    """Hold a share of this host: cores, and the memory that is expected.
 
-    It waits for one core and for the memory, in the order of asking, and takes up to an equal part
-    of the cores. A command that runs one build at a time has the host to itself.
+    It waits for one core and for the memory, in the order of asking.
 
     Args:
-        workers: How many builds the command runs at once.
-        expected_bytes: The memory that the build will take; an equal part where it is unknown.
+        most_cores: How many to take where so many are free.
+        expected_bytes: The memory that the build will take; a part like that of the cores where it
+            is unknown.
         say_so: Told what is waited for, where it is.
 
     Raises:
         StoreError: When the folder of leases cannot be used.
     """
-    cores = usable_cores()
-    if workers == 1:
-        yield Share(len(cores))
-        return
-    memory = memory_bytes()
+    cores, memory = usable_cores(), memory_bytes()
     part = memory / _MEMORY_PARTS
-    wanted = memory / workers if expected_bytes is None else _RESERVE * expected_bytes
+    wanted = memory * most_cores / len(cores) if expected_bytes is None else expected_bytes
     n_parts = min(_MEMORY_PARTS, max(1, math.ceil(wanted / part)))
     with (
         units("memory", [str(n) for n in range(_MEMORY_PARTS)]) as parts,
         units("core", [str(n) for n in cores]) as files,
     ):
-        with locked(lease_folder() / "queue", lambda: None):
+        with in_turn(lambda: say_so("for its turn")):
             told = f"for {n_parts * part / 2**30:.1f} GiB of memory"
             held = take_in_time(parts, n_parts, n_parts, lambda: say_so(told))
-            most = math.ceil(len(cores) / workers)
-            mine = take_in_time(files, 1, most, lambda: say_so("for a core"))
+            mine = take_in_time(files, 1, most_cores, lambda: say_so("for a core"))
         yield Share(
             cores=len(mine),
             bound_to=tuple(map(int, mine)) if _may_bind() else (),

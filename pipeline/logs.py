@@ -23,9 +23,9 @@ class Screen(logging.StreamHandler):  # type: ignore[type-arg]
         self.setFormatter(WithoutTrace())
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write the record, over a progress bar that was left there, or on the board."""
-        if board := board_of_command():
-            board.say(self.format(record))
+        """Write the record, on the board while there is one, or over a bar that was left there."""
+        board = board_of_command()
+        if board and board.say(self.format(record)):
             return
         if self.stream.isatty():
             self.stream.write("\r\x1b[K")

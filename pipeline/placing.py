@@ -4,8 +4,8 @@ import logging
 from typing import TYPE_CHECKING
 
 from pipeline.engines import ENGINES
-from pipeline.errand import Errand
-from pipeline.errors import TaskFailure
+from pipeline.errand import Errand, Outcome
+from pipeline.errors import LostInputError, TaskFailure
 from pipeline.record import Action, ActionRecord
 from pipeline.resources import executor_of, expected_cost
 from pipeline.sharing import is_available, recorded
@@ -28,24 +28,38 @@ def place(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
 
     Raises:
         TaskFailure: It was not built, or cannot be found.
+        LostInputError: The other machine found an input damaged, or found none.
         StoreError: The engine cannot be used.
     """
     engine, cost = executor_of(task), expected_cost(task, store)
     require_time(task, cost)
     screen.info("%s: sent out by %s", task.label, engine)
     errand = Errand.of(task, action.key, cost.peak_memory_bytes if cost else 0)
-    with store.workspace(action.key) as workspace:
+    with store.workspace(f"errand-{action.key}") as workspace:
         outcome = ENGINES[engine].run(errand, workspace)
-    if outcome.kind != "built":
-        where = f" (on {outcome.host})" if outcome.host else ""
-        raise TaskFailure(outcome.kind, str(task), f"{outcome.message.rstrip('.')}{where}.")
     record = recorded(store, action.key)
-    if record is None or not is_available(store, record):
-        raise TaskFailure(
-            "user",
-            str(task),
-            f"{outcome.host} has built it, but not into the store that this machine shares."
-            " Name the same folder as STYLETRF_STORE, or the same STYLETRF_REMOTE, on all of them.",
+    if record and is_available(store, record):  # even if whoever built it was lost right after
+        screen.info("%s: done on %s", task.label, outcome.host or record.provenance["host"])
+        return record
+    raise _failure(task, action, store, outcome)
+
+
+def _failure(
+    task: "StoredTask", action: Action, store: Store, outcome: Outcome
+) -> TaskFailure | LostInputError:
+    """What to tell the user, and a log of this store; or the input that the other machine lost."""
+    for upstream in task.requires().values():
+        if (outcome.kind, outcome.message) == ("lost", upstream.task_id):
+            return LostInputError(upstream)
+    where = f" (on {outcome.host})" if outcome.host else ""
+    kind, reason = outcome.kind, f"{outcome.message.rstrip('.')}{where}."
+    if kind == "built" or kind == "lost":
+        reason = (
+            f"{outcome.host} has built it, or its input, but not into the store that this machine"
+            " shares. Name the same folder as STYLETRF_STORE, or the same STYLETRF_REMOTE, on all"
+            " of them."
         )
-    screen.info("%s: done on %s", task.label, outcome.host)
-    return record
+        kind = "user"
+    if kind != "late":
+        store.new_log(task.task_family, action.key).write_text(f"{reason}\n")
+    return TaskFailure(kind, str(task), reason)

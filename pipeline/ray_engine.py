@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pipeline.errand import NO_ENGINE, Errand, command
@@ -29,6 +30,7 @@ def build_on_node(text: str) -> str:
             stderr=subprocess.STDOUT,
             text=True,
             check=False,
+            cwd=errand.folder,
             env={**os.environ, **errand.environment},
         )
     return done.stdout
@@ -55,18 +57,21 @@ def main() -> int:
         sys.stderr.write(f"{error}\n")
         return NO_ENGINE
     nodes = [node["Resources"] for node in ray.nodes() if node["Alive"]]
-
-    def most(name: str, wanted: int) -> int:
-        return min(wanted, max(int(node.get(name, 0)) for node in nodes))
-
-    needs = {"num_cpus": most("CPU", errand.cores), "num_gpus": most("GPU", errand.gpus)}
-    memory = most("memory", errand.memory_bytes)
-    send = ray.remote(**needs, memory=memory, max_retries=_TIMES)(build_on_node)
+    send = ray.remote(**needs(errand, nodes), max_retries=_TIMES)(build_on_node)
     try:
         sys.stdout.write(ray.get(send.remote(text)))
     except ray.exceptions.RayError as error:  # lost again and again
-        sys.stderr.write(str(error).splitlines()[0])
+        first, *_, last = [*str(error).splitlines(), ""]
+        sys.stderr.write(f"{first} {last}")
     return 0
+
+
+def needs(errand: Errand, nodes: Sequence[Mapping[str, float]]) -> dict[str, int]:
+    """What to ask Ray for: what the errand wants, as far as the node has it that has most of it."""
+    wanted = {"GPU": errand.gpus, "memory": errand.memory_bytes, "CPU": errand.cores}
+    could = [{n: min(most, int(node.get(n, 0))) for n, most in wanted.items()} for node in nodes]
+    best = max(could, key=lambda node: list(node.values()))
+    return {"num_cpus": best["CPU"], "num_gpus": best["GPU"], "memory": best["memory"]}
 
 
 if __name__ == "__main__":

@@ -2,18 +2,22 @@
 
 import contextlib
 import logging
+import math
+import os
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pipeline.costs import USUAL_SECONDS, Cost, expected, spendings
+from pipeline.costs import Cost, expected, spendings
 from pipeline.gpu import VISIBLE, Lease, leased
-from pipeline.host import Share, shared, workers_of_command
+from pipeline.host import Share, shared, usable_cores, workers_of_command
 from pipeline.settings import setting
 from pipeline.store import Store
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
 
+CORES = "STYLETRF_CORES"
+"""Tells a command how many cores each of its builds uses; of an errand, who sends it does."""
 screen = logging.getLogger("pipeline")
 
 
@@ -30,22 +34,23 @@ def card_for(task: "StoredTask") -> contextlib.AbstractContextManager[Lease]:
     return leased(say_so, task.most_cards)
 
 
-def share_for(task: "StoredTask", store: Store) -> contextlib.AbstractContextManager[Share]:
-    """Cores for the build, and the memory that like ones took."""
+def share_for(task: "StoredTask", cost: Cost | None) -> contextlib.AbstractContextManager[Share]:
+    """Cores for the build, and the memory that it is expected to take.
+
+    A command that runs one build at a time has the host to itself, unless it was told how many
+    cores to use.
+    """
+    workers, cores = workers_of_command(), int(os.environ.get(CORES, "0"))
+    if workers == 1 and not cores:
+        return contextlib.nullcontext(Share(len(usable_cores())))
     say_so = partial(screen.info, "%s: waiting %s", task.label)
-    cost = expected_cost(task, store)
-    return shared(workers_of_command(), cost.peak_memory_bytes if cost else None, say_so)
+    part = math.ceil(len(usable_cores()) / workers)
+    return shared(cores or part, cost.peak_memory_bytes if cost else None, say_so)
 
 
 def expected_cost(task: "StoredTask", store: Store) -> Cost | None:
     """What a build of the task will take, if the store tells of like ones."""
     return expected(spendings(store, task.task_family), significant(task))
-
-
-def expected_seconds(task: "StoredTask", store: Store) -> float:
-    """How long that will take, the usual time where nothing is known."""
-    cost = expected_cost(task, store)
-    return cost.seconds if cost else USUAL_SECONDS
 
 
 def significant(task: "StoredTask") -> dict[str, str]:

@@ -15,6 +15,7 @@ import luigi
 from pipeline.building import find_or_build
 from pipeline.canonical import canonical
 from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
+from pipeline.execute import die_with
 from pipeline.execution import RunContext, append_trace
 from pipeline.fleet import announce, require_agreement
 from pipeline.logs import report_plainly
@@ -155,8 +156,9 @@ class StoredTask(luigi.Task):
         Raises:
             TaskFailure: With one line for the user.
         """
-        if multiprocessing.parent_process():  # which ends us, and says so, on Ctrl-C
+        if command := multiprocessing.parent_process():  # which ends us, and says so, on Ctrl-C
             signal.signal(signal.SIGINT, signal.SIG_IGN)
+            die_with(int(command.pid or 0))
         store = current_store()
         try:
             if (missing := self._missing()) is not None:
@@ -251,10 +253,17 @@ class StoredTask(luigi.Task):
 
     def _failure(self, error: Exception, store: Store) -> TaskFailure:
         """What went wrong around the build, its trace put into a log of its own."""
-        log = store.new_log(self.task_family, hashlib.sha256(self.task_id.encode()).hexdigest())
+        log = store.new_log(self.task_family, self._log_name())
         append_trace(log)
         kind, message = explain(error, log, self.user_errors, self.transient_errors)
         return TaskFailure(kind, str(self), message)
+
+    def _log_name(self) -> str:
+        """The key; where that is what failed, something that is this task's, too."""
+        try:
+            return self.action().key
+        except Exception:  # noqa: BLE001  which is told by who asks for the log
+            return hashlib.sha256(self.task_id.encode()).hexdigest()
 
 
 _first_code = functools.cache(code_in_key)

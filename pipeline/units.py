@@ -64,12 +64,18 @@ def take_in_time(
     return taken
 
 
-def lease_folder() -> Path:
-    """The folder of the units' files, made where there is none, for all users of the host.
+@contextlib.contextmanager
+def in_turn(say_so: Callable[[], object]) -> Iterator[None]:
+    """Choose what to take while nobody else does, in the order of asking."""
+    with units("turn", ["0"]) as files:
+        if not try_lock(files["0"]):
+            say_so()
+            fcntl.flock(files["0"], fcntl.LOCK_EX)
+        yield
 
-    Raises:
-        OSError: It cannot be made.
-    """
+
+def _lease_folder() -> Path:
+    """The folder of the units' files, made where there is none, for all users of the host."""
     folder = Path(setting("host", "leases"))
     umask = os.umask(0)
     try:
@@ -83,7 +89,7 @@ def _open(name: str) -> int:
     """The unit's file, which another user may have made; ours can be opened by others."""
     umask = os.umask(0)
     try:
-        path = lease_folder() / name
+        path = _lease_folder() / name
         with contextlib.suppress(FileExistsError):
             path.touch(0o644, exist_ok=False)
         return os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)

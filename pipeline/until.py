@@ -16,7 +16,7 @@ class Until(luigi.Parameter["datetime | None"]):
     """A moment: the next time a clock shows `06:00`, or a date and time as ISO 8601 has it."""
 
     def parse(self, x: str) -> datetime | None:
-        """The moment, in local time; None for an empty word.
+        """The moment, in local time where no zone is told; None for an empty word.
 
         Raises:
             ValueError: When it is neither.
@@ -24,9 +24,10 @@ class Until(luigi.Parameter["datetime | None"]):
         if not x:
             return None
         try:
-            return datetime.fromisoformat(x).replace(microsecond=0)
+            moment = datetime.fromisoformat(x).replace(microsecond=0)
         except ValueError:
-            return _next(x)
+            moment = _next(x)
+        return moment.astimezone()  # with its zone, which another machine need not share
 
     def serialize(self, x: datetime | None) -> str:
         """The moment as ISO 8601 has it, which means the same tomorrow."""

@@ -4,7 +4,6 @@ Tensors and a JSON of plain numbers lie in one safetensors file, replaced by ren
 """
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,16 +13,17 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from styletrf.whole_files import whole_file
+
 _NAME = "checkpoint.safetensors"
 
 
 def save_checkpoint(folder: Path, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> None:
     """Replaces the folder's checkpoint; `state` holds what JSON can."""
     folder.mkdir(parents=True, exist_ok=True)
-    partial = folder / f"{_NAME}.{os.getpid()}.partial"
     contiguous = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
-    save_file(contiguous, partial, metadata={"state": json.dumps(state, sort_keys=True)})
-    partial.replace(folder / _NAME)
+    with whole_file(folder / _NAME) as partial:
+        save_file(contiguous, partial, metadata={"state": json.dumps(state, sort_keys=True)})
 
 
 def load_checkpoint(

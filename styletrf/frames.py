@@ -13,6 +13,7 @@ from jaxtyping import Float, UInt8
 from styletrf.appearance import Coloring
 from styletrf.camera_table import read_cameras, write_cameras
 from styletrf.cameras import Camera
+from styletrf.errors import InputError
 from styletrf.field import RadianceField
 from styletrf.finiteness import first_not_finite, parameter_stages, require_finite
 from styletrf.float_images import read_float_image, write_float_image
@@ -75,23 +76,40 @@ def _require_finite(
 
 
 def write_float_frames(
-    folder: Path, cameras: Sequence[Camera], renders: Iterator[Rendering]
+    folder: Path,
+    cameras: Sequence[Camera],
+    renders: Iterator[Rendering],
+    path: Sequence[Camera] | None = None,
 ) -> None:
-    """Writes `frames/NAME.exr` (R G B A half, Z float) and `cameras.parquet`."""
+    """Writes `frames/NAME.exr` (R G B A half, Z float) and `cameras.parquet`.
+
+    Args:
+        folder: To be filled.
+        cameras: Of the renders.
+        renders: One a camera.
+        path: The cameras of the table, of which those of the renders are a part; else the same.
+    """
     (folder / "frames").mkdir()
     for camera, render in zip(cameras, renders, strict=True):
         write_float_image(
             folder / "frames" / f"{camera.name}.exr",
             render.color.numpy(), render.opacity.numpy(), render.depth.numpy(),
         )  # fmt: skip
-    write_cameras(folder / "cameras.parquet", cameras)
+    write_cameras(folder / "cameras.parquet", cameras if path is None else path)
 
 
 def join_float_frames(parts: Sequence[Path], folder: Path) -> None:
-    """Writes what one `write_float_frames` of all the cameras of the parts would have."""
+    """Writes what `write_float_frames` of all frames would have, from parts along one path.
+
+    Raises:
+        InputError: The parts are of different paths: their machines came to different views.
+    """
+    tables = {(part / "cameras.parquet").read_bytes() for part in parts}
+    if len(tables) > 1:
+        problem = "are not of one path: the machines that made them chose different views"
+        raise InputError("the parts", problem, "Make them with --shards 1, or on one kind of them")
     join_pictures(parts, folder)
-    tables = (read_cameras(part / "cameras.parquet") for part in parts)
-    write_cameras(folder / "cameras.parquet", list(chain.from_iterable(tables)))
+    shutil.copyfile(parts[0] / "cameras.parquet", folder / "cameras.parquet")
 
 
 def join_pictures(parts: Sequence[Path], folder: Path) -> None:

@@ -13,8 +13,7 @@ import torch
 from jaxtyping import Float
 
 from styletrf.errors import InputError
-
-_BACKBONE = "alexnet-owt-7be5be79.pth"
+from styletrf.published_weights import ALEXNET
 
 Image = Float[np.ndarray, "height width 3"]
 
@@ -25,7 +24,7 @@ def lpips_judge(device: torch.device) -> Callable[[Image, Image], float]:
     Raises:
         InputError: The package is not installed, or the weights are not there.
     """
-    path = Path(torch.hub.get_dir(), "checkpoints", _BACKBONE)
+    path = Path(torch.hub.get_dir(), "checkpoints", ALEXNET)
     try:
         import lpips
     except (ImportError, RuntimeError) as error:  # the latter from torchvision of another build

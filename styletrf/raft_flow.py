@@ -16,8 +16,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from styletrf.errors import InputError
+from styletrf.published_weights import RAFT
 
-_NAME = "raft_large_C_T_SKHT_V2-ff5fadd5.pth"  # ends in the beginning of its SHA-256
 _STRIDE, _LEAST_PX = 8, 128  # of its coarse grid, and of four levels of correlation on that
 
 Image = Float[np.ndarray, "height width 3"]
@@ -37,7 +37,7 @@ def raft_estimator(
         InputError: torchvision is not installed, or its weights are not there, or not the ones.
     """
     folder = folder or Path(torch.hub.get_dir(), "checkpoints")
-    network = _network(folder / _NAME).to(device)
+    network = _network(folder / RAFT).to(device)
 
     @torch.inference_mode()
     def estimate(a: Image, b: Image) -> Flow:

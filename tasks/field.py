@@ -72,7 +72,7 @@ class PathRenders(ShardedStage):
     """Float renders of the field along a path.
 
     Leaves `frames/NAME.exr` (R G B A half, Z float), `cameras.parquet` and `video.mp4`; a part
-    leaves no video.
+    leaves its frames and all the cameras.
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
@@ -120,7 +120,8 @@ class PathRenders(ShardedStage):
         model = read_scene_model(inputs["model"] / "scene.json")
         posed = read_cameras(inputs["poses"] / "cameras.parquet")
         photographed = model.normalized(posed, config.long_side_px)
-        cameras = self.of_part(self.cameras(inputs, photographed, model, config))
+        path = self.cameras(inputs, photographed, model, config)
+        cameras = self.of_part(path)
         renders = rendered(
             load_field(inputs["field"]),
             model.space,
@@ -129,7 +130,7 @@ class PathRenders(ShardedStage):
             device_named(self.device),
             run.progress,
         )
-        write_float_frames(out, cameras, renders)
+        write_float_frames(out, cameras, renders, path)
 
 
 class PriorRenders(PathRenders):

@@ -6,10 +6,10 @@ prints where it stands, a line of JSON a message.
 
 import json
 import logging
-import math
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any
 
 from pipeline.channel import Channel, follow
 from pipeline.execute import die_with
+from pipeline.host import THREADS, usable_cores
 from pipeline.progress import Display
 from styletrf.errors import InputError
 
@@ -51,7 +52,7 @@ def train(asked: Asked, display: Display) -> None:
     from styletrf.devices import device_named
 
     is_gpu = device_named(asked.device).type == "cuda"
-    cards = math.gcd(torch.cuda.device_count(), _batch(asked)) if is_gpu else 1
+    cards = processes_for(batch_of(asked.settings), torch.cuda.device_count()) if is_gpu else 1
     if cards > 1:
         train_together(asked, cards, display)
     else:
@@ -65,12 +66,18 @@ def train_together(asked: Asked, processes: int, display: Display) -> None:
         InputError: What one of them tells its user.
         RuntimeError: They failed otherwise.
     """
-    specification = Path(asked.resume) / ".asked.json"
-    specification.write_text(json.dumps(asdict(asked)))
+    threads = str(max(1, len(usable_cores()) // processes))
     launch = [sys.executable, "-P", "-m", "torch.distributed.run", "--standalone"]
     command = [*launch, f"--nproc-per-node={processes}", "-m", "tasks.network_training"]
-    with subprocess.Popen([*command, str(specification)], stdout=subprocess.PIPE) as together:
-        told = follow(together.stdout or [], display)
+    with tempfile.NamedTemporaryFile("w", suffix=".json") as specification:
+        json.dump(asdict(asked), specification)
+        specification.flush()
+        with subprocess.Popen(
+            [*command, specification.name],
+            stdout=subprocess.PIPE,
+            env={**os.environ, **dict.fromkeys(THREADS, threads)},
+        ) as together:
+            told = follow(together.stdout or [], display)
     if "refused" in told:
         raise InputError(*told["refused"])
     if together.returncode:
@@ -116,11 +123,17 @@ def train_here(asked: Asked, display: Display) -> None:
         write_rows(Path(asked.out) / "curve.parquet", curve)
 
 
-def _batch(asked: Asked) -> int:
+def batch_of(settings: Mapping[str, Any]) -> int:
+    """Returns how many photographs a step of a training with these settings takes."""
     from styletrf.configuration import configured
     from styletrf.style_training_config import StyleTrainingConfig
 
-    return configured(StyleTrainingConfig, asked.settings).batch
+    return configured(StyleTrainingConfig, settings).batch
+
+
+def processes_for(batch: int, most: int) -> int:
+    """Returns how many processes, of so many at most, can have equal parts of each batch."""
+    return max(n for n in range(1, max(most, 1) + 1) if batch % n == 0)
 
 
 class _Told(logging.Handler):

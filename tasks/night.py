@@ -9,6 +9,7 @@ import urllib.request
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from http.client import HTTPException
 from typing import Any, Literal
 
 import luigi
@@ -161,7 +162,7 @@ def _outcome(cell: Any, begun: datetime, *, is_limited: bool) -> CellOutcome:
     name = cell.scene, cell.style
     if record := _record(cell):
         return CellOutcome(*name, "made" if _began(record) >= begun else "found")
-    problem = obstacle(cell, current_store())
+    problem = obstacle(cell, current_store(), since=begun)
     if problem:
         outcome: Outcome = "under way" if problem.is_under_way else "failed"
         return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
@@ -178,10 +179,14 @@ def _spending(name: str, records: Sequence[ActionRecord], begun: datetime) -> Sp
         built=len(built),
         found=len(records) - len(built),
         seconds=sum(float(p["seconds"]) for p in told),
-        gpu_seconds=sum(float(p["seconds"]) for p in told if p.get("gpu")),
+        gpu_seconds=sum(float(p["seconds"]) * _cards(p) for p in told),
         peak_memory_bytes=max((int(p["peak_memory_bytes"]) for p in told), default=0),
         bytes=sum({r.output.digest: r.output.size for r in built}.values()),
     )
+
+
+def _cards(provenance: Mapping[str, Any]) -> int:
+    return len([card for card in str(provenance.get("gpu", "")).split(",") if card])
 
 
 def _record(task: luigi.Task) -> ActionRecord | None:
@@ -203,5 +208,5 @@ def _post(address: str, night: Night) -> None:
     try:
         with urllib.request.urlopen(asked, timeout=20):  # noqa: S310  the user's own address
             pass
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, HTTPException) as error:
         screen.warning("[night] webhook %s: %s", address, error)

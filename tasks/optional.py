@@ -9,9 +9,7 @@ from pathlib import Path
 
 from pipeline.digest import file_digest
 from styletrf.errors import InputError
-
-LPIPS_WEIGHTS = "alexnet-owt-7be5be79.pth"
-RAFT_WEIGHTS = "raft_large_C_T_SKHT_V2-ff5fadd5.pth"
+from styletrf.published_weights import ALEXNET, RAFT
 
 
 def lpips_digests() -> dict[str, str]:
@@ -20,7 +18,7 @@ def lpips_digests() -> dict[str, str]:
     Raises:
         InputError: One of them is not at hand.
     """
-    return _digests("LPIPS", ("lpips", "torchvision"), LPIPS_WEIGHTS)
+    return _digests("LPIPS", ("lpips", "torchvision"), ALEXNET)
 
 
 def raft_digests() -> dict[str, str]:
@@ -29,7 +27,7 @@ def raft_digests() -> dict[str, str]:
     Raises:
         InputError: One of them is not at hand.
     """
-    return _digests("flow raft", ("torchvision",), RAFT_WEIGHTS)
+    return _digests("flow raft", ("torchvision",), RAFT)
 
 
 def _digests(what: str, packages: tuple[str, ...], weights: str) -> dict[str, str]:

@@ -20,32 +20,16 @@ def seconds_to_the_end(root: luigi.Task) -> Mapping[str, float]:
     """
     stages = graph(root)
     seconds = _seconds(stages)
-    waiting: dict[str, list[luigi.Task]] = {stage.task_id: [] for stage in stages}
+    waiting: dict[str, list[str]] = {stage.task_id: [] for stage in stages}
     for stage in stages:
         for upstream in luigi.task.flatten(stage.requires()):  # type: ignore[no-untyped-call]
-            waiting[upstream.task_id].append(stage)
-    longest: dict[str, float] = {}
-    for stage in _last_first(stages, waiting):
-        after = max((longest[other.task_id] for other in waiting[stage.task_id]), default=0.0)
-        longest[stage.task_id] = after + seconds[stage.task_id]
-    return longest
+            waiting[upstream.task_id].append(stage.task_id)
 
+    @functools.cache
+    def longest(name: str) -> float:
+        return seconds[name] + max(map(longest, waiting[name]), default=0.0)
 
-def _last_first(
-    stages: list[luigi.Task], waiting: Mapping[str, list[luigi.Task]]
-) -> list[luigi.Task]:
-    """The stages in an order in which what waits for a stage comes before it."""
-    found: dict[str, luigi.Task] = {}
-
-    def visit(stage: luigi.Task) -> None:
-        if stage.task_id not in found:
-            for other in waiting[stage.task_id]:
-                visit(other)
-            found[stage.task_id] = stage
-
-    for stage in stages:
-        visit(stage)
-    return list(found.values())
+    return {name: longest(name) for name in waiting}
 
 
 def seconds_ahead(stages: Iterable[luigi.Task]) -> float:

@@ -23,6 +23,7 @@ import psutil
 from luigid_process import Luigid
 
 from pipeline.attempts import attempts
+from pipeline.locks import is_held
 from pipeline.store import Store
 from pipeline.verify import problems, records
 from styletrf.courtyard.capture import CourtyardConfig
@@ -139,7 +140,9 @@ def _one_night(night: Night, chance: random.Random) -> Counter[str]:
         while True:
             commands = [c for c in commands if c.poll() is None]
             while len(commands) < 2:
-                commands.append(night.begin(LUIGI_CONFIG_PATH=str(luigid.config)))
+                workers = str(chance.randint(1, 2))
+                config = str(luigid.config)
+                commands.append(night.begin("--workers", workers, LUIGI_CONFIG_PATH=config))
             time.sleep(chance.uniform(1, 8))
             if kills.total() < most:
                 kills[_kill_one(commands, luigid, chance)] += 1
@@ -182,8 +185,8 @@ def _require_sound(night: Night) -> None:
     finished = Counter(a.log.name[:16] for a in attempts(store) if a.is_published)
     twice = [key for key, times in finished.items() if times > 1]
     broken = list(problems(store, deep=True))
-    left = list((store.root / "tmp").iterdir())
-    if len(shown) != cells or broken or twice or not all(p.exists() for p in shown):
+    left = [p for p in (store.root / "tmp").iterdir() if is_held(p)]
+    if len(shown) != cells or broken or twice or left or not all(p.exists() for p in shown):
         raise SystemExit(f"{len(shown)} of {cells} shown; {broken=} {twice=} {left=}")
 
 

@@ -90,9 +90,34 @@ def test_several_workers_share_a_terminal():
     assert "Traceback" not in said
 
 
+def test_what_a_command_says_after_the_board_has_ended_is_shown():
+    """As a grid does of its night."""
+    ours, theirs = terminal()
+    code = """
+import atexit, logging
+import pipeline.board
+pipeline.board.workers_of_command = lambda: 2
+from pipeline.board import board_of_command
+from pipeline.logs import Screen
+logging.getLogger("pipeline").addHandler(Screen())
+logging.getLogger("pipeline").setLevel("INFO")
+atexit.register(lambda: logging.getLogger("pipeline").info("4 cells: 4 made"))
+board_of_command().say("begun")
+"""
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stderr=theirs, cwd=ROOT, env=os.environ | {"TERM": "xterm"},
+    )  # fmt: skip
+    os.close(theirs)
+    said = screen_of(process, ours)
+    os.close(ours)
+    assert said.index("begun") < said.index("4 cells: 4 made")
+
+
 def test_a_board_that_is_gone_is_no_reason_to_fail():
     reading, writing = os.pipe()
     os.close(reading)
+    assert not Board(writing).say("to nobody")
     line = BoardLine("RadianceField", Board(writing))
     line(1, 2, psnr=20.0)
     line.say("something")

@@ -159,9 +159,11 @@ def test_interrupt_ends_all_and_the_next_command_resumes(toys, workers):
     assert not list((current_store().root / "tmp").iterdir())
 
 
+@pytest.mark.parametrize("workers", [[], ["--workers", "2"]])
 @pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL])
-def test_a_killed_command_leaves_no_orphan(toys, sent):
-    process = start("luigi", "--module", "store_toys", "Slow")
+def test_a_killed_command_leaves_no_orphan(toys, sent, workers):
+    """Its workers are processes of their own, which end with it."""
+    process = start("luigi", "--module", "store_toys", "Slow", *workers)
     pids = pids_of_slow(toys)
     process.send_signal(sent)
     process.communicate(timeout=20)

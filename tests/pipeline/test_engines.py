@@ -5,16 +5,23 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import luigi
 import psutil
 import pytest
 from build_toys import Act
-from store_toys import built
+from store_toys import Sentence, Word, built
 from test_command import are_gone, pids_of_slow, start
 
+from pipeline.attempts import attempts
+from pipeline.building import build
 from pipeline.engines import ENGINES
 from pipeline.errand import Errand, Outcome, outcome_in
+from pipeline.errors import LostInputError, TaskFailure
+from pipeline.placing import place
+from pipeline.ray_engine import needs
 from pipeline.settings import current_store
 from pipeline.verify import problems, records
 
@@ -155,6 +162,54 @@ def test_an_engine_that_is_not_there_is_told_in_a_line(tmp_path, monkeypatch):
         assert status == 30
         assert words in screen
         assert "Traceback" not in screen
+
+
+class Answers:
+    """An engine whose machines answer so, whatever they did."""
+
+    def __init__(self, outcome, act=lambda: None):
+        self._outcome, self._act = outcome, act
+
+    def run(self, errand, folder):
+        self._act()
+        return self._outcome
+
+
+def placed(monkeypatch, task, engine):
+    monkeypatch.setitem(ENGINES, "ray", engine)
+    return place(task, task.action(), current_store())
+
+
+def test_what_was_built_counts_even_if_its_machine_was_lost_right_after(monkeypatch):
+    task = Act("succeed", executor="ray")
+    lost = Answers(
+        outcome_in("garbage"), lambda: build(Act("succeed"), task.action(), current_store())
+    )
+    assert placed(monkeypatch, task, lost).action == task.action()
+
+
+def test_an_input_that_is_lost_there_is_made_again(monkeypatch):
+    sentence = Sentence(executor="ray")
+    assert luigi.build([Word("hello"), Word("world")], local_scheduler=True)
+    with pytest.raises(LostInputError) as lost:
+        placed(monkeypatch, sentence, Answers(Outcome("lost", Word("world").task_id, "n1")))
+    assert lost.value.args == (Word("world"),)
+
+
+def test_what_is_built_into_another_store_is_told(monkeypatch):
+    with pytest.raises(TaskFailure, match="n1 has built it, or its input, but not into the store"):
+        placed(monkeypatch, Act("succeed", executor="ray"), Answers(Outcome("built", "", "n1")))
+    (attempt,) = attempts(current_store())
+    assert "n1 has built it" in attempt.end, "so that a night can tell"
+
+
+def test_what_no_node_has_is_not_asked_for():
+    """Each node is taken for itself: cards of one and cores of another are no machine."""
+    errand = replace(Errand.of(Act("succeed"), "0" * 64, 8 << 30), cores=8, gpus=2)
+    small = {"CPU": 4.0, "GPU": 1.0, "memory": 4.0 * 2**30}
+    large = {"CPU": 64.0, "memory": 256.0 * 2**30}
+    assert needs(errand, [large, small]) == {"num_cpus": 4, "num_gpus": 1, "memory": 4 << 30}
+    assert needs(replace(errand, gpus=0), [small, large])["num_cpus"] == 8
 
 
 def test_an_errand_is_told_and_read_back():

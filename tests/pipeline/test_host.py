@@ -15,6 +15,8 @@ from pipeline.units import take, units
 from pipeline.verify import records
 
 CORES = sorted(os.sched_getaffinity(0))
+HALF = -(-len(CORES) // 2)
+N_PARTS = -(-64 * HALF // len(CORES))
 needs_two_cores = pytest.mark.skipif(len(CORES) < 2, reason="needs two cores")
 
 
@@ -68,11 +70,11 @@ def test_a_lone_build_has_the_host_to_itself():
 
 
 def test_what_needs_all_the_memory_waits_for_what_has_some(leases, capsys):
-    with host.shared(2, None, print) as first:
-        assert len(first.holds) == 32 + first.cores, "half of the memory where nothing is known"
+    with host.shared(HALF, None, print) as first:
+        assert len(first.holds) == N_PARTS + first.cores, "a part where nothing is known"
         with units("memory", [str(n) for n in range(64)]) as files:
-            assert len(take(files, 1, 64)) == 32
-    with host.shared(2, 2**60, print) as greedy, units("memory", ["0", "63"]) as files:
+            assert len(take(files, 1, 64)) == 64 - N_PARTS
+    with host.shared(HALF, 2**60, print) as greedy, units("memory", ["0", "63"]) as files:
         assert take(files, 1, 2) == [], "more than there is means all there is"
         assert greedy.cores >= 1
     assert not capsys.readouterr().out
@@ -90,11 +92,11 @@ def test_it_says_what_it_waits_for(leases):
 
     with units("core", [str(core) for core in CORES]) as files:
         assert len(take(files, len(CORES), len(CORES))) == len(CORES)
-        with pytest.raises(GivenUpError), host.shared(2, 0, say):
+        with pytest.raises(GivenUpError), host.shared(HALF, 0, say):
             pass
     with units("memory", ["0"]) as files:
         take(files, 1, 1)
-        with pytest.raises(GivenUpError), host.shared(2, 2**60, say):
+        with pytest.raises(GivenUpError), host.shared(HALF, 2**60, say):
             pass
     assert said[0] == "for a core"
     assert "GiB of memory" in said[1]
@@ -124,7 +126,7 @@ def test_a_quota_of_the_container_counts(tmp_path, monkeypatch, files, cores):
         (tmp_path / "group" / name).write_text(text)
     monkeypatch.setattr(host, "_CGROUP", tmp_path / "group")
     assert len(host.usable_cores()) == cores
-    with host.shared(2, 0, print) as share:
+    with host.shared(HALF, 0, print) as share:
         assert bool(share.bound_to) == (cores == len(CORES)), "under a quota cores have no numbers"
 
 

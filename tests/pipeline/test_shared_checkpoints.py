@@ -1,6 +1,7 @@
 """Checkpoints travel through a shared store: a directory, and a bucket of a real S3 server."""
 
 import contextlib
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 from shared_stores import Place
 
+from pipeline import checkpoints
 from pipeline.checkpoints import forget_checkpoints, shared_checkpoints
 from pipeline.settings import current_remote
 
@@ -57,12 +59,40 @@ def test_another_machine_goes_on_from_the_last_one(shared: Place, tmp_path):
     ]  # fmt: skip
 
 
-def test_one_of_its_own_is_newer(shared: Place, tmp_path):
-    with failing(folder(tmp_path / "here", checkpoint="old")):
+@pytest.mark.parametrize("age_s", [-60, 60])
+def test_the_newer_one_counts_wherever_it_was_made(shared: Place, tmp_path, age_s):
+    """A machine that comes back has one that others have long gone on from."""
+    with failing(folder(tmp_path / "here", checkpoint="shared")):
         pass
     own = folder(tmp_path / "own", checkpoint="own")
+    then = time.time() - age_s
+    os.utime(own / "checkpoint", (then, then))
     with shared_checkpoints(KEY, own):
-        assert (own / "checkpoint").read_text() == "own"
+        assert (own / "checkpoint").read_text() == ("own" if age_s < 0 else "shared")
+
+
+def test_an_older_one_takes_nothing_away(shared: Place, tmp_path):
+    """Two machines at one key, as without locks: the slower one uploads last."""
+    with failing(folder(tmp_path / "here", checkpoint="far")):
+        pass
+    slow = folder(tmp_path / "slow", checkpoint="near")
+    keeper = checkpoints._Keeper(KEY, slow, current_remote())
+    os.utime(slow / "checkpoint", (1e9, 1e9))
+    keeper.keep()
+    there = folder(tmp_path / "there")
+    for _ in range(2):  # what was brought may be uploaded again
+        with failing(there):
+            assert (there / "checkpoint").read_text() == "far"
+
+
+def test_what_is_half_written_is_not_given(shared: Place, tmp_path):
+    here = folder(tmp_path / "here", checkpoint="step 1")
+    (here / ".checkpoint.12.partial.safetensors").write_text("half")
+    with failing(here):
+        pass
+    there = folder(tmp_path / "there")
+    with shared_checkpoints(KEY, there):
+        assert [path.name for path in there.iterdir()] == ["checkpoint"]
 
 
 def test_they_are_given_while_it_builds(shared: Place, tmp_path, monkeypatch):

@@ -1,6 +1,8 @@
 """Nothing is begun that would not end in time."""
 
-from datetime import datetime, timedelta
+import contextlib
+import time
+from datetime import UTC, datetime, timedelta
 
 import luigi
 import pytest
@@ -8,27 +10,39 @@ from build_toys import Act
 from store_toys import built
 from test_command import luigi as command
 
+from pipeline.attempts import attempts
 from pipeline.costs import Cost, Spent, note
+from pipeline.host import Share
 from pipeline.resources import significant
 from pipeline.settings import current_store
 from pipeline.until import Until
 
 
 def soon(seconds: float) -> datetime:
-    return (datetime.now() + timedelta(seconds=seconds)).replace(microsecond=0)
+    return (datetime.now(UTC) + timedelta(seconds=seconds)).replace(microsecond=0)
 
 
 def test_a_time_of_day_is_the_next_one():
-    now = datetime.now()
+    now = datetime.now().astimezone()
     for clock in ("00:00", "06:00", "23:59", f"{now:%H:%M}"):
         moment = Until().parse(clock)
         assert now < moment <= now + timedelta(days=1)
         assert f"{moment:%H:%M}" == clock
 
 
-@pytest.mark.parametrize("told", ["", "2031-01-02T03:04:05", "2031-01-02T03:04:05+02:00"])
-def test_a_moment_means_the_same_wherever_it_is_read(told):
-    assert Until().serialize(Until().parse(told)) == told
+@pytest.mark.parametrize("told", ["2031-01-02T03:04:05", "2031-01-02T03:04:05+02:00", "06:00"])
+def test_a_moment_means_the_same_wherever_it_is_read(told, monkeypatch):
+    moment = Until().parse(told)
+    monkeypatch.setenv("TZ", "Pacific/Auckland")
+    time.tzset()
+    assert Until().parse(Until().serialize(moment)) == moment
+    monkeypatch.undo()
+    time.tzset()
+
+
+def test_no_limit_is_told_by_no_word():
+    assert Until().parse("") is None
+    assert Until().serialize(None) == ""
 
 
 @pytest.mark.parametrize("told", ["six", "25:00", "06:00:99"])
@@ -47,6 +61,21 @@ def test_what_is_known_to_take_longer_is_not_begun():
     note(current_store(), "Act", Spent(significant(Act("succeed")), Cost(1.0, 1)))
     assert not luigi.build(tasks, local_scheduler=True, log_level="WARNING")
     assert built() == ["Act succeed"]
+
+
+def test_the_time_is_looked_at_when_nothing_more_is_waited_for(monkeypatch):
+    """What would have ended in time when it began to wait for a core may not any more."""
+    limit = soon(4)
+
+    @contextlib.contextmanager
+    def late(*_words):
+        time.sleep(5)
+        yield Share(1)
+
+    monkeypatch.setattr("pipeline.building.share_for", late)
+    assert not luigi.build([Act("succeed", until=limit)], local_scheduler=True)
+    assert built() == []
+    assert not list(attempts(current_store())), "it was never tried"
 
 
 def test_after_the_hour_nothing_begins_and_the_same_command_goes_on_later():

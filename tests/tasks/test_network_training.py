@@ -5,7 +5,7 @@ import pytest
 from styletrf.errors import InputError
 from styletrf.style_network import load_style_network
 from styletrf.tables import read_rows
-from tasks.network_training import Asked, train_here, train_together
+from tasks.network_training import Asked, processes_for, train_here, train_together
 
 
 class Display:
@@ -49,7 +49,7 @@ def test_two_processes_train_one_network(asked, tmp_path):
     load_style_network(tmp_path / "out", "cpu")
     assert len(read_rows(tmp_path / "out/curve.parquet")) == 3
     assert display.seen[-1][1] == 3
-    assert (tmp_path / "resume/style_training.safetensors").exists()
+    assert [p.name for p in (tmp_path / "resume").iterdir()] == ["style_training.safetensors"]
 
 
 @pytest.mark.slow
@@ -58,6 +58,13 @@ def test_what_one_of_them_refuses_is_told_as_ever(asked):
         train_together(
             asked(iterations=30, learning_rate=1e30, final_learning_rate=1e30), 2, Display()
         )
+
+
+@pytest.mark.parametrize(
+    ("batch", "cards", "processes"), [(1, 4, 1), (4, 3, 2), (4, 4, 4), (6, 4, 3), (4, 0, 1)]
+)
+def test_as_many_cards_as_have_equal_parts_of_a_batch(batch, cards, processes):
+    assert processes_for(batch, cards) == processes
 
 
 def test_one_process_needs_nobody(asked, tmp_path):

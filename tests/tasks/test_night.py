@@ -1,16 +1,18 @@
 """What became of a grid."""
 
 import json
+import socket
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import luigi
 import pytest
 
 import tasks
+from pipeline.settings import current_store
 from tasks.night import CellOutcome, Night, Spending, in_words, look_back, tell
 
 WORDS = {"quality": "draft", "content": "embedded"}
@@ -46,6 +48,17 @@ def test_a_granted_wish_is_the_cell(out, monkeypatch):
     monkeypatch.setattr(tasks.StylizedTrajectory, "granted", lambda self: chosen)
     (cell,) = look_back(grid.cells(), datetime.now(UTC), is_limited=False).cells
     assert (cell.style, cell.outcome) == ("none", "failed")
+
+
+def test_what_failed_another_night_is_no_reason_today(out):
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
+    (image,) = (t for t in tasks.graph.graph(grid) if t.task_family == "StyleImage")
+    current_store().new_log("StyleImage", image.action().key).write_text("for want of luck\n")
+    last_week = datetime.now(UTC) - timedelta(days=7)
+    (cell,) = look_back(grid.cells(), last_week, is_limited=True).cells
+    assert (cell.outcome, cell.reason) == ("failed", "StyleImage: for want of luck")
+    (cell,) = look_back(grid.cells(), datetime.now(UTC), is_limited=True).cells
+    assert cell.outcome == "late"
 
 
 def test_what_was_built_this_time_is_told_from_what_was_found(out):
@@ -132,7 +145,19 @@ def test_a_webhook_hears_of_it(out, address):
     assert heard["text"].startswith("2 cells: 1 made, 1 failed")
 
 
-def test_a_webhook_that_nobody_answers_is_a_warning(out, address, caplog):
-    luigi.configuration.get_config().set("night", "webhook", "http://127.0.0.1:9/")
-    tell(night("made"))
-    assert "[night] webhook http://127.0.0.1:9/" in caplog.text
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_webhook_that_does_not_answer_is_a_warning(out, address, caplog, is_there):
+    """Nobody listens; or who does speaks no HTTP."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        hook = f"http://127.0.0.1:{server.getsockname()[1] if is_there else 9}/"
+
+        def answer() -> None:
+            connection, _ = server.accept()
+            connection.recv(1 << 16)
+            connection.sendall(b"garbage\r\n\r\n")
+            connection.close()
+
+        threading.Thread(target=answer, daemon=True).start()
+        luigi.configuration.get_config().set("night", "webhook", hook)
+        tell(night("made"))
+    assert f"[night] webhook {hook}" in caplog.text

@@ -78,6 +78,18 @@ def test_what_is_put_together_is_the_same_byte_by_byte(mini, stage_of, build, fa
     assert not any(file.suffix == ".mp4" for file in files), "a part is no video"
 
 
+def test_parts_of_different_choices_are_not_put_together(stage_of, build, tmp_path):
+    """A card and a core may choose other priors; their parts would overlap, or leave gaps."""
+    part, inputs = stage_of("PriorRenders")
+    words = {"coverage.count": 2}
+    parts = {
+        "shard 0001": build(part.clone(shard="1/2"), **inputs),
+        "shard 0002": build(part.clone(shard="2/2", settings=words), **inputs),
+    }
+    with pytest.raises(InputError, match="chose different views"):
+        build(part.clone(shards=2), **inputs, **parts)
+
+
 def test_frames_painted_one_by_one_are_made_in_parts_too(mini, stage_of, build):
     words = {"method": "per-frame"}
     part, inputs = stage_of("StylizedFrames", **words)

@@ -1,0 +1,4 @@
+"""Files that others publish and optional measures read: names alone, nothing imported."""
+
+ALEXNET = "alexnet-owt-7be5be79.pth"
+RAFT = "raft_large_C_T_SKHT_V2-ff5fadd5.pth"  # ends in the beginning of its SHA-256
