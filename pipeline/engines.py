@@ -9,6 +9,7 @@ import os
 import shlex
 import subprocess
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
@@ -16,6 +17,8 @@ from typing import Protocol
 from pipeline.errand import NO_ENGINE, Errand, Outcome, command, outcome_in
 from pipeline.errors import StoreError
 from pipeline.settings import setting
+
+_SECONDS_BETWEEN_LOOKS = 2.0
 
 
 class Engine(Protocol):
@@ -53,13 +56,24 @@ class Slurm:
         file = _written(errand, folder)
         said = file.with_suffix(".out")
         done = _run([*self._sbatch(errand, said), "--wrap", shlex.join(command(file))], errand)
-        if not done.stdout.strip():
+        job = done.stdout.partition(";")[0].strip()
+        if not job:
             raise StoreError(f"SLURM cannot be used: {_last_line(done.stderr)}")
-        return outcome_in(said.read_text() if said.exists() else done.stderr)
+        while self._is_queued(job, errand):
+            time.sleep(_SECONDS_BETWEEN_LOOKS)
+        return outcome_in(said.read_text() if said.exists() else "")
+
+    def _is_queued(self, job: str, errand: Errand) -> bool:
+        """Whether it waits or runs; `sbatch --wait` looks every half minute only.
+
+        A controller that does not answer is waited for.
+        """
+        told = _run(["squeue", "--noheader", f"--jobs={job}", "--format=%T"], errand)
+        return bool(told.stdout.strip() or (told.returncode and "Invalid job" not in told.stderr))
 
     def _sbatch(self, errand: Errand, said: Path) -> list[str]:
         words = [
-            *("sbatch", "--parsable", "--wait", "--requeue"),
+            *("sbatch", "--parsable", "--requeue"),
             f"--job-name=styletrf-{errand.key[:16]}",
             f"--cpus-per-task={errand.cores}",
             f"--output={said}",

@@ -1,7 +1,6 @@
 """Builds on other machines: what every engine keeps to, over real ones."""
 
 import importlib.util
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ import luigi
 import psutil
 import pytest
 from build_toys import Act
+from slurm_cluster import SlurmCluster, is_installed
 from store_toys import Sentence, Word, built
 from test_command import are_gone, pids_of_slow, start
 
@@ -67,14 +67,23 @@ def cluster() -> Iterator[Cluster]:
     cluster.end()
 
 
+@pytest.fixture(scope="module")
+def slurm(tmp_path_factory) -> Iterator[SlurmCluster]:
+    if not is_installed():
+        pytest.skip("needs SLURM and munge (Debian: slurm-wlm, munge), and root")
+    cluster = SlurmCluster(tmp_path_factory.mktemp("slurm"))
+    yield cluster
+    cluster.end()
+
+
 @pytest.fixture(params=["ray", "slurm"])
 def engine(request, tmp_path, monkeypatch) -> str:
     """An engine at hand, with settings for it here and in the commands started."""
     settings = "[host]\ncores = 1\n"
     if request.param == "ray":
         settings += f"[ray]\naddress = {request.getfixturevalue('cluster').address}\n"
-    elif shutil.which("sbatch") is None:
-        pytest.skip("needs SLURM")
+    else:
+        monkeypatch.setenv("SLURM_CONF", str(request.getfixturevalue("slurm").settings))
     (tmp_path / "engine.cfg").write_text(settings)
     monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "engine.cfg"))
     monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "store"))
