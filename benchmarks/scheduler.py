@@ -6,7 +6,7 @@
 
 The scheduler is Luigi's own, called as its server calls it; what is synthetic is the workers, the
 clock and how long tasks take. A row of Markdown a grid: calls and milliseconds for registering,
-asking for work and reporting, the scheduler's time for each task, its memory, and how busy the
+asking for work and reporting, the scheduler's CPU time for each task, its memory, and how busy the
 workers were.
 """
 
@@ -57,9 +57,9 @@ class Clerk:
 
     def call(self, kind: str, name: str, **words: object) -> object:
         """Calls a method, and notes how long that took."""
-        started = time.perf_counter()
+        started = time.process_time()
         answer = getattr(self.scheduler, name)(**words)
-        self.calls.setdefault(kind, []).append(time.perf_counter() - started)
+        self.calls.setdefault(kind, []).append(time.process_time() - started)
         return answer
 
 
