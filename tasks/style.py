@@ -14,7 +14,6 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
-from tasks.network_training import batch_of, processes_for
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
 
@@ -154,6 +153,8 @@ class StyleNetwork(TunedStage, NetworkControls):
     @property
     def most_cards(self) -> int:
         """As many as asked for, if each gets an equal part of the batch."""
+        from tasks.network_training import batch_of, processes_for
+
         return processes_for(batch_of(self.values()), self.cards)
 
     def requires(self) -> Mapping[str, Stage]:
