@@ -50,9 +50,7 @@ def find_or_build(task: "StoredTask", action: Action, store: Store) -> ActionRec
     is_locking = setting("store", "locks") == "true"
     with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():
         try:
-            if record := store.find(action.key):
-                return record
-            return build(task, action, store)
+            return store.find(action.key) or build(task, action, store)
         except TaskFailure as failure:
             if failure.kind != "changed" and (record := store.find(action.key)):
                 return record  # of another process, which was at it, too
@@ -116,8 +114,8 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
         record = publish(store, workspace / "out", action, provenance)
         shutil.rmtree(resume, ignore_errors=True)
         _note(log, f"{DONE} {report.seconds:.0f} s")
-        cost = Cost(report.earlier_seconds + report.seconds, report.peak_memory_bytes)
-        note(store, task.task_family, Spent(significant(task), cost))
+        spent = Cost(report.earlier_seconds + report.seconds, report.peak_memory_bytes)
+        note(store, task.task_family, Spent(significant(task), spent))
     give(store, record)
     forget_checkpoints(action.key)
     screen.info("%s: done in %.0f s", task.label, report.seconds)

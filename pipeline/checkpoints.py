@@ -36,10 +36,10 @@ def shared_checkpoints(key: str, resume: Path) -> Iterator[None]:
         key: Of the build.
         resume: Its folder of checkpoints.
     """
-    remote, seconds = current_remote(), float(setting("store", "checkpoint_seconds"))
     if not _are_shared():
         yield
         return
+    remote, seconds = current_remote(), float(setting("store", "checkpoint_seconds"))
     with contextlib.suppress(OSError):
         remote.attempt("reading", partial(_bring, key, resume))
     keeper = _Keeper(key, resume, remote)
@@ -59,8 +59,7 @@ def shared_checkpoints(key: str, resume: Path) -> Iterator[None]:
 def forget_checkpoints(key: str) -> None:
     """Remove those of a key that is built."""
     if _are_shared():
-        remove = partial(_remove, key=key)
-        current_remote().attempt("writing", lambda r: remove(r, names=r.names(_at(key))))
+        current_remote().attempt("writing", lambda r: _remove(r, key, r.names(_at(key))))
 
 
 def _are_shared() -> bool:

@@ -16,6 +16,7 @@ import select
 import signal
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -98,11 +99,11 @@ def _say(descriptor: int, **fields: object) -> None:
         file.write(f"\n{json.dumps(fields)}\n")  # the line before may be half one of the killed
 
 
-def die_with(supervisor: int) -> None:
-    """Have the kernel kill us when our parent, the supervisor, dies."""
+def die_with(parent: int) -> None:
+    """Have the kernel kill us when the process that started us dies."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != supervisor:
+    if os.getppid() != parent:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -112,14 +113,22 @@ def _end(group: int) -> None:
 
 
 def _resident_bytes(builder: int) -> int:
-    """Of the builder and all that it started, whatever group they are of."""
-    total = 0
-    with contextlib.suppress(psutil.Error):
-        process = psutil.Process(builder)
-        for each in (process, *process.children(recursive=True)):
-            with contextlib.suppress(psutil.Error):  # it is gone by now
-                total += each.memory_info().rss
+    """Of the builder's group and of all that it started, whatever group they are of."""
+    members, total = set(_descendants(builder)), 0
+    for pid in psutil.pids():
+        with contextlib.suppress(psutil.Error, OSError):  # it is gone by now
+            if pid in members or os.getpgid(pid) == builder:
+                total += psutil.Process(pid).memory_info().rss
     return total
+
+
+def _descendants(pid: int) -> Iterator[int]:
+    """What Linux tells of them; reading the tree alone costs the same however many others run."""
+    with contextlib.suppress(OSError):
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            for child in map(int, (thread / "children").read_text().split()):
+                yield child
+                yield from _descendants(child)
 
 
 def _spent(resume: Path) -> float:

@@ -26,10 +26,10 @@ _DEFAULTS = {
     ("store", "retry_seconds"): "10",  # before a second attempt at what may pass; then 4 times that
     ("gpu", "cards"): "",  # UUIDs; those that `nvidia-smi -L` names where this is empty
     ("host", "leases"): "/dev/shm/styletrf",  # noqa: S108  for all users; never swept
+    ("host", "memory_gib"): "0",  # what builds may take together; 0: nine tenths of the host's
     ("host", "cores"): "2",  # that a build on another machine asks for
     ("ray", "address"): "",  # of the cluster's head; the one on this machine where this is empty
     ("slurm", "options"): "",  # further words for sbatch
-    ("host", "memory_gib"): "0",  # what builds may take together; 0: nine tenths of the host's
     ("night", "webhook"): "",  # where what became of a grid is posted, as JSON
     ("data", "root"): "data",  # STYLETRF_DATA wins
     ("out", "root"): "out",  # STYLETRF_OUT wins

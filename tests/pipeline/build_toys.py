@@ -90,6 +90,10 @@ class Act(StoredTask):
         code = EAT.format(mebibytes=200, seconds=1)
         subprocess.run([sys.executable, "-c", code], check=True)
 
+    def let_an_outsider_eat(self, run: RunContext) -> None:
+        code = EAT.format(mebibytes=200, seconds=1)
+        subprocess.run([sys.executable, "-c", code], check=True, start_new_session=True)
+
     def eat(self, run: RunContext) -> None:
         food = [bytearray(MEBIBYTE) for _ in range(2000)]
         time.sleep(len(food))

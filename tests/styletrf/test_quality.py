@@ -11,6 +11,7 @@ from styletrf.errors import InputError
 from styletrf.images import read_rgb
 from styletrf.lpips_distance import lpips_judge
 from styletrf.metrics import psnr
+from styletrf.published_weights import ALEXNET
 from styletrf.quality import measure_quality
 from styletrf.rendering import Rendering
 
@@ -42,7 +43,7 @@ def test_lpips_that_is_not_at_hand_is_said(monkeypatch):
 
 def test_lpips_is_zero_between_equals_and_grows_with_noise():
     pytest.importorskip("lpips", reason="lpips is not installed (extra lpips)")
-    weights = Path(torch.hub.get_dir(), "checkpoints", "alexnet-owt-7be5be79.pth")
+    weights = Path(torch.hub.get_dir(), "checkpoints", ALEXNET)
     if not weights.is_file():
         pytest.skip("AlexNet's weights are not at hand")
     judge = lpips_judge(torch.device("cpu"))

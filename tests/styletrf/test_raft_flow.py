@@ -6,6 +6,7 @@ import torch
 
 from styletrf import raft_flow
 from styletrf.errors import InputError
+from styletrf.published_weights import RAFT
 
 
 def test_what_is_not_at_hand_is_told(tmp_path):
@@ -17,7 +18,7 @@ def test_other_weights_than_those_named_are_refused(tmp_path):
     pytest.importorskip(
         "torchvision", reason="no torchvision (extra raft)", exc_type=(ImportError, RuntimeError)
     )
-    (tmp_path / "raft_large_C_T_SKHT_V2-ff5fadd5.pth").write_bytes(b"other weights")
+    (tmp_path / RAFT).write_bytes(b"other weights")
     with pytest.raises(InputError, match="digest in its name"):
         raft_flow.raft_estimator(folder=tmp_path)
 
