@@ -81,9 +81,16 @@ class Slurm:
         ]
         if errand.memory_bytes:
             words.append(f"--mem={-(-errand.memory_bytes // 2**20)}M")
+        if errand.rather_not and self._others(errand):
+            words.append(f"--exclude={','.join(errand.rather_not)}")
         if errand.gpus and "gpu" in _run(["sinfo", "-h", "-o", "%G"], errand).stdout:
             words.append(f"--gres=gpu:{errand.gpus}")
         return words + setting("slurm", "options").split()
+
+    def _others(self, errand: Errand) -> set[str]:
+        """The nodes beside those to be left out."""
+        names = _run(["sinfo", "--noheader", "--Node", "--format=%N"], errand).stdout.split()
+        return {*names} - {*errand.rather_not}
 
 
 ENGINES: Mapping[str, Engine] = {"ray": Ray(), "slurm": Slurm()}

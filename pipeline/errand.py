@@ -20,11 +20,15 @@ from typing import TYPE_CHECKING, Literal
 from pipeline.errors import FailureKind, LostInputError, TaskFailure
 from pipeline.execute import die_with
 from pipeline.resources import CORES
-from pipeline.settings import current_store, setting
+from pipeline.settings import PATIENCE, current_remote, current_store, setting
+from pipeline.sharing import give
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
 
+_SECONDS_OF_PATIENCE = 300.0
+NODE = "STYLETRF_NODE"
+"""Where a build is told what its engine calls the machine; SLURM has a name of its own for it."""
 NO_ENGINE = 69
 """The status of what was to send an errand, and found nobody to send it by."""
 
@@ -43,6 +47,7 @@ class Errand:
         memory_bytes: What it is expected to take; 0 if that is unknown.
         folder: Where the command has to run, which has its `luigi.cfg`.
         environment: Variables to set for it.
+        rather_not: Machines to leave out where there are others.
     """
 
     module: str
@@ -54,6 +59,7 @@ class Errand:
     memory_bytes: int
     folder: str
     environment: Mapping[str, str] = field(default_factory=dict)
+    rather_not: tuple[str, ...] = ()
 
     def to_json(self) -> str:
         """The errand as text."""
@@ -62,7 +68,8 @@ class Errand:
     @classmethod
     def from_json(cls, text: str) -> "Errand":
         """The errand in a text."""
-        return cls(**json.loads(text))
+        told = json.loads(text)
+        return cls(**told | {"rather_not": tuple(told["rather_not"])})
 
     @classmethod
     def of(cls, task: "StoredTask", key: str, memory_bytes: int) -> "Errand":
@@ -81,6 +88,7 @@ class Errand:
             environment={
                 **{n: value for n, value in os.environ.items() if _goes_along(n)},
                 CORES: str(cores),
+                PATIENCE: str(current_remote().patience_seconds or _SECONDS_OF_PATIENCE),
                 "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
             },
         )
@@ -94,11 +102,13 @@ class Outcome:
         kind: "built", or the kind of `TaskFailure` that it was; "lost" where an input is.
         message: Why it was not built; the task_id of the input that was lost.
         host: Where.
+        node: What the engine calls that machine.
     """
 
     kind: Literal["built", "lost"] | FailureKind
     message: str = ""
     host: str = ""
+    node: str = ""
 
 
 def _goes_along(variable: str) -> bool:
@@ -123,7 +133,8 @@ def perform(errand: Errand) -> Outcome:
     """Build what is asked, here."""
     from pipeline.building import find_or_build
 
-    host = socket.gethostname()
+    host, store = socket.gethostname(), current_store()
+    node = os.environ.get(NODE) or os.environ.get("SLURMD_NODENAME", "")
     try:
         task_class: type[StoredTask] = getattr(importlib.import_module(errand.module), errand.task)
         task: StoredTask = task_class.from_str_params(dict(errand.parameters))  # type: ignore[no-untyped-call]
@@ -135,11 +146,11 @@ def perform(errand: Errand) -> Outcome:
                 " Give all machines the same commit, packages and data"
             )
             return Outcome("user", reason, host)
-        find_or_build(task, action, current_store())
+        give(store, find_or_build(task, action, store))  # again, if that was in vain
     except LostInputError as lost:
         return Outcome("lost", lost.args[0].task_id, host)
     except TaskFailure as failure:
-        return Outcome(failure.kind, failure.reason, host)
+        return Outcome(failure.kind, failure.reason, host, node)
     except Exception as error:  # noqa: BLE001  it has to be told where it was asked
         return Outcome("crash", f"{type(error).__name__}: {error}", host)
     return Outcome("built", host=host)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 FailureKind: TypeAlias = Literal[
-    "user", "crash", "killed", "memory", "timeout", "transient", "changed", "late"
+    "user", "crash", "killed", "memory", "timeout", "transient", "changed", "late", "disk"
 ]
 Errors: TypeAlias = tuple[type[Exception], ...]
 
@@ -28,7 +28,8 @@ class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is 
     Args:
         kind: "user": what the user gave cannot be used. "crash": a defect. "killed": by a signal.
             "memory": it took too much. "timeout": it took too long. "transient": what may pass, as
-            a lost network. "changed": what it read is damaged or was altered.
+            a lost network. "changed": what it read is damaged or was altered. "late": it would not
+            have ended in time. "disk": that of this machine is full.
         task: The task as Luigi prints it.
         reason: What happened and what to do.
     """
@@ -49,7 +50,7 @@ def explain(
     if isinstance(error, (*user_errors, StoreError)):
         return ("user" if other == "crash" else other), str(error)
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return "user", (
+        return "disk", (
             f"no space left on the disk of {error.filename or log.parent}. Nothing half-made was"
             " kept: free some space, or set STYLETRF_STORE to a folder on another disk, and run"
             " the same command again."

@@ -5,9 +5,11 @@ different keys for one task, their commits, packages or photographs differ: the 
 """
 
 import contextlib
+import logging
 import multiprocessing
 import os
 import re
+import signal
 import socket
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +22,7 @@ from pipeline.errors import TaskFailure
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
 
+screen = logging.getLogger("pipeline")
 _TOLD = re.compile(r"key (?P<key>\w+) on (?P<host>\S+), process (?P<pid>\d+)")
 
 
@@ -59,6 +62,17 @@ def require_agreement(task: "StoredTask", key: str) -> None:
                 " code, packages, settings or photographs. Give all machines under a luigid the"
                 " same; if its command is over, go on in ten minutes, or restart luigid.",
             )
+
+
+def heed(failure: TaskFailure) -> None:
+    """After one for want of room, have the command ask luigid for nothing more: others have room.
+
+    Else it would go on to take, and to fail, so much that soon nobody may try it again.
+    """
+    is_worker = callable(signal.getsignal(signal.SIGUSR1))  # by which Luigi's worker is told
+    if failure.kind == "disk" and is_worker and _has_luigid():
+        screen.warning("This command takes nothing more from luigid; what it runs is ended first.")
+        os.kill(int(_ours()[1]), signal.SIGUSR1)
 
 
 def _has_luigid() -> bool:

@@ -8,10 +8,11 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from pipeline.errand import NO_ENGINE, Errand, command
+from pipeline.errand import NO_ENGINE, NODE, Errand, command
 from pipeline.execute import die_with
 
 _TIMES = 3
@@ -31,9 +32,15 @@ def build_on_node(text: str) -> str:
             text=True,
             check=False,
             cwd=errand.folder,
-            env={**os.environ, **errand.environment},
+            env={**os.environ, **errand.environment, NODE: _this_node()},
         )
     return done.stdout
+
+
+def _this_node() -> str:
+    from ray import get_runtime_context
+
+    return str(get_runtime_context().get_node_id())
 
 
 def _require_answer(address: str) -> None:
@@ -56,7 +63,7 @@ def main() -> int:
     except (ImportError, OSError, RuntimeError, ValueError) as error:
         sys.stderr.write(f"{error}\n")
         return NO_ENGINE
-    nodes = [node["Resources"] for node in ray.nodes() if node["Alive"]]
+    nodes = {node["NodeID"]: node["Resources"] for node in ray.nodes() if node["Alive"]}
     send = ray.remote(**needs(errand, nodes), max_retries=_TIMES)(build_on_node)
     try:
         sys.stdout.write(ray.get(send.remote(text)))
@@ -66,12 +73,27 @@ def main() -> int:
     return 0
 
 
-def needs(errand: Errand, nodes: Sequence[Mapping[str, float]]) -> dict[str, int]:
-    """What to ask Ray for: what the errand wants, as far as the node has it that has most of it."""
+def needs(errand: Errand, nodes: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+    """What to ask Ray for: what the errand wants, as far as the node has it that has most of it.
+
+    Args:
+        errand: To be sent.
+        nodes: What each has, by its name.
+    """
     wanted = {"GPU": errand.gpus, "memory": errand.memory_bytes, "CPU": errand.cores}
-    could = [{n: min(most, int(node.get(n, 0))) for n, most in wanted.items()} for node in nodes]
-    best = max(could, key=lambda node: list(node.values()))
-    return {"num_cpus": best["CPU"], "num_gpus": best["GPU"], "memory": best["memory"]}
+    could = {
+        name: {n: min(most, int(node.get(n, 0))) for n, most in wanted.items()}
+        for name, node in nodes.items()
+    }
+    fit = [could[name] for name in nodes if name not in errand.rather_not]
+    best = max(fit or could.values(), key=lambda node: list(node.values()))
+    away = {"ray.io/node-id": f"!in({','.join(errand.rather_not)})"}
+    return {
+        "num_cpus": best["CPU"],
+        "num_gpus": best["GPU"],
+        "memory": best["memory"],
+        "label_selector": away if errand.rather_not and fit else {},
+    }
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -22,6 +23,7 @@ Answer = TypeVar("Answer")
 screen = logging.getLogger("pipeline")
 
 SECONDS_OF_SILENCE = 60.0
+_SECONDS_BETWEEN_TRIES = 3.0
 _RETRIES = {"mode": "standard", "total_max_attempts": 3}  # lost connections, throttling, 5xx
 _S3: dict[str, Any] = {
     "use_listings_cache": False,
@@ -44,11 +46,13 @@ class Remote:
     Attributes:
         url: Where it is; "" for none.
         options: JSON for the fsspec file system, beside the environment's AWS_ENDPOINT_URL etc.
+        patience_seconds: How long `attempt` tries again what may pass, such as a lost connection.
         reached: Called with the name of each point that an upload reaches; tests kill there.
     """
 
     url: str
     options: str = "{}"
+    patience_seconds: float = 0.0
     reached: Callable[[str], None] = nothing
     _silent_until: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
 
@@ -58,16 +62,33 @@ class Remote:
         For a minute after a failure in "reading" nothing is called, and none of "writing" after
         one in "writing".
         """
-        silent_until = max(self._silent_until.get(each, 0) for each in ("reading", kind))
-        if not self.url or time.monotonic() < silent_until:
+        if not self.url or self.is_silent(kind):
             return None
         try:
-            return call(self)
+            return self._patiently(call)
         except StoreError as error:
             self._silent_until[kind] = time.monotonic() + SECONDS_OF_SILENCE
             reason = str(error).rstrip(".")
             screen.warning("%s. Going on without %s there for a minute.", reason, kind)
             return None
+
+    def is_silent(self, kind: str) -> bool:
+        """Whether a failure is so recent that nothing of the kind is called."""
+        silent_until = max(self._silent_until.get(each, 0) for each in ("reading", kind))
+        return time.monotonic() < silent_until
+
+    def _patiently(self, call: Callable[["Remote"], Answer]) -> Answer:
+        """What `call` answers, called again while its failure may pass and patience lasts."""
+        end = time.monotonic() + self.patience_seconds
+        say_once = functools.cache(partial(screen.warning, "%s. Waiting for it for up to %.0f s."))
+        while True:
+            try:
+                return call(self)
+            except StoreError as error:
+                if time.monotonic() >= end or not _may_pass(error.__cause__):
+                    raise
+                say_once(str(error).rstrip("."), self.patience_seconds)
+            time.sleep(_SECONDS_BETWEEN_TRIES)
 
     def read(self, name: str) -> bytes | None:
         """The bytes of that name, if there are any."""
@@ -170,5 +191,12 @@ class Remote:
             raise StoreError(f"the shared store {self.url}: {text}. {_REMEDY}.") from error
 
 
+def _may_pass(cause: BaseException | None) -> bool:
+    """Whether it is a connection or a server that failed: nothing missing, nothing forbidden."""
+    names = {each.__name__ for each in type(cause).__mro__}
+    is_lasting = isinstance(cause, FileNotFoundError | PermissionError)
+    return bool({"OSError", "HTTPClientError"} & names) and not is_lasting
+
+
 open_remote = functools.cache(Remote)
-"""The `Remote` of a URL and its options, once a process."""
+"""The `Remote` of a URL, its options and a patience, once a process."""

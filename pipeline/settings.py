@@ -12,11 +12,14 @@ from pipeline.errors import StoreError
 from pipeline.remote import Remote, open_remote
 from pipeline.store import Store, open_store
 
+PATIENCE = "STYLETRF_PATIENCE"
+"""Where another machine is told how long to wait for the shared store."""
 _DEFAULTS = {
     ("store", "root"): "store",  # STYLETRF_STORE wins
     ("store", "salt"): "",  # another word disowns all artifacts
     ("store", "remote"): "",  # the shared store's path or URL, if any; STYLETRF_REMOTE wins
     ("store", "remote_options"): "{}",  # JSON, for fsspec's file system
+    ("store", "patience_seconds"): "0",  # for a shared store that fails; STYLETRF_PATIENCE wins
     ("store", "push"): "true",  # whether what a run builds is uploaded to the shared store
     ("store", "identity"): "tasks/identity.json",  # the snapshot of the code, with adoptions
     ("store", "checkpoint_seconds"): "60",  # between uploads of checkpoints; 0: none are shared
@@ -57,7 +60,8 @@ def current_store(*, create: bool = True) -> Store:
 def current_remote() -> Remote:
     """The shared store in STYLETRF_REMOTE, or in [store] remote of `luigi.cfg`; or none."""
     url = os.environ.get("STYLETRF_REMOTE", setting("store", "remote"))
-    return open_remote(url, setting("store", "remote_options"))
+    patience_seconds = os.environ.get(PATIENCE, setting("store", "patience_seconds"))
+    return open_remote(url, setting("store", "remote_options"), float(patience_seconds))
 
 
 def data_root() -> Path:

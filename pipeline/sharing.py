@@ -80,12 +80,13 @@ def fetch(store: Store, record: ActionRecord) -> bool:
 
 
 def give(store: Store, record: ActionRecord) -> None:
-    """Upload a new artifact, unless [store] push says no; what fails is a warning."""
+    """Upload a new artifact, unless [store] push says no; what fails over there is a warning.
+
+    Raises:
+        OSError: When the store's own disk is full: nobody else can have what is told to be done.
+    """
     if setting("store", "push") == "true":
-        try:
-            current_remote().attempt("writing", partial(push, store, record))
-        except OSError as error:  # of our own disk
-            screen.warning("%s is not uploaded: %s", record.provenance["label"], error)
+        current_remote().attempt("writing", partial(push, store, record))
 
 
 def shared_record(remote: Remote, key: str) -> ActionRecord | None:

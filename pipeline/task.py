@@ -17,7 +17,7 @@ from pipeline.canonical import canonical
 from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
 from pipeline.execute import die_with
 from pipeline.execution import RunContext, append_trace
-from pipeline.fleet import announce, require_agreement
+from pipeline.fleet import announce, heed, require_agreement
 from pipeline.logs import report_plainly
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import current_store, require_configuration, setting
@@ -170,10 +170,13 @@ class StoredTask(luigi.Task):
                 self.publish(store.object(record.output.digest))
         except LostInputError as lost:
             return self._run_after(lost.args[0])
-        except TaskFailure:
+        except TaskFailure as failure:
+            heed(failure)
             raise
         except Exception as error:
-            raise self._failure(error, store) from error
+            met = self._failure(error, store)
+            heed(met)
+            raise met from error
         return None
 
     def _missing(self) -> "StoredTask | None":

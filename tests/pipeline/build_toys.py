@@ -122,6 +122,26 @@ class Acts(luigi.WrapperTask):
         return [Act(act) for act in self.acts]
 
 
+class Large(StoredTask):
+    """A mebibyte, written for a while."""
+
+    name = luigi.Parameter()
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        mark(self)
+        time.sleep(0.3)
+        (out / "large").write_text(self.name * MEBIBYTE)
+
+
+class Larges(luigi.WrapperTask):
+    """Several mebibytes."""
+
+    names = luigi.ListParameter()
+
+    def requires(self) -> list[StoredTask]:
+        return [Large(name) for name in self.names]
+
+
 class SlowBatch(luigi.WrapperTask):
     """More to do than what another worker may be at."""
 

@@ -1,8 +1,10 @@
 """Builds on other machines: what every engine keeps to, over real ones."""
 
 import importlib.util
+import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -162,6 +164,57 @@ def test_a_lost_node_costs_a_step_and_nothing_else(engine, toys, request):
     assert built() == ["Slow sleep"] * 2, "begun, and gone on with"
 
 
+def test_a_full_disk_of_one_node_is_the_work_of_another(engine, request, tmp_path, monkeypatch):
+    """The errand goes first to the only node that has its cores, whose own disk is full."""
+    if engine != "ray":
+        pytest.skip("one node here")
+    cluster = request.getfixturevalue("cluster")
+    (tmp_path / "engine.cfg").write_text((tmp_path / "engine.cfg").read_text().replace("1", "8", 1))
+    (tmp_path / "store").mkdir()
+    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
+    (tmp_path / "shared").mkdir()
+    cluster.do(f"apart {tmp_path / 'store'} 1 8")
+    try:
+        status, screen = finish(send(engine, "Large", "--name", "a"))
+    finally:
+        cluster.do(f"kill {len(cluster.raylets) - 1}")
+    assert status == 0, screen
+    assert "sent on. no space left on the disk" in screen
+    assert built() == ["Large a"] * 2
+
+
+def test_a_shared_store_that_errs_for_a_while_is_waited_for(
+    engine, proxied, request, tmp_path, monkeypatch
+):
+    """By the node, which has built what it cannot give, and by who asks, who cannot see it."""
+    if engine != "ray":
+        pytest.skip("one node here, with the same store")
+    cluster = request.getfixturevalue("cluster")
+    place, proxy = proxied
+    options = {"client_kwargs": {"endpoint_url": f"http://127.0.0.1:{proxy.port}"}}
+    options |= {"key": "a", "secret": "b"}
+    settings = (tmp_path / "engine.cfg").read_text().replace("1", "8", 1)
+    (tmp_path / "engine.cfg").write_text(
+        f"{settings}[store]\nremote = {place.url}\nremote_options = {json.dumps(options)}\n"
+    )
+    monkeypatch.delenv("STYLETRF_REMOTE")
+    (tmp_path / "store").mkdir()
+    cluster.do(f"apart {tmp_path / 'store'} 64 8")
+    try:
+        process = send(engine, "Large", "--name", "a")
+        while not built():
+            time.sleep(0.02)
+        end = time.monotonic() + 12
+        proxy.fault = lambda _method, _path: 500 if time.monotonic() < end else None
+        status, screen = finish(process)
+    finally:
+        cluster.do(f"kill {len(cluster.raylets) - 1}")
+    assert status == 0, screen
+    assert time.monotonic() > end
+    assert built() == ["Large a"]
+    assert len(place.names("actions")) == 1
+
+
 def test_an_engine_that_is_not_there_is_told_in_a_line(tmp_path, monkeypatch):
     (tmp_path / "engine.cfg").write_text("[ray]\naddress = 127.0.0.1:9\n")
     monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "engine.cfg"))
@@ -215,10 +268,19 @@ def test_what_is_built_into_another_store_is_told(monkeypatch):
 def test_what_no_node_has_is_not_asked_for():
     """Each node is taken for itself: cards of one and cores of another are no machine."""
     errand = replace(Errand.of(Act("succeed"), "0" * 64, 8 << 30), cores=8, gpus=2)
-    small = {"CPU": 4.0, "GPU": 1.0, "memory": 4.0 * 2**30}
-    large = {"CPU": 64.0, "memory": 256.0 * 2**30}
-    assert needs(errand, [large, small]) == {"num_cpus": 4, "num_gpus": 1, "memory": 4 << 30}
-    assert needs(replace(errand, gpus=0), [small, large])["num_cpus"] == 8
+    nodes = {
+        "small": {"CPU": 4.0, "GPU": 1.0, "memory": 4.0 * 2**30},
+        "large": {"CPU": 64.0, "memory": 256.0 * 2**30},
+    }
+    asked = needs(errand, nodes)
+    assert asked.pop("label_selector") == {}
+    assert asked == {"num_cpus": 4, "num_gpus": 1, "memory": 4 << 30}
+    assert needs(replace(errand, gpus=0), nodes)["num_cpus"] == 8
+    away = needs(replace(errand, rather_not=("small",)), nodes)
+    assert (away["num_cpus"], away["num_gpus"]) == (8, 0)
+    assert away["label_selector"] == {"ray.io/node-id": "!in(small)"}
+    nowhere = needs(replace(errand, rather_not=("small", "large")), nodes)
+    assert nowhere["label_selector"] == {}, "then one of them"
 
 
 def test_an_errand_is_told_and_read_back():

@@ -1,6 +1,7 @@
 """Several commands under a real `luigid`, some of them killed."""
 
 import configparser
+import json
 import subprocess
 import time
 from collections.abc import Iterator
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from luigid_process import Luigid
+from small_disk import small_disk
 from store_toys import built
 from test_command import ROOT, are_gone, pids_of_slow, start
 
@@ -85,6 +87,49 @@ def test_a_luigid_that_comes_back_is_not_missed(luigid):
     status, screen = finish(process)
     assert status == 0, screen
     assert built() == ["Lasting"]
+
+
+@pytest.mark.usefixtures("luigid")
+def test_a_machine_with_a_full_disk_leaves_the_rest_to_others(tmp_path, monkeypatch):
+    """It meets that once, and asks for nothing more: soon it would have failed everything."""
+    (tmp_path / "shared").mkdir()
+    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
+    names = list("abcdefghijkl")
+    with small_disk(tmp_path / "full", mebibytes=3):
+        monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "full" / "store"))
+        full = worker("Larges", "--names", json.dumps(names))
+        monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "roomy"))
+        roomy = worker("Larges", "--names", json.dumps(names))
+        (_, screen), (status, other) = finish(full), finish(roomy)
+        assert screen.count("no space left on the disk") == 1, screen
+        assert "takes nothing more from luigid" in screen
+        assert status in (0, 10, 25), other
+        left = built()
+        assert sorted({*left}) == [f"Large {name}" for name in names]
+        assert len(left) == len(names) + 1, "one was begun twice, and nothing lost"
+        assert not list(problems(current_store(), deep=True))
+
+
+def test_a_shared_store_that_errs_for_a_while_costs_no_build(
+    luigid, proxied, tmp_path, monkeypatch
+):
+    """Both machines wait for it; without that, each would build what it cannot see."""
+    _, proxy = proxied
+    settings = luigid.config.read_text()
+    assert "patience_seconds = 300" in settings
+    words = ["Larges", "--names", json.dumps(list("abcdefgh"))]
+    commands = []
+    for name in ("one", "other"):
+        monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / name))
+        commands.append(worker(*words))
+    while not built():
+        time.sleep(0.02)
+    end = time.monotonic() + 8
+    proxy.fault = lambda _method, _path: 500 if time.monotonic() < end else None
+    outcomes = [finish(command) for command in commands]
+    assert {status for status, _ in outcomes} <= {0, 10, 25}, outcomes
+    assert any("Waiting for it for up to 300 s" in screen for _, screen in outcomes), outcomes
+    assert built() == [f"Large {name}" for name in "abcdefgh"]
 
 
 @pytest.mark.usefixtures("luigid")

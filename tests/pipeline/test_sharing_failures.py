@@ -193,6 +193,32 @@ def test_throttling_and_server_errors_pass(proxied, elsewhere):
 
 
 @pytest.mark.usefixtures("inline")
+def test_a_server_that_errs_for_longer_is_waited_for_as_long_as_patience_lasts(
+    proxied, monkeypatch, caplog
+):
+    place, proxy = proxied
+    monkeypatch.setenv("STYLETRF_PATIENCE", "60")
+    end = time.monotonic() + 5
+    proxy.fault = lambda _method, _path: 500 if time.monotonic() < end else None
+    assert build(Word("hello"))
+    assert len(place.names("actions")) == 1
+    (told,) = warnings(caplog)
+    assert "Waiting for it for up to 60 s" in told
+
+
+@pytest.mark.usefixtures("inline")
+@pytest.mark.parametrize("status", [403, 404])
+def test_what_will_not_pass_is_not_waited_for(proxied, monkeypatch, caplog, status):
+    _, proxy = proxied
+    monkeypatch.setenv("STYLETRF_PATIENCE", "60")
+    proxy.fault = lambda method, _path: status if method == "PUT" else None
+    begun = time.monotonic()
+    assert build(Word("hello"))
+    assert time.monotonic() - begun < 20
+    assert not any("Waiting" in told for told in warnings(caplog))
+
+
+@pytest.mark.usefixtures("inline")
 def test_a_download_that_breaks_goes_on_where_it_broke(proxied, elsewhere):
     _, proxy = proxied
     breaks = 0

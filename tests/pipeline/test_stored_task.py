@@ -284,5 +284,5 @@ def test_a_full_disk_is_told_as_such(monkeypatch):
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(TaskFailure, match="no space left") as failure:
         Word("a").run()
-    assert failure.value.kind == "user"
+    assert failure.value.kind == "disk"
     monkeypatch.undo()
