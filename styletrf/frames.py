@@ -16,7 +16,7 @@ from styletrf.cameras import Camera
 from styletrf.errors import InputError
 from styletrf.field import RadianceField
 from styletrf.finiteness import first_not_finite, parameter_stages, require_finite
-from styletrf.float_images import read_float_image, write_float_image
+from styletrf.float_images import FloatImage, read_float_image, write_float_image
 from styletrf.images import to_integers, write_rgb
 from styletrf.kernels import kernels_for
 from styletrf.progress import Progress, silent
@@ -119,15 +119,20 @@ def join_pictures(parts: Sequence[Path], folder: Path) -> None:
         shutil.copyfile(file, folder / "frames" / file.name)
 
 
-def float_frames(
-    folder: Path, cameras: Sequence[Camera] | None = None
-) -> Iterator[Float[np.ndarray, "height width 3"]]:
-    """Yields the colours of the frames that `write_float_frames` wrote, in order.
+def float_images(folder: Path, cameras: Sequence[Camera] | None = None) -> Iterator[FloatImage]:
+    """Yields the frames that `write_float_frames` wrote, in order.
 
     Of some cameras alone, where these are given.
     """
     for camera in read_cameras(folder / "cameras.parquet") if cameras is None else cameras:
-        yield read_float_image(folder / "frames" / f"{camera.name}.exr").color
+        yield read_float_image(folder / "frames" / f"{camera.name}.exr")
+
+
+def float_frames(
+    folder: Path, cameras: Sequence[Camera] | None = None
+) -> Iterator[Float[np.ndarray, "height width 3"]]:
+    """Yields the colours of `float_images`."""
+    return (image.color for image in float_images(folder, cameras))
 
 
 def write_pictures(

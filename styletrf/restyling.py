@@ -1,27 +1,25 @@
 """To and fro between painting and adapting: what the next round paints."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import torch
-from jaxtyping import Float
 
 from styletrf.cameras import Camera
 from styletrf.field import load_stylized_field
+from styletrf.float_images import FloatImage
 from styletrf.frames import rendered
 from styletrf.rendering import RenderConfig
 from styletrf.scene_model import read_scene_model
 
-Image = Float[np.ndarray, "height width 3"]
-
 
 def halfway_to(
-    plain: Sequence[Image],
+    plain: Sequence[FloatImage],
     cameras: Sequence[Camera],
     inputs: Mapping[str, Path],
     device: torch.device,
-) -> list[Image]:
+) -> list[FloatImage]:
     """Returns the mean of plain views and of what the field of the round before shows there.
 
     The plain half keeps the objects; the other brings the strokes that all views agree on.
@@ -37,4 +35,5 @@ def halfway_to(
         read_scene_model(inputs["model"] / "scene.json").space,
         cameras, RenderConfig(), device,
     )  # fmt: skip
-    return [(a + r.color.numpy()) / 2 for a, r in zip(plain, renders, strict=True)]
+    pairs = zip(plain, renders, strict=True)
+    return [replace(a, color=(a.color + r.color.numpy()) / 2) for a, r in pairs]

@@ -81,14 +81,18 @@ def frames_by_network(
     progress: Any,
 ) -> Iterator[Any]:  # fmt: skip
     """Yields every frame painted by itself, mixed with what it was by the strength."""
-    from styletrf.frames import float_frames
+    from styletrf.empty_ground import after_painting, before_painting, empty_ground
+    from styletrf.frames import float_images
     from styletrf.painting import each_painted, network_painter
 
-    plain, again = (float_frames(inputs["trajectory"], cameras) for _ in range(2))
+    ground = empty_ground(float_images(inputs["trajectory"]))
+    plain, again = (float_images(inputs["trajectory"], cameras) for _ in range(2))
+    content = (before_painting([view], ground)[0] for view in plain)
     paint = network_painter(inputs["network"], device)
-    views = each_painted(paint, plain, len(cameras), progress)
+    views = each_painted(paint, content, len(cameras), progress)
     for image, before in zip(views, again, strict=True):
-        yield mixture.strength * image + (1 - mixture.strength) * before
+        (shown,) = after_painting([image], [before], ground)
+        yield mixture.strength * shown + (1 - mixture.strength) * before.color
 
 
 def frames_of_field(

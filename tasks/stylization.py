@@ -65,40 +65,43 @@ class StylizedPriors(ShardedStage, StyleControls):
         """Paint every prior, or those of a part; colours are those of all of them together."""
         from styletrf.camera_table import read_cameras
         from styletrf.color_transfer import Colors, in_colors
-        from styletrf.frames import float_frames, write_pictures
+        from styletrf.empty_ground import after_painting, before_painting, empty_ground
+        from styletrf.frames import float_images, write_pictures
         from styletrf.images import read_rgb
         from styletrf.painting import load_painted, save_painted
 
         cameras = read_cameras(inputs["priors"] / "cameras.parquet")
+        plain = list(float_images(inputs["priors"]))
+        ground = empty_ground(plain)
         if parts := parts_in(inputs):
             views = [view for part in parts for view in load_painted(part / "painted.safetensors")]
         else:
-            views = self._painted(self.of_part(cameras), inputs, run)
+            views = self._painted(self.of_part(cameras), ground, inputs, run)
         if self.shard:
             save_painted(out / "painted.safetensors", views)
             return
-        plain, painting = (
-            list(float_frames(inputs["priors"])),
-            read_rgb(inputs["style"] / "style.png"),
-        )
-        colored = in_colors(views, plain, painting, cast("Colors", self.colors))
-        write_pictures(out, [camera.name for camera in cameras], iter(colored))
+        painting, content = read_rgb(inputs["style"] / "style.png"), before_painting(plain, ground)
+        colored = in_colors(views, content, painting, cast("Colors", self.colors))
+        shown = after_painting(colored, plain, ground)
+        write_pictures(out, [camera.name for camera in cameras], iter(shown))
 
     def _painted(
-        self, cameras: Sequence[Any], inputs: Mapping[str, Path], run: RunContext
+        self, cameras: Sequence[Any], ground: Any, inputs: Mapping[str, Path], run: RunContext
     ) -> list[Any]:
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.frames import float_frames
+        from styletrf.empty_ground import before_painting
+        from styletrf.frames import float_images
         from styletrf.gatys import GatysConfig
         from styletrf.painting import network_painter, optimizing_painter, painted
         from styletrf.restyling import halfway_to
         from styletrf.style_training_config import steered
 
         device = device_named(self.device)
-        content = list(float_frames(inputs["priors"], cameras))
+        views = list(float_images(inputs["priors"], cameras))
         if "before" in inputs:
-            content = halfway_to(content, cameras, inputs, device)
+            views = halfway_to(views, cameras, inputs, device)
+        content = before_painting(views, ground)
         if "network" in inputs:
             paint = network_painter(inputs["network"], device)
         else:
