@@ -95,7 +95,7 @@ class Consistency:
     `FlowErrors`, `GeometricErrors` and `PerceptualErrors`. An entry of the summary has the means of
     these, null where there is nothing to average; `pairs`, their number; and those that a mean
     leaves out: `pairs_without_flow` (no pixel returns to itself), `pairs_without_correspondence`
-    (nothing is seen in both frames) and `pairs_without_contrast`.
+    (nothing is seen in both frames) and `pairs_without_contrast` (the scene has no detail there).
     """
 
     pairs: list[dict[str, Any]]

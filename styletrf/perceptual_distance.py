@@ -13,8 +13,6 @@ from styletrf.metrics import Image
 from styletrf.perceptual_loss import STYLE_LAYERS, gram_matrix, shrunk
 from styletrf.vgg import REDUCTION, VGG16
 
-_ALL_BUT_ROUNDING = 0.999
-
 Features = Mapping[str, Float[Tensor, "1 _ _ _"]]
 Grams = Mapping[str, Float[Tensor, "1 _ _"]]
 
@@ -54,23 +52,24 @@ def perceptual_distance(
     """Returns the mean over layers and places of |f_a / |f_a| - f_b / |f_b||^2, in [0, 2].
 
     LPIPS (Zhang et al. 2018, equation 1) with all channels weighted alike: 0 for equal pictures.
-    With a mask of the pictures, over the places all of whose pixels are in it; NaN where a layer
-    has none. Not differentiable.
+    With a mask of the pictures, each place counts by the share of its pixels that are in it; NaN
+    where none is. Not differentiable.
     """
     distances = []
     for layer in STYLE_LAYERS:
         unit_a, unit_b = (functional.normalize(f[layer].float(), dim=1) for f in (a, b))
         distance = (unit_a - unit_b).square().sum(dim=1)
         if mask is not None:
-            distance = distance[_whole_places(mask, distance)]
+            share = _shares(mask, distance)
+            distance = distance * share / share.mean()
         distances.append(distance.mean())
     return float(torch.stack(distances).mean())
 
 
-def _whole_places(mask: Bool[np.ndarray, "_ _"], like: Float[Tensor, "1 _ _"]) -> Tensor:
+def _shares(mask: Bool[np.ndarray, "_ _"], like: Float[Tensor, "1 _ _"]) -> Tensor:
     pixels = torch.from_numpy(mask).to(like)[None, None]
     rows, columns = like.shape[-2:]
-    return functional.adaptive_avg_pool2d(pixels, (rows, columns))[0] > _ALL_BUT_ROUNDING
+    return functional.adaptive_avg_pool2d(pixels, (rows, columns))[0]
 
 
 def masked_distances(

@@ -7,6 +7,7 @@ from typing import Any
 import luigi
 
 from pipeline.task import RunContext
+from styletrf.errors import InputError
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.scene import CameraPoses, SceneModel
@@ -93,6 +94,24 @@ class ConsistencyMetrics(FrameMetrics):
     """
 
     tools = ("opencv-contrib-python-headless", "torch")
+
+    def require_sound(self) -> None:
+        """Refuses a trajectory without two frames to compare.
+
+        Raises:
+            InputError: It has too few.
+        """
+        super().require_sound()
+        frames = self.need(TrajectoryFrames).values().get("trajectory.frames", 2)
+        deltas = self.values().get("deltas")
+        nearest = min(
+            [d for d in deltas if isinstance(d, int)] if isinstance(deltas, list) else [1]
+        )
+        if isinstance(frames, int) and frames <= nearest:
+            problem = f"leaves no two frames {nearest} apart to compare"
+            raise InputError(
+                f"trajectory.frames {frames}", problem, f"Ask for {nearest + 1} or more"
+            )
 
     def external_digests(self) -> Mapping[str, str]:
         """The release of torchvision and the digest of RAFT's weights, where it is asked for."""

@@ -1,5 +1,7 @@
 """The measures of consistency on the embedded scene, whose depth and flow are exact."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from styletrf.consistency import ConsistencyConfig, Frame, measure_consistency
 from styletrf.courtyard import CourtyardConfig, courtyard_cameras, render_view
 from styletrf.exact_flow import exact_flow
 from styletrf.float_images import FloatImage
+from styletrf.flow import METHODS, FlowEstimator
 from styletrf.perceptual_distance import Perception
 
 CONFIG = CourtyardConfig(width=120, height=90)
@@ -18,8 +21,6 @@ FRAMES = 4
 def views():
     """A slow pan past the fountain: cameras, float images, and the world point of each pixel."""
     start = courtyard_cameras(CONFIG)[0]
-    from dataclasses import replace
-
     cameras, images, points = [], [], []
     for k in range(FRAMES):
         pose = start.world_from_camera.copy()
@@ -58,6 +59,25 @@ def test_a_consistent_stylisation_scores_at_the_floor(views, vgg):
     assert told["geometric_fraction"] > 0.7
     assert told["geometric_error"] <= told["geometric_floor"]
     assert told["normalized_error"] <= told["normalized_floor"]
+
+
+def test_a_warp_that_is_a_pixel_off_is_far_from_the_floor(views, vgg):
+    """So that a stylisation at the floor says something of the warp, too."""
+    cameras, images, points = views
+    steady = measured(views, [painted(p, 8) for p in points], vgg)
+    moved = [replace(camera, cx=camera.cx + k) for k, camera in enumerate(cameras)]
+    off = measured((moved, images, points), [painted(p, 8) for p in points], vgg)
+    assert off["geometric_error"] > 10 * steady["geometric_error"]
+
+
+@pytest.mark.parametrize("method", [m for m in METHODS if m != "raft"])
+def test_the_flow_of_pictures_is_near_the_exact_one(views, method):
+    cameras, images, _ = views
+    exact, seen = exact_flow(cameras[0], images[0].depth, cameras[-1], images[-1].depth, 0.02)
+    found = FlowEstimator(method)(images[0].color, images[-1].color)
+    errors_px = np.linalg.norm(found - exact, axis=-1)[seen]
+    moved_px = np.linalg.norm(exact, axis=-1)[seen]
+    assert np.median(errors_px) < 0.2 * np.median(moved_px)
 
 
 def test_flicker_of_all_of_a_frame_is_recovered(views, vgg):

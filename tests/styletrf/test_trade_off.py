@@ -13,6 +13,7 @@ from styletrf.trade_off import (
     combinations,
     merged,
     spread_of,
+    variants,
 )
 from styletrf.trade_off_chart import front_svg
 from styletrf.trade_off_page import TradeOffContent, write_trade_off_page
@@ -58,6 +59,15 @@ def test_stages_that_render_follow_what_a_frame_costs():
     measured = [scene(), style(), scene("cheap frames", frames=15.0)]
     by_name = {p.scene: p for p in combinations(measured)}
     assert by_name["cheap frames"].seconds == 100 + 15 + 180 + 15
+
+
+def test_a_change_shares_the_mean_of_what_it_shares_with_a_repeat():
+    """The same artifact has one time, whichever point it is part of."""
+    again = replace(style(network=100.0), seconds={"StyleNetwork": 100.0, "StylizedFrames": 30.0})
+    priors = replace(style("priors"), seconds={"StyleNetwork": 180.0, "StylizedFrames": 20.0})
+    told = {v.name: v.seconds for v in variants([style(), again, priors], "style")}
+    assert told[""]["StyleNetwork"] == told["priors"]["StyleNetwork"] == 140.0
+    assert told["priors"]["StylizedFrames"] == 20.0
 
 
 def test_no_point_of_the_front_is_beaten_and_every_other_is():
@@ -151,7 +161,8 @@ def test_later_settings_count():
 def written(folder):
     points = combinations(MEASURED)
     content = TradeOffContent(
-        "<b>place", "ink & wash", "draft", "ndc", "2 cores", "2026-01-01", points,
+        "<b>place", "ink & wash", "draft", "ndc", "2 cores", "2026-01-01",
+        "3 of 30 changes", points,
         pareto_front(points, MEASURED),
         [*MEASURED, replace(MEASURED[2], name="<i>", other_cpu_share=0.4)],
         lambda tuning: f"luigi --tuning '{tuning}'",
