@@ -120,6 +120,8 @@ def spread_of(measurements: Iterable[Measurement]) -> Spread:
 def variants(measurements: Sequence[Measurement], part: Part) -> list[Measurement]:
     """Returns the measurements of one side, the unchanged quality first, the mean of its repeats.
 
+    A stage that a change shares with a repeat, being the very same artifact, took the mean as well.
+
     Raises:
         InputError: The unchanged quality is not among them.
     """
@@ -127,14 +129,19 @@ def variants(measurements: Sequence[Measurement], part: Part) -> list[Measuremen
     repeats = [m for m in side if not m.name]
     if not repeats:
         raise InputError("trade-off", "lacks the unchanged quality", "Measure that first")
-    stages = dict.fromkeys(stage for m in repeats for stage in m.seconds)
-    mean = replace(
-        repeats[0],
-        tuning={},
-        quality_db=fmean(m.quality_db for m in repeats),
-        seconds={s: fmean(m.seconds[s] for m in repeats if s in m.seconds) for s in stages},
-    )
-    return [mean, *(m for m in side if m.name)]
+    took: dict[str, list[float]] = {}
+    for stage, seconds in (item for m in repeats for item in m.seconds.items()):
+        took.setdefault(stage, []).append(seconds)
+    usual = {stage: fmean(seconds) for stage, seconds in took.items()}
+    quality_db = fmean(m.quality_db for m in repeats)
+    mean = replace(repeats[0], tuning={}, quality_db=quality_db, seconds=usual)
+    return [mean, *(replace(m, seconds=_shared(m, took, usual)) for m in side if m.name)]
+
+
+def _shared(
+    changed: Measurement, took: Mapping[str, Sequence[float]], usual: Mapping[str, float]
+) -> dict[str, float]:
+    return {s: usual[s] if t in took.get(s, ()) else t for s, t in changed.seconds.items()}
 
 
 def combinations(measurements: Sequence[Measurement]) -> list[Combination]:

@@ -25,6 +25,7 @@ class TradeOffContent:
     space: str
     machine: str
     measured: str
+    changes: str
     points: Sequence[Combination]
     front: Sequence[FrontPoint]
     measurements: Sequence[Measurement]
@@ -42,7 +43,7 @@ def write_trade_off_page(path: Path, content: TradeOffContent) -> None:
     """Writes the page; it needs no other file."""
     title = f"{content.scene}: time and accuracy"
     counts = (
-        f"{len(content.measurements)} measurements around <b>{html.escape(content.quality)}</b>, "
+        f"{html.escape(content.changes)} of the sweep about <b>{html.escape(content.quality)}</b>, "
         f"{len(content.points)} combinations, {len(content.front)} of them on the front. "
         f"Scene in {html.escape(content.space)} space, style {html.escape(content.style)}, "
         f"measured on {html.escape(content.measured)}, {html.escape(content.machine)}."

@@ -107,7 +107,7 @@ def choose(wish: Wish, measured: Path, space: str) -> Choice:
     front: dict[str, Any] = json.loads(path.read_text())
     points = [Combination(**point["combination"]) for point in front["points"]]
     own = "the front of this scene" if path == measured else f"the shipped front for {space} space"
-    where = ("scene", "style", "measured", "machine")
+    where = ("scene", "style", "changes", "measured", "machine")
     name = f"{own} ({', '.join(str(front[name]) for name in where)})"
     return Choice(str(front["quality"]), wish.answer(points), name)
 

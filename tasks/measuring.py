@@ -4,13 +4,16 @@ import json
 import math
 import os
 import platform
-from collections.abc import Iterable, Mapping
+import socket
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pipeline.record import ActionRecord
 from styletrf.trade_off import Measurement, Part
 from tasks.sweep import Variant
+
+Amount = TypeVar("Amount", int, float)
 
 SCENE = {
     "SceneCapture", "CameraPoses", "SceneModel", "RadianceField", "QualityMetrics",
@@ -19,7 +22,7 @@ SCENE = {
 """Stages of the scene's side; all others are the style's."""
 
 KEPT = {"RadianceField", "StylizedField", "StyleNetwork"}
-"""Stages whose artifacts a result is rendered from."""
+"""Stages whose artifacts are kept to go on from: to render, and to paint other scenes."""
 
 _LONG_SECONDS = 5.0
 
@@ -43,15 +46,17 @@ def measurement(
         name=variant.name,
         tuning=variant.tuning,
         quality_db=quality_db(variant.part, summary),
-        seconds={r.action.family: _number(r, "seconds") for r in own},
+        seconds=_by_family(own, lambda record: _number(record, "seconds")),
         other_cpu_share=_largest_other_share(own),
         peak_memory_bytes=int(max((_number(r, "peak_memory_bytes") for r in own), default=0)),
-        model_bytes={r.action.family: r.output.size for r in own if r.action.family in KEPT},
+        model_bytes=_by_family(
+            (r for r in own if r.action.family in KEPT), lambda record: record.output.size
+        ),
     )
 
 
 def lineage_of(artifact: Path, records: Iterable[ActionRecord]) -> dict[str, ActionRecord]:
-    """Returns the records of an artifact and of all that went into it, by family.
+    """Returns the records of an artifact and of all that went into it, by digest.
 
     Args:
         artifact: In the store, where its folder is named by its digest.
@@ -62,7 +67,7 @@ def lineage_of(artifact: Path, records: Iterable[ActionRecord]) -> dict[str, Act
     pending = [artifact.name]
     while pending:
         record = by_digest[pending.pop()]
-        found[record.action.family] = record
+        found[record.output.digest] = record
         pending += record.action.inputs.values()
     return found
 
@@ -79,9 +84,18 @@ def summary_in(folder: Path) -> dict[str, Any]:
     return dict(json.loads((folder / "summary.json").read_text()))
 
 
-def machine() -> str:
-    """Returns in words where this runs."""
-    return f"{os.cpu_count()} cores, {_processor()}"
+def machine(records: Iterable[ActionRecord]) -> str:
+    """Returns in words where this runs; and which hosts made the records, if others did."""
+    hosts = {str(r.provenance.get("host", "")) for r in records if _number(r, "seconds")}
+    elsewhere = (
+        f"; measured on {', '.join(sorted(hosts))}" if hosts - {socket.gethostname()} else ""
+    )
+    return f"{os.cpu_count()} cores, {_processor()}{elsewhere}"
+
+
+def measured_on(records: Iterable[ActionRecord]) -> str:
+    """Returns the day on which the last of the records was made."""
+    return max(str(record.provenance.get("started", ""))[:10] for record in records)
 
 
 def _processor() -> str:
@@ -89,6 +103,17 @@ def _processor() -> str:
     lines = path.read_text().splitlines() if path.exists() else []
     named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(named, platform.processor() or platform.machine())
+
+
+def _by_family(
+    records: Iterable[ActionRecord], measure: Callable[[ActionRecord], Amount]
+) -> dict[str, Amount]:
+    """The sum of each stage's records, of which one made in parts (`--shards`) has several."""
+    total: dict[str, Amount] = {}
+    for record in records:
+        family = record.action.family
+        total[family] = measure(record) + total.get(family, 0)
+    return total
 
 
 def _part(record: ActionRecord) -> Part:

@@ -1,6 +1,5 @@
 """What the report of a stylised fly-through says, gathered from the store."""
 
-import platform
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -62,8 +61,8 @@ def report_content(
         stages=[_cost(record) for record in lineage],
         parameters={name: _parameters(record) for name, record in _named(lineage).items()},
         versions={
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("styletrf", "torch", "pycolmap", "luigi", "numba")},
+            **{name: version(name) for name in ("styletrf", "luigi")},
+            **{name: told for record in lineage for name, told in record.action.tools.items()},
         },
         digests={name: record.output.digest for name, record in _named(lineage).items()},
         command=main_command(words, _tuning(words["quality"], lineage)),

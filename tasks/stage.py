@@ -1,7 +1,7 @@
 """What the tasks of the graph have in common."""
 
 import multiprocessing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar, TypeVar
 
 import luigi
@@ -125,6 +125,11 @@ class TunedStage(GradedStage):
     def identity_parameters(self) -> Mapping[str, object]:
         """The values of the settings."""
         return {"settings": self.values()}
+
+
+def stages_with_settings(stages: Iterable[luigi.Task]) -> list[str]:
+    """Returns the stages that have settings of their own, which win over the quality's."""
+    return sorted({s.task_family for s in stages if isinstance(s, TunedStage) and s.settings})
 
 
 def _thawed(value: Any) -> Any:

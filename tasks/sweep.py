@@ -34,11 +34,11 @@ class Knob:
     factors: tuple[float, ...]
 
 
-RENDERS = ("TrajectoryFrames/render.", "PriorRenders/render.", "QualityMetrics/render.")
-FAINT = (
-    *(f"{stage}{name}" for stage in RENDERS for name in ("termination", "min_weight")),
-    "StylizedFrames/termination", "StylizedFrames/min_weight",
-)  # fmt: skip
+FAINT = tuple(
+    f"{stage}{name}"
+    for stage in ("PriorRenders/render.", "StylizedFrames/")
+    for name in ("termination", "min_weight")
+)
 RANKS = ("RadianceField/field.density_ranks", "RadianceField/field.appearance_ranks")
 KNOBS = (
     Knob("scene", "iterations", ("RadianceField/iterations",), (0.25, 0.5, 2.0)),
@@ -48,7 +48,7 @@ KNOBS = (
     Knob("scene", "steps a voxel", ("RadianceField/steps_per_voxel",), (0.7,)),
     Knob("scene", "faint samples of the fit", ("RadianceField/min_weight",), (3.0,)),
     Knob("scene", "photographs' size", ("SceneModel/image_long_side",), (0.75,)),
-    Knob("scene", "faint samples of frames", FAINT, (3.0, 0.3)),
+    Knob("scene", "hidden units", ("RadianceField/field.hidden",), (2.0,)),
     Knob("style", "network iterations", ("StyleNetwork/iterations",), (0.25, 0.5, 2.0)),
     Knob("style", "network width", ("StyleNetwork/network.width",), (2 / 3,)),
     Knob("style", "network crops", ("StyleNetwork/crop_px",), (0.75,)),
@@ -56,21 +56,19 @@ KNOBS = (
         "style", "adaptation iterations", ("StylizedField/adaptation.iterations",), (0.25, 0.5, 2.0)
     ),
     Knob("style", "left out of the cache", ("StylizedField/adaptation.min_weight",), (0.5, 15.0)),
+    Knob("style", "faint samples of frames", FAINT, (3.0, 0.3)),
     Knob("style", "times that priors cover", ("PriorRenders/coverage.times",), (1 / 3, 2.0)),
 )
 TOGETHER: dict[tuple[Literal["scene", "style"], str], dict[str, float]] = {
     ("scene", "quick"): {"iterations": 0.5, "voxels": 0.5, "ranks": 0.5},
-    ("scene", "least"): {
-        "iterations": 0.25, "voxels": 0.25, "ranks": 0.5, "faint samples of frames": 3.0,
-    },
-    ("scene", "most"): {
-        "iterations": 2.0, "voxels": 2.0, "ranks": 1.5, "faint samples of frames": 0.3,
-    },
+    ("scene", "least"): {"iterations": 0.25, "voxels": 0.25, "ranks": 0.5},
+    ("scene", "most"): {"iterations": 2.0, "voxels": 2.0, "ranks": 1.5, "hidden units": 2.0},
     ("style", "quick"): {
         "network iterations": 0.5, "adaptation iterations": 0.5, "times that priors cover": 2 / 3,
     },
     ("style", "least"): {
         "network iterations": 0.25, "adaptation iterations": 0.25, "times that priors cover": 1 / 3,
+        "faint samples of frames": 3.0,
     },
 }  # fmt: skip
 

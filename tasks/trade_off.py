@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from tasks.measuring import lineage_of, measurement, summary_in
 from tasks.metrics import QualityMetrics, StylizationMetrics
 from tasks.scene import SceneModel
 from tasks.showing import ShownStage
-from tasks.stage import GradedStage, Stage, TunedStage
+from tasks.stage import GradedStage, Stage, stages_with_settings
 from tasks.sweep import Variant, middle_of, sweep
 from tasks.trajectory import StylizedTrajectory
 
@@ -55,11 +54,11 @@ class TradeOff(ShownStage, GradedStage):
         Raises:
             InputError: Fewer than one repeat, or a name that is no change's.
         """
+        super().require_sound()
         if self.repeats < 1:
             raise InputError(f"--repeats {self.repeats}", "measures nothing", "Give 1 or more")
-        changed = {t.task_family for t in graph(self) if isinstance(t, TunedStage) and t.settings}
-        if changed:
-            told = f"settings of {', '.join(sorted(changed))}"
+        if changed := stages_with_settings(graph(self)):
+            told = f"settings of {', '.join(changed)}"
             raise InputError(told, "would hide what a sweep changes", "Give them by --tuning")
         names = [v.name for v in sweep(middle_of(self.quality, self.tuning), 1) if v.name]
         if unknown := set(self.only) - set(names):
@@ -104,7 +103,7 @@ class TradeOff(ShownStage, GradedStage):
         from styletrf.tables import write_rows, write_summary
         from styletrf.trade_off import combinations
         from styletrf.trade_off_page import TradeOffContent, write_trade_off_page
-        from tasks.measuring import machine
+        from tasks.measuring import machine, measured_on
 
         measured = self._measurements(inputs, run.lineage)
         points = combinations(measured)
@@ -117,13 +116,21 @@ class TradeOff(ShownStage, GradedStage):
         evidence = json.loads((inputs["model"] / "scene.json").read_text())["evidence"]
         told = {
             "scene": self.scene, "style": self.painting, "quality": self.quality,
-            "space": evidence["space"]["chosen"], "machine": machine(),
-            "measured": datetime.now(UTC).date().isoformat(),
+            "space": evidence["space"]["chosen"], "machine": machine(run.lineage),
+            "measured": measured_on(run.lineage), "changes": self._changes(),
         }  # fmt: skip
         write_summary(out / "front.json", {**told, "points": [asdict(p) for p in front]})
         content = TradeOffContent(**told, points=points, front=front, measurements=measured,
                                   command=self.command)  # fmt: skip
         write_trade_off_page(out / "report.html", content)
+
+    def _changes(self) -> str:
+        """How many of the sweep's changes were measured, in words."""
+        measured, whole = (
+            sum(bool(v.name) for v in each)
+            for each in (self.variants(), sweep(middle_of(self.quality, self.tuning), 1))
+        )
+        return f"{measured} of {whole} changes"
 
     def command(self, tuning: Tuning) -> str:
         """Returns the main command with these settings."""
@@ -137,7 +144,7 @@ class TradeOff(ShownStage, GradedStage):
         self, inputs: Mapping[str, Path], records: Sequence[ActionRecord]
     ) -> list[Measurement]:
         usual = lineage_of(inputs["result"], records)
-        afterwards = {n: record for n, record in usual.items() if n in _AFTERWARDS}
+        afterwards = {digest: r for digest, r in usual.items() if r.action.family in _AFTERWARDS}
         return [
             measurement(
                 variant,

@@ -17,13 +17,14 @@ from tasks.at_exit import acting_at_exit, root_of_command
 from tasks.choosing import Choice, Wish, WishedQuality, choose, space_of, wish_of
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
+from tasks.graph import graph
 from tasks.metrics import ConsistencyMetrics, QualityMetrics
 from tasks.night import conclude
 from tasks.qualities import QUALITIES
 from tasks.scene import CameraPoses, SceneModel
 from tasks.shards import part_of
 from tasks.showing import ShownStage
-from tasks.stage import Stage
+from tasks.stage import Stage, stages_with_settings
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
 from tasks.wall import refresh_at_exit, refresh_wall
@@ -79,6 +80,10 @@ class StylizedTrajectory(ShownStage, FrameControls):
         if self.wish and self.tuning:
             problem = "goes without a wish for time or accuracy, which chooses the settings"
             raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
+        named = {**self.param_kwargs, "quality": QUALITIES[0], "budget": ""}
+        if self.wish and (changed := stages_with_settings(graph(StylizedTrajectory(**named)))):
+            problem = "go without a wish for time or accuracy, which chooses them"
+            raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
 
     def requires(self) -> Mapping[str, Stage]:
         """Everything the report shows; for a wish, what tells the kind of scene."""

@@ -4,11 +4,15 @@ import json
 from dataclasses import asdict
 
 import pytest
+from luigi.cmdline_parser import CmdlineParser
 
+from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.trade_off import Combination
 from tasks import StylizedTrajectory
+from tasks.checking import configurations
 from tasks.choosing import SHIPPED, choose, wish_of
+from tasks.qualities import settings_for
 
 FAST = Combination(
     "quick", "", {"RadianceField": {"iterations": 9}}, 0.8, 24.0, -5.0, 100.0, 1.0, 0.0, 1, 1
@@ -23,6 +27,7 @@ def front(path, points=(FAST, GOOD)):
         "quality": "draft",
         "measured": "2026-01-01",
         "machine": "2 cores",
+        "changes": "1 of 30 changes",
     }
     rows = [{"combination": asdict(p), "overlaps": False} for p in points]
     path.write_text(json.dumps({**told, "points": rows}))
@@ -41,7 +46,7 @@ def test_a_wish_is_granted_by_the_front_of_the_scene(tmp_path, quality, budget, 
     assert wish
     choice = choose(wish, front(tmp_path / "front.json"), "ndc")
     assert (choice.point, choice.quality) == (found, "draft")
-    assert "this scene" in choice.told
+    assert "this scene (s, p, 1 of 30 changes" in choice.told
 
 
 def test_a_quality_by_its_name_is_no_wish():
@@ -60,11 +65,16 @@ def test_what_cannot_be_granted_is_told(tmp_path, quality, budget, told):
         choose(wish_of(quality, budget), front(tmp_path / "front.json"), "ndc")
 
 
-@pytest.mark.parametrize("space", sorted(path.stem for path in SHIPPED.glob("*.json")))
+@pytest.mark.parametrize("space", ["ndc", "unbounded", "box"])
 def test_the_shipped_fronts_grant_wishes(tmp_path, space):
     choice = choose(wish_of("within 1 dB", ""), tmp_path / "none", space)
     assert f"shipped front for {space} space" in choice.told
-    assert json.loads((SHIPPED / f"{space}.json").read_text())["space"] == space
+    front = json.loads((SHIPPED / f"{space}.json").read_text())
+    assert front["space"] == space
+    for point in front["points"]:
+        for stage, settings in point["combination"]["tuning"].items():
+            usual = settings_for(stage, front["quality"])
+            configured(configurations()[stage], {**usual, **settings})
 
 
 def test_other_words_are_no_quality():
@@ -93,6 +103,17 @@ def test_words_that_do_not_go_together_are_refused(words, told):
         task.require_sound()
     assert task.granted() is None
     assert not task.complete()
+
+
+def test_settings_of_a_stage_and_a_wish_are_refused():
+    """The settings that the front chooses would win over them, unseen."""
+    words = ["StylizedTrajectory", "--scene", "s", "--style", "p", "--budget", "5min"]
+    settings = ["--RadianceField-settings", '{"iterations": 9000}']
+    with (
+        CmdlineParser.global_instance([*words, *settings]) as command,
+        pytest.raises(InputError, match="settings of RadianceField"),
+    ):
+        command.get_task_obj().require_sound()
 
 
 def test_a_wish_needs_but_the_kind_of_scene():

@@ -1,12 +1,13 @@
 """Measurements from records: lineages by digest, shares of other work, times of resumed builds."""
 
+import socket
 from pathlib import Path
 
 import pytest
 
 from pipeline.digest import Tree
 from pipeline.record import Action, ActionRecord
-from tasks.measuring import lineage_of, measurement
+from tasks.measuring import lineage_of, machine, measurement
 from tasks.sweep import Variant
 
 
@@ -28,9 +29,22 @@ RECORDS = [
 
 def test_a_lineage_is_what_went_into_an_artifact():
     found = lineage_of(Path("objects/s"), RECORDS)
-    assert set(found) == {"SceneModel", "RadianceField", "StyleNetwork", "StylizedField"}
-    assert found["RadianceField"].output.digest == "f"
-    assert lineage_of(Path("objects/g"), RECORDS)["RadianceField"].output.digest == "g"
+    assert set(found) == {"m", "f", "n", "s"}
+    assert set(lineage_of(Path("objects/g"), RECORDS)) == {"m", "g"}
+
+
+def test_a_stage_made_in_parts_took_what_all_of_them_did():
+    parts = [record("TrajectoryFrames", f"part{k}", seconds=20.0 + k) for k in range(2)]
+    joined = record("TrajectoryFrames", "t", {"0": "part0", "1": "part1"}, seconds=1.0)
+    lineage = lineage_of(Path("objects/t"), [*parts, joined]).values()
+    told = measurement(Variant("scene", "", {}), lineage, {"psnr": 25.0})
+    assert told.seconds == {"TrajectoryFrames": 42.0}
+
+
+def test_another_host_is_named():
+    assert "measured on" not in machine([record("SceneModel", "m", host=socket.gethostname())])
+    told = machine([record("SceneModel", "m", host="faraway", started="2026-01-02T03:04:05")])
+    assert told.endswith("measured on faraway")
 
 
 def test_each_side_counts_its_own_stages_and_no_judge():
