@@ -92,8 +92,12 @@ def prior_views(
 def look_at(
     center: Float[np.ndarray, " 3"], target: Float[np.ndarray, " 3"], down: np.ndarray
 ) -> Float[np.ndarray, "3 4"]:
-    """Returns world_from_camera at `center` with z towards `target` and y near `down`."""
-    z = (target - center) / np.linalg.norm(target - center)
+    """Returns world_from_camera at `center` with z towards `target` and y near `down`.
+
+    At the target itself it looks along the world's z.
+    """
+    distance = np.linalg.norm(target - center)
+    z = (target - center) / distance if distance > 0 else np.array([0.0, 0.0, 1.0])
     x = np.cross(down, z)
     x = x / np.linalg.norm(x) if np.linalg.norm(x) > 1e-9 else np.array([1.0, 0.0, 0.0])
     return np.column_stack([x, np.cross(z, x), z, center])

@@ -3,16 +3,14 @@
 import importlib.util
 import json
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import luigi
-import psutil
 import pytest
 from build_toys import Act
+from ray_process import RayCluster
 from slurm_cluster import SlurmCluster, is_installed
 from store_toys import Sentence, Word, built
 from test_command import are_gone, pids_of_slow, start
@@ -28,43 +26,13 @@ from pipeline.settings import current_store
 from pipeline.verify import problems, records
 
 pytestmark = pytest.mark.slow
-HERE = Path(__file__).parent
-
-
-class Cluster:
-    """`ray_cluster.py`, and its address."""
-
-    def __init__(self) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, HERE / "ray_cluster.py"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        self.address, *raylets = self.process.stdout.readline().split()
-        self.raylets = [int(pid) for pid in raylets]
-
-    def do(self, words: str) -> None:
-        self.process.stdin.write(f"{words}\n")
-        self.process.stdin.flush()
-        self.raylets = [int(pid) for pid in self.process.stdout.readline().split()]
-
-    def node_of(self, pid: int) -> int:
-        """The number of the node that a process belongs to, by the raylet above it."""
-        mine = {p.pid for p in psutil.Process(pid).parents()}
-        (place,) = (n for n, raylet in enumerate(self.raylets) if raylet in mine)
-        return place
-
-    def end(self) -> None:
-        self.process.communicate(timeout=60)
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Cluster]:
+def cluster() -> Iterator[RayCluster]:
     if importlib.util.find_spec("ray") is None:
         pytest.skip("needs the extra `ray`")
-    cluster = Cluster()
+    cluster = RayCluster()
     yield cluster
     cluster.end()
 

@@ -6,7 +6,7 @@ import torch
 from kernel_cases import generator
 
 from styletrf.cameras import Camera
-from styletrf.geometric_consistency import corresponding, geometric_errors
+from styletrf.geometric_consistency import Correspondence, corresponding, geometric_errors
 from styletrf.perceptual_distance import STYLE_LAYERS, grams, perceptual_distance, style_distance
 
 PERCEPTUAL = pytest.mark.extremes("Perceptual and style distance")
@@ -74,6 +74,29 @@ def test_a_flat_wall_at_any_depth_is_steady(depth, level, stability):
     errors = geometric_errors(flat, flat, warped)
     assert (errors.geometric_fraction > 0) == (depth >= 1)
     assert np.isnan(errors.geometric_error) == (depth < 1)
-    assert np.isnan(errors.normalized_error), "what has no contrast has no error by it"
+    assert np.isnan(errors.normalized_error), "what has no detail has no error by it"
     expected = np.nan if depth < 1 else 0.0
     stability(f"flat wall at {depth:g}", errors.geometric_error, expected)
+
+
+@GEOMETRIC
+@pytest.mark.parametrize("contrast", [0.0, 1e-30, 1e-9, 1e-3, 1.0, 1e9])
+@pytest.mark.parametrize("level", [0.0, 0.5])
+def test_pictures_of_any_contrast_are_between_equal_and_unrelated(contrast, level, stability):
+    """Equal ones, against a scene with detail: 0 by and by, and 1 where nothing is to be seen."""
+    random = np.random.default_rng(0)
+    scene = random.random((24, 32, 3)).astype(np.float32)
+    picture = (level + contrast * random.random((24, 32, 3))).astype(np.float32)
+    seen = np.ones(scene.shape[:2], bool)
+    found = geometric_errors(scene, picture, Correspondence(scene, picture, seen))
+    assert 0 <= found.normalized_error <= 1 + 1e-9
+    if contrast == 1.0:
+        assert found.normalized_error < 1e-4
+    if contrast < 1e-6:
+        assert found.normalized_error > 0.999
+    exact = picture.astype(np.float64)
+    told = geometric_errors(scene, exact, Correspondence(scene, exact, seen))
+    stability(
+        f"contrast {contrast:g} about {level:g}", found.normalized_error, told.normalized_error,
+        precision="float32",
+    )  # fmt: skip

@@ -133,3 +133,19 @@ def test_a_part_of_a_grid_is_whole_scenes():
     assert len(cells[0]) == 4
     with pytest.raises(InputError, match=r"--part 3/2: is no part"):
         tasks.Grid(scenes=scenes, styles=["x"], part="3/2").require_sound()
+
+
+@pytest.mark.parametrize(
+    ("frames", "deltas", "is_refused"),
+    [(1, None, True), (2, None, False), (5, [5], True), (6, [5, 7], False), (3, "no list", False)],
+)
+def test_a_path_without_two_frames_to_compare_is_refused(frames, deltas, is_refused):
+    """Before anything is built, not after everything was."""
+    tuning = {"TrajectoryFrames": {"trajectory.frames": frames}}
+    tuning |= {"ConsistencyMetrics": {"deltas": deltas}} if deltas else {}
+    stage = tasks.ConsistencyMetrics(scene="s", style="p", tuning=tuning)
+    if not is_refused:
+        stage.require_sound()
+        return
+    with pytest.raises(InputError, match="leaves no two frames"):
+        stage.require_sound()
