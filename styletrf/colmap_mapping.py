@@ -42,44 +42,39 @@ def extract_features(
 
     A camera starts from its setting's focal prior, or from COLMAP's guess where there is none.
     """
-    each = all(len(setting.files) == 1 for setting in images.lenses)
-    runs = [images.files] if each else [setting.files for setting in images.lenses]
-    portion, total, done = 2 * (os.cpu_count() or 1), len(images.files), 0
-    for run in runs:
-        reader = pycolmap.ImageReaderOptions(camera_model=camera_model)
-        for start in range(0, len(run), portion):
-            progress(done, total)
-            files = run[start : start + portion]
-            _describe(database, images.folder, files, max_features, reader, each=each)
-            if not each:
-                reader.existing_camera_id = _newest_camera(database)
-            done += len(files)
+    _register(database, images, camera_model)
+    portion, total = 2 * (os.cpu_count() or 1), len(images.files)
+    for start in range(0, total, portion):
+        progress(start, total)
+        _describe(database, images.folder, images.files[start : start + portion], max_features)
     for setting in images.lenses:
         if setting.focal_prior_px is not None:
             _set_focal(database, setting.files[0], setting.focal_prior_px)
     progress(total, total)
 
 
-def _describe(
-    database: Path, folder: Path, files: Sequence[str], max_features: int,
-    reader: pycolmap.ImageReaderOptions, *, each: bool,
-) -> None:  # fmt: skip
+def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
+    """Gives images and cameras their numbers, in order.
+
+    The threads that describe images would number them as they come, and what follows (whom RANSAC
+    samples first, which pair begins) would differ from run to run.
+    """
+    pycolmap.Database.open(database).close()
+    reader = pycolmap.ImageReaderOptions(camera_model=camera_model)
+    modes = pycolmap.CameraMode
+    each = all(len(setting.files) == 1 for setting in images.lenses)
+    runs = [images.files] if each else [setting.files for setting in images.lenses]
+    for run in runs:
+        mode = modes.PER_IMAGE if each else modes.SINGLE
+        pycolmap.import_images(database, images.folder, mode, list(run), reader)
+
+
+def _describe(database: Path, folder: Path, files: Sequence[str], max_features: int) -> None:
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features = max_features
     pycolmap.extract_features(
-        database,
-        folder,
-        list(files),
-        camera_mode=pycolmap.CameraMode.PER_IMAGE if each else pycolmap.CameraMode.SINGLE,
-        reader_options=reader,
-        extraction_options=options,
-        device=pycolmap.Device.cpu,
+        database, folder, list(files), extraction_options=options, device=pycolmap.Device.cpu
     )
-
-
-def _newest_camera(database: Path) -> int:
-    with closing(pycolmap.Database.open(database)) as opened:
-        return max(int(camera.camera_id) for camera in opened.read_all_cameras())
 
 
 def _set_focal(database: Path, file: str, focal_px: float) -> None:
@@ -130,9 +125,11 @@ def map_globally(
     """Returns the models that COLMAP's global mapper finds, the largest first.
 
     It solves all rotations, then all positions, then adjusts the bundle: fast, and stable where
-    the photographs overlap well. It does not tell how far it is.
+    the photographs overlap well. It does not tell how far it is. One thread, since several add up
+    in an order that differs from run to run.
     """
-    options = pycolmap.GlobalPipelineOptions(random_seed=seed)
+    options = pycolmap.GlobalPipelineOptions(random_seed=seed, num_threads=1)
+    options.mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
     progress(0, len(images.files))
     models = pycolmap.global_mapping(database, images.folder, _output(database), options)
     progress(len(images.files), len(images.files))
@@ -144,9 +141,9 @@ def map_incrementally(
 ) -> list[pycolmap.Reconstruction]:
     """Returns the models that COLMAP's incremental mapper finds, the largest first.
 
-    It adds one photograph after another: slower, and less choosy about overlap.
+    It adds one photograph after another: slower, and less choosy about overlap. One thread, too.
     """
-    options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3)
+    options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3, num_threads=1)
     placed, total = 0, len(images.files)
 
     def place(count: int) -> None:

@@ -14,7 +14,7 @@ Point: TypeAlias = tuple[float | int, float | int]
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A quantity against the seconds of training it took, or against something else.
+    """A quantity against the iterations of training, or against something else.
 
     Attributes:
         title: What was trained or measured.
@@ -30,7 +30,7 @@ class Curve:
     at: Sequence[float | int]
     values: Sequence[float | int]
     floor: Sequence[float | int] = ()
-    along: str = "seconds"
+    along: str = "iteration"
 
 
 def curve_svg(curve: Curve) -> str:

@@ -29,9 +29,10 @@ from styletrf.whole_files import whole_file
 Frame = UInt8[np.ndarray, "height width 3"]
 
 # In order of preference. Constant quality, at which painted strokes survive (32 dB and more on pans
-# over the paintings of the paper); one thread, since the number of threads changes the bytes.
+# over the paintings of the paper); one thread, since the number of threads changes the bytes; no
+# macroblock tree, whose code for wide registers reads beyond small frames: bytes as they come.
 _ENCODERS = {
-    "libx264": {"crf": "16", "preset": "slow", "threads": "1"},
+    "libx264": {"crf": "16", "preset": "slow", "threads": "1", "x264-params": "mbtree=0"},
     "libvpx-vp9": {"crf": "18", "b": "0", "deadline": "good", "cpu-used": "2", "threads": "1"},
 }
 

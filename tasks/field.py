@@ -42,7 +42,7 @@ class RadianceField(TunedStage):
         from styletrf.kernels import kernels_for
         from styletrf.point_table import read_points
         from styletrf.scene_model import read_scene_model
-        from styletrf.tables import write_rows
+        from styletrf.tables import write_curve
         from styletrf.views import load_views
 
         device = device_named(self.device)
@@ -65,7 +65,7 @@ class RadianceField(TunedStage):
             torch.from_numpy(free),
         )
         save_field(out, field)
-        write_rows(out / "curve.parquet", curve)
+        write_curve(out / "curve.parquet", curve)
 
 
 class PathRenders(ShardedStage):

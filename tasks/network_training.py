@@ -96,7 +96,7 @@ def train_here(asked: Asked, display: Display) -> None:
     from styletrf.style_network import save_style_network
     from styletrf.style_training import train_style_network
     from styletrf.style_training_config import StyleTrainingConfig, steered
-    from styletrf.tables import write_rows
+    from styletrf.tables import write_curve
     from styletrf.vgg import load_vgg
 
     inputs, device = {n: Path(path) for n, path in asked.inputs.items()}, device_named(asked.device)
@@ -120,7 +120,7 @@ def train_here(asked: Asked, display: Display) -> None:
     )
     if ranks.is_first:
         save_style_network(network, Path(asked.out))
-        write_rows(Path(asked.out) / "curve.parquet", curve)
+        write_curve(Path(asked.out) / "curve.parquet", curve)
 
 
 def batch_of(settings: Mapping[str, Any]) -> int:

@@ -132,9 +132,8 @@ def _curves(inputs: Mapping[str, Path]) -> list[Curve]:
 
 
 def _curve(title: str, quantity: str, rows: list[dict[str, Any]], column: str) -> Curve:
-    return Curve(
-        title, quantity, [float(row["seconds"]) for row in rows], [float(r[column]) for r in rows]
-    )
+    at, values = ([row[name] for row in rows] for name in ("iteration", column))
+    return Curve(title, quantity, at, values)
 
 
 def _steadiness(pairs: Sequence[Mapping[str, Any]]) -> list[Curve]:

@@ -168,7 +168,7 @@ class StylizedField(TunedStage, StyleControls):
             load_stylization,
             stylized,
         )
-        from styletrf.tables import write_rows
+        from styletrf.tables import write_curve
 
         config = configured(StylizationConfig, self.values())
         job = load_stylization(inputs, device_named(self.device), cast("Match", self.match))
@@ -179,7 +179,7 @@ class StylizedField(TunedStage, StyleControls):
             field, curve = freely_stylized(job, config, run.progress, anew=self.strategy == "s1")
             dropped = 0.0
             save_field(out, field)
-        write_rows(out / "curve.parquet", curve)
+        write_curve(out / "curve.parquet", curve)
         shared = inputs["field"].name if self.strategy == "s3" else None
         told = {"density_of": shared, "dropped_weight": dropped}
         (out / "density.json").write_text(json.dumps(told, indent=1, sort_keys=True) + "\n")

@@ -124,6 +124,20 @@ def test_progress_comes_in_phases_that_complete(solved):
     assert all(0 <= done <= total for done, total in calls)
 
 
+@pytest.mark.parametrize("lenses", ["one", "each"])
+def test_the_same_photographs_have_the_same_cameras_to_the_last_bit(tmp_path, lenses):
+    """Whatever the threads that describe them: else all that is made of them would be new, too."""
+    photographs = {f"{i}.png": room_view(pose) for i, pose in enumerate(room_poses(6))}
+    capture, _ = captured(tmp_path, photographs)
+    told = []
+    for k in range(3):
+        out = tmp_path / f"out{k}"
+        out.mkdir()
+        solve_camera_poses(capture, out, CameraPosesConfig(lenses=lenses))
+        told.append({p.name: p.read_bytes() for p in sorted(out.rglob("*")) if p.is_file()})
+    assert told[0] == told[1] == told[2]
+
+
 def test_photographs_without_overlap_are_refused(tmp_path):
     noise = np.random.default_rng(0).integers(0, 256, (5, 60, 80, 3), dtype=np.uint8)
     capture, out = captured(tmp_path, {f"{i}.png": image for i, image in enumerate(noise)})

@@ -70,7 +70,7 @@ def test_constants_and_single_points_are_drawn(values):
 
 def test_names_are_escaped():
     svg = chart([1.0, 2.0], title='<b>"', quantity="a & b")
-    assert "a &amp; b of &lt;b&gt;&quot; against seconds" in svg
+    assert "a &amp; b of &lt;b&gt;&quot; against iteration" in svg
     ET.fromstring(svg)
 
 

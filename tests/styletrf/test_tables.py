@@ -2,14 +2,15 @@
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 
+from styletrf.adaptation import AdaptationPoint
 from styletrf.configuration import configured
 from styletrf.errors import InputError
-from styletrf.tables import read_rows, read_summary, write_rows, write_summary
+from styletrf.tables import read_rows, read_summary, write_curve, write_rows, write_summary
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,15 @@ def test_rows_come_back(tmp_path: Path):
     write_rows(tmp_path / "rows.parquet", rows)
     told = read_rows(tmp_path / "rows.parquet")
     assert told == [{"width": 1, "ranks": [2, 3]}, {"width": 4, "ranks": [5]}]
+
+
+def test_a_curve_of_another_day_has_the_same_bytes(tmp_path: Path):
+    """What training took is the record's: else nothing made of two equal fits would be shared."""
+    point = AdaptationPoint(10, 1.5, 30.0)
+    write_curve(tmp_path / "a.parquet", [point])
+    write_curve(tmp_path / "b.parquet", [replace(point, seconds=99.0)])
+    assert read_rows(tmp_path / "a.parquet") == [{"iteration": 10, "psnr": 30.0}]
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
 
 
 def test_a_summary_is_strict_json_with_sorted_keys(tmp_path: Path):

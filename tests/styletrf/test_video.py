@@ -81,6 +81,18 @@ def test_the_same_frames_give_the_same_bytes(tmp_path):
     assert a != c
 
 
+def test_small_frames_give_the_same_bytes_every_time(tmp_path):
+    """Of frames a few macroblocks wide, the encoder's tree of them read what lay beyond."""
+    frames = painted(48, 64, 6)
+    videos = set()
+    for k in range(40):
+        other_content_of_memory = np.full(1000 * (k + 1), k)
+        write_video(tmp_path / "a.mp4", frames, 24)
+        videos.add((tmp_path / "a.mp4").read_bytes())
+        assert other_content_of_memory[0] == k
+    assert len(videos) == 1
+
+
 def test_the_index_comes_first_so_that_it_plays_while_loading(tmp_path):
     write_video(tmp_path / "a.mp4", painted(), 24)
     content = (tmp_path / "a.mp4").read_bytes()
