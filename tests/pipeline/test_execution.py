@@ -98,7 +98,7 @@ def test_a_user_error_keeps_its_words():
 
 def test_a_full_disk_in_the_build_is_told_as_such():
     failure = failure_of(Fills())
-    assert failure.kind == "user"
+    assert failure.kind == "disk"
     assert "no space left" in failure.reason
 
 

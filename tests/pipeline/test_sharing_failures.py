@@ -207,11 +207,14 @@ def test_a_server_that_errs_for_longer_is_waited_for_as_long_as_patience_lasts(
 
 
 @pytest.mark.usefixtures("inline")
-@pytest.mark.parametrize("status", [403, 404])
-def test_what_will_not_pass_is_not_waited_for(proxied, monkeypatch, caplog, status):
+@pytest.mark.parametrize("what", ["forbidden", "no bucket"])
+def test_what_will_not_pass_is_not_waited_for(proxied, monkeypatch, caplog, what):
     _, proxy = proxied
     monkeypatch.setenv("STYLETRF_PATIENCE", "60")
-    proxy.fault = lambda method, _path: status if method == "PUT" else None
+    if what == "forbidden":
+        proxy.fault = lambda method, _path: 403 if method == "PUT" else None
+    else:
+        monkeypatch.setenv("STYLETRF_REMOTE", "s3://nowhere/store")
     begun = time.monotonic()
     assert build(Word("hello"))
     assert time.monotonic() - begun < 20
