@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pipeline.errors import FailureKind, LostInputError, TaskFailure
+from pipeline.errors import FailureKind, LostInputError, TaskFailure, is_full
 from pipeline.execute import die_with
 from pipeline.resources import CORES
 from pipeline.settings import PATIENCE, current_remote, current_store, setting
@@ -133,9 +133,10 @@ def perform(errand: Errand) -> Outcome:
     """Build what is asked, here."""
     from pipeline.building import find_or_build
 
-    host, store = socket.gethostname(), current_store()
+    host = socket.gethostname()
     node = os.environ.get(NODE) or os.environ.get("SLURMD_NODENAME", "")
     try:
+        store = current_store()
         task_class: type[StoredTask] = getattr(importlib.import_module(errand.module), errand.task)
         task: StoredTask = task_class.from_str_params(dict(errand.parameters))  # type: ignore[no-untyped-call]
         action = task.action()
@@ -152,7 +153,8 @@ def perform(errand: Errand) -> Outcome:
     except TaskFailure as failure:
         return Outcome(failure.kind, failure.reason, host, node)
     except Exception as error:  # noqa: BLE001  it has to be told where it was asked
-        return Outcome("crash", f"{type(error).__name__}: {error}", host)
+        kind: FailureKind = "disk" if is_full(error) else "crash"
+        return Outcome(kind, f"{type(error).__name__}: {error}", host, node)
     return Outcome("built", host=host)
 
 

@@ -42,6 +42,11 @@ class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is 
         return f"{self.task}: {self.reason}"
 
 
+def is_full(error: BaseException | None) -> bool:
+    """Whether a disk, or what somebody may have of it, is full."""
+    return getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT)
+
+
 def explain(
     error: Exception, log: Path, user_errors: Errors = (), transient_errors: Errors = ()
 ) -> tuple[FailureKind, str]:
@@ -49,10 +54,11 @@ def explain(
     other: FailureKind = "transient" if isinstance(error, transient_errors) else "crash"
     if isinstance(error, (*user_errors, StoreError)):
         return ("user" if other == "crash" else other), str(error)
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+    if is_full(error):
+        where = getattr(error, "filename", None) or log.parent
         return "disk", (
-            f"no space left on the disk of {error.filename or log.parent}. Nothing half-made was"
-            " kept: free some space, or set STYLETRF_STORE to a folder on another disk, and run"
-            " the same command again."
+            f"no space left on the disk of {where}. Nothing half-made was kept: free some"
+            " space, or set STYLETRF_STORE to a folder on another disk, and run the same"
+            " command again."
         )
     return other, f"{type(error).__name__}: {error}. The trace is in {log}"

@@ -1,7 +1,6 @@
 """The place of a shared store: bytes by name, in a directory or a bucket, never replaced."""
 
 import contextlib
-import errno
 import functools
 import json
 import logging
@@ -15,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from pipeline.errors import StoreError
+from pipeline.errors import StoreError, is_full
 from pipeline.publication import sync
 from pipeline.store import nothing
 
@@ -128,7 +127,7 @@ class Remote:
                 files.retries = 3  # going on from where the connection broke
                 files.get_file(path, os.fspath(target))
         except StoreError as error:
-            if getattr(error.__cause__, "errno", None) in (errno.ENOSPC, errno.EDQUOT):
+            if is_full(error.__cause__):
                 raise OSError(*cast("OSError", error.__cause__).args, os.fspath(target)) from error
             raise
 
