@@ -160,7 +160,7 @@ def test_machines_with_other_code_are_told_so_and_spoil_nothing(luigid, toys):
     while not list(records(current_store())):
         time.sleep(0.02)
     settings = luigid.config.read_text()
-    luigid.config.write_text(f"{settings}\n[store]\nsalt = another\n")
+    luigid.config.write_text(settings.replace("[store]", "[store]\nsalt = another"))
     status, screen = finish(worker("Sentence", "--words", '["hello"]'))
     first.kill()
     first.communicate()

@@ -245,7 +245,7 @@ def test_links_that_were_deleted_come_back_without_building(workplace: Workplace
 @pytest.mark.usefixtures("first")
 def test_a_sweep_measures_its_variants_alone_and_its_front_grants_wishes(workplace: Workplace):
     """What the usual result needs is there; a killed sweep would go on likewise."""
-    changes = ["faint samples of frames x 3", "adaptation iterations x 0.5"]
+    changes = ["faint samples of the fit x 3", "adaptation iterations x 0.5"]
     words = ["TradeOff", "--scene", "yard", "--style", "brush", "--repeats", "1"]
     words += ["--only", json.dumps(changes)]
     refused = workplace.command(*words)
@@ -254,7 +254,7 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_grants_wishes(workpla
     sweep = workplace.command(*words, "--tuning", json.dumps(SETTINGS))
     assert sweep.status == 0, sweep.screen
     assert Counter(sweep.started) == {
-        "QualityMetrics": 1, "TrajectoryFrames": 1,  # of the frames
+        "RadianceField": 1, "QualityMetrics": 1, "TrajectoryFrames": 1,  # of the fit
         "StylizedField": 1, "StylizedFrames": 1, "StylizationMetrics": 2,  # of the adaptation
         "TradeOff": 1,
     }  # fmt: skip
@@ -263,6 +263,8 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_grants_wishes(workpla
     assert 1 <= len(front["points"]) <= 4
     assert all("RadianceField" in point["combination"]["tuning"] for point in front["points"])
     wish = ["StylizedTrajectory", "--scene", "yard", "--style", "brush", "--quality"]
+    assert "go without a wish" in workplace.command(*wish, "within 99 dB").screen
+    wish = [*wish[:-1], "--tuning", "{}", "--quality"]
     granted = workplace.command(*wish, "within 99 dB")
     assert granted.status == 0, granted.screen
     assert "the front of this scene" in granted.screen
