@@ -88,9 +88,9 @@ def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, Obsta
 
 
 def _attempt(store: Store, log: Path) -> Attempt:
-    end = log.read_text(errors="replace").strip().rpartition("\n")[2]
+    said = log.read_text(errors="replace").strip() or f"it wrote nothing (a full disk?). {log}"
     locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
-    return Attempt(log, end, any(is_held(lock) for lock in locks))
+    return Attempt(log, said.rpartition("\n")[2], any(is_held(lock) for lock in locks))
 
 
 def _changed(log: Path) -> tuple[int, str]:

@@ -4,7 +4,6 @@ One process draws them, `python -m pipeline.board`, since what they show comes f
 command, its workers and their builds write JSON, a line a message, to the pipe it reads.
 """
 
-import atexit
 import contextlib
 import functools
 import json
@@ -15,6 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from pipeline.ending import at_end
 from pipeline.host import workers_of_command
 
 _LONGEST = 300  # characters of a word; writes of more than 4 KiB to a pipe may be torn
@@ -100,7 +100,7 @@ def board_of_command() -> Board | None:
     with os.fdopen(reading, "rb") as messages:  # a session of its own, which Ctrl-C leaves alone
         drawer = subprocess.Popen(command, stdin=messages, start_new_session=True, env=environment)
     board = Board(writing, drawer)
-    atexit.register(board.close)
+    at_end(board.close)
     return board
 
 

@@ -51,7 +51,7 @@ def place(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
 def _sent(engine: Engine, errand: Errand, folder: Path) -> Outcome:
     """What became of an errand on the first machine whose disk has room for it."""
     outcome = engine.run(errand, folder)
-    while outcome.kind == "disk" and outcome.node not in errand.rather_not:
+    while outcome.kind == "disk" and outcome.node not in ("", *errand.rather_not):
         screen.info("%s on %s: sent on. %s", errand.task, outcome.host, outcome.message)
         errand = replace(errand, rather_not=(*errand.rather_not, outcome.node))
         outcome = engine.run(errand, folder)

@@ -1,14 +1,14 @@
 """What a command still does when all else is done, however that went."""
 
-import atexit
 import functools
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
 from luigi.task_register import Register
+
+from pipeline.ending import at_end
 
 
 def at_exit(act: Callable[[], None]) -> Callable[[], None]:
@@ -19,15 +19,13 @@ def at_exit(act: Callable[[], None]) -> Callable[[], None]:
     Returns:
         What takes it back.
     """
-    process, parameters = os.getpid(), _command_parameters()
+    parameters = _command_parameters()
 
     def run() -> None:
-        if os.getpid() == process:
-            _adopt(parameters)  # Luigi has forgotten the command line by then
-            act()
+        _adopt(parameters)  # Luigi has forgotten the command line by then
+        act()
 
-    atexit.register(run)
-    return functools.partial(atexit.unregister, run)
+    return at_end(run)
 
 
 @contextmanager

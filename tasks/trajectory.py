@@ -80,8 +80,8 @@ class StylizedTrajectory(ShownStage, FrameControls):
         if self.wish and self.tuning:
             problem = "goes without a wish for time or accuracy, which chooses the settings"
             raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
-        named = {**self.param_kwargs, "quality": QUALITIES[0], "budget": ""}
-        if self.wish and (changed := stages_with_settings(graph(StylizedTrajectory(**named)))):
+        plain = {**self.param_kwargs, "quality": QUALITIES[0], "budget": ""}
+        if self.wish and (changed := stages_with_settings(graph(StylizedTrajectory(**plain)))):
             problem = "go without a wish for time or accuracy, which chooses them"
             raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
 

@@ -9,6 +9,7 @@ Mounts file systems: needs root. Ends with what was lost, or built twice.
 """
 
 import contextlib
+import os
 import sys
 import tempfile
 import time
@@ -34,14 +35,14 @@ Fault = Callable[[], None]
 _MEBIBYTE = 1 << 20
 
 
-def under_luigid(night: Night, proxy: Proxy, bucket: dict[str, str]) -> None:
+def under_luigid(night: Night, proxy: Proxy) -> None:
     """Two commands, begun again when they end badly; one until its disk is full."""
     luigid, full = Luigid(night.root, retries=20), night.root / "full"
     stores = {"full": full / "store", "roomy": night.root / "roomy"}
 
     def begin(name: str) -> psutil.Popen:
         place = {"STYLETRF_STORE": str(stores[name]), "LUIGI_CONFIG_PATH": str(luigid.config)}
-        return night.begin(**bucket, **place)
+        return night.begin(**place)
 
     def restart_luigid() -> None:
         luigid.kill()
@@ -71,9 +72,9 @@ def under_luigid(night: Night, proxy: Proxy, bucket: dict[str, str]) -> None:
         _tell([Store.open(path) for path in stores.values()])
 
 
-def on_ray(night: Night, proxy: Proxy, bucket: dict[str, str]) -> None:
+def on_ray(night: Night, proxy: Proxy) -> None:
     """One command; its store is a disk of their own for all nodes, which see no other's."""
-    cluster, store = RayCluster(**bucket), night.root / "store"
+    cluster, store = RayCluster(), night.root / "store"
     store.mkdir()
     for node in (f"apart {store} 512 2", f"apart {store} 1 2", f"apart {store} 512 2"):
         cluster.do(node)
@@ -83,7 +84,7 @@ def on_ray(night: Night, proxy: Proxy, bucket: dict[str, str]) -> None:
         f"[ray]\naddress = {cluster.address}\n[host]\ncores = 1\n[scheduler]\nretry_count = 3\n"
     )
     words = ("--executor", "ray", "--workers", "2")
-    command = night.begin(*words, **bucket, LUIGI_CONFIG_PATH=str(night.root / "ray.cfg"))
+    command = night.begin(*words, LUIGI_CONFIG_PATH=str(night.root / "ray.cfg"))
 
     def lose_a_node() -> None:
         training = next(p for p in psutil.process_iter() if _is_training(p))
@@ -165,9 +166,9 @@ def _tell(stores: list[Store]) -> None:
         raise SystemExit(f"{broken=}")
 
 
-def _require_nothing_left(night: Night, bucket: dict[str, str]) -> None:
+def _require_nothing_left(night: Night) -> None:
     """Ends unless a machine that has nothing finds everything in the bucket, and builds nothing."""
-    screen, _ = (c := night.begin(**bucket, STYLETRF_STORE=str(night.root / "new"))).communicate()
+    screen, _ = (c := night.begin(STYLETRF_STORE=str(night.root / "new"))).communicate()
     if c.returncode or ": started" in screen:
         raise SystemExit(screen)
     print("a machine that has nothing finds all of it")  # noqa: T201
@@ -179,9 +180,9 @@ def main() -> None:
         night, server = prepare(Path(folder), 2, 2), Server()
         stack.callback(server.kill)
         proxy = stack.enter_context(proxy_of(server))
-        bucket = {**server.environment(proxy.port), "STYLETRF_REMOTE": server.bucket().url}
-        {"luigid": under_luigid, "ray": on_ray}[sys.argv[1]](night, proxy, bucket)
-        _require_nothing_left(night, bucket)
+        os.environ |= server.environment(proxy.port) | {"STYLETRF_REMOTE": server.bucket().url}
+        {"luigid": under_luigid, "ray": on_ray}[sys.argv[1]](night, proxy)
+        _require_nothing_left(night)
 
 
 if __name__ == "__main__":

@@ -85,3 +85,10 @@ def test_an_attempt_that_runs_is_no_failure_and_a_failure_counts_more(store):
         assert not build(Act("refuse"))
         assert obstacle(Told(["sleep", "refuse"]), store).task == Act("refuse")
     assert obstacle(Told(["sleep"]), store).reason == "half of it"
+
+
+def test_a_build_that_could_not_even_write_why_it_failed_has_a_reason_all_the_same(store):
+    """On a full disk its log stays empty."""
+    log = store.new_log("Act", Act("succeed").action().key)
+    log.touch()
+    assert obstacle(Told(["succeed"]), store).reason == f"it wrote nothing (a full disk?). {log}"

@@ -1,0 +1,30 @@
+"""What a process still does at its end, while threads can be started: clients of S3 start some."""
+
+import concurrent.futures.thread  # noqa: F401  first, so that its pools are closed after what is asked
+import os
+import threading
+import traceback
+from collections.abc import Callable
+
+
+def at_end(act: Callable[[], None]) -> Callable[[], None]:
+    """Has this process, not those forked off it, do something when all else is done.
+
+    What was asked for first is done last. `atexit` would come too late: by then no thread pool
+    takes anything more.
+
+    Returns:
+        What takes it back.
+    """
+    process, taken_back = os.getpid(), threading.Event()
+
+    def run() -> None:
+        if os.getpid() != process or taken_back.is_set():
+            return
+        try:
+            act()
+        except Exception:  # noqa: BLE001  the others are to be done all the same
+            traceback.print_exc()
+
+    threading._register_atexit(run)  # type: ignore[attr-defined]
+    return taken_back.set
