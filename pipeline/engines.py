@@ -5,6 +5,8 @@ the outcome, however often it had to send it out. Where things are placed is its
 are, and that they are right, the store's.
 """
 
+import base64
+import contextlib
 import os
 import shlex
 import subprocess
@@ -48,20 +50,36 @@ class Ray:
         return outcome_in(done.stdout or done.stderr)
 
 
-class Slurm:
-    """A SLURM cluster, by `sbatch`; `[slurm] options` are added to its words."""
+_JOB = """#!/bin/sh
+said=$({build} 2>&1 <<'ERRAND' | tail -c 16000 | base64 | tr -d '\\n'
+{errand}
+ERRAND
+)
+for second in 1 10 30; do
+    scontrol update JobId="$SLURM_JOB_ID" Comment="$said" && exit
+    sleep "$second"
+done
+"""
 
-    def run(self, errand: Errand, folder: Path) -> Outcome:
+
+class Slurm:
+    """A SLURM cluster, by `sbatch`; `[slurm] options` are added to its words.
+
+    The errand goes along in the job's script, and the outcome comes back in the job's comment: the
+    machines need to share no folder.
+    """
+
+    def run(self, errand: Errand, folder: Path) -> Outcome:  # noqa: ARG002  it needs none
         """Have it built by a job, which SLURM queues again when its node fails."""
-        file = _written(errand, folder)
-        said = file.with_suffix(".out")
-        done = _run([*self._sbatch(errand, said), "--wrap", shlex.join(command(file))], errand)
-        job = done.stdout.partition(";")[0].strip()
+        build = shlex.join(command(Path("/dev/stdin")))
+        script = _JOB.format(build=build, errand=errand.to_json())
+        sent = _run(["sbatch", "--parsable", *self._words(errand)], errand, script)
+        job = sent.stdout.partition(";")[0].strip()
         if not job:
-            raise StoreError(f"SLURM cannot be used: {_last_line(done.stderr)}")
+            raise StoreError(f"SLURM cannot be used: {_last_line(sent.stderr)}")
         while self._is_queued(job, errand):
             time.sleep(_SECONDS_BETWEEN_LOOKS)
-        return outcome_in(said.read_text() if said.exists() else "")
+        return self._outcome(job, errand)
 
     def _is_queued(self, job: str, errand: Errand) -> bool:
         """Whether it waits or runs; `sbatch --wait` looks every half minute only.
@@ -71,26 +89,34 @@ class Slurm:
         told = _run(["squeue", "--noheader", f"--jobs={job}", "--format=%T"], errand)
         return bool(told.stdout.strip() or (told.returncode and "Invalid job" not in told.stderr))
 
-    def _sbatch(self, errand: Errand, said: Path) -> list[str]:
+    def _outcome(self, job: str, errand: Errand) -> Outcome:
+        """What a job that is over has left as its comment."""
+        ask = ["squeue", "--noheader", "--states=all", f"--jobs={job}", "--format=%T %k"]
+        state, _, comment = _run(ask, errand).stdout.strip().partition(" ")
+        with contextlib.suppress(ValueError):
+            if said := base64.b64decode(comment, validate=True).decode(errors="replace"):
+                return outcome_in(said)
+        return outcome_in(f"SLURM calls its job {job} {state or 'unknown'}")
+
+    def _words(self, errand: Errand) -> list[str]:
+        """For `sbatch`; without machines to leave out where it would then go to none."""
         words = [
-            *("sbatch", "--parsable", "--requeue"),
+            "--requeue",
             f"--job-name=styletrf-{errand.key[:16]}",
             f"--cpus-per-task={errand.cores}",
-            f"--output={said}",
+            "--output=/dev/null",
             f"--chdir={errand.folder}",
         ]
         if errand.memory_bytes:
             words.append(f"--mem={-(-errand.memory_bytes // 2**20)}M")
-        if errand.rather_not and self._others(errand):
-            words.append(f"--exclude={','.join(errand.rather_not)}")
         if errand.gpus and "gpu" in _run(["sinfo", "-h", "-o", "%G"], errand).stdout:
             words.append(f"--gres=gpu:{errand.gpus}")
-        return words + setting("slurm", "options").split()
-
-    def _others(self, errand: Errand) -> set[str]:
-        """The nodes beside those to be left out."""
-        names = _run(["sinfo", "--noheader", "--Node", "--format=%N"], errand).stdout.split()
-        return {*names} - {*errand.rather_not}
+        words += setting("slurm", "options").split()
+        if errand.rather_not:
+            away = [*words, f"--exclude={','.join(errand.rather_not)}"]
+            if _run(["sbatch", "--test-only", *away, "--wrap=true"], errand).returncode == 0:
+                return away
+        return words
 
 
 ENGINES: Mapping[str, Engine] = {"ray": Ray(), "slurm": Slurm()}
@@ -103,11 +129,13 @@ def _written(errand: Errand, folder: Path) -> Path:
     return file
 
 
-def _run(words: list[str], errand: Errand) -> "subprocess.CompletedProcess[str]":
-    """Run an engine's command; StoreError where it is not installed."""
+def _run(words: list[str], errand: Errand, said: str = "") -> "subprocess.CompletedProcess[str]":
+    """Run an engine's command, and say something to it; StoreError where it is not installed."""
     environment = {**os.environ, **errand.environment}
     try:
-        return subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
+        return subprocess.run(
+            words, input=said, capture_output=True, text=True, check=False, env=environment
+        )
     except FileNotFoundError as error:
         raise StoreError(f"{words[0]} is not installed on this machine") from error
 

@@ -76,20 +76,20 @@ def on_ray(night: Night, proxy: Proxy) -> None:
     """One command; its store is a disk of their own for all nodes, which see no other's."""
     cluster, store = RayCluster(), night.root / "store"
     store.mkdir()
-    for node in (f"apart {store} 512 2", f"apart {store} 1 2", f"apart {store} 512 2"):
-        cluster.do(node)
+    for mebibytes in (512, 1, 512):
+        cluster.do(f"apart {store} {mebibytes} 1")
     for _ in range(2):
         cluster.do("kill 0")  # those that would see the command's own store
     (night.root / "ray.cfg").write_text(
         f"[ray]\naddress = {cluster.address}\n[host]\ncores = 1\n[scheduler]\nretry_count = 3\n"
     )
-    words = ("--executor", "ray", "--workers", "2")
+    words = ("--executor", "ray", "--workers", "3")  # so that each node gets something
     command = night.begin(*words, LUIGI_CONFIG_PATH=str(night.root / "ray.cfg"))
 
     def lose_a_node() -> None:
         training = next(p for p in psutil.process_iter() if _is_training(p))
         cluster.do(f"kill {cluster.node_of(training.pid)}")
-        cluster.do(f"apart {store} 512 2")
+        cluster.do(f"apart {store} 512 1")
 
     faults = iter(
         [(1, lambda: _await_training()), (2, lose_a_node), (60, lambda: _fail_for(proxy, 60))]
@@ -102,8 +102,9 @@ def on_ray(night: Night, proxy: Proxy) -> None:
     print(f"status {command.returncode}; sent on for want of room: {len(sent)}")  # noqa: T201
     if command.returncode:
         raise SystemExit(screen)
+    there = [Path(f"/proc/{raylet}/root{store}") for raylet in cluster.raylets]
+    _tell([Store.open(path) for path in (*there, store)])
     cluster.end()
-    _tell([Store.open(store)])
 
 
 def _happening(faults: Iterator[tuple[float, Fault]]) -> Iterator[None]:
@@ -126,9 +127,9 @@ def _kill_a_build(command: psutil.Popen) -> None:
 def _is_training(process: psutil.Process) -> bool:
     """Whether it builds a field; what it is to build lies on the disk that it alone sees."""
     with contextlib.suppress(OSError, psutil.Error):
-        words = process.cmdline()
-        told = Path(f"/proc/{process.pid}/root{words[-1]}")
-        return "pipeline.execute" in words and '"RadianceField"' in told.read_text()
+        if "pipeline.execute" in (words := process.cmdline()):
+            told = Path(f"/proc/{process.pid}/root{words[-1]}").read_text()
+            return '"RadianceField"' in told
     return False
 
 

@@ -1,5 +1,6 @@
 """Builds on other machines: what every engine keeps to, over real ones."""
 
+import contextlib
 import importlib.util
 import json
 import subprocess
@@ -47,17 +48,23 @@ def slurm(tmp_path_factory) -> Iterator[SlurmCluster]:
 
 
 @pytest.fixture(params=["ray", "slurm"])
-def engine(request, tmp_path, monkeypatch) -> str:
+def machines(request) -> RayCluster | SlurmCluster:
+    """Those of an engine, of which a test takes some away and adds others."""
+    return request.getfixturevalue({"ray": "cluster"}.get(request.param, request.param))
+
+
+@pytest.fixture
+def engine(machines, tmp_path, monkeypatch) -> str:
     """An engine at hand, with settings for it here and in the commands started."""
     settings = "[host]\ncores = 1\n"
-    if request.param == "ray":
-        settings += f"[ray]\naddress = {request.getfixturevalue('cluster').address}\n"
+    if isinstance(machines, RayCluster):
+        settings += f"[ray]\naddress = {machines.address}\n"
     else:
-        monkeypatch.setenv("SLURM_CONF", str(request.getfixturevalue("slurm").settings))
+        monkeypatch.setenv("SLURM_CONF", str(machines.settings))
     (tmp_path / "engine.cfg").write_text(settings)
     monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "engine.cfg"))
     monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "store"))
-    return request.param
+    return "ray" if isinstance(machines, RayCluster) else "slurm"
 
 
 def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
@@ -112,17 +119,13 @@ def test_a_command_that_is_killed_takes_its_build_with_it(engine, toys):
         assert are_gone(pids)
 
 
-def test_a_lost_node_costs_a_step_and_nothing_else(engine, toys, request):
+def test_a_lost_node_costs_a_step_and_nothing_else(engine, machines, toys):
     """Its power goes while it builds; the errand is sent again, and goes on from the checkpoint."""
-    if engine != "ray":
-        pytest.skip("one node here")
-    cluster = request.getfixturevalue("cluster")
     process = send(engine, "Slow")
     pids = pids_of_slow(toys)
-    where = cluster.node_of(pids[0])
-    cluster.do(f"kill {where}")
+    machines.do(f"kill {machines.node_of(pids[0])}")
     assert are_gone(pids)
-    cluster.do("add")
+    machines.do("add")
     status, screen = finish(process)
     assert status == 0, screen
     (record,) = records(current_store())
@@ -132,51 +135,50 @@ def test_a_lost_node_costs_a_step_and_nothing_else(engine, toys, request):
     assert built() == ["Slow sleep"] * 2, "begun, and gone on with"
 
 
-def test_a_full_disk_of_one_node_is_the_work_of_another(engine, request, tmp_path, monkeypatch):
-    """The errand goes first to the only node that has its cores, whose own disk is full."""
-    if engine != "ray":
-        pytest.skip("one node here")
-    cluster = request.getfixturevalue("cluster")
-    (tmp_path / "engine.cfg").write_text((tmp_path / "engine.cfg").read_text().replace("1", "8", 1))
+@contextlib.contextmanager
+def own_disk_first(engine, machines, tmp_path, mebibytes) -> Iterator[None]:
+    """A node to which errands go first, and whose store is on a disk of its own.
+
+    Ray has it as the only one with the cores that are asked for, SLURM by its weight.
+    """
+    if engine == "ray":
+        settings = (tmp_path / "engine.cfg").read_text()
+        (tmp_path / "engine.cfg").write_text(settings.replace("cores = 1", "cores = 8"))
     (tmp_path / "store").mkdir()
+    machines.do(f"apart {tmp_path / 'store'} {mebibytes} 8")
+    try:
+        yield
+    finally:
+        machines.do("kill -1")
+
+
+def test_a_full_disk_of_one_node_is_the_work_of_another(engine, machines, tmp_path, monkeypatch):
     monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
     (tmp_path / "shared").mkdir()
-    cluster.do(f"apart {tmp_path / 'store'} 1 8")
-    try:
+    with own_disk_first(engine, machines, tmp_path, 1):
         status, screen = finish(send(engine, "Large", "--name", "a"))
-    finally:
-        cluster.do(f"kill {len(cluster.raylets) - 1}")
     assert status == 0, screen
     assert "sent on. no space left on the disk" in screen
     assert built() == ["Large a"] * 2
 
 
 def test_a_shared_store_that_errs_for_a_while_is_waited_for(
-    engine, proxied, request, tmp_path, monkeypatch
+    engine, machines, proxied, tmp_path, monkeypatch
 ):
     """By the node, which has built what it cannot give, and by who asks, who cannot see it."""
-    if engine != "ray":
-        pytest.skip("one node here, with the same store")
-    cluster = request.getfixturevalue("cluster")
     place, proxy = proxied
     options = {"client_kwargs": {"endpoint_url": f"http://127.0.0.1:{proxy.port}"}}
     options |= {"key": "a", "secret": "b"}
-    settings = (tmp_path / "engine.cfg").read_text().replace("1", "8", 1)
-    (tmp_path / "engine.cfg").write_text(
-        f"{settings}[store]\nremote = {place.url}\nremote_options = {json.dumps(options)}\n"
-    )
+    with (tmp_path / "engine.cfg").open("a") as settings:
+        settings.write(f"[store]\nremote = {place.url}\nremote_options = {json.dumps(options)}\n")
     monkeypatch.delenv("STYLETRF_REMOTE")
-    (tmp_path / "store").mkdir()
-    cluster.do(f"apart {tmp_path / 'store'} 64 8")
-    try:
+    with own_disk_first(engine, machines, tmp_path, 64):
         process = send(engine, "Large", "--name", "a")
         while not built():
             time.sleep(0.02)
         end = time.monotonic() + 12
         proxy.fault = lambda _method, _path: 500 if time.monotonic() < end else None
         status, screen = finish(process)
-    finally:
-        cluster.do(f"kill {len(cluster.raylets) - 1}")
     assert status == 0, screen
     assert time.monotonic() > end
     assert built() == ["Large a"]
