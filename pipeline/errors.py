@@ -1,6 +1,8 @@
 """What can go wrong, in the words its user reads."""
 
 import errno
+import os
+import shutil
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -8,6 +10,7 @@ FailureKind: TypeAlias = Literal[
     "user", "crash", "killed", "memory", "timeout", "transient", "changed", "late", "disk"
 ]
 Errors: TypeAlias = tuple[type[Exception], ...]
+_NEXT_TO_NOTHING_BYTES = 1 << 20
 
 
 class StoreError(Exception):
@@ -54,11 +57,17 @@ def explain(
     other: FailureKind = "transient" if isinstance(error, transient_errors) else "crash"
     if isinstance(error, (*user_errors, StoreError)):
         return ("user" if other == "crash" else other), str(error)
-    if is_full(error):
+    told = f"{type(error).__name__}: {error}"
+    if is_full(error) or os.strerror(errno.ENOSPC) in told or _is_short(log.parent):
         where = getattr(error, "filename", None) or log.parent
         return "disk", (
-            f"no space left on the disk of {where}. Nothing half-made was kept: free some"
+            f"no space left on the disk of {where} ({told}). Nothing half-made was kept: free some"
             " space, or set STYLETRF_STORE to a folder on another disk, and run the same"
             " command again."
         )
-    return other, f"{type(error).__name__}: {error}. The trace is in {log}"
+    return other, f"{told}. The trace is in {log}"
+
+
+def _is_short(folder: Path) -> bool:
+    """Whether next to nothing is free there: many a library does not say why it failed to write."""
+    return shutil.disk_usage(folder).free < _NEXT_TO_NOTHING_BYTES

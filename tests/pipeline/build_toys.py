@@ -66,6 +66,16 @@ class Act(StoredTask):
     def crash(self, run: RunContext) -> None:
         raise RuntimeError("a defect")
 
+    def save_tensors(self, run: RunContext) -> None:
+        import numpy as np
+        from safetensors.numpy import save_file
+
+        save_file({"large": np.ones(8 * MEBIBYTE)}, run.resume / "tensors.safetensors")
+
+    def copy(self, run: RunContext) -> None:
+        copy = ["dd", "if=/dev/zero", f"of={run.resume / 'zeros'}", "bs=1M", "count=8"]
+        subprocess.run(copy, check=True, stderr=subprocess.DEVNULL)
+
     def lose(self, run: RunContext) -> None:
         raise ConnectionResetError("the other side went away")
 

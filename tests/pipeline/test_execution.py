@@ -7,6 +7,7 @@ import luigi
 import psutil
 import pytest
 from build_toys import Act
+from small_disk import small_disk
 from store_toys import Fills, Slow, Word, built
 from test_command import are_gone, pids_of_slow
 
@@ -100,6 +101,17 @@ def test_a_full_disk_in_the_build_is_told_as_such():
     failure = failure_of(Fills())
     assert failure.kind == "disk"
     assert "no space left" in failure.reason
+
+
+@pytest.mark.parametrize("act", ["save_tensors", "copy"])
+def test_a_full_disk_is_told_as_such_whatever_a_library_says(act, tmp_path, monkeypatch):
+    """One has an error of its own for it; one says no more than that it failed."""
+    monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "full" / "store"))
+    with small_disk(tmp_path / "full", mebibytes=3):
+        failure = failure_of(Act(act))
+    assert failure.kind == "disk"
+    assert "no space left on the disk of" in failure.reason
+    assert {"save_tensors": "SafetensorError", "copy": "CalledProcessError"}[act] in failure.reason
 
 
 @pytest.mark.usefixtures("impatient")
