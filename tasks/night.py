@@ -69,11 +69,13 @@ class Night:
         return sum(cell.outcome == outcome for cell in self.cells)
 
     @property
-    def exit_status(self) -> int:
-        """What tells that a part is there; 0 leaves the status to Luigi."""
-        is_partial = self.count("made") + self.count("found") > 0
+    def exit_status(self) -> int | None:
+        """0 if all is there, whoever made it; what tells that a part is; else Luigi knows more."""
+        n_there = self.count("made") + self.count("found")
+        if n_there == len(self.cells):
+            return 0
         told = (status for outcome, status in EXIT_STATUS.items() if self.count(outcome))
-        return next(told, 0) if is_partial else 0
+        return next(told, None) if n_there else None
 
 
 def conclude(root: Any) -> None:
@@ -85,10 +87,11 @@ def conclude(root: Any) -> None:
         name = f"{begun:%Y%m%dT%H%M%SZ}-{night.host}"
         list_night(current_store(), name, night.keys)
     if path := refresh_wall(root):
-        print(path, flush=True)  # noqa: T201  the command's answer
-    if night.exit_status:
+        print(path)  # noqa: T201  the command's answer
+    if night.exit_status is not None:
+        sys.stdout.flush()
         sys.stderr.flush()
-        os._exit(night.exit_status)  # Luigi knows of no part
+        os._exit(night.exit_status)  # Luigi knows of no part, and of no other machine
 
 
 def look_back(cells: Iterable[Any], begun: datetime, *, is_limited: bool) -> Night:
