@@ -2,9 +2,11 @@
 
 import concurrent.futures.thread  # noqa: F401  first, so that its pools are closed after what is asked
 import os
+import sys
 import threading
 import traceback
 from collections.abc import Callable
+from typing import NoReturn
 
 
 def at_end(act: Callable[[], None]) -> Callable[[], None]:
@@ -28,3 +30,15 @@ def at_end(act: Callable[[], None]) -> Callable[[], None]:
 
     threading._register_atexit(run)  # type: ignore[attr-defined]
     return taken_back.set
+
+
+def begin_again() -> NoReturn:
+    """Have this process run its own command line once more, from the start."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # noqa: S606
+
+
+def was_interrupted() -> bool:
+    """Whether the process ends because of Ctrl-C."""
+    return issubclass(getattr(sys, "last_type", None) or type(None), KeyboardInterrupt)

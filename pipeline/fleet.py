@@ -75,6 +75,19 @@ def heed(failure: TaskFailure) -> None:
         os.kill(int(_ours()[1]), signal.SIGUSR1)
 
 
+def is_forgotten() -> bool:
+    """Whether luigid has lost sight of this command: it was restarted, and knows of no task of it.
+
+    Its worker is then told that there is nothing to do, and ends.
+    """
+    if not _has_luigid():
+        return False
+    scheduler: Any = RemoteScheduler(luigi.interface.core().scheduler_url)  # type: ignore[no-untyped-call]
+    with contextlib.suppress(RPCError):
+        return not _is_known(scheduler, *_ours())
+    return False
+
+
 def _has_luigid() -> bool:
     return not luigi.interface.core().local_scheduler  # type: ignore[no-untyped-call]
 
@@ -89,5 +102,10 @@ def _is_at_work(scheduler: Any, host: str, pid: str) -> bool:
     """Whether the command with this process still runs, as far as luigid or this machine knows."""
     if host == socket.gethostname():
         return bool(psutil.pid_exists(int(pid)))
+    return _is_known(scheduler, host, pid)
+
+
+def _is_known(scheduler: Any, host: str, pid: str) -> bool:
+    """Whether luigid knows a command by its process."""
     workers = scheduler.worker_list(include_running=False)
     return (host, pid) in [(w.get("host"), str(w.get("pid"))) for w in workers]

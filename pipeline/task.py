@@ -5,12 +5,14 @@ import hashlib
 import multiprocessing
 import signal
 import sys
+import warnings
 from collections.abc import Generator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ClassVar
 
 import luigi
+from luigi.parameter import UnconsumedParameterWarning
 
 from pipeline.building import find_or_build
 from pipeline.canonical import canonical
@@ -30,6 +32,7 @@ from pipeline.until import Until
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
 
 sys.excepthook = report_plainly  # Luigi looks for the task's name after importing its module
+warnings.filterwarnings("ignore", ".*'rpc_retry_", UnconsumedParameterWarning)  # they are consumed
 
 
 class StoredTask(luigi.Task):

@@ -1,14 +1,19 @@
 """What a command still does when all else is done, however that went."""
 
 import functools
+import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import datetime
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
 from luigi.task_register import Register
 
-from pipeline.ending import at_end
+from pipeline.ending import at_end, begin_again, was_interrupted
+from pipeline.fleet import is_forgotten
+
+screen = logging.getLogger("pipeline")
 
 
 def at_exit(act: Callable[[], None]) -> Callable[[], None]:
@@ -32,6 +37,7 @@ def at_exit(act: Callable[[], None]) -> Callable[[], None]:
 def acting_at_exit(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Iterator[None]:
     """Has the command that asks for this task act on it at its end, once, done or failed.
 
+    If by then luigid has forgotten the command, it begins again instead, until its time is over.
     Not if the command is refused within the block. Of other commands than its own this does
     nothing.
     """
@@ -46,7 +52,16 @@ def acting_at_exit(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Itera
 
 @functools.cache
 def _ask_for(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Callable[[], None]:
-    return at_exit(functools.partial(act, task))
+    return at_exit(functools.partial(_end, task, act))
+
+
+def _end(task: luigi.Task, act: Callable[[luigi.Task], None]) -> None:
+    until = getattr(task, "until", None)
+    has_time = until is None or datetime.now(until.tzinfo) < until
+    if has_time and not was_interrupted() and is_forgotten() and not task.complete():  # type: ignore[no-untyped-call]
+        screen.warning("luigid was restarted, and knows of nothing to do. Asking again for all.")
+        begin_again()
+    act(task)
 
 
 def root_of_command() -> luigi.Task | None:

@@ -20,8 +20,7 @@ class Luigid:
         settings = configparser.ConfigParser()
         settings.read(ROOT / "luigi.cluster.cfg")
         settings["core"]["scheduler_url"] = f"http://127.0.0.1:{self.port}/"
-        settings["core"]["rpc_retry_attempts"] = "2"
-        settings["core"]["rpc_retry_wait"] = "1"
+        settings["core"].update({"rpc-retry-attempts": "2", "rpc-retry-wait": "1"})
         settings["scheduler"].update({"worker_disconnect_delay": "2", "retry_delay": "1"})
         settings["scheduler"]["retry_count"] = str(retries)
         settings["scheduler"]["prune_on_get_work"] = "true"

@@ -17,6 +17,7 @@ from store_toys import Sentence as Sentence
 from store_toys import Slow, ToyError, Word, mark
 
 from pipeline.task import RunContext, StoredTask
+from tasks.at_exit import acting_at_exit
 
 MEBIBYTE = 2**20
 EAT = "import sys, time; food = bytearray({mebibytes} << 20); time.sleep({seconds})"
@@ -150,6 +151,23 @@ class Larges(luigi.WrapperTask):
 
     def requires(self) -> list[StoredTask]:
         return [Large(name) for name in self.names]
+
+
+class Steps(luigi.Task):
+    """Several mebibytes, which the command looks at when it ends."""
+
+    names = luigi.ListParameter()
+
+    def requires(self) -> list[StoredTask]:
+        return [Large(name) for name in self.names]
+
+    def complete(self) -> bool:
+        with acting_at_exit(self, _say_whether_whole):
+            return all(large.complete() for large in self.requires())
+
+
+def _say_whether_whole(steps: luigi.Task) -> None:
+    sys.stderr.write("whole\n" if steps.complete() else "in part\n")
 
 
 class SlowBatch(luigi.WrapperTask):

@@ -2,6 +2,7 @@
 
 import configparser
 import json
+import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -87,6 +88,33 @@ def test_a_luigid_that_comes_back_is_not_missed(luigid):
     status, screen = finish(process)
     assert status == 0, screen
     assert built() == ["Lasting"]
+
+
+def test_a_luigid_that_forgot_everything_is_asked_again(luigid):
+    """It comes back while the command is at the first of several: the rest is made all the same."""
+    process = worker("Steps", "--names", '["a", "b", "c"]')
+    while not built():
+        time.sleep(0.02)
+    luigid.kill()
+    luigid.start()
+    status, screen = finish(process)
+    assert status == 0, screen
+    assert screen.count("luigid was restarted") == 1, screen
+    assert built() == ["Large a", "Large b", "Large c"]
+    assert screen.count("whole") == 1, "the end of the command is that of the last run"
+
+
+def test_a_command_that_is_interrupted_does_not_begin_again(luigid):
+    process = worker("Steps", "--names", '["a", "b", "c"]')
+    while not built():
+        time.sleep(0.02)
+    luigid.kill()
+    luigid.start()
+    process.send_signal(signal.SIGINT)
+    _, screen = finish(process)
+    assert "Interrupted" in screen
+    assert "luigid was restarted" not in screen
+    assert built() == ["Large a"]
 
 
 @pytest.mark.usefixtures("luigid")
