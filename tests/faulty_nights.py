@@ -36,8 +36,8 @@ _MEBIBYTE = 1 << 20
 
 
 def under_luigid(night: Night, proxy: Proxy) -> None:
-    """Two commands, begun again when they end badly; one until its disk is full."""
-    luigid, full = Luigid(night.root, retries=20), night.root / "full"
+    """Two commands, of which nobody takes care; one goes on until its disk is full."""
+    luigid, full = Luigid(night.root, retries=20, attempts=20), night.root / "full"
     stores = {"full": full / "store", "roomy": night.root / "roomy"}
 
     def begin(name: str) -> psutil.Popen:
@@ -58,13 +58,11 @@ def under_luigid(night: Night, proxy: Proxy) -> None:
             (120, lambda: _fill(full)),
         ])  # fmt: skip
         for _ in _happening(faults):
-            for name, command in commands.items():
-                if command.poll() not in (None, 0) and not (full / "filler").exists():
-                    commands[name] = begin(name)
-            if (full / "filler").exists() and commands["roomy"].poll() is not None:
-                if commands["roomy"].returncode == 0:
-                    break
-                commands["roomy"] = begin("roomy")
+            if commands["roomy"].poll() is not None:
+                break
+        screen, _ = commands["roomy"].communicate()
+        if commands["roomy"].returncode or not (full / "filler").exists():
+            raise SystemExit(screen)
         screen, _ = commands["full"].communicate()
         told = [line for line in screen.splitlines() if "luigid;" in line or "no space" in line]
         print("the machine whose disk was filled:", told or screen.splitlines()[-3:])  # noqa: T201

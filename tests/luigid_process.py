@@ -13,14 +13,14 @@ ROOT = Path(__file__).parents[1]
 class Luigid:
     """A `luigid` on a free port, and the settings for it and for its workers."""
 
-    def __init__(self, folder: Path, retries: int = 2) -> None:
+    def __init__(self, folder: Path, retries: int = 2, attempts: int = 2) -> None:
         self.config = folder / "cluster.cfg"
         with socket.create_server(("127.0.0.1", 0)) as server:
             self.port = server.getsockname()[1]
         settings = configparser.ConfigParser()
         settings.read(ROOT / "luigi.cluster.cfg")
         settings["core"]["scheduler_url"] = f"http://127.0.0.1:{self.port}/"
-        settings["core"].update({"rpc-retry-attempts": "2", "rpc-retry-wait": "1"})
+        settings["core"].update({"rpc-retry-attempts": str(attempts), "rpc-retry-wait": "1"})
         settings["scheduler"].update({"worker_disconnect_delay": "2", "retry_delay": "1"})
         settings["scheduler"]["retry_count"] = str(retries)
         settings["scheduler"]["prune_on_get_work"] = "true"
