@@ -86,7 +86,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
         share_for(task, cost) as share,
         display_of(task, cost.seconds if cost else USUAL_SECONDS) as display,
     ):
-        require_time(task, cost)  # now that it need not wait
+        require_time(task, action.key, cost, store)  # now that it need not wait
         log, started = store.new_log(task.task_family, action.key), datetime.now(UTC)
         screen.info("%s: started", task.label)
         (workspace / "out").mkdir()

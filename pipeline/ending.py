@@ -1,17 +1,21 @@
 """What a process still does at its end, while threads can be started: clients of S3 start some."""
 
 import concurrent.futures.thread  # noqa: F401  first, so that its pools are closed after what is asked
+import multiprocessing
 import os
 import sys
 import threading
-import traceback
 from collections.abc import Callable
-from typing import NoReturn
+from types import TracebackType
+from typing import NoReturn, TypeAlias, cast
+
+ExcInfo: TypeAlias = tuple[type[BaseException], BaseException, TracebackType]
 
 
 def at_end(act: Callable[[], None]) -> Callable[[], None]:
     """Has this process, not those forked off it, do something when all else is done.
 
+    Asked in one that was forked off (as Luigi's `--parallel-scheduling` does), it does nothing.
     What was asked for first is done last. `atexit` would come too late: by then no thread pool
     takes anything more.
 
@@ -25,10 +29,11 @@ def at_end(act: Callable[[], None]) -> Callable[[], None]:
             return
         try:
             act()
-        except Exception:  # noqa: BLE001  the others are to be done all the same
-            traceback.print_exc()
+        except (Exception, KeyboardInterrupt):  # noqa: BLE001  the others are done all the same
+            sys.excepthook(*cast("ExcInfo", sys.exc_info()))
 
-    threading._register_atexit(run)  # type: ignore[attr-defined]
+    if multiprocessing.parent_process() is None:
+        threading._register_atexit(run)  # type: ignore[attr-defined]
     return taken_back.set
 
 

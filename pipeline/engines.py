@@ -21,6 +21,7 @@ from pipeline.errors import StoreError
 from pipeline.settings import setting
 
 _SECONDS_BETWEEN_LOOKS = 2.0
+_MOST_SECONDS_BETWEEN_LOOKS = 20.0
 
 
 class Engine(Protocol):
@@ -51,7 +52,8 @@ class Ray:
 
 
 _JOB = """#!/bin/sh
-said=$({build} 2>&1 <<'ERRAND' | tail -c 16000 | base64 | tr -d '\\n'
+export {environment}
+said=$({build} 2>&1 <<'ERRAND' | tail -n 1 | tail -c 16000 | base64 | tr -d '\\n'
 {errand}
 ERRAND
 )
@@ -71,23 +73,30 @@ class Slurm:
 
     def run(self, errand: Errand, folder: Path) -> Outcome:  # noqa: ARG002  it needs none
         """Have it built by a job, which SLURM queues again when its node fails."""
+        environment = shlex.join(f"{name}={word}" for name, word in errand.environment.items())
         build = shlex.join(command(Path("/dev/stdin")))
-        script = _JOB.format(build=build, errand=errand.to_json())
+        script = _JOB.format(environment=environment, build=build, errand=errand.to_json())
         sent = _run(["sbatch", "--parsable", *self._words(errand)], errand, script)
         job = sent.stdout.partition(";")[0].strip()
         if not job:
             raise StoreError(f"SLURM cannot be used: {_last_line(sent.stderr)}")
-        while self._is_queued(job, errand):
-            time.sleep(_SECONDS_BETWEEN_LOOKS)
+        begun = time.monotonic()
+        while told := self._waits_for(job, errand):
+            if "held" in told.lower():
+                _run(["scancel", job], errand)
+                return Outcome("killed", f"SLURM does not let its job {job} begin: {told}")
+            waited = time.monotonic() - begun  # a controller has more to do than to answer
+            time.sleep(min(_MOST_SECONDS_BETWEEN_LOOKS, max(_SECONDS_BETWEEN_LOOKS, waited / 20)))
         return self._outcome(job, errand)
 
-    def _is_queued(self, job: str, errand: Errand) -> bool:
-        """Whether it waits or runs; `sbatch --wait` looks every half minute only.
+    def _waits_for(self, job: str, errand: Errand) -> str:
+        """What SLURM says of a job that waits or runs; nothing once it is over.
 
-        A controller that does not answer is waited for.
+        A controller that does not answer is waited for. (`sbatch --wait` looks every half minute.)
         """
-        told = _run(["squeue", "--noheader", f"--jobs={job}", "--format=%T"], errand)
-        return bool(told.stdout.strip() or (told.returncode and "Invalid job" not in told.stderr))
+        told = _run(["squeue", "--noheader", f"--jobs={job}", "--format=%T %r"], errand)
+        is_away = told.returncode and "Invalid job" not in told.stderr
+        return told.stdout.strip() or (told.stderr.strip() or "no answer" if is_away else "")
 
     def _outcome(self, job: str, errand: Errand) -> Outcome:
         """What a job that is over has left as its comment."""
@@ -103,6 +112,7 @@ class Slurm:
         words = [
             "--requeue",
             f"--job-name=styletrf-{errand.key[:16]}",
+            "--dependency=singleton",  # one that another command left behind goes first
             f"--cpus-per-task={errand.cores}",
             "--output=/dev/null",
             f"--chdir={errand.folder}",

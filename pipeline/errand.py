@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pipeline.errors import FailureKind, LostInputError, TaskFailure, is_full
+from pipeline.errors import FailureKind, LostInputError, TaskFailure, tells_of_full_disk
 from pipeline.execute import die_with
 from pipeline.resources import CORES
 from pipeline.settings import PATIENCE, current_remote, current_store, setting
@@ -147,13 +147,13 @@ def perform(errand: Errand) -> Outcome:
                 " Give all machines the same commit, packages and data"
             )
             return Outcome("user", reason, host)
-        give(store, find_or_build(task, action, store))  # again, if that was in vain
+        give(store, find_or_build(task, action, store))  # also what was there, and never given
     except LostInputError as lost:
         return Outcome("lost", lost.args[0].task_id, host)
     except TaskFailure as failure:
         return Outcome(failure.kind, failure.reason, host, node)
     except Exception as error:  # noqa: BLE001  it has to be told where it was asked
-        kind: FailureKind = "disk" if is_full(error) else "crash"
+        kind: FailureKind = "disk" if tells_of_full_disk(error) else "crash"
         return Outcome(kind, f"{type(error).__name__}: {error}", host, node)
     return Outcome("built", host=host)
 

@@ -10,6 +10,7 @@ FailureKind: TypeAlias = Literal[
     "user", "crash", "killed", "memory", "timeout", "transient", "changed", "late", "disk"
 ]
 Errors: TypeAlias = tuple[type[Exception], ...]
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _NEXT_TO_NOTHING_BYTES = 1 << 20
 
 
@@ -47,7 +48,13 @@ class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is 
 
 def is_full(error: BaseException | None) -> bool:
     """Whether a disk, or what somebody may have of it, is full."""
-    return getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT)
+    return getattr(error, "errno", None) in _NO_ROOM
+
+
+def tells_of_full_disk(error: Exception) -> bool:
+    """Whether an error is, or quotes, that of the system for a full disk; not another machine's."""
+    is_quoted = any(os.strerror(number) in str(error) for number in _NO_ROOM)
+    return is_full(error) or (is_quoted and not isinstance(error, StoreError))
 
 
 def explain(
@@ -58,7 +65,7 @@ def explain(
     if isinstance(error, (*user_errors, StoreError)):
         return ("user" if other == "crash" else other), str(error)
     told = f"{type(error).__name__}: {error}"
-    if is_full(error) or os.strerror(errno.ENOSPC) in told or _is_short(log.parent):
+    if tells_of_full_disk(error) or _is_short(log.parent):
         where = getattr(error, "filename", None) or log.parent
         return "disk", (
             f"no space left on the disk of {where} ({told}). Nothing half-made was kept: free some"

@@ -11,6 +11,7 @@ import os
 import re
 import signal
 import socket
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import luigi
@@ -48,9 +49,8 @@ def require_agreement(task: "StoredTask", key: str) -> None:
     """
     if not _has_luigid():
         return
-    url = luigi.interface.core().scheduler_url  # type: ignore[no-untyped-call]
     with contextlib.suppress(RPCError):  # a luigid that is away: what is built is right anyway
-        scheduler: Any = RemoteScheduler(url)  # type: ignore[no-untyped-call]
+        scheduler = _scheduler()
         told = _TOLD.search(scheduler.get_task_status_message(task.task_id)["statusMessage"] or "")
         theirs = (told["host"], told["pid"]) if told else _ours()
         differs = told and theirs != _ours() and told["key"] != key[:16]
@@ -75,6 +75,18 @@ def heed(failure: TaskFailure) -> None:
         os.kill(int(_ours()[1]), signal.SIGUSR1)
 
 
+def forgive(tasks: Iterable[luigi.Task]) -> None:
+    """Have luigid let a new command try what failed for earlier ones; for a day it would not."""
+    if not _has_luigid():
+        return
+    with contextlib.suppress(RPCError):
+        scheduler = _scheduler()
+        failed = scheduler.task_list("DISABLED", "", limit=False)
+        for task in tasks if failed else ():
+            if task.task_id in failed:
+                scheduler.re_enable_task(task.task_id)
+
+
 def is_forgotten() -> bool:
     """Whether luigid has lost sight of this command: it was restarted, and knows of no task of it.
 
@@ -82,10 +94,14 @@ def is_forgotten() -> bool:
     """
     if not _has_luigid():
         return False
-    scheduler: Any = RemoteScheduler(luigi.interface.core().scheduler_url)  # type: ignore[no-untyped-call]
-    with contextlib.suppress(RPCError):
-        return not _is_known(scheduler, *_ours())
+    luigi.configuration.get_config().set("core", "rpc-retry-attempts", "1")  # type: ignore[no-untyped-call]
+    with contextlib.suppress(RPCError):  # the worker has waited for it
+        return not _is_known(_scheduler(), *_ours())
     return False
+
+
+def _scheduler() -> Any:
+    return RemoteScheduler(luigi.interface.core().scheduler_url)  # type: ignore[no-untyped-call]
 
 
 def _has_luigid() -> bool:

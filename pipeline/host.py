@@ -64,7 +64,7 @@ def shared(
     """
     cores, memory = usable_cores(), memory_bytes()
     part = memory / _MEMORY_PARTS
-    wanted = memory * most_cores / len(cores) if expected_bytes is None else expected_bytes
+    wanted = memory * most_cores / _cores_of_memory() if expected_bytes is None else expected_bytes
     n_parts = min(_MEMORY_PARTS, max(1, math.ceil(wanted / part)))
     with (
         units("memory", [str(n) for n in range(_MEMORY_PARTS)]) as parts,
@@ -95,8 +95,20 @@ def memory_bytes() -> int:
     if told := float(setting("host", "memory_gib")):
         return int(told * 2**30)
     total = int(psutil.virtual_memory().total)
-    limits = [*_words("memory.max"), *_words("memory/memory.limit_in_bytes")]
-    return int(0.9 * min([total, *(int(word) for word in limits if word.isdigit())]))
+    return int(0.9 * min([total, *_limits_of_memory()]))
+
+
+def _limits_of_memory() -> list[int]:
+    """Of this container's control group, where they are lower than what the host has."""
+    words = [*_words("memory.max"), *_words("memory/memory.limit_in_bytes")]
+    limits = [int(word) for word in words if word.isdigit()]
+    return [limit for limit in limits if limit < psutil.virtual_memory().total]
+
+
+def _cores_of_memory() -> int:
+    """How many cores share what `memory_bytes` tells: a process that is bound shares it, too."""
+    is_own = float(setting("host", "memory_gib")) or _quota() or _limits_of_memory()
+    return len(usable_cores()) if is_own else max(len(usable_cores()), os.cpu_count() or 1)
 
 
 def _bound() -> list[int]:

@@ -76,6 +76,8 @@ def main() -> int:
 def needs(errand: Errand, nodes: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
     """What to ask Ray for: what the errand wants, as far as the node has it that has most of it.
 
+    All of it where no node has a core: a cluster that grows on demand has to hear of it.
+
     Args:
         errand: To be sent.
         nodes: What each has, by its name.
@@ -85,8 +87,10 @@ def needs(errand: Errand, nodes: Mapping[str, Mapping[str, float]]) -> dict[str,
         name: {n: min(most, int(node.get(n, 0))) for n, most in wanted.items()}
         for name, node in nodes.items()
     }
-    fit = [could[name] for name in nodes if name not in errand.rather_not]
-    best = max(fit or could.values(), key=lambda node: list(node.values()))
+    working = [name for name in nodes if could[name]["CPU"]]
+    fit = [could[name] for name in working if name not in errand.rather_not]
+    most = fit or [could[name] for name in working] or [wanted]
+    best = max(most, key=lambda node: list(node.values()))
     away = {"ray.io/node-id": f"!in({','.join(errand.rather_not)})"}
     return {
         "num_cpus": best["CPU"],

@@ -112,6 +112,15 @@ class StoredTask(luigi.Task):
     def publish(self, object_path: Path) -> None:
         """Make the artifact visible outside the store, such as by links; quick and repeatable."""
 
+    def show(self) -> None:
+        """Publish what is there but not shown, such as what another machine made; builds nothing.
+
+        Raises:
+            NotBuiltError: When the shared store does not give it.
+        """
+        if self.record() and not self.published():
+            self.publish(artifact(self))
+
     @property
     def label(self) -> str:
         """The task on the screen: its family and those parameters that are words."""

@@ -4,16 +4,25 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, cast
 
 import luigi
+import psutil
 
 from pipeline.costs import Cost
 from pipeline.errors import TaskFailure
+from pipeline.store import Store
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
 
 
+NOT_BEGUN = "not begun"
+"""How the reason begins of what was late."""
+
+
 class Until(luigi.Parameter["datetime | None"]):
-    """A moment: the next time a clock shows `06:00`, or a date and time as ISO 8601 has it."""
+    """A moment: the next time a clock shows `06:00`, or a date and time as ISO 8601 has it.
+
+    The next time after this process began, which may run its command line anew.
+    """
 
     def parse(self, x: str) -> datetime | None:
         """The moment, in local time where no zone is told; None for an empty word.
@@ -35,18 +44,18 @@ class Until(luigi.Parameter["datetime | None"]):
 
 
 def _next(clock: str) -> datetime:
-    now = datetime.now()
+    begun = datetime.fromtimestamp(psutil.Process().create_time())
     try:
         told = datetime.strptime(clock, "%H:%M").time()
     except ValueError:
         message = f"--until {clock} is no time of day. Give one such as 06:00 or 2026-11-23T06:00"
         raise ValueError(message) from None
-    moment = datetime.combine(now, told)
-    return moment if moment > now else moment + timedelta(days=1)
+    moment = datetime.combine(begun, told)
+    return moment if moment > begun else moment + timedelta(days=1)
 
 
-def require_time(task: "StoredTask", cost: Cost | None) -> None:
-    """Refuses to begin what would not end in time, as far as earlier builds tell.
+def require_time(task: "StoredTask", key: str, cost: Cost | None, store: Store) -> None:
+    """Refuses to begin what would not end in time, as far as earlier builds tell; a log says so.
 
     Raises:
         TaskFailure: It would not.
@@ -58,5 +67,6 @@ def require_time(task: "StoredTask", cost: Cost | None) -> None:
     needed = cost.seconds if cost else 0.0
     if needed >= left:
         expected = f", and it takes about {needed:.0f} s" if needed else ""
-        reason = f"not begun: {max(0.0, left):.0f} s are left until {until}{expected}"
+        reason = f"{NOT_BEGUN}: {max(0.0, left):.0f} s are left until {until}{expected}"
+        store.new_log(task.task_family, key).write_text(f"{reason}\n")
         raise TaskFailure("late", str(task), f"{reason}. Run the same command again to go on.")

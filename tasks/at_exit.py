@@ -11,7 +11,8 @@ from luigi.cmdline_parser import CmdlineParser
 from luigi.task_register import Register
 
 from pipeline.ending import at_end, begin_again, was_interrupted
-from pipeline.fleet import is_forgotten
+from pipeline.fleet import forgive, is_forgotten
+from tasks.graph import graph
 
 screen = logging.getLogger("pipeline")
 
@@ -37,9 +38,9 @@ def at_exit(act: Callable[[], None]) -> Callable[[], None]:
 def acting_at_exit(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Iterator[None]:
     """Has the command that asks for this task act on it at its end, once, done or failed.
 
-    If by then luigid has forgotten the command, it begins again instead, until its time is over.
-    Not if the command is refused within the block. Of other commands than its own this does
-    nothing.
+    What failed for earlier commands luigid lets it try again. If by the end luigid has forgotten
+    the command, it begins again instead, until its time is over. Not if the command is refused
+    within the block. Of other commands than its own this does nothing.
     """
     take_back = _ask_for(task, act) if root_of_command() == task else None
     try:
@@ -48,6 +49,14 @@ def acting_at_exit(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Itera
         if take_back:
             take_back()
         raise
+    if take_back:
+        _try_again(task)
+
+
+@functools.cache
+def _try_again(task: luigi.Task) -> None:
+    """Once a command, for all that it asks for."""
+    forgive(graph(task))
 
 
 @functools.cache
@@ -56,12 +65,15 @@ def _ask_for(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Callable[[]
 
 
 def _end(task: luigi.Task, act: Callable[[luigi.Task], None]) -> None:
-    until = getattr(task, "until", None)
-    has_time = until is None or datetime.now(until.tzinfo) < until
-    if has_time and not was_interrupted() and is_forgotten() and not task.complete():  # type: ignore[no-untyped-call]
+    if not was_interrupted() and is_forgotten() and not task.complete() and _has_time(task):  # type: ignore[no-untyped-call]
         screen.warning("luigid was restarted, and knows of nothing to do. Asking again for all.")
         begin_again()
     act(task)
+
+
+def _has_time(task: luigi.Task) -> bool:
+    until = getattr(task, "until", None)
+    return until is None or datetime.now(until.tzinfo) < until
 
 
 def root_of_command() -> luigi.Task | None:

@@ -20,7 +20,9 @@ from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root, setting
 from pipeline.sharing import list_night
 from pipeline.task import StoredTask
+from pipeline.until import NOT_BEGUN
 from tasks.graph import graph
+from tasks.showing import show_all
 from tasks.wall import refresh_wall
 
 screen = logging.getLogger("pipeline")
@@ -81,7 +83,8 @@ class Night:
 def conclude(root: Any) -> None:
     """Ends the command of a grid: tells what became of it, writes the index, sets the status."""
     begun = datetime.fromtimestamp(psutil.Process().create_time(), UTC)
-    night = look_back(root.cells(), begun, is_limited=root.until is not None)
+    show_all(granted for cell in root.cells() for granted in cell.cells())
+    night = look_back(root.cells(), begun)
     tell(night)
     if night.keys:
         name = f"{begun:%Y%m%dT%H%M%SZ}-{night.host}"
@@ -94,13 +97,12 @@ def conclude(root: Any) -> None:
         os._exit(night.exit_status)  # Luigi knows of no part, and of no other machine
 
 
-def look_back(cells: Iterable[Any], begun: datetime, *, is_limited: bool) -> Night:
+def look_back(cells: Iterable[Any], begun: datetime) -> Night:
     """Returns what became of the cells since `begun`.
 
     Args:
         cells: The results asked for.
         begun: When the command began.
-        is_limited: Whether it was to begin nothing late.
     """
     cells = [granted for cell in cells for granted in cell.cells()]
     stages = {task.task_id: task for cell in cells for task in graph(cell)}
@@ -115,7 +117,7 @@ def look_back(cells: Iterable[Any], begun: datetime, *, is_limited: bool) -> Nig
         begun=begun.isoformat(timespec="seconds"),
         ended=datetime.now(UTC).isoformat(timespec="seconds"),
         host=socket.gethostname(),
-        cells=[_outcome(cell, begun, is_limited=is_limited) for cell in cells],
+        cells=[_outcome(cell, begun) for cell in cells],
         keys=sorted({record.action.key for record in made.values()}),
         stages=[_spending(name, of, begun) for name, of in families.items()],
         scenes=[_spending(name, of, begun) for name, of in scenes.items()],
@@ -161,17 +163,16 @@ def in_words(night: Night) -> list[str]:
 _OUTCOMES: tuple[Outcome, ...] = ("made", "found", "failed", "under way", "late", "not begun")
 
 
-def _outcome(cell: Any, begun: datetime, *, is_limited: bool) -> CellOutcome:
+def _outcome(cell: Any, begun: datetime) -> CellOutcome:
     name = cell.scene, cell.style
     if record := _record(cell):
         return CellOutcome(*name, "made" if _began(record) >= begun else "found")
     problem = obstacle(cell, current_store(), since=begun)
-    if problem:
-        outcome: Outcome = "under way" if problem.is_under_way else "failed"
-        return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
-    if is_limited:
-        return CellOutcome(*name, "late", "it would not have ended in time")
-    return CellOutcome(*name, "not begun", "nothing was tried")
+    if problem is None:
+        return CellOutcome(*name, "not begun", "this machine has tried nothing")
+    is_late = problem.reason.startswith(NOT_BEGUN)
+    outcome: Outcome = "under way" if problem.is_under_way else "late" if is_late else "failed"
+    return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
 
 
 def _spending(name: str, records: Sequence[ActionRecord], begun: datetime) -> Spending:

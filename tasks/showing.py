@@ -1,8 +1,9 @@
 """Results that are shown in `out/`: folders of links into the store, restored by every run."""
 
+import logging
 import os
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from luigi.cmdline_parser import CmdlineParser
@@ -12,6 +13,8 @@ from pipeline.settings import current_store
 from pipeline.task import StoredTask, artifact
 from tasks.at_exit import at_exit
 from tasks.stage import Stage
+
+screen = logging.getLogger("pipeline")
 
 
 class ShownStage(Stage):
@@ -56,6 +59,15 @@ class ShownStage(Stage):
         for path in self.folder.iterdir():
             if path.is_symlink() and path.name not in links:
                 path.unlink()
+
+
+def show_all(tasks: Iterable[ShownStage]) -> None:
+    """Shows what is there of some results, whoever made it; one that cannot be is a warning."""
+    for task in tasks:
+        try:
+            task.show()
+        except Exception as error:  # noqa: BLE001  the others are shown all the same
+            screen.warning("%s cannot be shown: %s", task.label, error)
 
 
 def _announce_at_exit(task: ShownStage) -> None:

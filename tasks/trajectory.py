@@ -23,7 +23,7 @@ from tasks.night import conclude
 from tasks.qualities import QUALITIES
 from tasks.scene import CameraPoses, SceneModel
 from tasks.shards import part_of
-from tasks.showing import ShownStage
+from tasks.showing import ShownStage, show_all
 from tasks.stage import Stage, stages_with_settings
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
@@ -248,11 +248,12 @@ class Grid(luigi.WrapperTask):
             return bool(super().complete())  # type: ignore[no-untyped-call]
 
     def run(self) -> None:
-        """Look once more: a scheduler may call done what another machine made of other code.
+        """Show all; and look once more: another machine may have made some of other code.
 
         Raises:
-            TaskFailure: Not every result is in this machine's store.
+            TaskFailure: Not every result is there for this machine.
         """
+        show_all(granted for cell in self.cells() for granted in cell.cells())
         missing = [f"{cell.scene} {cell.style}" for cell in self.cells() if not cell.complete()]
         if missing:
             raise TaskFailure(

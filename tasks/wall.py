@@ -14,6 +14,7 @@ from pipeline.settings import current_store, out_root
 from styletrf.page import duration
 from styletrf.wall import Cell, Score, write_wall
 from tasks.measures import NOT_MEASURED, by_delta, term
+from tasks.showing import show_all
 
 screen = logging.getLogger("pipeline")
 
@@ -34,8 +35,9 @@ def refresh_wall(root: luigi.Task | None) -> Path | None:
     return path
 
 
-def refresh_at_exit(root: luigi.Task) -> None:
-    """Writes the page, when the command is over."""
+def refresh_at_exit(root: Any) -> None:
+    """Shows what is there, whoever made it, and writes the page, when the command is over."""
+    show_all(root.cells())
     refresh_wall(root)
 
 

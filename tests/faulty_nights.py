@@ -37,12 +37,16 @@ _MEBIBYTE = 1 << 20
 
 def under_luigid(night: Night, proxy: Proxy) -> None:
     """Two commands, of which nobody takes care; one goes on until its disk is full."""
-    luigid, full = Luigid(night.root, retries=20, attempts=20), night.root / "full"
+    luigid = Luigid(night.root, retries=20, attempts=60, idle="12 hours")
+    full = night.root / "full"
     stores = {"full": full / "store", "roomy": night.root / "roomy"}
 
     def begin(name: str) -> psutil.Popen:
-        place = {"STYLETRF_STORE": str(stores[name]), "LUIGI_CONFIG_PATH": str(luigid.config)}
-        return night.begin(**place)
+        place = {
+            "STYLETRF_STORE": str(stores[name]),
+            "STYLETRF_OUT": str(night.root / "out" / name),
+        }
+        return night.begin(**place, LUIGI_CONFIG_PATH=str(luigid.config))
 
     def restart_luigid() -> None:
         luigid.kill()
@@ -61,7 +65,9 @@ def under_luigid(night: Night, proxy: Proxy) -> None:
             if commands["roomy"].poll() is not None:
                 break
         screen, _ = commands["roomy"].communicate()
-        if commands["roomy"].returncode or not (full / "filler").exists():
+        shown = [p for p in (night.root / "out/roomy").glob("*/*/report.html") if p.exists()]
+        if commands["roomy"].returncode or len(shown) != 4 or not (full / "filler").exists():
+            commands["full"].kill()
             raise SystemExit(screen)
         screen, _ = commands["full"].communicate()
         told = [line for line in screen.splitlines() if "luigid;" in line or "no space" in line]

@@ -13,7 +13,9 @@ ROOT = Path(__file__).parents[1]
 class Luigid:
     """A `luigid` on a free port, and the settings for it and for its workers."""
 
-    def __init__(self, folder: Path, retries: int = 2, attempts: int = 2) -> None:
+    def __init__(
+        self, folder: Path, retries: int = 2, attempts: int = 2, idle: str = "5 seconds"
+    ) -> None:
         self.config = folder / "cluster.cfg"
         with socket.create_server(("127.0.0.1", 0)) as server:
             self.port = server.getsockname()[1]
@@ -24,7 +26,7 @@ class Luigid:
         settings["scheduler"].update({"worker_disconnect_delay": "2", "retry_delay": "1"})
         settings["scheduler"]["retry_count"] = str(retries)
         settings["scheduler"]["prune_on_get_work"] = "true"
-        settings["worker"]["max_keep_alive_idle_duration"] = "5 seconds"
+        settings["worker"]["max_keep_alive_idle_duration"] = idle
         with self.config.open("w") as file:
             settings.write(file)
         self.start()

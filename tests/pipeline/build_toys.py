@@ -56,6 +56,10 @@ class Act(StoredTask):
     def refuse(self, run: RunContext) -> None:
         raise ToyError("words/bad: is no word. Choose another one.")
 
+    def refuse_until_mended(self, run: RunContext) -> None:
+        if not Path(os.environ["STYLETRF_TOYS"], "mended").exists():
+            raise ToyError("words/bad: is no word. Choose another one.")
+
     def lament(self, run: RunContext) -> None:
         raise ToyError("\N{LOUDLY CRYING FACE}" * 100_000)
 
@@ -154,16 +158,17 @@ class Larges(luigi.WrapperTask):
 
 
 class Steps(luigi.Task):
-    """Several mebibytes, which the command looks at when it ends."""
+    """Several mebibytes, and acts, which the command looks at when it ends."""
 
     names = luigi.ListParameter()
+    acts = luigi.ListParameter(default=[])
 
     def requires(self) -> list[StoredTask]:
-        return [Large(name) for name in self.names]
+        return [*(Large(name) for name in self.names), *(Act(act) for act in self.acts)]
 
     def complete(self) -> bool:
         with acting_at_exit(self, _say_whether_whole):
-            return all(large.complete() for large in self.requires())
+            return all(step.complete() for step in self.requires())
 
 
 def _say_whether_whole(steps: luigi.Task) -> None:

@@ -38,7 +38,8 @@ SlurmctldLogFile={folder}/slurmctld.log
 SlurmdLogFile={folder}/%n.log
 StateSaveLocation={folder}/state
 SlurmdSpoolDir={folder}/spool-%n
-SlurmdTimeout=10
+SlurmdTimeout=15
+TreeWidth=65533
 SlurmdParameters=config_overrides
 SchedulerParameters=sched_interval=1
 KillWait=2

@@ -43,6 +43,28 @@ child.join()
     assert said_at_the_end_of(code).split() == ["child", "done"]
 
 
+def test_asked_in_a_process_that_was_forked_off_it_does_nothing():
+    code = """
+import multiprocessing
+child = multiprocessing.get_context("fork").Process(target=at_end, args=(lambda: print("done"),))
+child.start()
+child.join()
+"""
+    assert said_at_the_end_of(code) == ""
+
+
+def test_what_is_interrupted_at_the_end_is_told():
+    code = """
+def interrupt():
+    raise KeyboardInterrupt
+at_end(lambda: print("done"))
+at_end(interrupt)
+"""
+    said = said_at_the_end_of(code)
+    assert "KeyboardInterrupt" in said
+    assert "done" in said
+
+
 def test_a_bucket_can_be_asked_at_the_end_by_who_never_asked_before(server):
     """A command that ends early looks at its end for what others have made."""
     code = f"""

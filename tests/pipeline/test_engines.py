@@ -4,9 +4,11 @@ import contextlib
 import importlib.util
 import json
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import luigi
 import pytest
@@ -115,8 +117,9 @@ def test_a_command_that_is_killed_takes_its_build_with_it(engine, toys):
     pids = pids_of_slow(toys)
     process.kill()
     process.communicate()
-    if engine == "ray":  # a job of SLURM is a matter of its own
-        assert are_gone(pids)
+    if engine == "slurm":  # where the job is a matter of its own
+        subprocess.run(["scancel", "--user", "root"], check=True)
+    assert are_gone(pids)
 
 
 def test_a_lost_node_costs_a_step_and_nothing_else(engine, machines, toys):
@@ -181,7 +184,7 @@ def test_a_shared_store_that_errs_for_a_while_is_waited_for(
         status, screen = finish(process)
     assert status == 0, screen
     assert time.monotonic() > end
-    assert built() == ["Large a"]
+    assert built() == ["Large a"], screen
     assert len(place.names("actions")) == 1
 
 
@@ -228,7 +231,91 @@ def test_an_input_that_is_lost_there_is_made_again(monkeypatch):
     assert lost.value.args == (Word("world"),)
 
 
+def test_what_was_built_is_waited_for_until_it_can_be_seen(monkeypatch):
+    """A folder of NFS looks for a minute as it did when it was last asked."""
+    task = Act("succeed", executor="ray")
+    later = threading.Timer(1.5, lambda: build(Act("succeed"), task.action(), current_store()))
+    engine = Answers(Outcome("built", "", "n1"), later.start)
+    assert placed(monkeypatch, task, engine).action == task.action()
+    later.join()
+
+
+def test_inputs_that_were_never_given_are_given_before(monkeypatch, tmp_path):
+    """They were made when there was no shared store: the other machine would find none."""
+    assert luigi.build([Word("hello"), Word("world")], local_scheduler=True)
+    (tmp_path / "shared").mkdir()
+    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
+    seen: list[Path] = []
+    engine = Answers(Outcome("user"), lambda: seen.extend((tmp_path / "shared").rglob("*.tar")))
+    with pytest.raises(TaskFailure):
+        placed(monkeypatch, Sentence(executor="ray"), engine)
+    assert len(seen) == 2
+
+
+class FullDisks:
+    """An engine whose machines are full, as long as there is one that was not asked."""
+
+    def __init__(self, *nodes):
+        self._nodes, self.asked = nodes, []
+
+    def run(self, errand, folder):
+        self.asked.append(errand.rather_not)
+        left = [node for node in self._nodes if node not in errand.rather_not]
+        return Outcome("disk", "full", "host", (left or self._nodes)[0])
+
+
+def test_a_full_machine_is_left_out_for_a_while(monkeypatch, tmp_path):
+    (tmp_path / "shared").mkdir()
+    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
+    engine = FullDisks("a", "b")
+    with pytest.raises(TaskFailure, match="full"):
+        placed(monkeypatch, Act("succeed", executor="ray"), engine)
+    assert engine.asked == [(), ("a",), ("a", "b")]
+    with pytest.raises(TaskFailure):
+        placed(monkeypatch, Act("warn", executor="ray"), engine)
+    assert engine.asked[3:] == [("a", "b")], "it is known by now"
+
+
+def test_not_all_machines_are_filled_by_one_errand(monkeypatch, tmp_path):
+    (tmp_path / "shared").mkdir()
+    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
+    engine = FullDisks(*"abcdefgh")
+    with pytest.raises(TaskFailure):
+        placed(monkeypatch, Act("succeed", executor="ray"), engine)
+    assert len(engine.asked) == 3
+
+
+def test_a_full_folder_that_all_share_is_full_for_all(monkeypatch):
+    engine = FullDisks("a", "b")
+    with pytest.raises(TaskFailure):
+        placed(monkeypatch, Act("succeed", executor="ray"), engine)
+    assert engine.asked == [()]
+
+
+def test_a_job_that_is_held_is_a_failure_and_does_not_stay(machines, engine, tmp_path):
+    if engine == "ray":
+        pytest.skip("Ray holds nothing")
+    with (tmp_path / "engine.cfg").open("a") as settings:
+        settings.write("[slurm]\noptions = --hold\n")
+    status, screen = finish(send(engine, "Act", "--act", "succeed"))
+    assert status == 30
+    assert "SLURM does not let its job" in screen
+    assert "PENDING JobHeldUser" in screen
+    assert not subprocess.run(["squeue", "-h"], capture_output=True, check=True).stdout
+
+
+def test_what_an_errand_needs_goes_along_whatever_sbatch_passes_on(engine, tmp_path):
+    if engine == "ray":
+        pytest.skip("an option of sbatch")
+    with (tmp_path / "engine.cfg").open("a") as settings:
+        settings.write("[slurm]\noptions = --export=NONE\n")
+    status, screen = finish(send(engine, "Act", "--act", "succeed"))
+    assert status == 0, screen
+    assert built() == ["Act succeed"]
+
+
 def test_what_is_built_into_another_store_is_told(monkeypatch):
+    monkeypatch.setattr("pipeline.placing._SECONDS_TO_APPEAR", 0.0)
     with pytest.raises(TaskFailure, match="n1 has built it, or its input, but not into the store"):
         placed(monkeypatch, Act("succeed", executor="ray"), Answers(Outcome("built", "", "n1")))
     (attempt,) = attempts(current_store())
@@ -251,6 +338,9 @@ def test_what_no_node_has_is_not_asked_for():
     assert away["label_selector"] == {"ray.io/node-id": "!in(small)"}
     nowhere = needs(replace(errand, rather_not=("small", "large")), nodes)
     assert nowhere["label_selector"] == {}, "then one of them"
+    for growing in ({}, {"head": {"CPU": 0.0, "memory": 2.0**30}}):
+        asked = needs(errand, growing)
+        assert (asked["num_cpus"], asked["num_gpus"], asked["memory"]) == (8, 2, 8 << 30)
 
 
 def test_an_errand_is_told_and_read_back():

@@ -1,5 +1,7 @@
 """A task's build from first to last: how failures are told, tried again and cleaned up after."""
 
+import errno
+import os
 import re
 from pathlib import Path
 
@@ -11,7 +13,7 @@ from small_disk import small_disk
 from store_toys import Fills, Slow, Word, built
 from test_command import are_gone, pids_of_slow
 
-from pipeline.errors import TaskFailure
+from pipeline.errors import StoreError, TaskFailure, explain, tells_of_full_disk
 from pipeline.settings import current_store
 from pipeline.task import artifact
 from pipeline.verify import records
@@ -112,6 +114,16 @@ def test_a_full_disk_is_told_as_such_whatever_a_library_says(act, tmp_path, monk
     assert failure.kind == "disk"
     assert "no space left on the disk of" in failure.reason
     assert {"save_tensors": "SafetensorError", "copy": "CalledProcessError"}[act] in failure.reason
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+def test_a_full_disk_is_told_by_the_words_of_the_system(number, tmp_path):
+    error = RuntimeError(f"cannot write: {os.strerror(number)} (os error {number})")
+    assert explain(error, tmp_path / "log")[0] == "disk"
+    assert explain(RuntimeError("cannot write"), tmp_path / "log")[0] == "crash"
+    theirs = StoreError(f"the shared store s3://b: {os.strerror(number)}")
+    assert explain(theirs, tmp_path / "log")[0] == "user"
+    assert not tells_of_full_disk(theirs)
 
 
 @pytest.mark.usefixtures("impatient")

@@ -69,7 +69,21 @@ def test_a_lone_build_has_the_host_to_itself():
     assert built["threads"] == os.environ.get("OMP_NUM_THREADS")
 
 
-def test_what_needs_all_the_memory_waits_for_what_has_some(leases, capsys):
+def test_a_process_with_some_of_the_cores_takes_as_much_of_the_memory(
+    leases, tmp_path, monkeypatch
+):
+    """A node's scheduler binds a build to its cores; the memory that is read is all builds'."""
+    monkeypatch.setattr(host, "_CGROUP", tmp_path)
+    monkeypatch.setattr(os, "cpu_count", lambda: 8 * len(CORES))
+    with host.shared(len(CORES), None, print) as share:
+        assert len(share.holds) == 64 // 8 + len(CORES)
+    (tmp_path / "memory.max").write_text("1073741824")
+    with host.shared(len(CORES), None, print) as share:
+        assert len(share.holds) == 64 + len(CORES), "what is its own it may take"
+
+
+def test_what_needs_all_the_memory_waits_for_what_has_some(leases, capsys, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: len(CORES))
     with host.shared(HALF, None, print) as first:
         assert len(first.holds) == N_PARTS + first.cores, "a part where nothing is known"
         with units("memory", [str(n) for n in range(64)]) as files:

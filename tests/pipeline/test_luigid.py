@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import luigi
 import pytest
 from luigid_process import Luigid
 from small_disk import small_disk
@@ -90,13 +91,22 @@ def test_a_luigid_that_comes_back_is_not_missed(luigid):
     assert built() == ["Lasting"]
 
 
-def test_a_luigid_that_forgot_everything_is_asked_again(luigid):
+@pytest.fixture
+def patient(luigid: Luigid) -> Luigid:
+    """Whose commands wait for it longer than it takes to begin."""
+    settings = luigid.config.read_text()
+    assert "rpc-retry-attempts = 2" in settings
+    luigid.config.write_text(settings.replace("rpc-retry-attempts = 2", "rpc-retry-attempts = 60"))
+    return luigid
+
+
+def test_a_luigid_that_forgot_everything_is_asked_again(patient):
     """It comes back while the command is at the first of several: the rest is made all the same."""
     process = worker("Steps", "--names", '["a", "b", "c"]')
     while not built():
         time.sleep(0.02)
-    luigid.kill()
-    luigid.start()
+    patient.kill()
+    patient.start()
     status, screen = finish(process)
     assert status == 0, screen
     assert screen.count("luigid was restarted") == 1, screen
@@ -104,17 +114,18 @@ def test_a_luigid_that_forgot_everything_is_asked_again(luigid):
     assert screen.count("whole") == 1, "the end of the command is that of the last run"
 
 
-def test_a_command_that_is_interrupted_does_not_begin_again(luigid):
-    process = worker("Steps", "--names", '["a", "b", "c"]')
-    while not built():
+def test_a_command_that_is_interrupted_does_not_begin_again(patient, toys):
+    process = worker("Steps", "--names", '["a", "b"]', "--acts", '["sleep"]', "--workers", "3")
+    while len(built()) < 3:
         time.sleep(0.02)
-    luigid.kill()
-    luigid.start()
+    patient.kill()
+    patient.start()
     process.send_signal(signal.SIGINT)
     _, screen = finish(process)
     assert "Interrupted" in screen
     assert "luigid was restarted" not in screen
-    assert built() == ["Large a"]
+    assert "whole" not in screen
+    assert len(built()) == 3, "nothing was begun anew"
 
 
 @pytest.mark.usefixtures("luigid")
@@ -174,11 +185,33 @@ def test_a_failure_is_a_failure_here_too():
     assert built() == ["Act crash", "Act crash", "Act succeed"], "a lost machine looks the same"
 
 
+@pytest.mark.usefixtures("luigid")
+def test_what_failed_and_was_mended_is_made_by_the_next_command(toys):
+    """Luigi alone would not let anybody try it for a day."""
+    words = ["Steps", "--names", '["a"]', "--acts", '["refuse_until_mended"]']
+    status, screen = finish(worker(*words))
+    assert status == 30, screen
+    assert built() == ["Act refuse_until_mended"] * 2 + ["Large a"]
+    (toys / "mended").touch()
+    status, screen = finish(worker(*words))
+    assert status == 0, screen
+    assert built() == ["Act refuse_until_mended"] * 3 + ["Large a"]
+
+
 def test_a_slow_answer_does_not_make_a_worker_lost():
     settings = configparser.ConfigParser()
     settings.read(ROOT / "luigi.cluster.cfg")
     assert settings.getint("scheduler", "worker_disconnect_delay") >= 600
     assert settings.getint("scheduler", "retry_count") == 2
+
+
+def test_a_machine_stays_until_it_could_take_over_from_one_that_is_lost():
+    settings = configparser.ConfigParser()
+    settings.read(ROOT / "luigi.cluster.cfg")
+    told = settings["scheduler"]
+    until_free = told.getint("worker_disconnect_delay") + told.getint("retry_delay") + 60  # pruning
+    idle = luigi.TimeDeltaParameter().parse(settings["worker"]["max_keep_alive_idle_duration"])
+    assert idle.total_seconds() > 4 * until_free
 
 
 def test_machines_with_other_code_are_told_so_and_spoil_nothing(luigid, toys):

@@ -12,7 +12,9 @@ import luigi
 import pytest
 
 import tasks
+from pipeline.errors import TaskFailure
 from pipeline.settings import current_store
+from pipeline.until import require_time
 from tasks.night import CellOutcome, Night, Spending, in_words, look_back, tell
 
 WORDS = {"quality": "draft", "content": "embedded"}
@@ -30,9 +32,9 @@ def night(*outcomes: str) -> Night:
 
 def test_one_broken_scene_and_one_broken_style_are_named_with_their_reasons(out):
     grid = tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS)
-    found = look_back(grid.cells(), datetime.now(UTC), is_limited=False)
+    found = look_back(grid.cells(), datetime.now(UTC))
     told = {(cell.scene, cell.style): (cell.outcome, cell.reason) for cell in found.cells}
-    assert told["mini", "p"] == ("not begun", "nothing was tried")
+    assert told["mini", "p"] == ("not begun", "this machine has tried nothing")
     assert told["mini", "none"][0] == told["nowhere", "p"][0] == "failed"
     assert "StyleImage: style 'none'" in told["mini", "none"][1]
     assert "SceneCapture: scene 'nowhere'" in told["nowhere", "p"][1]
@@ -46,7 +48,7 @@ def test_a_granted_wish_is_the_cell(out, monkeypatch):
     grid = tasks.Grid(scenes=["mini"], styles=["p"], budget="5min", content="embedded")
     chosen = tasks.StylizedTrajectory(scene="mini", style="none", **WORDS)
     monkeypatch.setattr(tasks.StylizedTrajectory, "granted", lambda self: chosen)
-    (cell,) = look_back(grid.cells(), datetime.now(UTC), is_limited=False).cells
+    (cell,) = look_back(grid.cells(), datetime.now(UTC)).cells
     assert (cell.style, cell.outcome) == ("none", "failed")
 
 
@@ -55,10 +57,22 @@ def test_what_failed_another_night_is_no_reason_today(out):
     (image,) = (t for t in tasks.graph.graph(grid) if t.task_family == "StyleImage")
     current_store().new_log("StyleImage", image.action().key).write_text("for want of luck\n")
     last_week = datetime.now(UTC) - timedelta(days=7)
-    (cell,) = look_back(grid.cells(), last_week, is_limited=True).cells
+    (cell,) = look_back(grid.cells(), last_week).cells
     assert (cell.outcome, cell.reason) == ("failed", "StyleImage: for want of luck")
-    (cell,) = look_back(grid.cells(), datetime.now(UTC), is_limited=True).cells
+    (cell,) = look_back(grid.cells(), datetime.now(UTC)).cells
+    assert cell.outcome == "not begun"
+
+
+def test_what_was_late_is_told_from_what_nobody_came_to(out):
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
+    (image,) = (t for t in tasks.graph.graph(grid) if t.task_family == "StyleImage")
+    begun, key = datetime.now(UTC), image.action().key
+    with pytest.raises(TaskFailure) as failure:
+        require_time(image.clone(until=begun), key, None, current_store())
+    assert failure.value.kind == "late"
+    (cell,) = look_back(grid.cells(), begun).cells
     assert cell.outcome == "late"
+    assert cell.reason.startswith("StyleImage: not begun: 0 s are left until")
 
 
 def test_what_was_built_this_time_is_told_from_what_was_found(out):
@@ -66,15 +80,15 @@ def test_what_was_built_this_time_is_told_from_what_was_found(out):
     (image,) = (t for t in tasks.graph.graph(grid) if t.task_family == "StyleImage")
     before = datetime.now(UTC)
     assert luigi.build([image], local_scheduler=True, log_level="WARNING")
-    ran = look_back(grid.cells(), before, is_limited=True)
+    ran = look_back(grid.cells(), before)
     (stage,) = ran.stages
     assert (stage.name, stage.built, stage.found) == ("StyleImage", 1, 0)
     assert stage.seconds > 0
     assert stage.bytes == image.record().output.size
     assert [scene.name for scene in ran.scenes] == ["all scenes"]
-    (later,) = look_back(grid.cells(), datetime.now(UTC), is_limited=True).stages
+    (later,) = look_back(grid.cells(), datetime.now(UTC)).stages
     assert (later.built, later.found, later.bytes, later.seconds) == (0, 1, 0, 0)
-    assert ran.cells[0].reason == "it would not have ended in time"
+    assert ran.cells[0].outcome == "not begun"
 
 
 @pytest.mark.parametrize(
