@@ -1,6 +1,7 @@
 """A real `luigid` for the tests, in a process of its own."""
 
 import configparser
+import os
 import socket
 import subprocess
 import sys
@@ -39,6 +40,7 @@ class Luigid:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             cwd=self.config.parent,
+            env=os.environ | {"LUIGI_CONFIG_PATH": str(self.config)},
         )
         deadline = time.monotonic() + 30
         while time.monotonic() < deadline:
