@@ -17,7 +17,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pipeline.errors import FailureKind, LostInputError, TaskFailure, tells_of_full_disk
+from pipeline.errors import (
+    FailureKind,
+    LostInputError,
+    NotBuiltError,
+    TaskFailure,
+    tells_of_full_disk,
+)
 from pipeline.execute import die_with
 from pipeline.resources import CORES
 from pipeline.settings import PATIENCE, current_remote, current_store, setting
@@ -150,6 +156,8 @@ def perform(errand: Errand) -> Outcome:
         give(store, find_or_build(task, action, store))  # also what was there, and never given
     except LostInputError as lost:
         return Outcome("lost", lost.args[0].task_id, host)
+    except NotBuiltError as error:
+        return Outcome("lost", str(error), host)
     except TaskFailure as failure:
         return Outcome(failure.kind, failure.reason, host, node)
     except Exception as error:  # noqa: BLE001  it has to be told where it was asked

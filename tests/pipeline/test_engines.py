@@ -21,7 +21,7 @@ from test_command import are_gone, pids_of_slow, start
 from pipeline.attempts import attempts
 from pipeline.building import build
 from pipeline.engines import ENGINES
-from pipeline.errand import Errand, Outcome, outcome_in
+from pipeline.errand import Errand, Outcome, outcome_in, perform
 from pipeline.errors import LostInputError, TaskFailure
 from pipeline.placing import place
 from pipeline.ray_engine import needs
@@ -250,6 +250,15 @@ def test_inputs_that_were_never_given_are_given_before(monkeypatch, tmp_path):
     with pytest.raises(TaskFailure):
         placed(monkeypatch, Sentence(executor="ray"), engine)
     assert len(seen) == 2
+
+
+def test_a_machine_that_finds_no_inputs_is_told_to_share_a_store(monkeypatch):
+    sentence = Sentence(executor="ray")
+    assert luigi.build([Word("hello"), Word("world")], local_scheduler=True)
+    errand = Errand.of(sentence, sentence.action().key, 0)
+    monkeypatch.setenv("STYLETRF_STORE", str(current_store().root.with_name("another")))
+    outcome = perform(errand)
+    assert outcome.kind == "lost"
 
 
 class FullDisks:
