@@ -120,7 +120,9 @@ def test_a_command_that_is_interrupted_does_not_begin_again(patient, toys):
         time.sleep(0.02)
     patient.kill()
     patient.start()
-    process.send_signal(signal.SIGINT)
+    while process.poll() is None:  # again, where the worker was waiting for luigid
+        process.send_signal(signal.SIGINT)
+        time.sleep(1)
     _, screen = finish(process)
     assert "Interrupted" in screen
     assert "luigid was restarted" not in screen
