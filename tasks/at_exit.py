@@ -89,7 +89,7 @@ def _command_parameters() -> dict[str, dict[str, str]]:
     parameters: dict[str, dict[str, str]] = {}
     known = Register.get_all_params()  # type: ignore[no-untyped-call]
     for family, _, name, _ in known:
-        if (value := given.get(f"{family}_{name}")) is not None:
+        if value := given.get(f"{family}_{name}"):  # False is a flag that was not given
             parameters.setdefault(family, {})[name] = str(value)
     return parameters
 
