@@ -296,10 +296,3 @@ def test_store_commands():
     status, said = pipeline("verify", "--deep")
     assert (status, "altered" in said) == (1, True)
     assert len(list(problems(current_store(), deep=True))) == 1
-
-
-def test_the_end_of_a_command_without_luigid_asks_none():
-    status, screen = luigi("Steps", "--names", '["a"]')
-    assert status == 0, screen
-    assert "whole" in screen
-    assert "remote scheduler" not in screen

@@ -245,3 +245,10 @@ def test_the_page_of_luigid_tells_the_progress(luigid):
         time.sleep(0.5)
     finish(process)
     assert {p for p in seen if p and 0 < p < 100}
+
+
+def test_the_end_of_a_command_without_luigid_asks_none():
+    status, screen = finish(worker("Steps", "--names", '["a"]'))
+    assert status == 0, screen
+    assert "whole" in screen
+    assert "remote scheduler" not in screen
