@@ -88,9 +88,12 @@ def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, Obsta
 
 
 def _attempt(store: Store, log: Path) -> Attempt:
-    said = log.read_text(errors="replace").strip() or f"it wrote nothing (a full disk?). {log}"
+    end = log.read_text(errors="replace").strip().rpartition("\n")[2]
     locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
-    return Attempt(log, said.rpartition("\n")[2], any(is_held(lock) for lock in locks))
+    is_under_way = any(is_held(lock) for lock in locks)
+    if not end and not is_under_way:
+        end = f"it wrote nothing (a full disk?). {log}"
+    return Attempt(log, end, is_under_way)
 
 
 def _changed(log: Path) -> tuple[int, str]:

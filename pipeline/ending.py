@@ -6,10 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable
-from types import TracebackType
-from typing import NoReturn, TypeAlias, cast
-
-ExcInfo: TypeAlias = tuple[type[BaseException], BaseException, TracebackType]
+from typing import NoReturn
 
 
 def at_end(act: Callable[[], None]) -> Callable[[], None]:
@@ -25,12 +22,13 @@ def at_end(act: Callable[[], None]) -> Callable[[], None]:
     process, taken_back = os.getpid(), threading.Event()
 
     def run() -> None:
+        """Do it, unless it was taken back or this is another process."""
         if os.getpid() != process or taken_back.is_set():
             return
         try:
             act()
-        except (Exception, KeyboardInterrupt):  # noqa: BLE001  the others are done all the same
-            sys.excepthook(*cast("ExcInfo", sys.exc_info()))
+        except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  the others are done, too
+            sys.excepthook(type(error), error, error.__traceback__)
 
     if multiprocessing.parent_process() is None:
         threading._register_atexit(run)  # type: ignore[attr-defined]

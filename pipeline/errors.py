@@ -1,5 +1,6 @@
 """What can go wrong, in the words its user reads."""
 
+import contextlib
 import errno
 import os
 import shutil
@@ -77,4 +78,6 @@ def explain(
 
 def _is_short(folder: Path) -> bool:
     """Whether next to nothing is free there: many a library does not say why it failed to write."""
-    return shutil.disk_usage(folder).free < _NEXT_TO_NOTHING_BYTES
+    with contextlib.suppress(OSError):
+        return shutil.disk_usage(folder).free < _NEXT_TO_NOTHING_BYTES
+    return False

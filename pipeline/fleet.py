@@ -11,7 +11,7 @@ import os
 import re
 import signal
 import socket
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 import luigi
@@ -75,16 +75,20 @@ def heed(failure: TaskFailure) -> None:
         os.kill(int(_ours()[1]), signal.SIGUSR1)
 
 
-def forgive(tasks: Iterable[luigi.Task]) -> None:
-    """Have luigid let a new command try what failed for earlier ones; for a day it would not."""
+def forgive(tasks: Callable[[], Iterable[luigi.Task]]) -> None:
+    """Have luigid let a new command try what failed for earlier ones; for a day it would not.
+
+    Args:
+        tasks: Tells all that the command asks for; called where anything failed.
+    """
     if not _has_luigid():
         return
     with contextlib.suppress(RPCError):
         scheduler = _scheduler()
         failed = scheduler.task_list("DISABLED", "", limit=False)
-        for task in tasks if failed else ():
-            if task.task_id in failed:
-                scheduler.re_enable_task(task.task_id)
+        asked = {task.task_id for task in tasks()} if failed else set()
+        for task_id in asked.intersection(failed):
+            scheduler.re_enable_task(task_id)
 
 
 def is_forgotten() -> bool:

@@ -56,7 +56,7 @@ def acting_at_exit(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Itera
 @functools.cache
 def _try_again(task: luigi.Task) -> None:
     """Once a command, for all that it asks for."""
-    forgive(graph(task))
+    forgive(functools.partial(graph, task))
 
 
 @functools.cache

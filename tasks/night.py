@@ -83,7 +83,7 @@ class Night:
 def conclude(root: Any) -> None:
     """Ends the command of a grid: tells what became of it, writes the index, sets the status."""
     begun = datetime.fromtimestamp(psutil.Process().create_time(), UTC)
-    show_all(granted for cell in root.cells() for granted in cell.cells())
+    show_all(root)
     night = look_back(root.cells(), begun)
     tell(night)
     if night.keys:

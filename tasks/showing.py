@@ -3,14 +3,16 @@
 import logging
 import os
 from abc import abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.roots import show_in
 from pipeline.settings import current_store
 from pipeline.task import StoredTask, artifact
+from styletrf.errors import InputError
 from tasks.at_exit import at_exit
 from tasks.stage import Stage
 
@@ -61,13 +63,15 @@ class ShownStage(Stage):
                 path.unlink()
 
 
-def show_all(tasks: Iterable[ShownStage]) -> None:
-    """Shows what is there of some results, whoever made it; one that cannot be is a warning."""
-    for task in tasks:
+def show_all(root: Any) -> None:
+    """Shows what is there of a command's cells, whoever made it; what cannot be is a warning."""
+    for cell in (granted for asked in root.cells() for granted in asked.cells()):
         try:
-            task.show()
+            cell.show()
+        except InputError:  # then there is none, and the reason is told elsewhere
+            continue
         except Exception as error:  # noqa: BLE001  the others are shown all the same
-            screen.warning("%s cannot be shown: %s", task.label, error)
+            screen.warning("%s cannot be shown: %s", cell.label, error)
 
 
 def _announce_at_exit(task: ShownStage) -> None:

@@ -37,7 +37,7 @@ def refresh_wall(root: luigi.Task | None) -> Path | None:
 
 def refresh_at_exit(root: Any) -> None:
     """Shows what is there, whoever made it, and writes the page, when the command is over."""
-    show_all(root.cells())
+    show_all(root)
     refresh_wall(root)
 
 

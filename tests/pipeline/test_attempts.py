@@ -92,3 +92,5 @@ def test_a_build_that_could_not_even_write_why_it_failed_has_a_reason_all_the_sa
     log = store.new_log("Act", Act("succeed").action().key)
     log.touch()
     assert obstacle(Told(["succeed"]), store).reason == f"it wrote nothing (a full disk?). {log}"
+    with store.lock(Act("succeed").action().key, lambda: None):
+        assert not obstacle(Told(["succeed"]), store).reason, "it may still write"

@@ -301,9 +301,8 @@ def test_a_full_folder_that_all_share_is_full_for_all(monkeypatch):
     assert engine.asked == [()]
 
 
-def test_a_job_that_is_held_is_a_failure_and_does_not_stay(machines, engine, tmp_path):
-    if engine == "ray":
-        pytest.skip("Ray holds nothing")
+@pytest.mark.parametrize("machines", ["slurm"], indirect=True)
+def test_a_job_that_is_held_is_a_failure_and_does_not_stay(engine, tmp_path):
     with (tmp_path / "engine.cfg").open("a") as settings:
         settings.write("[slurm]\noptions = --hold\n")
     status, screen = finish(send(engine, "Act", "--act", "succeed"))
@@ -313,9 +312,8 @@ def test_a_job_that_is_held_is_a_failure_and_does_not_stay(machines, engine, tmp
     assert not subprocess.run(["squeue", "-h"], capture_output=True, check=True).stdout
 
 
+@pytest.mark.parametrize("machines", ["slurm"], indirect=True)
 def test_what_an_errand_needs_goes_along_whatever_sbatch_passes_on(engine, tmp_path):
-    if engine == "ray":
-        pytest.skip("an option of sbatch")
     with (tmp_path / "engine.cfg").open("a") as settings:
         settings.write("[slurm]\noptions = --export=NONE\n")
     status, screen = finish(send(engine, "Act", "--act", "succeed"))

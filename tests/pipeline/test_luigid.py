@@ -80,12 +80,16 @@ def test_a_killed_luigid_costs_no_build(luigid):
     assert built() == ["Lasting"]
 
 
-def test_a_luigid_that_comes_back_is_not_missed(luigid):
-    process = worker("Lasting", "--steps", "40")
-    while not built():
+def restart_while_it_builds(luigid: Luigid, n_begun: int = 1) -> None:
+    while len(built()) < n_begun:
         time.sleep(0.02)
     luigid.kill()
     luigid.start()
+
+
+def test_a_luigid_that_comes_back_is_not_missed(luigid):
+    process = worker("Lasting", "--steps", "40")
+    restart_while_it_builds(luigid)
     status, screen = finish(process)
     assert status == 0, screen
     assert built() == ["Lasting"]
@@ -103,10 +107,7 @@ def patient(luigid: Luigid) -> Luigid:
 def test_a_luigid_that_forgot_everything_is_asked_again(patient):
     """It comes back while the command is at the first of several: the rest is made all the same."""
     process = worker("Steps", "--names", '["a", "b", "c"]')
-    while not built():
-        time.sleep(0.02)
-    patient.kill()
-    patient.start()
+    restart_while_it_builds(patient)
     status, screen = finish(process)
     assert status == 0, screen
     assert screen.count("luigid was restarted") == 1, screen
@@ -116,10 +117,7 @@ def test_a_luigid_that_forgot_everything_is_asked_again(patient):
 
 def test_a_command_that_is_interrupted_does_not_begin_again(patient, toys):
     process = worker("Steps", "--names", '["a", "b"]', "--acts", '["sleep"]', "--workers", "3")
-    while len(built()) < 3:
-        time.sleep(0.02)
-    patient.kill()
-    patient.start()
+    restart_while_it_builds(patient, n_begun=3)
     while process.poll() is None:  # again, where the worker was waiting for luigid
         process.send_signal(signal.SIGINT)
         time.sleep(1)

@@ -16,6 +16,7 @@ from pipeline.errors import TaskFailure
 from pipeline.settings import current_store
 from pipeline.until import require_time
 from tasks.night import CellOutcome, Night, Spending, in_words, look_back, tell
+from tasks.showing import show_all
 
 WORDS = {"quality": "draft", "content": "embedded"}
 
@@ -41,6 +42,11 @@ def test_one_broken_scene_and_one_broken_style_are_named_with_their_reasons(out)
     lines = "\n".join(in_words(found))
     assert "4 cells: 3 failed, 1 not begun" in lines
     assert lines.count("scene 'nowhere'") == 1, "a reason is told once"
+
+
+def test_what_cannot_be_made_is_told_once_and_not_that_it_cannot_be_shown(out, caplog):
+    show_all(tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS))
+    assert not caplog.messages
 
 
 def test_a_granted_wish_is_the_cell(out, monkeypatch):
