@@ -1,7 +1,7 @@
 """Engines that place builds on other machines: Ray and SLURM.
 
-An engine is asked with an errand, which lies in a folder that this machine has, and answers with
-the outcome, however often it had to send it out. Where things are placed is its business; what they
+An engine is asked with an errand, and answers with the outcome, however often it had to send the
+errand out. Machines need to share no folder for that. Where things are placed is its business; what they
 are, and that they are right, the store's.
 """
 
@@ -27,8 +27,8 @@ _MOST_SECONDS_BETWEEN_LOOKS = 20.0
 class Engine(Protocol):
     """Who finds a machine for an errand."""
 
-    def run(self, errand: Errand, folder: Path) -> Outcome:
-        """Have it built; `folder` takes the errand, and what is printed about it.
+    def run(self, errand: Errand) -> Outcome:
+        """Have it built.
 
         Raises:
             StoreError: The engine itself cannot be used.
@@ -41,11 +41,10 @@ class Ray:
     Ray sends an errand again, three times, when its machine is lost.
     """
 
-    def run(self, errand: Errand, folder: Path) -> Outcome:
+    def run(self, errand: Errand) -> Outcome:
         """Have it built on a node that has the cores, the memory and the card."""
-        file = _written(errand, folder)
-        asked = [sys.executable, "-P", "-m", "pipeline.ray_engine", str(file)]
-        done = _run([*asked, setting("ray", "address")], errand)
+        asked = [sys.executable, "-P", "-m", "pipeline.ray_engine", setting("ray", "address")]
+        done = _run(asked, errand, errand.to_json())
         if done.returncode == NO_ENGINE:
             raise StoreError(f"Ray cannot be used: {_last_line(done.stderr)}")
         return outcome_in(done.stdout or done.stderr)
@@ -67,11 +66,10 @@ done
 class Slurm:
     """A SLURM cluster, by `sbatch`; `[slurm] options` are added to its words.
 
-    The errand goes along in the job's script, and the outcome comes back in the job's comment: the
-    machines need to share no folder.
+    The errand goes along in the job's script, and the outcome comes back in the job's comment.
     """
 
-    def run(self, errand: Errand, folder: Path) -> Outcome:  # noqa: ARG002  it needs none
+    def run(self, errand: Errand) -> Outcome:
         """Have it built by a job, which SLURM queues again when its node fails."""
         environment = shlex.join(f"{name}={word}" for name, word in errand.environment.items())
         build = shlex.join(command(Path("/dev/stdin")))
@@ -131,12 +129,6 @@ class Slurm:
 
 ENGINES: Mapping[str, Engine] = {"ray": Ray(), "slurm": Slurm()}
 """By the word in `--executor`."""
-
-
-def _written(errand: Errand, folder: Path) -> Path:
-    file = folder / "errand.json"
-    file.write_text(errand.to_json())
-    return file
 
 
 def _run(words: list[str], errand: Errand, said: str = "") -> "subprocess.CompletedProcess[str]":

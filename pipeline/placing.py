@@ -49,29 +49,26 @@ def place(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
         if record := upstream.record():
             give(store, record)  # which was made while there was no shared store, say
     errand = Errand.of(task, action.key, cost.peak_memory_bytes if cost else 0)
-    with store.workspace(f"errand-{action.key}") as workspace:
-        outcome = _sent(ENGINES[engine], errand, workspace, store)
+    outcome = _sent(ENGINES[engine], errand, store)
     if record := _found(action, store, outcome):  # even if whoever built it was lost right after
         screen.info("%s: done on %s", task.label, outcome.host or record.provenance["host"])
         return record
     raise _failure(task, action, store, outcome)
 
 
-def _sent(
-    engine: Engine, errand: Errand, folder: Path, store: Store, most: int = _MOST_MACHINES
-) -> Outcome:
+def _sent(engine: Engine, errand: Errand, store: Store, most: int = _MOST_MACHINES) -> Outcome:
     """What became of an errand on the first machine whose disk has room, or on the last asked.
 
     Where all share one folder, which is full, one is enough.
     """
     errand = replace(errand, rather_not=_full(store))
-    outcome = engine.run(errand, folder)
+    outcome = engine.run(errand)
     is_known = outcome.node in ("", *errand.rather_not)
     if outcome.kind != "disk" or is_known or not current_remote().url or most == 1:
         return outcome
     screen.info("%s on %s: sent on. %s", errand.task, outcome.host, outcome.message)
     (store.root / "quarantine" / f"{outcome.node}{_FULL}").touch()
-    return _sent(engine, errand, folder, store, most - 1)
+    return _sent(engine, errand, store, most - 1)
 
 
 def _full(store: Store) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""`python -m pipeline.ray_engine ERRAND.json [ADDRESS]`: one errand, by a Ray cluster.
+"""`python -m pipeline.ray_engine [ADDRESS] < ERRAND.json`: one errand, by a Ray cluster.
 
 A process of its own, since Ray's threads do not survive a fork, which every worker of Luigi is.
 """
@@ -53,13 +53,13 @@ def _require_answer(address: str) -> None:
 def main() -> int:
     """Send the errand out, and print what became of it."""
     die_with(os.getppid())
-    text = Path(sys.argv[1]).read_text()
+    text = sys.stdin.read()
     errand = Errand.from_json(text)
     try:
         import ray
 
-        _require_answer(sys.argv[2])
-        ray.init(address=sys.argv[2] or "auto", log_to_driver=False, logging_level="ERROR")
+        _require_answer(sys.argv[1])
+        ray.init(address=sys.argv[1] or "auto", log_to_driver=False, logging_level="ERROR")
     except (ImportError, OSError, RuntimeError, ValueError) as error:
         sys.stderr.write(f"{error}\n")
         return NO_ENGINE

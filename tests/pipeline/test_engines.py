@@ -104,9 +104,9 @@ def test_a_failure_there_is_told_in_its_words_here(engine, act, words):
     assert "Traceback" not in screen
 
 
-def test_a_machine_that_would_build_something_else_refuses(engine, tmp_path):
+def test_a_machine_that_would_build_something_else_refuses(engine):
     errand = Errand.of(Act("succeed"), "0" * 64, 0)
-    outcome = ENGINES[engine].run(errand, tmp_path)
+    outcome = ENGINES[engine].run(errand)
     assert outcome.kind == "user"
     assert "has other code, inputs or files than the machine that asks" in outcome.message
     assert built() == []
@@ -205,7 +205,7 @@ class Answers:
     def __init__(self, outcome, act=lambda: None):
         self._outcome, self._act = outcome, act
 
-    def run(self, errand, folder):
+    def run(self, errand):
         self._act()
         return self._outcome
 
@@ -267,7 +267,7 @@ class FullDisks:
     def __init__(self, *nodes):
         self._nodes, self.asked = nodes, []
 
-    def run(self, errand, folder):
+    def run(self, errand):
         self.asked.append(errand.rather_not)
         left = [node for node in self._nodes if node not in errand.rather_not]
         return Outcome("disk", "full", "host", (left or self._nodes)[0])
