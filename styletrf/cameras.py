@@ -103,6 +103,16 @@ def rays_through(camera: Camera, pixels: Float[Tensor, "rays 2"]) -> Rays:
     return Rays(pose[:, 3].expand_as(directions), directions)
 
 
+def points_at_depth(
+    camera: Camera, pixels: Float[np.ndarray, "pixels 2"], depth: Float[np.ndarray, " pixels"]
+) -> Float[np.ndarray, "pixels 3"]:
+    """Returns the world points at `depth` (along the camera's z axis) behind `pixels`."""
+    x, y = ((pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
+    directions_camera = np.stack([x, y, np.ones_like(x)], axis=-1)
+    directions_world = directions_camera @ camera.world_from_camera[:, :3].T
+    return camera.center_world + depth[:, None] * directions_world
+
+
 def project(
     camera: Camera, points_world: Float[np.ndarray, "points 3"]
 ) -> tuple[Float[np.ndarray, "points 2"], Float[np.ndarray, " points"]]:

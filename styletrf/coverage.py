@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 
-from styletrf.cameras import Camera, depth_behind, fitted_to, pixel_centers, rays_through
+from styletrf.cameras import Camera, depth_behind, fitted_to, pixel_centers, points_at_depth
 
 Depth = Float[np.ndarray, "height width"]
 
@@ -43,11 +42,9 @@ def places_seen(
     places = []
     for camera, depth in zip(cameras, depths, strict=True):
         pixels = pixel_centers(camera.width, camera.height)[::every]
-        rays = rays_through(camera, torch.from_numpy(pixels))
         flat = depth.reshape(-1)[::every].astype(np.float64)
         hit = np.isfinite(flat)
-        points = rays.origins.numpy()[hit] + flat[hit, None] * rays.directions.numpy()[hit]
-        places.append(points)
+        places.append(points_at_depth(camera, pixels[hit], flat[hit]))
     return np.concatenate(places)
 
 
