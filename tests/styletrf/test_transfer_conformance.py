@@ -23,7 +23,7 @@ EMBEDDING = "mobilenet_conv/Conv/BiasAdd"
 
 
 @pytest.fixture(scope="module")
-def transfer(tmp_path_factory: pytest.TempPathFactory) -> StyleTransfer:
+def published(tmp_path_factory: pytest.TempPathFactory) -> StyleTransfer:
     published_model("predict")  # skips without it
     folder = tmp_path_factory.mktemp("transfer")
     build_transfer_weights(PACKAGE, folder)
@@ -63,29 +63,29 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_embedding_is_that_of_the_graph_without_quantised_activations(transfer, seed):
+def test_embedding_is_that_of_the_graph_without_quantised_activations(published, seed):
     exact = without_quantised_activations(published_model("predict"))
     painting = image(PAINTING, seed)
-    found = embedded(transfer, painting)
+    found = embedded(published, painting)
     np.testing.assert_allclose(found, predicted(exact, painting), rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_painting_is_that_of_the_graph_without_quantised_activations(transfer, seed):
+def test_painting_is_that_of_the_graph_without_quantised_activations(published, seed):
     exact = without_quantised_activations(published_model("transform"))
-    content, embedding = image(CONTENT, seed + 2), embedded(transfer, image(PAINTING, seed))
-    found = ours(transfer, content, embedding)
+    content, embedding = image(CONTENT, seed + 2), embedded(published, image(PAINTING, seed))
+    found = ours(published, content, embedding)
     np.testing.assert_allclose(found, painted(exact, content, embedding), rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_what_quantised_activations_change_is_small(transfer, seed):
+def test_what_quantised_activations_change_is_small(published, seed):
     """The published graph rounds activations to 256 levels; ours does not."""
     content, painting = image(CONTENT, seed + 2), image(PAINTING, seed)
     embedding, theirs = (
-        embedded(transfer, painting),
+        embedded(published, painting),
         predicted(published_model("predict"), painting),
     )
     assert np.corrcoef(embedding, theirs)[0, 1] > 0.999
     other = painted(published_model("transform"), content, embedding)
-    assert psnr(ours(transfer, content, embedding), other) > 24
+    assert psnr(ours(published, content, embedding), other) > 24
