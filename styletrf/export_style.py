@@ -11,10 +11,10 @@ import torch
 
 from styletrf.errors import InputError
 from styletrf.interchange import to_fast_neural_style
-from styletrf.style_network import StyleNetwork, load_style_network
+from styletrf.style_network import PaintingNetwork, StyleNetwork, load_style_network
 
 
-def to_onnx(network: StyleNetwork, path: Path) -> None:
+def to_onnx(network: PaintingNetwork, path: Path) -> None:
     """Writes the network as ONNX: `image` in, `painted` out, 1 3 height width in [0, 1].
 
     Raises:
@@ -42,8 +42,11 @@ def main(arguments: list[str] | None = None) -> int:
         network = load_style_network(given.folder)
         if given.out.suffix == ".onnx":
             to_onnx(network, given.out)
-        else:
+        elif isinstance(network, StyleNetwork):
             torch.save(to_fast_neural_style(network), given.out)
+        else:
+            problem = "is a network of arbitrary style transfer, which the example has not"
+            raise InputError(str(given.folder), problem, "Write a file that ends with .onnx")
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -40,13 +40,16 @@ def from_fast_neural_style(path: Path) -> StyleNetwork:
         InputError: It is no such file.
     """
     try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
+        loaded = torch.load(path, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, UnpicklingError, EOFError, ValueError) as error:
-        raise _no_network(path, f"cannot be read ({str(error).splitlines()[0]})") from error
-    if not isinstance(state, dict) or f"{_FIRST}.weight" not in state:
+        raise _no_network(path, f"cannot be read ({type(error).__name__})") from error
+    items = loaded.items() if isinstance(loaded, dict) else ()
+    state = {str(name): value for name, value in items if isinstance(value, Tensor)}
+    first = state.get(f"{_FIRST}.weight", torch.empty(0))
+    if first.ndim != 4 or len(first) == 0:
         raise _no_network(path, "has no layer conv1.conv2d")
     blocks = {int(found[1]) for name in state if (found := re.match(r"res(\d+)\.", name))}
-    network = StyleNetwork(StyleNetworkConfig(len(state[f"{_FIRST}.weight"]), len(blocks)))
+    network = StyleNetwork(StyleNetworkConfig(len(first), len(blocks)))
     ours = {}
     for name in network.state_dict():
         theirs = _their_name(name)

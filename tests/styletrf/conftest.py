@@ -39,3 +39,20 @@ def vgg() -> VGG16:
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=(2 / parameter[0].numel()) ** 0.5, generator=generator)
     return network
+
+
+@pytest.fixture(scope="session", params=["published", "random"])
+def transfer(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Arbitrary style transfer with the published weights, where they are, and with random ones."""
+    from onnx_files import write_transfer_files
+    from published_models import published_model
+
+    from styletrf.transfer_weights import PACKAGE, build_transfer_weights, load_style_transfer
+
+    folder, source = tmp_path_factory.mktemp("transfer"), PACKAGE
+    if request.param == "published":
+        published_model("predict")  # skips without it
+    else:
+        source = str(write_transfer_files(tmp_path_factory.mktemp("onnx")))
+    build_transfer_weights(source, folder)
+    return load_style_transfer(folder)

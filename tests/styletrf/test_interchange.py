@@ -82,6 +82,37 @@ def test_theirs_paints_here_as_there(tmp_path, network, running):
         torch.testing.assert_close(ours(IMAGE), there, atol=2e-3, rtol=1e-3)
 
 
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"conv1.conv2d.weight": 3},
+        {"conv1.conv2d.weight": torch.tensor(1.0)},
+        {"conv1.conv2d.weight": torch.zeros(0, 3, 9, 9)},
+        {"in5.weight": 3},
+        {"in5.weight": torch.ones(9)},
+        {"in5.weight": torch.tensor([torch.nan] * 4)},
+    ],
+)
+def test_other_values_are_refused(tmp_path, network, values):
+    torch.save(to_fast_neural_style(network) | values, tmp_path / "n.pth")
+    with pytest.raises(InputError, match="no such style network"):
+        from_fast_neural_style(tmp_path / "n.pth")
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xd8\xff\xe0 a JPEG", b"PK\x05\x06" + bytes(18)])
+def test_other_files_are_refused(tmp_path, content):
+    (tmp_path / "n.pth").write_bytes(content)
+    with pytest.raises(InputError, match=r"n\.pth: cannot be read"):
+        from_fast_neural_style(tmp_path / "n.pth")
+
+
+@pytest.mark.parametrize("saved", [[1, 2], {1: torch.zeros(2)}, torch.zeros(2)])
+def test_what_is_no_table_of_weights_is_refused(tmp_path, saved):
+    torch.save(saved, tmp_path / "n.pth")
+    with pytest.raises(InputError, match=r"has no layer conv1\.conv2d"):
+        from_fast_neural_style(tmp_path / "n.pth")
+
+
 @pytest.mark.parametrize("damage", ["text", "other", "cut", "code"])
 def test_what_is_no_such_network_is_refused(tmp_path, network, damage):
     path, state = tmp_path / "n.pth", to_fast_neural_style(network)

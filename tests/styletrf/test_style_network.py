@@ -1,3 +1,5 @@
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -5,12 +7,14 @@ import torch
 
 from styletrf.errors import InputError
 from styletrf.style_network import (
+    PaintingNetwork,
     StyleNetwork,
     StyleNetworkConfig,
     load_style_network,
     save_style_network,
     stylize,
 )
+from styletrf.transfer_network import TransferNetwork, TransferNetworkConfig
 
 TINY = StyleNetworkConfig(width=4, n_residual=1)
 
@@ -87,20 +91,49 @@ def test_stylize_clamps_and_keeps_the_size_without_gradient():
     assert not painted.requires_grad
 
 
-def test_file_keeps_every_bit(tmp_path: Path):
-    network, image = tiny(), torch.rand(1, 3, 16, 16)
+def transfer() -> TransferNetwork:
+    config = TransferNetworkConfig(widths=(2, 3, 4), n_residual=1)
+    return TransferNetwork(config, torch.Generator().manual_seed(0))
+
+
+@pytest.mark.parametrize("made", [tiny, transfer])
+def test_file_keeps_every_bit(tmp_path: Path, made: Callable[[], PaintingNetwork]):
+    network, image = made(), torch.rand(1, 3, 16, 16)
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         save_style_network(network, tmp_path / name)
-    assert torch.equal(load_style_network(tmp_path / "a")(image), network(image))
+    loaded = load_style_network(tmp_path / "a")
+    assert type(loaded) is type(network)
+    assert loaded.config == network.config
+    assert torch.equal(loaded(image), network(image))
     for file in (tmp_path / "a").iterdir():
         assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes()
 
 
-@pytest.mark.parametrize("config", ["", "[]", '{"width": 8}', '{"depth": 3}', '{"width": 0}'])
+def test_files_that_name_no_architecture_are_johnsons(tmp_path: Path):
+    save_style_network(tiny(), tmp_path)
+    (tmp_path / "style_network.json").write_text('{"n_residual": 1, "width": 4}')
+    assert load_style_network(tmp_path).config == TINY
+
+
+@pytest.mark.parametrize(
+    "config",
+    ["", "[]", "null", '{"width": 8}', '{"depth": 3}', '{"width": 0}', '{"architecture": "vgg"}'],
+)
 def test_damaged_files_are_an_input_error(tmp_path: Path, config: str):
     save_style_network(tiny(), tmp_path)
     (tmp_path / "style_network.json").write_text(config)
+    with pytest.raises(InputError, match="cannot be read as a style network"):
+        load_style_network(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "size", ["{}", '{"widths": [2, 3]}', '{"widths": [2, 3, 5]}', '{"widths": 3}']
+)
+def test_damaged_files_of_a_transfer_network_are_an_input_error(tmp_path: Path, size: str):
+    save_style_network(transfer(), tmp_path)
+    config = {"architecture": "transfer", "n_residual": 1, **json.loads(size)}
+    (tmp_path / "style_network.json").write_text(json.dumps(config))
     with pytest.raises(InputError, match="cannot be read as a style network"):
         load_style_network(tmp_path)
 

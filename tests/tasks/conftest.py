@@ -103,6 +103,14 @@ def perceptual_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def transfer_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Random weights in the layout of arbitrary style transfer's ONNX files."""
+    from onnx_files import write_transfer_files
+
+    return write_transfer_files(tmp_path_factory.mktemp("transfer"))
+
+
+@pytest.fixture(scope="session")
 def photographs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data root with one scene of eight larger photographs and two paintings."""
     import numpy as np
@@ -171,7 +179,11 @@ def build(
 
 @pytest.fixture(scope="session")
 def mini_graph(
-    build: Callable[..., Path], mini_poses: Path, photographs: Path, perceptual_file: Path
+    build: Callable[..., Path],
+    mini_poses: Path,
+    photographs: Path,
+    perceptual_file: Path,
+    transfer_folder: Path,
 ) -> tuple[Callable[..., Path], Callable[..., tuple[Any, dict[str, Path]]]]:
     """The stages on the mini scene: what `mini` and `stage_of` return."""
     import luigi
@@ -186,6 +198,7 @@ def mini_graph(
         "quality": "draft",
         "content": "embedded",
         "perceptual": str(perceptual_file),
+        "transfer": str(transfer_folder),
     }
 
     def controls_of(task: Any) -> dict[str, Any]:

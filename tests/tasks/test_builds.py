@@ -14,8 +14,9 @@ from styletrf.field import load_field
 from styletrf.float_images import read_float_image
 from styletrf.images import read_rgb
 from styletrf.scene_model import read_scene_model, write_scene_model
-from styletrf.style_network import load_style_network
+from styletrf.style_network import load_style_network, stylize
 from styletrf.tables import read_rows, read_summary
+from styletrf.transfer_weights import load_style_transfer
 from styletrf.video import video_info
 
 Mini = Callable[[str], Path]
@@ -76,6 +77,13 @@ def test_perceptual_weights_are_stored_once_converted(mini: Mini, perceptual_fil
     ours = load_file(mini("PerceptualWeights") / "vgg16.safetensors")
     theirs = load_file(perceptual_file)
     assert all(torch.equal(ours[name], tensor) for name, tensor in theirs.items())
+
+
+def test_transfer_weights_paint_in_the_style_of_a_painting(mini: Mini):
+    transfer = load_style_transfer(mini("TransferWeights"))
+    painting = torch.from_numpy(read_rgb(mini("StyleImage") / "style.png"))
+    painted = stylize(transfer.network_for(painting), torch.rand(18, 23, 3))
+    assert painted.shape == (18, 23, 3)
 
 
 def test_style_network_paints_at_the_size_it_is_given(mini: Mini):

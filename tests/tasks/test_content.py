@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -126,3 +127,14 @@ def test_three_photographs_are_content_enough(photographs: Path, tmp_path: Path)
     context = RunContext(lambda *_, **__: None, tmp_path / "resume", tmp_path / "log")
     stage.build({"capture": tmp_path / "capture"}, tmp_path / "out", context)
     assert json.loads((tmp_path / "out/content.json").read_text())["count"] == 3 + 64
+
+
+def test_a_folder_of_three_images_is_refused_with_what_is_needed(
+    build: Callable[..., Path], photographs: Path, tmp_path: Path
+):
+    for path in sorted((photographs / "scenes/mini/images").iterdir())[:3]:
+        shutil.copy(path, tmp_path)
+    stage = tasks.ContentImages(scene="mini", content=str(tmp_path))
+    with pytest.raises(InputError, match="3 usable images, at least 8 are needed") as caught:
+        build(stage)
+    assert caught.value.remedy
