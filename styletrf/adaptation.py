@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 import torch
-from jaxtyping import UInt8
+from jaxtyping import Int64, UInt8
 from torch import Tensor, nn
 
 from styletrf.appearance import Appearance
@@ -36,11 +36,11 @@ class AdaptationConfig:
     iterations: int = 1000
     batch: int = 4096  # rays an iteration
     parts: tuple[str, ...] = PARTS  # which are adapted
-    sees_view: bool = True  # whether a colour may depend on the direction it is seen from
-    factor_rate: float = 0.05
+    sees_view: bool = False  # whether a colour may depend on the direction it is seen from
+    factor_rate: float = 0.1
     network_rate: float = 3e-3
     rate_decay: float = 0.1  # over all iterations
-    tv_weight: float = 1e-3
+    tv_weight: float = 1e-4
     tv_every: int = 4
     min_weight: float = 2e-3  # samples lighter than this are not kept
     cache_bytes: int = 3 << 30  # a full cache is gone through again instead of growing
@@ -69,10 +69,21 @@ def adapt_appearance(
     config: AdaptationConfig,
     kernels: Kernels,
     progress: Progress = silent,
+    pixels: Int64[Tensor, " pixels"] | None = None,
 ) -> tuple[list[AdaptationPoint], float]:
     """Fits `field.appearance` to the stylised views, in place; the density is only read.
 
-    Pixels are drawn without replacement.
+    Pixels are drawn without replacement until all were; then they are gone through again.
+
+    Args:
+        field: The field.
+        cameras: Of the views.
+        stylized: The views.
+        space: Of the scene.
+        config: How to adapt.
+        kernels: The form to compute with.
+        progress: Told the iteration and the PSNR.
+        pixels: Those to learn from, counted through all views; all of them where not given.
 
     Returns:
         The curve, and the mean mass of weights that the cache left out.
@@ -83,7 +94,9 @@ def adapt_appearance(
     started = time.monotonic()
     generator = torch.Generator().manual_seed(config.seed)
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, stylized.device)
-    draws = torch.randperm(stylized.shape[:3].numel(), generator=generator)
+    if pixels is None:
+        pixels = torch.arange(stylized.shape[:3].numel())
+    draws = pixels[torch.randperm(len(pixels), generator=generator)]
     cache = march_once(
         field, rays, stylized, draws[: config.iterations * config.batch], kernels,
         min_weight=config.min_weight, termination=config.termination,

@@ -117,6 +117,16 @@ class RadianceField(nn.Module):
         self.appearance.factors = self.appearance.factors.upsampled(resolution)
 
 
+def refine_appearance(field: RadianceField, scale: float) -> None:
+    """Resamples the appearance to a finer lattice than the density's, in place.
+
+    Positions are relative to the box, so that the two lattices need not agree. Linear
+    interpolation: at lattice points that both share the colors stay as they were.
+    """
+    resolution = [max(2, round(scale * side)) for side in field.appearance.factors.resolution]
+    field.appearance.factors = field.appearance.factors.upsampled(resolution)
+
+
 def save_field(folder: Path, field: RadianceField) -> None:
     """Writes `density.safetensors`, `appearance.safetensors` and `field.json` to the folder.
 
@@ -133,6 +143,7 @@ def save_appearance(folder: Path, field: RadianceField) -> None:
     values = {
         "config": asdict(field.config),
         "resolution": list(field.resolution),
+        "appearance_resolution": list(field.appearance.factors.resolution),
         "step_length": field.step_length,
         "bounds": asdict(field.bounds),
     }
@@ -153,6 +164,9 @@ def load_field(density_folder: Path, appearance_folder: Path | None = None) -> R
     density = load_finite(density_folder / "density.safetensors")
     set_occupancy(field.density, density["occupancy"])
     field.density.load_state_dict(density)
+    of_appearance = json.loads((appearance_folder / "field.json").read_text())
+    resolution = of_appearance.get("appearance_resolution", of_appearance["resolution"])
+    field.appearance = Appearance(field.config, resolution)
     field.appearance.load_state_dict(load_finite(appearance_folder / "appearance.safetensors"))
     return field
 

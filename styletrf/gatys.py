@@ -6,6 +6,7 @@ own optimum, so neighbours disagree.
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -29,8 +30,10 @@ class GatysConfig:
 
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     style_px: int = 420
+    start: Literal["network", "content", "noise"] = "network"
     iterations: tuple[int, ...] = (60, 20)  # at half and at full size
     rate: float = 0.04  # Adam's, of colours in [0, 1]
+    seed: int = 0  # of the noise
 
 
 def paint_by_optimization(
@@ -39,8 +42,11 @@ def paint_by_optimization(
     style: Float[Tensor, "_ _ 3"],
     config: GatysConfig,
     progress: Progress = silent,
+    begin: Float[Tensor, "height width 3"] | None = None,
 ) -> Float[Tensor, "height width 3"]:
-    """Returns the view in the manner of the style, in [0, 1]; it begins as the view itself.
+    """Returns the view painted in the style, in [0, 1].
+
+    The optimisation starts from a painting by a network, from the view itself, or from noise.
 
     Args:
         vgg: The perceptual network.
@@ -48,14 +54,16 @@ def paint_by_optimization(
         style: RGB in [0, 1].
         config: How.
         progress: Told the iteration and the loss.
+        begin: The view as a network paints it, for the start `network`.
 
     Raises:
+        ValueError: The start is `network`, and `begin` is missing.
         NotFiniteError: The loss stopped being finite, or an image that it comes of is not.
     """
     grams = style_grams(vgg, shrunk(style, config.style_px))
     plain = content.permute(2, 0, 1)[None]
     height, width = content.shape[:2]
-    painted, done = plain, 0
+    painted, done = _started(plain, begin, config), 0
     for level, iterations in enumerate(config.iterations):
         scale = 0.5 ** (len(config.iterations) - 1 - level)
         size = [max(16, round(scale * side)) for side in (height, width)]
@@ -79,3 +87,18 @@ def paint_by_optimization(
             progress(done, sum(config.iterations), loss=loss)
         painted = painted.detach().clamp(0, 1)
     return painted[0].permute(1, 2, 0).contiguous()
+
+
+def _started(
+    plain: Float[Tensor, "1 3 height width"],
+    begin: Float[Tensor, "height width 3"] | None,
+    config: GatysConfig,
+) -> Float[Tensor, "1 3 height width"]:
+    if config.start == "content":
+        return plain
+    if config.start == "noise":
+        generator = torch.Generator().manual_seed(config.seed)
+        return torch.rand(plain.shape, generator=generator).to(plain)
+    if begin is None:
+        raise ValueError("the start is a network's painting, which is missing")
+    return begin.permute(2, 0, 1)[None]

@@ -28,12 +28,29 @@ def network_painter(folder: Path, device: torch.device) -> Painter:
 
 
 def optimizing_painter(
-    weights: Path, style: Path, config: GatysConfig, device: torch.device
+    weights: Path,
+    style: Path,
+    config: GatysConfig,
+    device: torch.device,
+    network: Painter | None = None,
 ) -> Painter:
-    """Returns what paints by optimising the pixels of each view."""
-    vgg, manner = load_vgg(weights, device), torch.from_numpy(read_rgb(style)).to(device)
-    paint = partial(paint_by_optimization, vgg, style=manner, config=config)
-    return lambda image: paint(content=image.to(device)).cpu()
+    """Returns what paints by optimising the pixels of each view.
+
+    Args:
+        weights: Of the perceptual network.
+        style: The painting.
+        config: How; with the start `network` that must be given.
+        device: Where to compute.
+        network: Paints what an optimisation starts from.
+    """
+    vgg, painting = load_vgg(weights, device), torch.from_numpy(read_rgb(style)).to(device)
+    paint = partial(paint_by_optimization, vgg, style=painting, config=config)
+
+    def painter(image: Tensor) -> Tensor:
+        begin = network(image).to(device) if network else None
+        return paint(content=image.to(device), begin=begin).cpu()
+
+    return painter
 
 
 def save_painted(path: Path, views: Sequence[Image]) -> None:

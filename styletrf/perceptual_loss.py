@@ -3,7 +3,9 @@
 Letters: `F` the activations of a layer (channels C, grid H x W), `G` their Gram matrix.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -14,6 +16,9 @@ from styletrf.vgg import VGG16
 
 CONTENT_LAYER = "relu2_2"
 STYLE_LAYERS = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
+
+StyleTerm = Callable[[Mapping[str, Tensor]], Float[Tensor, ""]]
+"""From the features of an output at the style layers to the unweighted style term."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +48,12 @@ class PerceptualTerms:
     style: Float[Tensor, ""]
     tv: Float[Tensor, ""]
     steadiness: Float[Tensor, ""]  # see `styletrf.steadiness`
+    color: Float[Tensor, ""]  # see `styletrf.style_step`
 
     @property
     def total(self) -> Float[Tensor, ""]:
         """The loss."""
-        return self.content + self.style + self.tv + self.steadiness
+        return self.content + self.style + self.tv + self.steadiness + self.color
 
 
 def gram_matrix(
@@ -109,20 +115,39 @@ def perceptual_loss(
         grams: From `style_grams`.
         config: The weights.
     """
+    return perceptual_terms(vgg, output, content, partial(gram_term, grams, config), config)
+
+
+def perceptual_terms(
+    vgg: VGG16,
+    output: Float[Tensor, "batch 3 height width"],
+    content: Float[Tensor, "batch 3 height width"],
+    style_term: StyleTerm,
+    config: PerceptualLossConfig,
+) -> PerceptualTerms:
+    """Returns what `perceptual_loss` does, with any style term in place of the Gram matrices'."""
     with torch.no_grad():
         target = vgg.features(content, [CONTENT_LAYER])[CONTENT_LAYER].float()
     found = vgg.features(output, STYLE_LAYERS)
-    targets = {layer: gram.expand(len(output), -1, -1) for layer, gram in grams.items()}
-    style = [
-        weight * _difference(gram_matrix(found[layer]), targets[layer], config)
-        for layer, weight in zip(STYLE_LAYERS, config.style_layer_weights, strict=True)
-    ]
+    none = torch.zeros((), device=output.device)
     return PerceptualTerms(
         content=config.content_weight * _difference(found[CONTENT_LAYER].float(), target, config),
-        style=config.style_weight * torch.stack(style).sum(),
+        style=config.style_weight * style_term(found),
         tv=config.tv_weight * total_variation(output.float()),
-        steadiness=torch.zeros((), device=output.device),
+        steadiness=none,
+        color=none,
     )
+
+
+def gram_term(
+    grams: Mapping[str, Tensor], config: PerceptualLossConfig, found: Mapping[str, Tensor]
+) -> Float[Tensor, ""]:
+    """Returns the difference of Gram matrices, the weighted sum over the style layers."""
+    differences = []
+    for layer, weight in zip(STYLE_LAYERS, config.style_layer_weights, strict=True):
+        gram = gram_matrix(found[layer])
+        differences.append(weight * _difference(gram, grams[layer].expand_as(gram), config))
+    return torch.stack(differences).sum()
 
 
 def relative_difference(found: Tensor, target: Tensor) -> Float[Tensor, ""]:

@@ -14,7 +14,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from styletrf.style_network import StyleNetwork
+from styletrf.style_network import PaintingNetwork, StyleNetwork
 from styletrf.whole_files import whole_file
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
@@ -30,6 +30,7 @@ class CurveRow:
     style: float
     tv: float
     steadiness: float
+    color: float
     seconds: float  # of training so far, over all its runs
 
 
@@ -37,7 +38,7 @@ class CurveRow:
 class Training:
     """All that changes while a style network is trained."""
 
-    network: StyleNetwork
+    network: PaintingNetwork
     optimizer: torch.optim.Adam
     curve: list[CurveRow] = field(default_factory=list)
 
@@ -47,10 +48,20 @@ class Training:
         return self.curve[-1].seconds if self.curve else 0.0
 
 
-def new_training(network: StyleNetwork, learning_rate: float) -> Training:
-    """Returns a training of the network that has not begun."""
-    optimizer = torch.optim.Adam(network.train().parameters(), lr=learning_rate)
-    return Training(network, optimizer)
+def new_training(network: PaintingNetwork) -> Training:
+    """Returns a training of the network that has not begun; `StyleStep` sets the learning rates.
+
+    The optimiser has a group `normalization` (scales and shifts) where the network tells these
+    apart, and a group `other`.
+    """
+    groups: list[dict[str, object]] = []
+    if isinstance(network, StyleNetwork):
+        groups.append({"name": "other", "params": list(network.parameters())})
+    else:
+        styles, shared = network.style_parameters(), network.shared_parameters()
+        groups.append({"name": "normalization", "params": list(styles.values())})
+        groups.append({"name": "other", "params": list(shared.values())})
+    return Training(network.train(), torch.optim.Adam(groups, lr=0.0))
 
 
 def write_checkpoint(path: Path, training: Training) -> None:

@@ -4,6 +4,7 @@ import copy
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -14,22 +15,36 @@ from styletrf.data_parallel import Ranks
 from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
-from styletrf.perceptual_loss import PerceptualTerms, perceptual_loss, shrunk, style_grams
+from styletrf.perceptual_loss import (
+    PerceptualTerms,
+    StyleTerm,
+    gram_term,
+    perceptual_terms,
+    relative_difference,
+    shrunk,
+    style_grams,
+)
+from styletrf.sliced_features import sliced_term, style_columns
 from styletrf.steadiness import ContentPair, disturbed, steadiness
 from styletrf.style_checkpoint import Training
-from styletrf.style_network import StyleNetwork
+from styletrf.style_network import PaintingNetwork
 from styletrf.style_training_config import StyleTrainingConfig
+from styletrf.transfer_network import TransferNetwork
 from styletrf.vgg import VGG16
 
 
+_COLOR_BLOCK_PX = 8
+
+
 class StyleStep:
-    """An iteration, with what stays the same through all: the Gram matrices of one painting."""
+    """An iteration, with what stays the same through all: the statistics of one painting."""
 
     def __init__(
         self,
         config: StyleTrainingConfig,
         vgg: VGG16,
         style: Float[Tensor, "height width 3"],
+        start: TransferNetwork | None = None,
         ranks: Ranks | None = None,
     ) -> None:
         """Looks at the painting.
@@ -38,6 +53,7 @@ class StyleStep:
             config: How to train.
             vgg: The perceptual network, in float32; its device is where the training runs.
             style: RGB in [0, 1].
+            start: What the training began from, whose colors `config.color_weight` holds.
             ranks: Who shares each batch.
         """
         self._ranks = ranks or Ranks()
@@ -45,7 +61,10 @@ class StyleStep:
         self._fast = config.bfloat16 and computes_in_bfloat16(self._device)
         self._vgg = copy.deepcopy(vgg).to(torch.bfloat16) if self._fast else vgg
         self._config = config
-        self._grams = style_grams(self._vgg, shrunk(style.to(self._device), config.style_px))
+        self._start = start.to(self._device).eval() if start and config.color_weight > 0 else None
+        painting = shrunk(style.to(self._device), config.style_px)
+        is_gram = config.statistics == "gram"
+        self._targets = (style_grams if is_gram else style_columns)(self._vgg, painting)
 
     def __call__(
         self, training: Training, k: int, content: Tensor | ContentPair
@@ -62,12 +81,12 @@ class StyleStep:
         terms.total.backward()
         self._ranks.average(p.grad for p in training.network.parameters())
         for group in training.optimizer.param_groups:
-            group["lr"] = _learning_rate(self._config, k)
+            group["lr"] = _learning_rate(self._config, k, group["name"])
         training.optimizer.step()
         return terms
 
     def terms(
-        self, network: StyleNetwork, k: int, content: Tensor | ContentPair
+        self, network: PaintingNetwork, k: int, content: Tensor | ContentPair
     ) -> PerceptualTerms:
         """Returns the loss; from random weights, at first that of an autoencoder.
 
@@ -99,7 +118,7 @@ class StyleStep:
     def _require_finite(
         self, terms: PerceptualTerms, training: Training, k: int, content: Tensor | ContentPair
     ) -> None:
-        for name in ("content", "style", "tv", "steadiness"):
+        for name in ("content", "style", "tv", "steadiness", "color"):
             value = float(getattr(terms, name).detach())
             if math.isfinite(value):
                 continue
@@ -116,22 +135,47 @@ class StyleStep:
         """Yields what a loss comes of: the batch, the style, and what past steps left."""
         images = [content] if isinstance(content, Tensor) else [content.first, content.second]
         yield from (("a content image", image) for image in images)
-        for layer, gram in self._grams.items():
-            yield f"the style's Gram matrix of {layer}", gram
+        for layer, target in self._targets.items():
+            yield f"the style's statistics of {layer}", target
         yield from parameter_stages(training.network, training.optimizer)
 
-    def _painted(self, network: StyleNetwork, content: Tensor) -> Tensor:
+    def _painted(self, network: PaintingNetwork, content: Tensor) -> Tensor:
         with torch.autocast(self._device.type, torch.bfloat16, enabled=self._fast):
             output: Tensor = network(content)
         return output.float()
 
     def _loss(self, k: int, output: Tensor, content: Tensor) -> PerceptualTerms:
-        if k >= self._config.identity_iterations:
-            return perceptual_loss(self._vgg, output, content, self._grams, self._config.loss)
-        none = torch.zeros((), device=output.device)
-        return PerceptualTerms(functional.mse_loss(output, content), none, none, none)
+        if k < self._config.identity_iterations:
+            none = torch.zeros((), device=output.device)
+            return PerceptualTerms(functional.mse_loss(output, content), none, none, none, none)
+        config = self._config.loss
+        terms = perceptual_terms(self._vgg, output, content, self._style_term(k), config)
+        if self._start is None:
+            return terms
+        return replace(terms, color=self._config.color_weight * self._color_drift(output, content))
+
+    def _style_term(self, k: int) -> StyleTerm:
+        config = self._config
+        if config.statistics == "gram":
+            return partial(gram_term, self._targets, config.loss)
+        generator = torch.Generator().manual_seed((config.seed << 32) + k)
+        return partial(sliced_term, self._targets, config.loss.style_layer_weights, generator)
+
+    def _color_drift(self, output: Tensor, content: Tensor) -> Float[Tensor, ""]:
+        """Returns how far mean colors of 8x8 blocks are from those of the start's painting.
+
+        `log(1 + d / t)`, `d` the mean squared difference and `t` the mean square of the latter.
+        """
+        assert self._start is not None  # noqa: S101  the caller has looked
+        with torch.no_grad():
+            held = self._painted(self._start, content)
+        blocks = [functional.avg_pool2d(images, _COLOR_BLOCK_PX) for images in (output, held)]
+        return relative_difference(*blocks)
 
 
-def _learning_rate(config: StyleTrainingConfig, k: int) -> float:
+def _learning_rate(config: StyleTrainingConfig, k: int, group: str) -> float:
     ratio = config.final_learning_rate / config.learning_rate
-    return float(config.learning_rate * ratio ** (k / config.iterations))
+    rate = float(config.learning_rate * ratio ** (k / config.iterations))
+    if group == "normalization":
+        return config.normalization_rate * rate
+    return rate if k >= config.normalization_share * config.iterations else 0.0

@@ -8,6 +8,7 @@ import logging
 import time
 from collections.abc import Callable
 from contextlib import closing
+from copy import deepcopy
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -16,7 +17,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from styletrf.base_network import base_network
 from styletrf.content_batches import content_batches, read_content
 from styletrf.data_parallel import Ranks
 from styletrf.finiteness import parameter_stages, require_finite
@@ -30,10 +30,11 @@ from styletrf.style_checkpoint import (
     read_checkpoint,
     write_checkpoint,
 )
-from styletrf.style_network import StyleNetwork
+from styletrf.style_network import PaintingNetwork, StyleNetwork
 from styletrf.style_step import StyleStep
 from styletrf.style_survey import fine_trace, told_of_trace
 from styletrf.style_training_config import StyleTrainingConfig
+from styletrf.transfer_network import TransferNetwork
 from styletrf.vgg import VGG16
 
 _LOGGER = logging.getLogger(__name__)
@@ -46,11 +47,12 @@ def train_style_network(
     content_folder: Path,
     *,
     checkpoint_folder: Path,
+    start: TransferNetwork | None = None,
     pairs: Callable[[int], ContentPair] | None = None,
     progress: Progress = silent,
     checkpoint_s: float = 30.0,
     ranks: Ranks | None = None,
-) -> tuple[StyleNetwork, list[CurveRow]]:
+) -> tuple[PaintingNetwork, list[CurveRow]]:
     """Returns the trained network and the loss of every iteration.
 
     Args:
@@ -60,6 +62,8 @@ def train_style_network(
         content_folder: Shards from `write_content_images`.
         checkpoint_folder: An existing folder that belongs to these very inputs; a checkpoint
             found there is continued.
+        start: A network that paints already, of which a copy is trained; without it, Johnson's
+            network begins from random weights.
         pairs: From the number of an iteration to pairs of renders of the scene, which the share
             `steadiness.renders` of the iterations that look at steadiness take, not photographs.
         progress: Told the iteration and the loss.
@@ -71,9 +75,9 @@ def train_style_network(
         NotFiniteError: A parameter of the network is no longer finite.
     """
     path, ranks = checkpoint_folder / "style_training.safetensors", ranks or Ranks()
-    training, config = begin(config, vgg.mean.device)
+    training, config = begin(config, vgg.mean.device, start)
     read_checkpoint(path, training)
-    step = StyleStep(config, vgg, style, ranks)
+    step = StyleStep(config, vgg, style, start, ranks)
     start, encoded = len(training.curve), read_content(content_folder)
     if start == 0 and ranks.is_first:
         _warn(config, vgg, style, encoded)
@@ -120,18 +124,21 @@ def _is_paired(k: int, config: SteadinessConfig) -> bool:
 
 
 def begin(
-    config: StyleTrainingConfig, device: torch.device
+    config: StyleTrainingConfig, device: torch.device, start: TransferNetwork | None = None
 ) -> tuple[Training, StyleTrainingConfig]:
-    """Returns a training that has not begun, and its settings: a base needs no identity phase."""
-    network = base_network(config.network) if config.warm_start else None
-    if network is not None:
+    """Returns a training that has not begun, and its settings.
+
+    A network that paints already needs no identity phase; one that does not has no colors to hold.
+    """
+    if start is not None:
+        network: PaintingNetwork = deepcopy(start)
         config = replace(config, identity_iterations=0)
     else:
         network = StyleNetwork(config.network, torch.Generator().manual_seed(config.seed))
-    return new_training(network.to(device), config.learning_rate), config
+        config = replace(config, color_weight=0.0, normalization_share=0.0)
+    return new_training(network.to(device)), config
 
 
 def _row(k: int, terms: PerceptualTerms, seconds: float) -> CurveRow:
-    values = [terms.total, terms.content, terms.style, terms.tv, terms.steadiness]
-    loss, content, style, tv, steadiness = torch.stack(values).tolist()
-    return CurveRow(k + 1, loss, content, style, tv, steadiness, seconds)
+    values = [terms.total, terms.content, terms.style, terms.tv, terms.steadiness, terms.color]
+    return CurveRow(k + 1, *torch.stack(values).tolist(), seconds)

@@ -1,7 +1,7 @@
 """The settings of a style training."""
 
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from styletrf.gatys import GatysConfig
 from styletrf.perceptual_loss import PerceptualLossConfig
@@ -11,14 +11,23 @@ from styletrf.style_network import StyleNetworkConfig
 
 @dataclass(frozen=True, slots=True)
 class StyleTrainingConfig:
-    """How a style network is trained."""
+    """How a style network is trained.
 
-    network: StyleNetworkConfig = field(default_factory=StyleNetworkConfig)
+    With `warm_start` it begins as the network of arbitrary style transfer for the painting: at
+    first only the normalisations learn, then all weights, and `color_weight` holds the colors that
+    it began with. Without, Johnson's network begins from random weights.
+    """
+
+    network: StyleNetworkConfig = field(default_factory=StyleNetworkConfig)  # without a warm start
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
+    statistics: Literal["sliced", "gram"] = "sliced"  # of features, that make the style term
     steadiness: SteadinessConfig = field(default_factory=SteadinessConfig)
     iterations: int = 2000
-    warm_start: bool = True  # from the base network of this size, where there is one
-    identity_iterations: int = 150  # without one: the first learn to repeat the photograph
+    warm_start: bool = True
+    normalization_share: float = 0.2  # of the iterations, in which only normalisations learn
+    normalization_rate: float = 10.0  # times the learning rate of the other weights
+    color_weight: float = 5.0
+    identity_iterations: int = 150  # without a warm start the first repeat the photograph
     batch: int = 4
     crop_px: int = 256
     style_px: int = 288  # shorter side of the style image: the smaller, the finer the strokes

@@ -5,15 +5,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from styletrf.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
 from styletrf.camera_table import read_cameras
 from styletrf.cameras import Camera
-from styletrf.field import RadianceField, load_field
+from styletrf.field import RadianceField, load_field, refine_appearance
 from styletrf.field_training_config import FieldTrainingConfig
-from styletrf.frames import float_frames
+from styletrf.frames import float_images
 from styletrf.free_adaptation import adapt_all, fit_anew
 from styletrf.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
 from styletrf.images import read_rgb, to_integers
@@ -22,6 +24,7 @@ from styletrf.perceptual_loss import PerceptualLossConfig
 from styletrf.progress import Progress, silent
 from styletrf.scene_model import SceneModel, read_scene_model
 from styletrf.stroke_losses import ImageLoss, stroke_loss
+from styletrf.surface_ownership import OwnershipConfig, owned_pixels
 from styletrf.vgg import load_vgg
 from styletrf.views import load_views
 
@@ -33,6 +36,9 @@ class StylizationConfig:
     """How a field takes a style on."""
 
     adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
+    single_owner: bool = True  # every surface point learns from one prior, else from all
+    ownership: OwnershipConfig = field(default_factory=OwnershipConfig)
+    appearance_scale: float = 1.5  # of the style's lattice, times that of the field's
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     style_px: int = 420  # of the painting, in the loss of whole renders
@@ -46,6 +52,7 @@ class Stylization:
     field: RadianceField
     model: SceneModel
     cameras: Sequence[Camera]
+    depths: Sequence[Float[np.ndarray, "height width"]]
     plain: Tensor  # views height width 3, uint8
     painted: Tensor
     kernels: Kernels
@@ -56,7 +63,8 @@ class Stylization:
 def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
     """Returns what the folders hold: field, model, priors, stylized; style and perceptual."""
     cameras = read_cameras(inputs["priors"] / "cameras.parquet")
-    plain = [torch.from_numpy(to_integers(image)) for image in float_frames(inputs["priors"])]
+    priors = list(float_images(inputs["priors"]))
+    plain = [torch.from_numpy(to_integers(image.color)) for image in priors]
     style = None
     if match != "pixels":
         style = inputs["style"] / "style.png", inputs["perceptual"] / "vgg16.safetensors"
@@ -64,6 +72,7 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
         field=load_field(inputs["field"]).to(device),
         model=read_scene_model(inputs["model"] / "scene.json"),
         cameras=cameras,
+        depths=[image.depth for image in priors],
         plain=torch.stack(plain).to(device),
         painted=load_views(inputs["stylized"] / "frames", cameras).to(device),
         kernels=kernels_for(device),
@@ -76,9 +85,10 @@ def stylized(
     job: Stylization, config: StylizationConfig, progress: Progress = silent
 ) -> tuple[RadianceField, list[AdaptationPoint], float]:
     """Returns the field with its appearance adapted (S3), the curve, and the mass left out."""
+    refine_appearance(job.field, config.appearance_scale)
     curve, dropped = adapt_appearance(
         job.field, job.cameras, job.painted, job.model.space, config.adaptation, job.kernels,
-        progress,
+        progress, _learnt_pixels(job, config),
     )  # fmt: skip
     if job.match != "pixels":
         after = adapt_to_image_loss(
@@ -114,6 +124,14 @@ def freely_stylized(
     rays = config.adaptation.iterations * config.adaptation.batch
     training = replace(training, iterations=max(1, rays // training.batch), batch_samples=0)
     return adapt_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
+
+
+def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None:
+    """Returns the pixels, counted through all priors, that their surface learns from."""
+    if not config.single_owner:
+        return None
+    masks = owned_pixels(job.cameras, job.depths, config.ownership)
+    return torch.from_numpy(np.flatnonzero(np.stack(masks)))
 
 
 def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:

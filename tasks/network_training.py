@@ -97,6 +97,7 @@ def train_here(asked: Asked, display: Display) -> None:
     from styletrf.style_training import train_style_network
     from styletrf.style_training_config import StyleTrainingConfig, steered
     from styletrf.tables import write_curve
+    from styletrf.transfer_weights import load_style_transfer
     from styletrf.vgg import load_vgg
 
     inputs, device = {n: Path(path) for n, path in asked.inputs.items()}, device_named(asked.device)
@@ -108,12 +109,17 @@ def train_here(asked: Asked, display: Display) -> None:
     if "renders" in inputs:
         sizes = {"batch": config.batch, "crop_px": config.crop_px, "seed": config.seed}
         pairs = RenderPairs(inputs["renders"], **sizes)
+    style = torch.from_numpy(read_rgb(inputs["style"] / "style.png"))
+    start = None
+    if config.warm_start:
+        start = load_style_transfer(inputs["transfer"], device).network_for(style.to(device))
     network, curve = train_style_network(
         config,
         load_vgg(inputs["perceptual"] / "vgg16.safetensors", device),
-        torch.from_numpy(read_rgb(inputs["style"] / "style.png")),
+        style,
         inputs["content"],
         checkpoint_folder=Path(asked.resume),
+        start=start,
         pairs=pairs,
         progress=display,
         ranks=ranks,

