@@ -1,8 +1,8 @@
 """Engines that place builds on other machines: Ray and SLURM.
 
 An engine is asked with an errand, and answers with the outcome, however often it had to send the
-errand out. Machines need to share no folder for that. Where things are placed is its business; what they
-are, and that they are right, the store's.
+errand out. Machines need to share no folder for that. Where things are placed is its business; what
+they are, and that they are right, the store's.
 """
 
 import base64

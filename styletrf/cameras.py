@@ -110,7 +110,8 @@ def points_at_depth(
     x, y = ((pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
     directions_camera = np.stack([x, y, np.ones_like(x)], axis=-1)
     directions_world = directions_camera @ camera.world_from_camera[:, :3].T
-    return camera.center_world + depth[:, None] * directions_world
+    points_world: np.ndarray = camera.center_world + depth[:, None] * directions_world
+    return points_world
 
 
 def project(

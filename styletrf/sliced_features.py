@@ -74,11 +74,13 @@ def sliced_wasserstein(
     if len(a) != len(b):
         quantiles = (torch.arange(len(a), device=b.device) + 0.5) / len(a)
         b = b[(quantiles * len(b)).long()]
-    return (a - b).square().mean()
+    difference: Tensor = (a - b).square().mean()
+    return difference
 
 
 def _rows(features: Tensor) -> Float[Tensor, "places channels"]:
-    return features.float().movedim(1, -1).reshape(-1, features.shape[1])
+    rows: Tensor = features.float().movedim(1, -1).reshape(-1, features.shape[1])
+    return rows
 
 
 def _drawn(rows: Tensor, generator: torch.Generator) -> Tensor:

@@ -32,7 +32,6 @@ from styletrf.style_training_config import StyleTrainingConfig
 from styletrf.transfer_network import TransferNetwork
 from styletrf.vgg import VGG16
 
-
 _COLOR_BLOCK_PX = 8
 
 
@@ -44,7 +43,7 @@ class StyleStep:
         config: StyleTrainingConfig,
         vgg: VGG16,
         style: Float[Tensor, "height width 3"],
-        start: TransferNetwork | None = None,
+        initial: TransferNetwork | None = None,
         ranks: Ranks | None = None,
     ) -> None:
         """Looks at the painting.
@@ -53,7 +52,7 @@ class StyleStep:
             config: How to train.
             vgg: The perceptual network, in float32; its device is where the training runs.
             style: RGB in [0, 1].
-            start: What the training began from, whose colors `config.color_weight` holds.
+            initial: What the training began from, whose colors `config.color_weight` holds.
             ranks: Who shares each batch.
         """
         self._ranks = ranks or Ranks()
@@ -61,7 +60,7 @@ class StyleStep:
         self._fast = config.bfloat16 and computes_in_bfloat16(self._device)
         self._vgg = copy.deepcopy(vgg).to(torch.bfloat16) if self._fast else vgg
         self._config = config
-        self._start = start.to(self._device).eval() if start and config.color_weight > 0 else None
+        self._initial = initial.to(self._device).eval() if initial else None
         painting = shrunk(style.to(self._device), config.style_px)
         is_gram = config.statistics == "gram"
         self._targets = (style_grams if is_gram else style_columns)(self._vgg, painting)
@@ -150,7 +149,7 @@ class StyleStep:
             return PerceptualTerms(functional.mse_loss(output, content), none, none, none, none)
         config = self._config.loss
         terms = perceptual_terms(self._vgg, output, content, self._style_term(k), config)
-        if self._start is None:
+        if self._initial is None or self._config.color_weight == 0:
             return terms
         return replace(terms, color=self._config.color_weight * self._color_drift(output, content))
 
@@ -162,13 +161,13 @@ class StyleStep:
         return partial(sliced_term, self._targets, config.loss.style_layer_weights, generator)
 
     def _color_drift(self, output: Tensor, content: Tensor) -> Float[Tensor, ""]:
-        """Returns how far mean colors of 8x8 blocks are from those of the start's painting.
+        """Returns how far mean colors of 8x8 blocks are from those of the initial painting.
 
         `log(1 + d / t)`, `d` the mean squared difference and `t` the mean square of the latter.
         """
-        assert self._start is not None  # noqa: S101  the caller has looked
+        assert self._initial is not None  # noqa: S101  the caller has looked
         with torch.no_grad():
-            held = self._painted(self._start, content)
+            held = self._painted(self._initial, content)
         blocks = [functional.avg_pool2d(images, _COLOR_BLOCK_PX) for images in (output, held)]
         return relative_difference(*blocks)
 

@@ -47,7 +47,7 @@ def train_style_network(
     content_folder: Path,
     *,
     checkpoint_folder: Path,
-    start: TransferNetwork | None = None,
+    initial: TransferNetwork | None = None,
     pairs: Callable[[int], ContentPair] | None = None,
     progress: Progress = silent,
     checkpoint_s: float = 30.0,
@@ -62,7 +62,7 @@ def train_style_network(
         content_folder: Shards from `write_content_images`.
         checkpoint_folder: An existing folder that belongs to these very inputs; a checkpoint
             found there is continued.
-        start: A network that paints already, of which a copy is trained; without it, Johnson's
+        initial: A network that paints already, of which a copy is trained; without it, Johnson's
             network begins from random weights.
         pairs: From the number of an iteration to pairs of renders of the scene, which the share
             `steadiness.renders` of the iterations that look at steadiness take, not photographs.
@@ -75,9 +75,9 @@ def train_style_network(
         NotFiniteError: A parameter of the network is no longer finite.
     """
     path, ranks = checkpoint_folder / "style_training.safetensors", ranks or Ranks()
-    training, config = begin(config, vgg.mean.device, start)
+    training, config = begin(config, vgg.mean.device, initial)
     read_checkpoint(path, training)
-    step = StyleStep(config, vgg, style, start, ranks)
+    step = StyleStep(config, vgg, style, initial, ranks)
     start, encoded = len(training.curve), read_content(content_folder)
     if start == 0 and ranks.is_first:
         _warn(config, vgg, style, encoded)
@@ -124,14 +124,14 @@ def _is_paired(k: int, config: SteadinessConfig) -> bool:
 
 
 def begin(
-    config: StyleTrainingConfig, device: torch.device, start: TransferNetwork | None = None
+    config: StyleTrainingConfig, device: torch.device, initial: TransferNetwork | None = None
 ) -> tuple[Training, StyleTrainingConfig]:
     """Returns a training that has not begun, and its settings.
 
     A network that paints already needs no identity phase; one that does not has no colors to hold.
     """
-    if start is not None:
-        network: PaintingNetwork = deepcopy(start)
+    if initial is not None:
+        network: PaintingNetwork = deepcopy(initial)
         config = replace(config, identity_iterations=0)
     else:
         network = StyleNetwork(config.network, torch.Generator().manual_seed(config.seed))
@@ -141,4 +141,5 @@ def begin(
 
 def _row(k: int, terms: PerceptualTerms, seconds: float) -> CurveRow:
     values = [terms.total, terms.content, terms.style, terms.tv, terms.steadiness, terms.color]
-    return CurveRow(k + 1, *torch.stack(values).tolist(), seconds)
+    loss, content, style, tv, steadiness, color = torch.stack(values).tolist()
+    return CurveRow(k + 1, loss, content, style, tv, steadiness, color, seconds)

@@ -110,16 +110,16 @@ def train_here(asked: Asked, display: Display) -> None:
         sizes = {"batch": config.batch, "crop_px": config.crop_px, "seed": config.seed}
         pairs = RenderPairs(inputs["renders"], **sizes)
     style = torch.from_numpy(read_rgb(inputs["style"] / "style.png"))
-    start = None
+    initial = None
     if config.warm_start:
-        start = load_style_transfer(inputs["transfer"], device).network_for(style.to(device))
+        initial = load_style_transfer(inputs["transfer"], device).network_for(style.to(device))
     network, curve = train_style_network(
         config,
         load_vgg(inputs["perceptual"] / "vgg16.safetensors", device),
         style,
         inputs["content"],
         checkpoint_folder=Path(asked.resume),
-        start=start,
+        initial=initial,
         pairs=pairs,
         progress=display,
         ranks=ranks,

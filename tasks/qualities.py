@@ -35,30 +35,29 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "count": (1000, 8000, 80000),
     },
     "StyleNetwork": {
-        "network.width": (24, 32, 32),
-        "network.n_residual": (3, 5, 5),
-        "iterations": (800, 2500, 40000),
-        "batch": (1, 2, 4),
+        "iterations": (200, 800, 40000),
+        "batch": (1, 1, 4),
         "crop_px": (176, 192, 256),
         "style_px": (420, 420, 256),
-        "learning_rate": (2e-3, 2e-3, 1e-3),
-        "final_learning_rate": (3e-4, 3e-4, 1e-3),
+        "learning_rate": (1e-3, 1e-3, 1e-3),
+        "final_learning_rate": (1.5e-4, 1.5e-4, 1e-3),
         "identity_iterations": (150, 150, 0),
         "warm_start": (True, True, False),
-        "steadiness.weight": (0.5, 0.5, 0.0),
+        "statistics": ("sliced", "sliced", "gram"),
+        "steadiness.weight": (0.0, 0.0, 0.0),
         "loss.relative": (
             True,
             True,
             False,
         ),  # False fits torchvision's VGG16 only, as do 1e5, 1e10
-        "loss.content_weight": (3.0, 3.0, 1e5),
+        "loss.content_weight": (0.5, 0.5, 1e5),
         "loss.style_weight": (1.0, 1.0, 1e10),
         "loss.style_layer_weights": (
             [4.0, 2.0, 1.5, 1.0],
             [4.0, 2.0, 1.5, 1.0],
             [1.0, 1.0, 1.0, 1.0],
         ),
-        "loss.tv_weight": (15.0, 15.0, 0.0),
+        "loss.tv_weight": (5.0, 5.0, 0.0),
         "bfloat16": (True, True, False),
     },
     "PriorRenders": {
@@ -85,6 +84,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     },
     "StylizedField": {
         "adaptation.iterations": (600, 1000, 1000),
+        "adaptation.min_weight": (1e-2, 5e-3, 2e-3),
         "style_px": (420, 420, 256),
     },
 }

@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import luigi
 
@@ -16,9 +16,6 @@ from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
-
-if TYPE_CHECKING:
-    from styletrf.transfer_network import TransferNetwork
 
 _FEWEST_PROCEDURAL = 64  # made in about 5 s, with which three photographs are content enough
 
@@ -285,7 +282,7 @@ class StyleNetwork(TunedStage, NetworkControls):
         )
         train(asked, run.progress)
 
-    def _for_painting(self, inputs: Mapping[str, Path]) -> "TransferNetwork":
+    def _for_painting(self, inputs: Mapping[str, Path]) -> Any:
         """Returns the network of arbitrary style transfer as it paints after this painting."""
         import torch
 

@@ -102,14 +102,12 @@ class StylizedPriors(ShardedStage, StyleControls):
         if "before" in inputs:
             views = halfway_to(views, cameras, inputs, device)
         content = before_painting(views, ground)
-        begin = network_painter(inputs["network"], device) if "network" in inputs else None
-        if self.stylizer != "gatys":
-            paint = begin
-        else:
-            config = configured(GatysConfig, self.values())
-            config = steered(config, *self.factors())
-            weights, style = inputs["perceptual"] / "vgg16.safetensors", inputs["style"]
-            paint = optimizing_painter(weights, style / "style.png", config, device, begin)
+        network = network_painter(inputs["network"], device) if "network" in inputs else None
+        if network and self.stylizer != "gatys":
+            return painted(network, content, run.progress)
+        config = steered(configured(GatysConfig, self.values()), *self.factors())
+        weights, style = inputs["perceptual"] / "vgg16.safetensors", inputs["style"]
+        paint = optimizing_painter(weights, style / "style.png", config, device, network)
         return painted(paint, content, run.progress)
 
 

@@ -5,10 +5,10 @@ from unittest.mock import patch
 
 import pytest
 import torch
+from styletrf.base_network import base_network
 from torch import Tensor, nn
 
 from styletrf import style_network
-from styletrf.base_network import base_network
 from styletrf.perceptual_loss import (
     PerceptualLossConfig,
     gram_matrix,
