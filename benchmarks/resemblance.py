@@ -6,9 +6,10 @@
     resemblance.py sheet --scenes horns fern --styles mosaic udnie --to sheet.jpg
 
 A row a result: the ratios of its distances to the painting over those of the unstylised frames
-(1: not stylised, 0: the painting itself; sliced Wasserstein distances of colors and of patches,
-Gram matrices of EfficientNet-Lite0, SIFID with VGG16), the content ratio, and the sharpness over
-the priors' and over the unstylised frames'; see docs/metrics.md. The row `color map` is of the
+(1: not stylised, 0: the painting itself; sliced Wasserstein distances of colors, of patches, and of
+patches without their mean colors (texture), Gram matrices of EfficientNet-Lite0, SIFID with VGG16),
+the content ratio, and the sharpness over the priors' and over the unstylised frames'; see
+docs/metrics.md. The row `color map` is of the
 unstylised frames with the painting's histogram of colors, which paints nothing. `--retrieval` adds
 the share of frames whose nearest painting is their own, among all under `STYLETRF_DATA` and the
 embedded ones. `frames` measures PNG or EXR files in folders, paired by name; `table` and `sheet`
@@ -35,6 +36,7 @@ from tasks.stylization import StylizedFrames
 COLUMNS = {
     "colors": "style_swd_colors_ratio",
     "patches": "style_swd_patches_ratio",
+    "texture": "style_swd_texture_ratio",
     "gram": "style_gram_ratio",
     "sifid": "sifid_vgg_ratio",
     "content": "content",

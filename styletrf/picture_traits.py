@@ -1,7 +1,8 @@
 """What of a picture is compared with a painting or with the scene, by measures no training saw.
 
-Colors and patches (`sliced_wasserstein`), Gram matrices of EfficientNet-Lite0 and statistics of
-VGG16's relu2_2 compare a picture with a painting; directions of relu4_3 compare it with the scene.
+Colors, patches and texture (`sliced_wasserstein`), Gram matrices of EfficientNet-Lite0, and
+statistics of VGG16's relu2_2 compare a picture with a painting; directions of relu4_3 compare it
+with the scene.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,7 @@ from styletrf.sliced_wasserstein import (
     color_distance,
     patch_distance,
     picture_projections,
+    texture_distance,
 )
 from styletrf.vgg import REDUCTION, VGG16
 
@@ -57,7 +59,7 @@ class PictureTraits:
     """What is compared of a picture.
 
     Attributes:
-        projections: Of its colors and patches.
+        projections: Of its colors, patches and texture.
         grams: Gram matrices of EfficientNet-Lite0, stride by stride.
         texture: Statistics of relu2_2 of VGG16.
         content: relu4_3 of VGG16, each place of length 1.
@@ -168,6 +170,7 @@ def distances(picture: PictureTraits, painting: PictureTraits) -> dict[str, floa
     return {
         "style_swd_colors": color_distance(picture.projections, painting.projections),
         "style_swd_patches": patch_distance(picture.projections, painting.projections),
+        "style_swd_texture": texture_distance(picture.projections, painting.projections),
         "style_gram": gram_distance(picture, painting),
         "sifid_vgg": frechet_distance(picture.texture, painting.texture),
     }

@@ -23,7 +23,9 @@ from styletrf.picture_traits import (
 from styletrf.progress import Progress, silent
 from styletrf.sharpness import sharpness
 
-STYLE_DISTANCES = ("style_swd_colors", "style_swd_patches", "style_gram", "sifid_vgg")
+STYLE_DISTANCES = (
+    "style_swd_colors", "style_swd_patches", "style_swd_texture", "style_gram", "sifid_vgg",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,7 @@ class FrameResemblance:
         view: Its name.
         style_swd_colors: Sliced Wasserstein distance of colors to the painting.
         style_swd_patches: The same of 7x7 patches at three scales.
+        style_swd_texture: The same of patches without their mean colors.
         style_gram: Relative distance of Gram matrices of EfficientNet-Lite0 to the painting.
         sifid_vgg: Squared Fréchet distance of statistics of relu2_2 to the painting.
         content_distance: Of relu4_3, to the unstylised frame.
@@ -63,6 +66,8 @@ class FrameResemblance:
     style_swd_colors_unstylized: float
     style_swd_patches: float
     style_swd_patches_unstylized: float
+    style_swd_texture: float
+    style_swd_texture_unstylized: float
     style_gram: float
     style_gram_unstylized: float
     sifid_vgg: float
