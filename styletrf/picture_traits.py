@@ -18,10 +18,10 @@ from torch.nn import functional
 from styletrf.efficientnet_lite import EfficientNetLite0
 from styletrf.errors import InputError
 from styletrf.frechet_distance import FeatureStatistics, feature_statistics, frechet_distance
-from styletrf.metrics import Image
 from styletrf.perceptual_loss import gram_matrix, shrunk
 from styletrf.sharpness import sharpness
 from styletrf.sliced_wasserstein import (
+    Picture,
     PictureProjections,
     SlicedWassersteinConfig,
     color_distance,
@@ -80,7 +80,7 @@ class Judge:
         """Looks with networks that lie on one device."""
         self._vgg, self._efficientnet, self._config = vgg, efficientnet, config
 
-    def of_frame(self, frame: Image) -> PictureTraits:
+    def of_frame(self, frame: Picture) -> PictureTraits:
         """Returns the traits of a frame in [0, 1], reduced to `long_side_px`.
 
         Raises:
@@ -89,7 +89,7 @@ class Judge:
         height, width = self._size(frame)
         return self._traits(_resized(frame, height, width))
 
-    def of_painting(self, painting: Image, frame: Image) -> PictureTraits:
+    def of_painting(self, painting: Picture, frame: Picture) -> PictureTraits:
         """Returns the traits of a painting at the size at which it compares with a frame.
 
         It is made smaller or larger, its proportions kept, until it has as many pixels as the
@@ -102,7 +102,7 @@ class Judge:
         down, across = (max(least, round(side * scale)) for side in painting.shape[:2])
         return self._traits(_resized(painting, down, across))
 
-    def _size(self, frame: Image) -> tuple[int, int]:
+    def _size(self, frame: Picture) -> tuple[int, int]:
         if min(frame.shape[:2]) < REDUCTION:
             raise InputError(
                 f"frame of {frame.shape[1]}x{frame.shape[0]} pixels",
@@ -114,7 +114,7 @@ class Judge:
         return height, width
 
     @torch.inference_mode()
-    def _traits(self, image: Image) -> PictureTraits:
+    def _traits(self, image: Picture) -> PictureTraits:
         tensor = torch.from_numpy(image).to(self._vgg.mean.device)
         height, width = image.shape[:2]
         short_px = self._config.vgg_px * min(height, width) // max(height, width)
@@ -185,7 +185,7 @@ def nearest_painting(
     return {measure: min(found, key=lambda name: found[name][measure]) for measure in measures}
 
 
-def _resized(image: Image, height: int, width: int) -> Image:
+def _resized(image: Picture, height: int, width: int) -> Picture:
     clipped = np.ascontiguousarray(np.clip(image, 0, 1), dtype=np.float32)
     if (height, width) == image.shape[:2]:
         return clipped

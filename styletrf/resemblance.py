@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from styletrf.finiteness import require_finite
-from styletrf.metrics import Image
 from styletrf.picture_traits import (
     Judge,
     PictureTraits,
@@ -22,6 +21,7 @@ from styletrf.picture_traits import (
 )
 from styletrf.progress import Progress, silent
 from styletrf.sharpness import sharpness
+from styletrf.sliced_wasserstein import Picture
 
 STYLE_DISTANCES = (
     "style_swd_colors", "style_swd_patches", "style_swd_texture", "style_gram", "sifid_vgg",
@@ -80,9 +80,9 @@ class FrameResemblance:
 
 def measure_resemblance(
     views: Sequence[str],
-    frames: Callable[[str], tuple[Image, Image]],
-    painting: Image,
-    priors: Sequence[Image],
+    frames: Callable[[str], tuple[Picture, Picture]],
+    painting: Picture,
+    priors: Sequence[Picture],
     judge: Judge,
     config: ResemblanceConfig,
     progress: Progress = silent,
@@ -139,7 +139,7 @@ def frame_resemblance(
     )
 
 
-def summary(rows: Sequence[FrameResemblance], priors: Sequence[Image]) -> dict[str, float | None]:
+def summary(rows: Sequence[FrameResemblance], priors: Sequence[Picture]) -> dict[str, float | None]:
     """Returns the means over frames, and ratios of them; a ratio to nothing is None.
 
     `X_ratio` is X over `X_unstylized`; `content` the content distance over the painting's;

@@ -19,12 +19,12 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.errors import InputError
-from styletrf.metrics import Image
 
+Picture = Float[np.ndarray, "_ _ 3"]
 Points = Float[np.ndarray, "points coordinates"]
 Patches = Float[np.ndarray, "patches 3 side side"]
 Directions = Float[np.ndarray, "directions coordinates"]
-Projections = Float[np.ndarray, "directions points"]
+Projections = Float[np.ndarray, "directions _"]
 """Coordinates along each direction, ascending."""
 
 
@@ -96,7 +96,7 @@ def texture_distance(a: PictureProjections, b: PictureProjections) -> float:
     return _over_scales(a.texture, b.texture)
 
 
-def picture_projections(image: Image, config: SlicedWassersteinConfig) -> PictureProjections:
+def picture_projections(image: Picture, config: SlicedWassersteinConfig) -> PictureProjections:
     """Returns the projections of a picture.
 
     A scale at which the picture is smaller than a patch is left out.
@@ -139,13 +139,13 @@ def random_directions(coordinates: int, config: SlicedWassersteinConfig) -> Dire
     return np.asarray(directions, dtype=np.float32)
 
 
-def _lab(image: Image) -> Image:
+def _lab(image: Picture) -> Picture:
     """Returns L* in [0, 100], a* and b*, of sRGB."""
     rgb = np.clip(image, 0, 1).astype(np.float32)
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2LAB))
 
 
-def _scales(image: Image, config: SlicedWassersteinConfig) -> list[Image]:
+def _scales(image: Picture, config: SlicedWassersteinConfig) -> list[Picture]:
     found = [image]
     while len(found) < config.scales:
         height, width = (side // 2 for side in found[-1].shape[:2])
@@ -155,7 +155,7 @@ def _scales(image: Image, config: SlicedWassersteinConfig) -> list[Image]:
     return found
 
 
-def _sampled_patches(lab: Image, side: int, config: SlicedWassersteinConfig) -> Patches:
+def _sampled_patches(lab: Picture, side: int, config: SlicedWassersteinConfig) -> Patches:
     windows = np.lib.stride_tricks.sliding_window_view(lab, (side, side), axis=(0, 1))
     rows, columns = windows.shape[:2]
     places = np.arange(rows * columns)
