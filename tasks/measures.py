@@ -71,6 +71,8 @@ CONSISTENCY = (
             "of the frames to the painting, by Gram matrices: a grey video is steady, and far off",
             "{:.4f}", other="style_distance_unstylized", word="unstylised"),
     Measure("pairs", "pairs of frames", "compared", "{}"),
+    Measure("perceptual_pairs", "pairs looked at", "by the network: perceptual change and style"
+            " distance", "{}"),
     Measure("pairs_without_flow", "pairs without flow", "left out of the masked means", "{}"),
     Measure("pairs_without_contrast", "pairs without contrast", "left out by contrast", "{}"),
     Measure("pairs_without_correspondence", "pairs that share nothing", "left out of the means",

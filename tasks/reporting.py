@@ -148,5 +148,5 @@ def _steadiness(pairs: Sequence[Mapping[str, Any]]) -> list[Curve]:
             floor=[pair["floor"] for pair in pairs if pair["delta"] == delta],
             along="frame",
         )
-        for delta in sorted({pair["delta"] for pair in pairs})
+        for delta in sorted({pair["delta"] for pair in pairs if pair["flow"]})
     ]

@@ -76,6 +76,7 @@ def _scores(summary: Mapping[str, Any]) -> list[Score]:
         *(
             _score(f"{term(delta)} error", _times_floor(values), "{:.2f} x floor".format)
             for delta, values in by_delta(summary).items()
+            if "error" in values
         ),
         _score("style distance", next(iter(distances), None), "{:.4f}".format),
         *(
