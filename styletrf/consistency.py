@@ -61,8 +61,8 @@ class ConsistencyConfig:
     method: Method = "dis"
     deltas: tuple[int, ...] = (SHORT_TERM, LONG_TERM)
     depth_deltas: tuple[int, ...] = (LONG_TERM_OF_THE_FIELD,)
-    pairs: int = 16
-    perceptual_pairs: int = 5
+    pairs: int = 12
+    perceptual_pairs: int = 4
     tolerance: float = 0.02
     perceptual_px: int = 192
 

