@@ -34,7 +34,8 @@ def write_sheet(
         images = {style: read_rgb(frames[scene, style]) for style in paintings}
         rows.append(_row([_labelled(i, f"{scene}, {s}", width_px) for s, i in images.items()]))
     bgr = cv2.cvtColor(np.concatenate(rows), cv2.COLOR_RGB2BGR)
-    _, encoded = cv2.imencode(path.suffix, bgr, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    quality = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if path.suffix in (".jpg", ".jpeg") else []
+    _, encoded = cv2.imencode(path.suffix, bgr, quality)
     path.write_bytes(encoded.tobytes())
 
 
