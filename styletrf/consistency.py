@@ -6,8 +6,8 @@ the style the frames have, since a grey video is the steadiest.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,16 @@ from styletrf.errors import InputError
 from styletrf.finiteness import require_finite
 from styletrf.float_images import FloatImage, read_float_image
 from styletrf.flow import FlowEstimator, Method
-from styletrf.flow_consistency import flow_errors
-from styletrf.geometric_consistency import corresponding, geometric_errors
+from styletrf.flow_consistency import FlowErrors, flow_errors
+from styletrf.geometric_consistency import (
+    Correspondence,
+    GeometricErrors,
+    corresponding,
+    geometric_errors,
+)
 from styletrf.images import read_rgb
 from styletrf.metrics import Image
 from styletrf.perceptual_distance import (
-    Features,
     Grams,
     Perception,
     grams,
@@ -33,9 +37,10 @@ from styletrf.perceptual_distance import (
 from styletrf.progress import Progress, silent
 from styletrf.vgg import REDUCTION
 
-SHORT_TERM, LONG_TERM = 1, 5
-_ALWAYS_TOLD = ("error", "floor", "style_distance", "style_distance_unstylized")
-"""The others are NaN where nothing is seen in both frames."""
+SHORT_TERM, LONG_TERM, LONG_TERM_OF_THE_FIELD = 1, 5, 7
+_OF_FLOW = ("error", "floor")
+_OF_STYLE = ("style_distance", "style_distance_unstylized")
+"""Finite in every pair that has them; others are NaN where nothing is seen in both frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,18 +50,29 @@ class ConsistencyConfig:
     Attributes:
         method: The flow, see `styletrf.flow`.
         deltas: Frames between the two of a pair.
+        depth_deltas: The same for pairs that are compared along the depth alone; 7 is what the
+            papers since StyleTRF call long term.
+        pairs: The most pairs of a delta, spread evenly over the trajectory.
+        perceptual_pairs: The most of these that go through the perceptual network.
         tolerance: Fraction of the depth, beyond which a place counts as hidden.
         perceptual_px: The longer side at which frames go through the perceptual network.
     """
 
     method: Method = "dis"
     deltas: tuple[int, ...] = (SHORT_TERM, LONG_TERM)
+    depth_deltas: tuple[int, ...] = (LONG_TERM_OF_THE_FIELD,)
+    pairs: int = 12
+    perceptual_pairs: int = 4
     tolerance: float = 0.02
     perceptual_px: int = 192
 
     def __post_init__(self) -> None:
         if not self.deltas or min(self.deltas) < 1:
             raise ValueError(f"deltas are {self.deltas}, not distances from 1")
+        if min(self.depth_deltas, default=1) < 1:
+            raise ValueError(f"depth_deltas are {self.depth_deltas}, not distances from 1")
+        if min(self.pairs, self.perceptual_pairs) < 1:
+            raise ValueError("pairs and perceptual_pairs are at least 1")
         if self.tolerance <= 0 or self.perceptual_px < REDUCTION:
             raise ValueError(f"tolerance is above 0, perceptual_px at least {REDUCTION}")
 
@@ -89,13 +105,15 @@ class PerceptualErrors:
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
-    """All pairs, and their means: `summary["delta_1"]["error"]` is the paper's short term error.
+    """The pairs, and their means: `summary["delta_1"]["error"]` is the paper's short term error.
 
     A pair is a row of `first`, `second` (indices of frames), `delta`, and the attributes of
-    `FlowErrors`, `GeometricErrors` and `PerceptualErrors`. An entry of the summary has the means of
-    these, null where there is nothing to average; `pairs`, their number; and those that a mean
-    leaves out: `pairs_without_flow` (no pixel returns to itself), `pairs_without_correspondence`
-    (nothing is seen in both frames) and `pairs_without_contrast` (the scene has no detail there).
+    `FlowErrors`, `GeometricErrors` and `PerceptualErrors`, NaN where a pair was not compared so. An
+    entry of the summary has the means of these, null where there is nothing to average; `pairs` and
+    `perceptual_pairs`, their numbers; and those that a mean leaves out: `pairs_without_flow` (no
+    pixel returns to itself), `pairs_without_correspondence` (nothing is seen in both frames) and
+    `pairs_without_contrast` (the scene has no detail there). An entry of `depth_deltas` has the
+    attributes of `GeometricErrors` alone.
     """
 
     pairs: list[dict[str, Any]]
@@ -116,9 +134,9 @@ def measure_consistency(
     config: ConsistencyConfig,
     progress: Progress = silent,
 ) -> Consistency:
-    """Returns the consistency of the stylised frames for every pair.
+    """Returns the consistency of the stylised frames by pairs spread over the trajectory.
 
-    Frames are taken when their turn comes; at most `max(deltas) + 1` are in memory.
+    Frames are taken when their turn comes; those are kept that later ones are compared with.
 
     Args:
         frames: Along the trajectory, all of one size.
@@ -133,101 +151,131 @@ def measure_consistency(
         NotFiniteError: A frame is not, the flow between two, or a figure that every pair has.
     """
     _require_pairs(n_frames, config.deltas)
-    total = sum(max(0, n_frames - delta) for delta in config.deltas)
-    comparison = _Comparison(perception, config)
-    looks = _Looks(perception, grams(perception.features(painting)))
+    planned = planned_pairs(n_frames, config)
+    comparison = _Comparison(perception, grams(perception.features(painting)), config)
     rows: list[dict[str, Any]] = []
-    for first, second, a, b in _pairs(frames, looks, config.deltas):
-        compared = comparison(a, b)
-        told = [(name, np.array(compared[name])) for name in _ALWAYS_TOLD]
-        require_finite("consistency", f"from frame {first} to {second}", told)
-        rows.append({"first": first, "second": second, "delta": second - first} | compared)
-        progress(len(rows), total, consistency_error=sum(r["error"] for r in rows) / len(rows))
+    for pair, a, b in _frames_of(frames, planned):
+        compared = comparison(pair, a, b)
+        named = (_OF_FLOW if pair.has_flow else ()) + (_OF_STYLE if pair.has_looks else ())
+        told = [(name, np.array(compared[name])) for name in named]
+        require_finite("consistency", f"from frame {pair.first} to {pair.second}", told)
+        rows.append({"first": pair.first, "second": pair.second, "delta": pair.delta} | compared)
+        error = _mean([row["error"] for row in rows if row["flow"]])
+        progress(len(rows), len(planned), consistency_error=error or 0.0)
     rows.sort(key=lambda row: (row["delta"], row["first"]))
-    return Consistency(rows, {f"delta_{delta}": _summary(rows, delta) for delta in config.deltas})
+    deltas = sorted({*config.deltas, *(pair.delta for pair in planned)})
+    return Consistency(rows, {f"delta_{d}": _summary(rows, planned, d) for d in deltas})
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """A frame, what the perceptual network sees of it, and how far that is from the painting.
+class Pair:
+    """Two frames by their indices, and by what they are compared beside the depth."""
 
-    Without style first, with it second.
+    first: int
+    second: int
+    delta: int
+    has_flow: bool
+    has_looks: bool
+
+
+def planned_pairs(n_frames: int, config: ConsistencyConfig) -> list[Pair]:
+    """Returns the pairs to compare, in the order of their second frames.
+
+    Of each delta `config.pairs`, spread evenly from the first to the last frame, or all; of these
+    in turn `config.perceptual_pairs` go through the perceptual network.
     """
-
-    frame: Frame
-    features: tuple[Features, Features]
-    style_distances: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class _Looks:
-    """Looks at frames."""
-
-    perception: Perception
-    painting: Grams
-
-    def __call__(self, frame: Frame) -> _Seen:
-        plain, styled = self.perception.features_of([frame.unstylized.color, frame.stylized])
-        far = [style_distance(grams(found), self.painting) for found in (plain, styled)]
-        return _Seen(frame, (plain, styled), (far[0], far[1]))
+    planned = []
+    for delta in {*config.deltas, *config.depth_deltas}:
+        has_flow = delta in config.deltas
+        firsts = _spread(range(n_frames - delta), config.pairs)
+        looked_at = _spread(firsts, config.perceptual_pairs) if has_flow else []
+        planned += [Pair(k, k + delta, delta, has_flow, k in looked_at) for k in firsts]
+    return sorted(planned, key=lambda pair: (pair.second, pair.delta))
 
 
-def _pairs(
-    frames: Iterable[Frame], look: _Looks, deltas: Sequence[int]
-) -> Iterator[tuple[int, int, _Seen, _Seen]]:
-    window: dict[int, _Seen] = {}
-    for second, frame in enumerate(frames):
-        before = window[second - 1].frame if second else frame
-        _require_one_size(second, frame, before)
+def _spread(values: Sequence[int], count: int) -> list[int]:
+    if not values:
+        return []
+    at = np.unique(np.linspace(0, len(values) - 1, count).round().astype(int))
+    return [values[k] for k in at]
+
+
+def _frames_of(
+    frames: Iterable[Frame], planned: Collection[Pair]
+) -> Iterator[tuple[Pair, Frame, Frame]]:
+    """Yields the pairs with their frames, of which no more are kept than are still needed."""
+    window: dict[int, Frame] = {}
+    first = None
+    for index, frame in enumerate(frames):
+        first = first or frame
+        _require_one_size(index, frame, first)
         images = [("unstylised", frame.unstylized.color), ("stylised", frame.stylized)]
         require_finite("consistency", f"in frame {frame.camera.name}", images)
-        window[second] = look(frame)
-        for delta in deltas:
-            if second >= delta:
-                yield second - delta, second, window[second - delta], window[second]
-        window.pop(second - max(deltas), None)
+        window[index] = frame
+        for pair in (pair for pair in planned if pair.second == index):
+            yield pair, window[pair.first], frame
+        needed = {pair.first for pair in planned if pair.second > index}
+        window = {k: kept for k, kept in window.items() if k in needed}
 
 
 class _Comparison:
     """Compares two frames by every measure."""
 
-    def __init__(self, perception: Perception, config: ConsistencyConfig) -> None:
-        self._perception = perception
+    def __init__(self, perception: Perception, painting: Grams, config: ConsistencyConfig) -> None:
+        self._perception, self._painting = perception, painting
         self._estimator = FlowEstimator(config.method, perception.device)
         self._tolerance = config.tolerance
 
-    def __call__(self, a: _Seen, b: _Seen) -> dict[str, Any]:
-        """Returns the row of a pair."""
-        one, other = a.frame, b.frame
-        plain = one.unstylized.color, other.unstylized.color
-        along_flow = flow_errors(plain, (one.stylized, other.stylized), self._estimator)
-        depths = one.unstylized.depth, other.unstylized.depth
-        cameras = one.camera, other.camera
-        warped = corresponding(cameras, depths, plain[1], other.stylized, self._tolerance)
-        along_depth = geometric_errors(plain[0], one.stylized, warped)
-        floor, error = masked_distances(
-            self._perception,
-            (plain[0], one.stylized),
-            a.features,
-            (warped.unstylized, warped.stylized),
-            warped.seen,
+    def __call__(self, pair: Pair, a: Frame, b: Frame) -> dict[str, Any]:
+        """Returns the measures of a pair."""
+        plain = a.unstylized.color, b.unstylized.color
+        along_flow = (
+            flow_errors(plain, (a.stylized, b.stylized), self._estimator)
+            if pair.has_flow
+            else _NO_FLOW
         )
-        looks = PerceptualErrors(error, floor, a.style_distances[1], a.style_distances[0])
+        depths = a.unstylized.depth, b.unstylized.depth
+        cameras = a.camera, b.camera
+        warped = corresponding(cameras, depths, plain[1], b.stylized, self._tolerance)
+        along_depth = geometric_errors(plain[0], a.stylized, warped)
+        looks = self._looks(a, warped) if pair.has_looks else _NO_LOOKS
         return asdict(along_flow) | asdict(along_depth) | asdict(looks)
 
+    def _looks(self, a: Frame, warped: Correspondence) -> PerceptualErrors:
+        """Looks at the first frame and at the second one warped into it."""
+        images = a.unstylized.color, a.stylized
+        features = self._perception.features_of(images)
+        others = warped.unstylized, warped.stylized
+        floor, error = masked_distances(self._perception, images, features, others, warped.seen)
+        plain, styled = (style_distance(grams(found), self._painting) for found in features)
+        return PerceptualErrors(error, floor, styled, plain)
 
-def _summary(rows: Sequence[Mapping[str, Any]], delta: int) -> dict[str, Any]:
+
+_NO_FLOW = FlowErrors("", *[math.nan] * 5)
+_NO_LOOKS = PerceptualErrors(*[math.nan] * 4)
+
+
+def _summary(
+    rows: Sequence[Mapping[str, Any]], planned: Collection[Pair], delta: int
+) -> dict[str, Any]:
     chosen = [row for row in rows if row["delta"] == delta]
-    names = [name for name in rows[0] if isinstance(rows[0][name], float)]
-    counts = {
+    kinds = [pair for pair in planned if pair.delta == delta]
+    counts: dict[str, Any] = {
         "pairs": len(chosen),
-        "pairs_without_flow": sum(row["valid_fraction"] == 0 for row in chosen),
         "pairs_without_correspondence": sum(row["geometric_fraction"] == 0 for row in chosen),
         "pairs_without_contrast": sum(
             row["geometric_fraction"] > 0 and math.isnan(row["normalized_error"]) for row in chosen
         ),
-        "flow": rows[0]["flow"],
     }
+    names = [field.name for field in fields(GeometricErrors)]
+    if all(pair.has_flow for pair in kinds):
+        names += [field.name for kind in (FlowErrors, PerceptualErrors) for field in fields(kind)]
+        names.remove("flow")
+        counts |= {
+            "pairs_without_flow": sum(row["valid_fraction"] == 0 for row in chosen),
+            "perceptual_pairs": sum(pair.has_looks for pair in kinds),
+            "flow": rows[0]["flow"],
+        }
     return counts | {name: _mean([row[name] for row in chosen]) for name in names}
 
 

@@ -5,11 +5,14 @@ and the flow itself is imperfect. So the same error of the unstylised frames (th
 error where the flow can be trusted stand beside it.
 """
 
+import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from styletrf.finiteness import require_finite
-from styletrf.flow import FlowEstimator, agreement, warp_to_a
-from styletrf.metrics import Image, mean_squared_error
+from styletrf.flow import FlowEstimator, Mask, agreement, warp_to_a
+from styletrf.metrics import Image
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +52,13 @@ def flow_errors(
     valid = agreement(there, back)
     painted, _ = warp_to_a(stylized[1], there)
     plain, _ = warp_to_a(unstylized[1], there)
-    return FlowErrors(
-        flow=estimator.method,
-        error=mean_squared_error(painted, stylized[0]),
-        floor=mean_squared_error(plain, unstylized[0]),
-        valid_fraction=float(valid.mean()),
-        masked_error=mean_squared_error(painted, stylized[0], valid),
-        masked_floor=mean_squared_error(plain, unstylized[0], valid),
-    )
+    error, masked_error = _over_all_and(valid, painted, stylized[0])
+    floor, masked_floor = _over_all_and(valid, plain, unstylized[0])
+    fraction = float(valid.mean())
+    return FlowErrors(estimator.method, error, floor, fraction, masked_error, masked_floor)
+
+
+def _over_all_and(valid: Mask, a: Image, b: Image) -> tuple[float, float]:
+    """Returns the mean squared error over all pixels, and over the valid ones."""
+    squared = np.square(a.astype(np.float64) - b).mean(axis=-1)
+    return float(squared.mean()), float(squared[valid].mean()) if valid.any() else math.nan

@@ -41,7 +41,8 @@ class Perception:
         short_px = self._long_side_px * min(height, width) // max(height, width)
         tensors = torch.from_numpy(np.stack(images).astype(np.float32)).to(self.device).clamp(0, 1)
         small = torch.cat([shrunk(image, max(short_px, REDUCTION)) for image in tensors])
-        found = self._vgg.features(small, STYLE_LAYERS)
+        fast = small.contiguous(memory_format=torch.channels_last)
+        found = self._vgg.features(fast, STYLE_LAYERS)
         return [{n: f[k : k + 1] for n, f in found.items()} for k in range(len(images))]
 
 

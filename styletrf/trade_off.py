@@ -32,12 +32,15 @@ class Measurement:
         part: The side.
         name: What is changed, in words; empty for the quality as it is, also for its repeats.
         tuning: The settings changed.
-        quality_db: Of the scene: PSNR of views held out. Of the style: -10 log10 of the style and
-            content loss of the stylised frames.
+        quality_db: Of the scene: PSNR of views held out. Of the style: the mean of `loss_db` and
+            `resemblance_db`.
         seconds: By stage.
         other_cpu_share: Of the cores' time, what other work took meanwhile; None if not known.
         peak_memory_bytes: Of the stage that takes most.
         model_bytes: Of what is kept to render from, by stage.
+        loss_db: Of the style: -10 log10 of the style and content loss of the stylised frames.
+        resemblance_db: Of the style: -10 log10 of how far the stylised frames are from the
+            painting, over the unstylised ones, by measures that no training used.
     """
 
     part: Part
@@ -48,6 +51,8 @@ class Measurement:
     other_cpu_share: float | None
     peak_memory_bytes: int
     model_bytes: Mapping[str, int]
+    loss_db: float | None = None
+    resemblance_db: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

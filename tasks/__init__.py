@@ -4,6 +4,7 @@
                                                              +- QualityMetrics        |
     ContentImages, PerceptualWeights, StyleImage             +- TrajectoryFrames      |
               `- StyleNetwork - StylizedPriors - StylizedField - StylizedFrames - ConsistencyMetrics
+                                                                              `- StyleMetrics
 
 PriorRenders needs TrajectoryFrames, too: priors show what the path sees. `SceneReport` looks at a
 scene before the fit; `TradeOff` measures what its settings cost and buy. `TransferWeights` are the
@@ -14,7 +15,7 @@ loads no torch: heavy imports stand inside `build`, which runs in an interpreter
 """
 
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
-from tasks.metrics import ConsistencyMetrics, QualityMetrics, StylizationMetrics
+from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics, StylizationMetrics
 from tasks.preflight import SceneReport
 from tasks.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.style import (
@@ -41,6 +42,7 @@ __all__ = [
     "SceneModel",
     "SceneReport",
     "StyleImage",
+    "StyleMetrics",
     "StyleNetwork",
     "StylizationMetrics",
     "StylizedField",

@@ -58,6 +58,7 @@ def configurations() -> dict[str, type]:
     from styletrf.priors import PriorsConfig
     from styletrf.quality import QualityConfig
     from styletrf.rendering import RenderConfig
+    from styletrf.resemblance import ResemblanceConfig
     from styletrf.scene_capture import CaptureConfig
     from styletrf.scene_model import SceneModelConfig
     from styletrf.style_training_config import StyleTrainingConfig
@@ -73,6 +74,7 @@ def configurations() -> dict[str, type]:
         "RadianceField": FieldTrainingConfig,
         "SceneCapture": CaptureConfig,
         "SceneModel": SceneModelConfig,
+        "StyleMetrics": ResemblanceConfig,
         "StyleNetwork": StyleTrainingConfig,
         "StylizationMetrics": StylizationLossConfig,
         "StylizedField": StylizationConfig,

@@ -33,6 +33,24 @@ QUALITY = (
     Measure("lpips", "LPIPS", "how unlike them it looks to people, as learnt; 0 is alike",
             "{:.4f}"),
 )  # fmt: skip
+RESEMBLANCE = (
+    Measure("style_swd_colors", "colors", "how far the frames' colors are from the painting's, in"
+            " steps just visible", "{:.2f}", "style_swd_colors_unstylized", "unstylised"),
+    Measure("style_swd_patches", "patches", "the same of squares of 7x7 pixels, at three scales",
+            "{:.2f}", "style_swd_patches_unstylized", "unstylised"),
+    Measure("style_swd_texture", "texture", "the same of these squares without their mean colors:"
+            " what no recoloring paints", "{:.2f}", "style_swd_texture_unstylized", "unstylised"),
+    Measure("style_gram", "Gram matrices", "relative distance to the painting, by a network that"
+            " nothing is trained with", "{:.3f}", "style_gram_unstylized", "unstylised"),
+    Measure("sifid_vgg", "SIFID with VGG16", "distance to the painting's statistics of features",
+            "{:.2f}", "sifid_vgg_unstylized", "unstylised"),
+    Measure("content", "content lost", "0 shows the scene as it was, 1 as little of it as the"
+            " painting does", "{:.2f}"),
+    Measure("sharpness", "sharpness", "of detail, whatever the contrast", "{:.3f}",
+            "sharpness_priors", "priors"),
+    Measure("content_style_product", "content and style", "(1 + content lost) (1 + SIFID over the"
+            " unstylised frames'), as ArtFID's; 2 for these", "{:.2f}"),
+)  # fmt: skip
 CONSISTENCY = (
     Measure("error", "error along the flow",
             "the paper's: squared difference to the other frame, moved along the flow of the"
@@ -53,6 +71,8 @@ CONSISTENCY = (
             "of the frames to the painting, by Gram matrices: a grey video is steady, and far off",
             "{:.4f}", other="style_distance_unstylized", word="unstylised"),
     Measure("pairs", "pairs of frames", "compared", "{}"),
+    Measure("perceptual_pairs", "pairs looked at", "by the network: perceptual change and style"
+            " distance", "{}"),
     Measure("pairs_without_flow", "pairs without flow", "left out of the masked means", "{}"),
     Measure("pairs_without_contrast", "pairs without contrast", "left out by contrast", "{}"),
     Measure("pairs_without_correspondence", "pairs that share nothing", "left out of the means",
@@ -64,9 +84,11 @@ CONSISTENCY = (
 def metric_tables(summary: Mapping[str, Any]) -> list[MetricTable]:
     """Returns the measures of a result in tables; what was not asked of it is left out."""
     held_out = _table("Against photographs held out", QUALITY, {"": summary["quality"]})
+    resembling = {"": summary.get("resemblance", {})}
+    painted = _table("Against the painting and the unstylised frames", RESEMBLANCE, resembling)
     deltas = {term(delta): values for delta, values in by_delta(summary).items()}
     apart = ", ".join(f"{term(delta)}: {delta} apart" for delta in by_delta(summary))
-    return [held_out, _table(f"Between frames ({apart})", CONSISTENCY, deltas)]
+    return [held_out, painted, _table(f"Between frames ({apart})", CONSISTENCY, deltas)]
 
 
 def by_delta(summary: Mapping[str, Any]) -> dict[int, Mapping[str, Any]]:

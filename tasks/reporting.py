@@ -23,6 +23,7 @@ def summary_of(
     return {
         "quality": read_summary(inputs["quality"] / "summary.json"),
         "consistency": read_summary(inputs["consistency"] / "summary.json"),
+        "resemblance": read_summary(inputs["resemblance"] / "summary.json"),
         "cost": {
             "seconds": sum(cost.seconds for cost in costs),
             "peak_memory_bytes": max((cost.peak_memory_bytes or 0 for cost in costs), default=0),
@@ -147,5 +148,5 @@ def _steadiness(pairs: Sequence[Mapping[str, Any]]) -> list[Curve]:
             floor=[pair["floor"] for pair in pairs if pair["delta"] == delta],
             along="frame",
         )
-        for delta in sorted({pair["delta"] for pair in pairs})
+        for delta in sorted({pair["delta"] for pair in pairs if pair["flow"]})
     ]

@@ -17,7 +17,7 @@ from tasks.command import main_command
 from tasks.field import TrajectoryFrames
 from tasks.graph import graph
 from tasks.measuring import lineage_of, measurement, summary_in
-from tasks.metrics import QualityMetrics, StylizationMetrics
+from tasks.metrics import QualityMetrics, StyleMetrics, StylizationMetrics
 from tasks.scene import SceneModel
 from tasks.showing import ShownStage
 from tasks.stage import GradedStage, Stage, stages_with_settings
@@ -71,7 +71,7 @@ class TradeOff(ShownStage, GradedStage):
         return [v for v in found if not (self.only and v.name) or v.name in self.only]
 
     def requires(self) -> Mapping[str, Stage]:
-        """The stages that measure each variant, `K` and `K frames`, and the usual result."""
+        """The stages that measure variant K: `K`, `K resemblance`, `K frames`; and the result."""
         painting = {"style": self.painting}
         needed: dict[str, Stage] = {"result": self.need(StylizedTrajectory, **painting)}
         needed["model"] = self.need(SceneModel)
@@ -82,6 +82,8 @@ class TradeOff(ShownStage, GradedStage):
                 if variant.part == "scene"
                 else self.need(StylizationMetrics, tuning=tuning, **painting)
             )
+            if variant.part == "style":
+                needed[f"{k} resemblance"] = self.need(StyleMetrics, tuning=tuning, **painting)
             needed[f"{k} frames"] = self.need(TrajectoryFrames, tuning=tuning)
         return needed
 
@@ -153,10 +155,16 @@ class TradeOff(ShownStage, GradedStage):
                     | lineage_of(inputs[f"{k} frames"], records)
                     | lineage_of(inputs[f"{k}"], records)
                 ).values(),
-                summary_in(inputs[f"{k}"]),
+                self._judged(inputs, k),
             )
             for k, variant in enumerate(self.variants())
         ]
+
+    @staticmethod
+    def _judged(inputs: Mapping[str, Path], k: int) -> dict[str, Any]:
+        """What was measured of a variant."""
+        judges = (f"{k}", f"{k} resemblance")
+        return {n: v for j in judges if j in inputs for n, v in summary_in(inputs[j]).items()}
 
     @property
     def folder(self) -> Path:
@@ -169,7 +177,7 @@ class TradeOff(ShownStage, GradedStage):
         return {name: place(self) / name for name in (*names, "measurements.parquet")}
 
 
-_AFTERWARDS = ("ConsistencyMetrics", "StylizedTrajectory")
+_AFTERWARDS = ("ConsistencyMetrics", "StyleMetrics", "StylizedTrajectory")
 """What the main command does once the frames are there, whatever the variant."""
 
 

@@ -18,7 +18,7 @@ from tasks.choosing import Choice, Wish, WishedQuality, choose, space_of, wish_o
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.graph import graph
-from tasks.metrics import ConsistencyMetrics, QualityMetrics
+from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics
 from tasks.night import conclude
 from tasks.qualities import QUALITIES
 from tasks.scene import CameraPoses, SceneModel
@@ -97,6 +97,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
             "field": self.need(RadianceField),
             "quality": self.need(QualityMetrics),
             "consistency": self.need(ConsistencyMetrics),
+            "resemblance": self.need(StyleMetrics),
         }
         if self.method == "field":
             shown |= {"priors": self.need(StylizedPriors), "adaptation": self.need(StylizedField)}
@@ -192,6 +193,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
             "style.png": place(upstream["style"]) / "style.png",
             "views.parquet": place(upstream["quality"]) / "views.parquet",
             "pairs.parquet": place(upstream["consistency"]) / "pairs.parquet",
+            "resemblance.parquet": place(upstream["resemblance"]) / "frames.parquet",
         }
 
 

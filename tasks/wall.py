@@ -70,15 +70,30 @@ def _scores(summary: Mapping[str, Any]) -> list[Score]:
     psnr = summary["quality"].get("psnr")
     distances = [v.get("style_distance") for v in by_delta(summary).values()]
     seconds = summary.get("cost", {}).get("seconds")
+    resemblance = summary.get("resemblance", {})
     return [
         _score("PSNR", psnr, "{:.2f} dB".format, "highest"),
         *(
             _score(f"{term(delta)} error", _times_floor(values), "{:.2f} x floor".format)
             for delta, values in by_delta(summary).items()
+            if "error" in values
         ),
         _score("style distance", next(iter(distances), None), "{:.4f}".format),
+        *(
+            _score(name, resemblance.get(f"{key}_ratio"), "{:.2f} x unstylised".format)
+            for name, key in _RESEMBLANCE.items()
+        ),
+        _score("content lost", resemblance.get("content"), "{:.2f}".format),
         _score("time, all stages", seconds, duration),
     ]
+
+
+_RESEMBLANCE = {
+    "patches": "style_swd_patches",
+    "texture": "style_swd_texture",
+    "Gram matrices": "style_gram",
+}
+"""Distances to the painting over those of the unstylised frames."""
 
 
 def _score(

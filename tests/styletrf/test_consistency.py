@@ -2,10 +2,17 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pans import FRAMES, HEIGHT, STEP, WIDTH, camera, pan, shown, texture
 
 from styletrf.camera_table import read_cameras
-from styletrf.consistency import ConsistencyConfig, measure_consistency, read_frame
+from styletrf.consistency import (
+    ConsistencyConfig,
+    measure_consistency,
+    planned_pairs,
+    read_frame,
+)
 from styletrf.errors import InputError
 from styletrf.float_images import FloatImage
 from styletrf.frames import write_float_frames, write_pictures
@@ -77,15 +84,17 @@ def test_flicker_is_measured_as_twice_its_variance(measure, sigma):
             assert told[f"{kind}floor"] < 1e-9
 
 
+def assert_same(value, other):
+    """Equal, or not compared."""
+    assert value == other or math.isnan(value) is math.isnan(other) is True
+
+
 def test_stylisation_that_changes_nothing_is_at_the_floor(measure):
     result = measure(pan(texture(0)), pan(texture(0)), painting=texture(1))
     for pair in result.pairs:
-        assert pair["error"] == pair["floor"]
-        assert pair["masked_error"] == pair["masked_floor"]
-        assert pair["geometric_error"] == pair["geometric_floor"]
-        assert pair["normalized_error"] == pair["normalized_floor"]
-        assert pair["perceptual_error"] == pair["perceptual_floor"]
-        assert pair["style_distance"] == pair["style_distance_unstylized"]
+        for name in ("", "masked_", "geometric_", "normalized_", "perceptual_"):
+            assert_same(pair[f"{name}error"], pair[f"{name}floor"])
+        assert_same(pair["style_distance"], pair["style_distance_unstylized"])
 
 
 def test_a_grey_video_does_not_beat_a_faithful_one(measure):
@@ -146,13 +155,36 @@ def test_the_painting_itself_has_all_of_the_style(measure):
 def test_there_is_a_row_for_every_pair_and_the_summary_is_their_mean(measure):
     result = measure(pan(texture(0)), flickering(pan(texture(1)), 0.05))
     assert [(p["first"], p["second"], p["delta"]) for p in result.pairs] == [
-        (i, i + delta, delta) for delta in (1, 5) for i in range(FRAMES - delta)
+        (i, i + delta, delta) for delta in (1, 5, 7) for i in range(FRAMES - delta)
     ]
-    assert {pair["flow"] for pair in result.pairs} == {"dis"}
-    for name in ("error", "geometric_error", "perceptual_error"):
+    assert {pair["flow"] for pair in result.pairs if pair["delta"] < 7} == {"dis"}
+    for name in ("error", "geometric_error"):
         short = [pair[name] for pair in result.pairs if pair["delta"] == 1]
         assert result.summary["delta_1"][name] == pytest.approx(np.mean(short))
     assert result.summary["delta_1"]["pairs"] == FRAMES - 1
+
+
+def test_along_the_depth_alone_nothing_else_is_measured(measure):
+    result = measure(pan(texture(0)), flickering(pan(texture(1)), 0.05), deltas=(1,))
+    far = result.summary["delta_7"]
+    assert far["normalized_error"] > 0
+    assert not {"error", "flow", "perceptual_error", "style_distance"} & set(far)
+    alone = [pair for pair in result.pairs if pair["delta"] == 7]
+    assert all(math.isnan(p["error"]) and math.isnan(p["perceptual_error"]) for p in alone)
+
+
+@given(st.integers(2, 90), st.integers(1, 20), st.integers(1, 9))
+def test_pairs_are_spread_from_end_to_end_and_never_twice(n_frames, pairs, perceptual_pairs):
+    config = ConsistencyConfig(pairs=pairs, perceptual_pairs=perceptual_pairs)
+    planned = planned_pairs(n_frames, config)
+    for delta in (1, 5, 7):
+        of_delta = [pair for pair in planned if pair.delta == delta]
+        firsts = [pair.first for pair in of_delta]
+        looked_at = [pair for pair in of_delta if pair.has_looks]
+        assert len(set(firsts)) == len(firsts) == min(pairs, max(0, n_frames - delta))
+        assert len(looked_at) == (min(perceptual_pairs, len(firsts)) if delta < 7 else 0)
+        if len(firsts) > 1:
+            assert (firsts[0], of_delta[-1].second) == (0, n_frames - 1)
 
 
 def test_files_and_arrays_give_the_same(measure, vgg, tmp_path):
@@ -192,7 +224,7 @@ def test_frames_are_read_when_their_turn_comes(vgg):
     def progress(done, total, **quality):
         seen.append((done, total, max(read)))
 
-    config = ConsistencyConfig(deltas=(1,), perceptual_px=16)
+    config = ConsistencyConfig(deltas=(1,), depth_deltas=(), perceptual_px=16)
     look = Perception(vgg, 16)
     measure_consistency(recorded(), FRAMES, texture(1), look, config, progress)
     assert seen == [(i, FRAMES - 1, i) for i in range(1, FRAMES)]
@@ -237,7 +269,7 @@ def test_what_is_hidden_in_the_other_frame_is_left_out(measure, vgg):
 def test_a_distance_without_pairs_is_null(measure):
     result = measure(pan(texture(0))[:3], pan(texture(1))[:3])
     told = dict(result.summary["delta_5"])
-    counts = [name for name in told if name.startswith("pairs")]
+    counts = [name for name in told if "pairs" in name]
     assert {told.pop(name) for name in counts} == {0}
     assert told.pop("flow") == "dis"
     assert set(told.values()) == {None}

@@ -130,3 +130,14 @@ def test_quality_is_measured_on_the_view_held_out(mini: Mini):
 def test_consistency_has_a_row_a_pair(mini: Mini):
     rows = read_rows(mini("ConsistencyMetrics") / "pairs.parquet")
     assert [row["delta"] for row in rows] == [1] * 6 + [5] * 2
+
+
+def test_style_is_measured_with_the_priors_where_there_are_any(mini: Mini):
+    rows = read_rows(mini("StyleMetrics") / "frames.parquet")
+    assert len(rows) == 6
+    summary = read_summary(mini("StyleMetrics") / "summary.json")
+    ratio = summary["style_swd_patches"] / summary["style_swd_patches_unstylized"]
+    assert summary["style_swd_patches_ratio"] == pytest.approx(ratio)
+    assert summary["sharpness_to_priors"] is not None
+    by_frame = read_summary(mini("StyleMetrics", method="per-frame") / "summary.json")
+    assert by_frame["sharpness_to_priors"] is None

@@ -58,6 +58,7 @@ OF_THE_STYLE = {
     "StylizedField",
     "StylizedFrames",
     "ConsistencyMetrics",
+    "StyleMetrics",
     "StylizedTrajectory",
 }
 
@@ -256,6 +257,7 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_grants_wishes(workpla
     assert Counter(sweep.started) == {
         "RadianceField": 1, "QualityMetrics": 1, "TrajectoryFrames": 1,  # of the fit
         "StylizedField": 1, "StylizedFrames": 1, "StylizationMetrics": 2,  # of the adaptation
+        "StyleMetrics": 1,
         "TradeOff": 1,
     }  # fmt: skip
     assert sweep.report == workplace.root / "out/yard/trade-off/report.html"

@@ -49,9 +49,12 @@ def test_another_host_is_named():
 
 def test_each_side_counts_its_own_stages_and_no_judge():
     lineage = lineage_of(Path("objects/j"), RECORDS).values()
-    style = measurement(Variant("style", "", {}), lineage, {"style_and_content": 10.0})
+    names = ("style_swd_patches_ratio", "style_swd_texture_ratio", "style_gram_ratio")
+    judged = {"style_and_content": 10.0, **dict.fromkeys(names, 0.1)}
+    style = measurement(Variant("style", "", {}), lineage, judged)
     assert style.seconds == {"StyleNetwork": 80.0, "StylizedField": 10.0}
-    assert style.quality_db == pytest.approx(-10)
+    assert (style.loss_db, style.resemblance_db) == pytest.approx((-10, 10))
+    assert style.quality_db == pytest.approx(0)
     assert style.model_bytes == {"StyleNetwork": 100, "StylizedField": 100}
     scene = measurement(Variant("scene", "", {}), lineage, {"psnr": 25.0})
     assert scene.seconds == {"SceneModel": 10.0, "RadianceField": 60.0}
