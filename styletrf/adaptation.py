@@ -3,6 +3,12 @@
 With the density frozen the samples and weights of a ray never change, so a ray is marched once and
 only the samples that carry its weight are kept; an iteration then costs an appearance look-up and
 the colour network.
+
+One view fixes only the sum along each of its rays. Where the matter is spread along a ray, its
+samples could differ wildly and would show another view that noise. So each sample is fitted to the
+color of its ray, too:
+
+    loss = |sum_s w_s c_s - C|^2 + sample_weight sum_s w_s |c_s - C|^2,   means over the rays.
 """
 
 import math
@@ -33,8 +39,9 @@ PARTS = ("factors", "basis", "network", "background")
 class AdaptationConfig:
     """How the appearance is adapted."""
 
-    iterations: int = 1000
-    batch: int = 4096  # rays an iteration
+    iterations: int = 400
+    batch: int = 16384  # rays an iteration
+    sample_weight: float = 0.1  # of each sample's color beside that of its ray
     parts: tuple[str, ...] = PARTS  # which are adapted
     sees_view: bool = False  # whether a colour may depend on the direction it is seen from
     factor_rate: float = 0.1
@@ -42,7 +49,7 @@ class AdaptationConfig:
     rate_decay: float = 0.1  # over all iterations
     tv_weight: float = 1e-4
     tv_every: int = 4
-    min_weight: float = 2e-3  # samples lighter than this are not kept
+    min_weight: float = 1e-2  # samples lighter than this are not kept
     cache_bytes: int = 3 << 30  # a full cache is gone through again instead of growing
     termination: float = 1e-3
     seed: int = 0
@@ -135,16 +142,18 @@ def fit_appearance(
     curve: list[AdaptationPoint] = []
     smooth = 0.0
     for k, batch in enumerate(batches):
-        loss = (batch.color(appearance, kernels) - batch.target).square().mean()
-        mse = float(loss.detach())
+        error, error_of_samples = batch.errors(appearance, kernels)
+        mse = float(error.detach())
         if not math.isfinite(mse):
             left = parameter_stages(appearance, optimizer)
-            named = chain(left, batch_stages(appearance, kernels, batch), [("loss", loss.detach())])
+            named = chain(
+                left, batch_stages(appearance, kernels, batch), [("loss", error.detach())]
+            )
             require_finite("appearance adaptation", f"at iteration {k}", named)
-        if k % config.tv_every == 0:
-            smoothness = appearance.factors.total_variation()
-            loss = loss + config.tv_every * config.tv_weight * smoothness
-        take_step(optimizer, loss, config.rate_decay ** (k / config.iterations))
+        (error + config.sample_weight * error_of_samples).backward()
+        if k % config.tv_every == 0 and config.tv_weight > 0:
+            appearance.factors.add_total_variation_gradient(config.tv_every * config.tv_weight)
+        take_step(optimizer, config.rate_decay ** (k / config.iterations))
         smooth = 0.95 * smooth + 0.05 * mse if k else mse
         psnr = -10 * math.log10(max(smooth, 1e-10))
         if (k + 1) % 20 == 0:
@@ -155,11 +164,10 @@ def fit_appearance(
     return curve
 
 
-def take_step(optimizer: torch.optim.Adam, loss: Tensor, decay: float) -> None:
-    """Takes a step down the gradient of the loss, at `decay` times the initial rates."""
+def take_step(optimizer: torch.optim.Adam, decay: float) -> None:
+    """Takes a step down the gradients, at `decay` times the initial rates, and clears them."""
     for group in optimizer.param_groups:
         group["lr"] = group["initial_rate"] * decay
-    loss.backward()
     optimizer.step()
     optimizer.zero_grad()
 

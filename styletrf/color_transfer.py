@@ -10,14 +10,11 @@ from jaxtyping import Float
 Image = Float[np.ndarray, "_ _ 3"]
 Colors = Literal["style", "photograph", "luminance"]
 
-_MOST_STRETCH = 1.5
-
 MOST_GAIN = 8.0
 """Of the map along any axis of colour: a painting in greys cannot be given hues by noise."""
 
-
-LEAST_CONTRAST = 0.95
-"""Aimed at for painted views: a share of the plain views' or the painting's, whichever has less."""
+MOST_GAIN_TO_PAINTING = 1.5
+"""Of the map to the painting's colors, which corrects a network and must not paint in its place."""
 
 
 def in_colors(
@@ -25,11 +22,11 @@ def in_colors(
 ) -> list[Image]:
     """Returns the painted views in the wanted colours, within [0, 1].
 
-    `style` leaves them, but for a contrast that a network has not reached: all views are then
-    stretched alike about their mean, see `LEAST_CONTRAST`; `photograph` moves all of them by the
-    one linear map that gives them the plain views' mean and covariance; `luminance` keeps of the
-    painting the lightness alone (CIE L*a*b*). What a map of colours alone does is the same in
-    every view, so consistency stays.
+    `style` moves all of them by the one linear map that gives them the painting's mean and
+    covariance (as Zhang et al., ECCV 2022, section 4.3), as far as `MOST_GAIN_TO_PAINTING` allows;
+    `photograph` likewise gives them the plain views'; `luminance` keeps of the painting the
+    lightness alone (CIE L*a*b*). What a map of colours alone does is the same in every view, so
+    consistency stays.
 
     Args:
         painted: RGB in [0, 1].
@@ -39,39 +36,31 @@ def in_colors(
     """
     if colors == "luminance":
         return [_with_lightness_of(p, q) for p, q in zip(plain, painted, strict=True)]
+    wanted, most_gain = (plain, MOST_GAIN)
     if colors == "style":
-        return _stretched(painted, LEAST_CONTRAST * min(_contrast(plain), _contrast([painting])))
-    source, target = (np.concatenate([i.reshape(-1, 3) for i in s]) for s in (painted, plain))
-    matrix, offset = color_map(source, target)
+        wanted, most_gain = ([painting], MOST_GAIN_TO_PAINTING)
+    source, target = (np.concatenate([i.reshape(-1, 3) for i in s]) for s in (painted, wanted))
+    matrix, offset = color_map(source, target, most_gain)
     return [np.clip(i @ matrix.T + offset, 0, 1).astype(np.float32) for i in painted]
 
 
-def _contrast(views: Sequence[Image]) -> float:
-    """Returns the deviation of colours from the mean colour of their view."""
-    return float(np.sqrt(np.mean([i.var(axis=(0, 1)).mean() for i in views])))
-
-
-def _stretched(views: Sequence[Image], least: float) -> list[Image]:
-    present = _contrast(views)
-    gain = float(np.clip(least / max(present, 1e-6), 1, _MOST_STRETCH))
-    middle = np.mean([i.mean(axis=(0, 1)) for i in views], axis=0)
-    return [np.clip(middle + gain * (i - middle), 0, 1).astype(np.float32) for i in views]
-
-
 def color_map(
-    source: Float[np.ndarray, "source 3"], target: Float[np.ndarray, "target 3"]
+    source: Float[np.ndarray, "source 3"],
+    target: Float[np.ndarray, "target 3"],
+    most_gain: float = MOST_GAIN,
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
     """Returns matrix and offset that give colours the mean and the covariance of others.
 
     The symmetric map T = S^-1/2 (S^1/2 R S^1/2)^1/2 S^-1/2 of covariances S to R, which moves the
     colours least (Monge's, Pitie and Kokaram 2007, eq. 6). Along axes on which the source hardly
-    varies the gain is at most `MOST_GAIN`.
+    varies the gain is at most `MOST_GAIN`, and along any axis at most `most_gain`.
     """
     covariances = [np.cov(c.astype(np.float64), rowvar=False) for c in (source, target)]
     least = np.trace(covariances[1]) / MOST_GAIN**2 + np.finfo(np.float64).tiny
     root, inverse = _roots(covariances[0], least)
     middle, _ = _roots(root @ covariances[1] @ root, 0.0)
-    matrix = inverse @ middle @ inverse
+    gains, axes = np.linalg.eigh(inverse @ middle @ inverse)
+    matrix = (axes * np.minimum(gains, most_gain)) @ axes.T
     return matrix, target.mean(axis=0) - matrix @ source.mean(axis=0)
 
 

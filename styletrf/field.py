@@ -117,14 +117,27 @@ class RadianceField(nn.Module):
         self.appearance.factors = self.appearance.factors.upsampled(resolution)
 
 
-def refine_appearance(field: RadianceField, scale: float) -> None:
-    """Resamples the appearance to a finer lattice than the density's, in place.
+def refine_appearance(
+    field: RadianceField, scale: float, shading: ShadingKind, generator: torch.Generator
+) -> None:
+    """Gives the appearance a lattice of its own, and the shading asked for, in place.
 
-    Positions are relative to the box, so that the two lattices need not agree. Linear
-    interpolation: at lattice points that both share the colors stay as they were.
+    Positions are relative to the box, so that the lattices of density and appearance need not
+    agree.
+
+    Args:
+        field: The field; its density stays as it is.
+        scale: Of the lattice, times the present one.
+        shading: Where it is another one than the field's, its weights are new.
+        generator: Draws these.
     """
-    resolution = [max(2, round(scale * side)) for side in field.appearance.factors.resolution]
-    field.appearance.factors = field.appearance.factors.upsampled(resolution)
+    old = field.appearance
+    resolution = [max(2, round(scale * side)) for side in old.factors.resolution]
+    if shading != field.config.shading:
+        field.config = replace(field.config, shading=shading)
+        field.appearance = Appearance(field.config, resolution, generator).to(old.background)
+        field.appearance.background = old.background
+    field.appearance.factors = old.factors.upsampled(resolution)
 
 
 def save_field(folder: Path, field: RadianceField) -> None:
@@ -166,6 +179,7 @@ def load_field(density_folder: Path, appearance_folder: Path | None = None) -> R
     field.density.load_state_dict(density)
     of_appearance = json.loads((appearance_folder / "field.json").read_text())
     resolution = of_appearance.get("appearance_resolution", of_appearance["resolution"])
+    field.config = configured(FieldConfig, of_appearance["config"])
     field.appearance = Appearance(field.config, resolution)
     field.appearance.load_state_dict(load_finite(appearance_folder / "appearance.safetensors"))
     return field

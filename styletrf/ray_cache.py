@@ -27,11 +27,29 @@ class RayBatch:
 
     def color(self, appearance: Coloring, kernels: Kernels) -> Float[Tensor, "rays 3"]:
         """Returns what the rays see, differentiable in the appearance."""
-        samples = self.samples
-        components = appearance.components(samples.positions, kernels)
-        colors = appearance.decode(components, self.view_directions, samples.ray, kernels)
+        return self._composited(self._sample_colors(appearance, kernels), appearance, kernels)
+
+    def errors(
+        self, appearance: Coloring, kernels: Kernels
+    ) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
+        """Returns the mean squared errors of rays and of their samples, these by their weights.
+
+        Both are differentiable in the appearance. By Jensen's inequality the first is at most the
+        second where rays are opaque.
+        """
+        colors, samples = self._sample_colors(appearance, kernels), self.samples
+        of_rays = (self._composited(colors, appearance, kernels) - self.target).square().mean()
+        differences = (colors - self.target.index_select(0, samples.ray)).square()
+        of_samples = (samples.weights[:, None] * differences).sum() / max(1, self.target.numel())
+        return of_rays, of_samples
+
+    def _sample_colors(self, appearance: Coloring, kernels: Kernels) -> Tensor:
+        components = appearance.components(self.samples.positions, kernels)
+        return appearance.decode(components, self.view_directions, self.samples.ray, kernels)
+
+    def _composited(self, colors: Tensor, appearance: Coloring, kernels: Kernels) -> Tensor:
         behind = (1 - self.opacity)[:, None] * appearance.background_color()
-        return kernels.composite(samples, colors) + behind
+        return kernels.composite(self.samples, colors) + behind
 
 
 @dataclass(frozen=True, slots=True)

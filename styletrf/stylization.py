@@ -23,6 +23,7 @@ from styletrf.kernels import Kernels, kernels_for
 from styletrf.perceptual_loss import PerceptualLossConfig
 from styletrf.progress import Progress, silent
 from styletrf.scene_model import SceneModel, read_scene_model
+from styletrf.shading import ShadingKind
 from styletrf.stroke_losses import ImageLoss, stroke_loss
 from styletrf.surface_ownership import OwnershipConfig, owned_pixels
 from styletrf.vgg import load_vgg
@@ -39,6 +40,7 @@ class StylizationConfig:
     single_owner: bool = True  # every surface point learns from one prior, else from all
     ownership: OwnershipConfig = field(default_factory=OwnershipConfig)
     appearance_scale: float = 1.5  # of the style's lattice, times that of the field's
+    shading: ShadingKind = "plain"  # of the style
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     style_px: int = 420  # of the painting, in the loss of whole renders
@@ -85,7 +87,8 @@ def stylized(
     job: Stylization, config: StylizationConfig, progress: Progress = silent
 ) -> tuple[RadianceField, list[AdaptationPoint], float]:
     """Returns the field with its appearance adapted (S3), the curve, and the mass left out."""
-    refine_appearance(job.field, config.appearance_scale)
+    generator = torch.Generator().manual_seed(config.adaptation.seed)
+    refine_appearance(job.field, config.appearance_scale, config.shading, generator)
     curve, dropped = adapt_appearance(
         job.field, job.cameras, job.painted, job.model.space, config.adaptation, job.kernels,
         progress, _learnt_pixels(job, config),

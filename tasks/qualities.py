@@ -83,7 +83,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "style_px": (420, 420, 256),
     },
     "StylizedField": {
-        "adaptation.iterations": (600, 1000, 1000),
+        "adaptation.iterations": (400, 800, 1000),
         "adaptation.min_weight": (1e-2, 5e-3, 2e-3),
         "style_px": (420, 420, 256),
     },

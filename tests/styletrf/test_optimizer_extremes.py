@@ -25,7 +25,8 @@ def stepped(size: float, *, double: bool) -> Appearance:
     plane = appearance.factors.planes[0]
     for k in range(3):
         signs = torch.randn(plane.shape, generator=generator(k)).sign()
-        take_step(optimizer, (size * signs * plane).sum(), 1.0)
+        (size * signs * plane).sum().backward()
+        take_step(optimizer, 1.0)
     return appearance
 
 
@@ -47,7 +48,8 @@ def test_a_rate_of_any_size_is_taken(decay, stability):
     appearances[1] = copy.deepcopy(appearances[0]).double()
     for appearance in appearances:
         optimizer = optimizer_of(appearance, AdaptationConfig())
-        take_step(optimizer, appearance.background.sum(), decay)
+        appearance.background.sum().backward()
+        take_step(optimizer, decay)
     found, exact = (a.background for a in appearances)
     assert (found <= 0).all()
     stability(f"rate times {decay:g}", found, exact)
