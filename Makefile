@@ -24,8 +24,8 @@ $(VENV)/installed: pyproject.toml
 # at 320 pixels and with fewer iterations and frames, for a first look in a few minutes.
 DEMO_SETTINGS = --SceneModel-settings '{"image_long_side": 320}' \
 	--RadianceField-settings '{"iterations": 1600}' \
-	--StyleNetwork-settings '{"iterations": 480, "crop_px": 128, "style_px": 160, "loss.content_weight": 2.0}' \
-	--StylizedField-settings '{"adaptation.iterations": 400}'
+	--StyleNetwork-settings '{"crop_px": 128, "style_px": 267}' \
+	--StylizedField-settings '{"adaptation.iterations": 200}'
 
 demo: install
 	$(RUN)/python -m styletrf.courtyard data/scenes/courtyard

@@ -18,8 +18,8 @@ from torch import Tensor
 from styletrf.perceptual_loss import STYLE_LAYERS
 from styletrf.vgg import VGG16
 
-_MOST_FEATURES = 4096  # of a layer, drawn anew for every look
-_PROJECTIONS = 64
+_MOST_FEATURES = 2048  # of a layer, drawn anew for every look
+_PROJECTIONS = 32
 
 Columns = Mapping[str, Float[Tensor, "places channels"]]
 

@@ -5,8 +5,10 @@ averages the strokes away. As in texturing a mesh from photographs (Lempitsky an
 point of the surface learns from one view only: the first, in farthest-first order, that shows it.
 
 A view shows what another view's pixel p shows if p, moved there by its own depth and back by the
-depth found there, returns to within a few pixels of p (the usual test of multi-view stereo). What
-is hidden there lies far from what hides it, and does not return.
+depth found there, returns to the neighborhood of p (the usual test of multi-view stereo, but with a
+wider tolerance: where matter is spread along the rays, its mean depth depends on the view, and
+owners that alternate there leave speckles). What is hidden there lies far from what hides it, and
+does not return.
 """
 
 from collections.abc import Sequence
@@ -28,12 +30,12 @@ _FAR = 1e6  # depth of what is infinitely far, in units of the normalised scene
 class OwnershipConfig:
     """When two pixels show the same, and which regions are too small to own anything."""
 
-    tolerance_px: float = 3.0  # between a pixel and its return from the other view
-    smallest_px: int = 60  # connected pixels of a view that own their surface
+    tolerance: float = 0.016  # of the longer side, between a pixel and its return
+    smallest: float = 1e-3  # share of a view's pixels that a connected region needs
 
     def __post_init__(self) -> None:
-        if self.tolerance_px <= 0 or self.smallest_px < 1:
-            raise ValueError(f"tolerance_px is above 0, smallest_px at least 1, not {self}")
+        if self.tolerance <= 0 or not 0 <= self.smallest < 1:
+            raise ValueError(f"tolerance is above 0, smallest in [0, 1), not {self}")
 
 
 def farthest_first(cameras: Sequence[Camera]) -> list[int]:
@@ -57,7 +59,7 @@ def owned_pixels(
     """Returns, view by view, the pixels whose surface no earlier view in `farthest_first` shows.
 
     The first view owns all of its pixels. Every pixel of any view is owned or shown by an owner,
-    but for regions smaller than `smallest_px`.
+    but for regions smaller than `smallest`.
 
     Args:
         cameras: Of the views.
@@ -70,9 +72,10 @@ def owned_pixels(
         unseen = np.arange(depths[view].size)
         for other in done:
             views = (cameras[view], cameras[other]), (depths[view], depths[other])
-            unseen = unseen[~is_shown(*views, unseen, config.tolerance_px)]
+            tolerance_px = config.tolerance * max(depths[view].shape)
+            unseen = unseen[~is_shown(*views, unseen, tolerance_px)]
         masks[view].reshape(-1)[unseen] = True
-        masks[view] = _without_specks(masks[view], config.smallest_px)
+        masks[view] = _without_specks(masks[view], config.smallest)
         done.append(view)
     return masks
 
@@ -108,10 +111,10 @@ def _finite(depth: np.ndarray) -> Float[np.ndarray, " pixels"]:
     return np.where(np.isfinite(depth), depth, _FAR).astype(np.float64)
 
 
-def _without_specks(mask: Mask, smallest_px: int) -> Mask:
+def _without_specks(mask: Mask, smallest: float) -> Mask:
     """Returns the mask with small holes closed, and without its small connected regions."""
     closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     _, labels, statistics, _ = cv2.connectedComponentsWithStats(closed, connectivity=4)
-    is_large = statistics[:, cv2.CC_STAT_AREA] >= smallest_px
+    is_large = statistics[:, cv2.CC_STAT_AREA] >= smallest * mask.size
     is_large[0] = False  # all that is not in the mask
     return np.asarray(is_large[labels], dtype=bool)

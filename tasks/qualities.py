@@ -37,7 +37,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     "StyleNetwork": {
         "iterations": (200, 800, 40000),
         "batch": (1, 1, 4),
-        "crop_px": (176, 192, 256),
+        "crop_px": (160, 192, 256),
         "style_px": (420, 420, 256),
         "learning_rate": (1e-3, 1e-3, 1e-3),
         "final_learning_rate": (1.5e-4, 1.5e-4, 1e-3),
@@ -83,7 +83,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "style_px": (420, 420, 256),
     },
     "StylizedField": {
-        "adaptation.iterations": (400, 800, 1000),
+        "adaptation.iterations": (300, 800, 1000),
         "adaptation.min_weight": (1e-2, 5e-3, 2e-3),
         "style_px": (420, 420, 256),
     },
