@@ -29,8 +29,6 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "PriorRenders": {"trajectory.frames": 3, "coverage.count": 3},
     "TrajectoryFrames": {"trajectory.frames": 7},
     "StyleNetwork": {
-        "network.width": 4,
-        "network.n_residual": 1,
         "iterations": 2,
         "batch": 1,
         "crop_px": 32,
@@ -220,7 +218,7 @@ def mini_graph(
         names = set(kind.get_param_names())
         parameters: dict[str, Any] = {k: v for k, v in words.items() if k in names}
         if "settings" in names:
-            parameters["settings"] = SETTINGS.get(family, {})
+            parameters["settings"] = SETTINGS.get(family, {}) | controls.pop("settings", {})
         stage = kind(**{**parameters, **controls})
         stage.require_sound()
         with pytest.MonkeyPatch.context() as patch:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,6 +85,24 @@ def test_other_painters_and_rounds(mini: Mini):
     for words in ({"stylizer": "gatys"}, {"rounds": 2}):
         assert pictures(mini("StylizedPriors", **words)).shape == usual.shape
         assert not same(pictures(mini("StylizedPriors", **words)), usual)
+
+
+def test_an_arbitrary_style_needs_no_training(mini: Mini):
+    network = mini("StyleNetwork", stylizer="arbitrary")
+    assert not (network / "curve.parquet").exists()
+    assert len(pictures(mini("StylizedFrames", stylizer="arbitrary"))) == 7
+
+
+def test_an_optimisation_can_start_from_noise(mini: Mini, stage_of: Any):
+    stage = stage_of("StylizedPriors", stylizer="gatys", settings={"start": "noise"})[0]
+    assert "network" not in stage.requires()
+
+
+def test_every_surface_point_can_learn_from_all_priors(mini: Mini):
+    """The plain fit is a setting, and gives another appearance."""
+    folders = mini("StylizedField"), mini("StylizedField", settings={"single_owner": False})
+    first, second = (load_field(mini("RadianceField"), f).appearance for f in folders)
+    assert not torch.equal(first.factors.planes[0], second.factors.planes[0])
 
 
 def test_per_frame_paints_what_the_network_paints(mini: Mini):
