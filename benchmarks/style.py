@@ -1,6 +1,7 @@
 """What a style network costs and reaches: `python benchmarks/style.py --help`.
 
-    style.py train mosaic udnie --weights VGG --at 100 300 800 --set training.warm_start=false
+    style.py train mosaic udnie --weights VGG --transfer FOLDER --at 50 100 200
+    style.py train mosaic --weights VGG --at 100 300 800
     style.py paint --size 504 378
 
 Styles and content lie below `STYLETRF_DATA`; every eighth content image is held out. A row of JSON
@@ -31,10 +32,18 @@ from styletrf.images import read_rgb, write_rgb
 from styletrf.perceptual_loss import perceptual_loss, shrunk, style_grams
 from styletrf.steadiness import SteadinessConfig, disturbed, steadiness
 from styletrf.style_image import read_style_image
-from styletrf.style_network import StyleNetwork, save_style_network, stylize
+from styletrf.style_network import (
+    PaintingNetwork,
+    StyleNetwork,
+    StyleNetworkConfig,
+    save_style_network,
+    stylize,
+)
 from styletrf.style_step import StyleStep
 from styletrf.style_training import begin
 from styletrf.style_training_config import StyleTrainingConfig
+from styletrf.transfer_network import TransferNetwork, TransferNetworkConfig
+from styletrf.transfer_weights import load_style_transfer
 from styletrf.user_folders import find_style
 from styletrf.vgg import VGG16, load_vgg
 from tasks.qualities import QUALITIES, settings_for
@@ -98,12 +107,20 @@ def held_out(
 
 
 def trained(
-    name: str, content: Content, vgg: VGG16, settings: Settings, at: list[int], out: Path | None
+    name: str,
+    content: Content,
+    vgg: VGG16,
+    settings: Settings,
+    at: list[int],
+    out: Path | None,
+    transfer: Path | None,
 ) -> Iterator[dict[str, Any]]:
     """Yields what a training has reached after each of the given iterations and at its end."""
-    training, config = begin(settings.training, torch.device("cpu"))
     style = torch.from_numpy(read_style_image(find_style(data_root(), name)))
-    step, grams = StyleStep(config, vgg, style), style_grams(vgg, shrunk(style, config.style_px))
+    initial = load_style_transfer(transfer).network_for(style) if transfer else None
+    training, config = begin(settings.training, torch.device("cpu"), initial)
+    step = StyleStep(config, vgg, style, initial)
+    grams = style_grams(vgg, shrunk(style, config.style_px))
     batches = content_batches(
         content.train, batch=config.batch, size_px=config.crop_px, seed=config.seed
     )
@@ -134,18 +151,20 @@ def train(options: argparse.Namespace) -> None:
     content, vgg = load_content(options.content), load_vgg(options.weights)
     for name in options.styles:
         out = options.out / name if options.out else None
-        for row in trained(name, content, vgg, settings, options.at, out):
+        for row in trained(name, content, vgg, settings, options.at, out, options.transfer):
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
             print(json.dumps(row | {"peak_rss_mb": round(peak)}), flush=True)  # noqa: T201
 
 
 def paint(options: argparse.Namespace) -> None:
-    """Prints the seconds in which networks of both sizes paint an image."""
+    """Prints the seconds in which networks of both architectures paint an image."""
     width, height = options.size
     image = torch.rand(height, width, 3)
-    for name, quality in (("compact", "draft"), ("full", "standard")):
-        values = {f"training.{k}": v for k, v in settings_for("StyleNetwork", quality).items()}
-        network = StyleNetwork(configured(Settings, values).training.network)
+    networks: dict[str, PaintingNetwork] = {
+        "transfer": TransferNetwork(TransferNetworkConfig()),
+        "johnson": StyleNetwork(StyleNetworkConfig()),
+    }
+    for name, network in networks.items():
         seconds = []
         for _ in range(options.repeats):
             started = time.monotonic()
@@ -170,6 +189,7 @@ def main() -> None:
     one.add_argument("--at", type=int, nargs="*", default=[])
     one.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
     one.add_argument("--out", type=Path)
+    one.add_argument("--transfer", type=Path, help="an artifact of TransferWeights to begin from")
     one.set_defaults(run=train)
     two = modes.add_parser("paint", help=paint.__doc__)
     two.add_argument("--size", type=int, nargs=2, default=(504, 378))

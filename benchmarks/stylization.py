@@ -23,7 +23,7 @@ import luigi
 import torch
 
 from pipeline.task import artifact
-from styletrf.adaptation import AdaptationConfig, adapt_appearance, fit_appearance
+from styletrf.adaptation import AdaptationConfig, fit_appearance
 from styletrf.camera_table import read_cameras
 from styletrf.color_transfer import in_colors
 from styletrf.configuration import configured
@@ -36,7 +36,7 @@ from styletrf.painting import network_painter, painted
 from styletrf.ray_cache import RayBatch, march_once
 from styletrf.rendering import RenderConfig, Rendering
 from styletrf.space import ViewRays
-from styletrf.stylization import Stylization, StylizationConfig, load_stylization
+from styletrf.stylization import Stylization, StylizationConfig, load_stylization, stylized
 from tasks.qualities import settings_for
 from tasks.stylization import StylizedField
 
@@ -47,7 +47,8 @@ def adapt(options: argparse.Namespace) -> None:
     for setting in options.set:
         name, _, value = setting.partition("=")
         values[name] = json.loads(value)
-    config = configured(StylizationConfig, values).adaptation
+    whole = configured(StylizationConfig, values)
+    config = whole.adaptation
     if options.priors:
         usual = {**settings_for("PriorRenders", "draft"), "coverage.count": options.priors}
         luigi.configuration.get_config().set("PriorRenders", "settings", json.dumps(usual))
@@ -61,7 +62,7 @@ def adapt(options: argparse.Namespace) -> None:
     if options.uncached:
         fit_appearance(job.field.appearance, _marched_anew(job, config), config, job.kernels)
     else:
-        adapt_appearance(job.field, job.cameras, job.painted, job.model.space, config, job.kernels)
+        stylized(job, whole)
     row = {
         "scene": options.scene, "style": options.style, "priors": len(job.cameras),
         "uncached": options.uncached, "seconds": time.monotonic() - started,

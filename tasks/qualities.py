@@ -35,7 +35,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "count": (1000, 8000, 80000),
     },
     "StyleNetwork": {
-        "iterations": (200, 800, 40000),
+        "iterations": (180, 800, 40000),
         "batch": (1, 1, 4),
         "crop_px": (160, 192, 256),
         "style_px": (420, 420, 256),
@@ -72,8 +72,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "render.min_weight": (1e-2, 5e-3, 1e-3),
     },
     "StylizedFrames": {
-        "termination": (1e-2, 3e-3, 1e-3),
-        "min_weight": (1e-2, 5e-3, 1e-3),
+        "termination": (2e-2, 3e-3, 1e-3),
+        "min_weight": (2e-2, 5e-3, 1e-3),
     },
     "QualityMetrics": {
         "render.termination": (1e-2, 3e-3, 1e-3),

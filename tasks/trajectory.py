@@ -35,8 +35,8 @@ PAGES = ("trade-off", "scene-report")
 """Names in `out/SCENE/` that are no style's."""
 
 CONTROLS = (
-    "stroke_scale", "content_weight", "network", "stylizer", "colors", "strategy", "match",
-    "rounds", "method", "strength", "blend", "region",
+    "stroke_scale", "content_weight", "transfer", "network", "stylizer", "colors", "strategy",
+    "match", "rounds", "method", "strength", "blend", "region",
 )  # fmt: skip
 """The parameters that steer the style, see `tasks.controls`."""
 
@@ -219,6 +219,7 @@ class Grid(luigi.WrapperTask):
     perceptual = StylizedTrajectory.perceptual
     stroke_scale = StylizedTrajectory.stroke_scale
     content_weight = StylizedTrajectory.content_weight
+    transfer = StylizedTrajectory.transfer
     network = StylizedTrajectory.network
     stylizer = StylizedTrajectory.stylizer
     colors = StylizedTrajectory.colors

@@ -16,6 +16,7 @@ from styletrf.perceptual_loss import (
     total_variation,
 )
 from styletrf.style_network import stylize
+from styletrf.transfer_network import TransferNetwork, TransferNetworkConfig
 
 NORMALIZATION = pytest.mark.extremes("Instance normalisation")
 NETWORK = pytest.mark.extremes("Style network")

@@ -38,7 +38,11 @@ def families_above(task, seen=None) -> set[str]:
 def test_what_is_not_needed_is_not_made():
     cell = {"content": "embedded", **WORDS}
     gatys = families_above(tasks.StylizedTrajectory(stylizer="gatys", **cell))
-    assert "StyleNetwork" not in gatys
+    assert "ContentImages" not in gatys, "which starts from a network that needs no training"
+    started = tasks.StylizedPriors(stylizer="gatys", settings={"start": "noise"}, **cell)
+    assert "StyleNetwork" not in families_above(started)
+    arbitrary = families_above(tasks.StyleNetwork(stylizer="arbitrary", **cell))
+    assert arbitrary == {"StyleImage", "TransferWeights"}
     per_frame = families_above(tasks.StylizedTrajectory(method="per-frame", **cell))
     assert not {"StylizedField", "StylizedPriors", "PriorRenders"} & per_frame
     given = tasks.StyleNetwork(network="mosaic.pth", **cell)
@@ -110,6 +114,7 @@ def test_a_setting_of_the_wrong_kind_does_not_break_the_graph(settings):
         ("StyleNetwork", {"content_weight": float("inf")}, "no positive factor"),
         ("StyleNetwork", {"network": "no.pth"}, "no such file"),
         ("StyleNetwork", {"network": __file__, "stroke_scale": 2.0}, "cannot change it"),
+        ("StyleNetwork", {"stylizer": "arbitrary", "content_weight": 2.0}, "cannot change it"),
         ("StylizedFrames", {"region": {"box": 5}}, "is no region"),
         ("StylizedFrames", {"region": {"box": [["a", "b", "c"], ["d", "e", "f"]]}}, "is no region"),
         ("StylizedFrames", {"region": {"view": "0001", "mask": 5}}, "no such file"),
