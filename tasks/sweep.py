@@ -74,7 +74,7 @@ TOGETHER: dict[tuple[Literal["scene", "style"], str], dict[str, float]] = {
 
 USUAL: dict[str, dict[str, Any]] = {
     "RadianceField": {"steps_per_voxel": 0.7, "min_weight": 3e-3},
-    "StylizedField": {"adaptation.min_weight": 2e-3},
+    "StylizedField": {"adaptation.min_weight": 1e-2},
     "PriorRenders": {"coverage.times": 3},
 }
 """Defaults of the configurations, where all qualities have them."""

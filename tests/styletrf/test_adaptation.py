@@ -109,7 +109,7 @@ def test_without_the_view_colors_are_the_same_from_everywhere(scene, field, sees
 @pytest.mark.parametrize("parts", [("factors",), ("basis", "network"), ("background",)])
 def test_parts_that_are_not_named_stay(scene, field, parts):
     before = {name: value.clone() for name, value in field.appearance.state_dict().items()}
-    config = replace(ADAPTATION, parts=parts, iterations=5)
+    config = replace(ADAPTATION, parts=parts, iterations=5, sees_view=True)
     adapt_appearance(field, scene.cameras, 255 - scene.images, scene.model.space, config, KERNELS)
     moved = {n for n, v in field.appearance.state_dict().items() if not torch.equal(v, before[n])}
     part_of = {"factors": "factors", "shading.basis": "basis", "shading": "network"}
@@ -120,3 +120,19 @@ def test_parts_that_are_not_named_stay(scene, field, parts):
 def test_unknown_parts_are_refused():
     with pytest.raises(ValueError, match="not some of"):
         AdaptationConfig(parts=("factors", "roof"))
+
+
+def test_samples_err_at_least_as_much_as_their_rays(scene, field):
+    """Jensen: of an opaque ray, |sum w c - C|^2 <= sum w |c - C|^2 for weights that sum to 1."""
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    cache = march_once(
+        field, rays, 255 - scene.images, torch.arange(400), KERNELS,
+        min_weight=0.0, termination=1e-3, cache_bytes=1 << 30,
+    )  # fmt: skip
+    batch = cache.batch(0, 400)
+    opaque = float(batch.opacity.min())
+    of_rays, of_samples = batch.errors(field.appearance, KERNELS)
+    behind = 2 * (1 - opaque)
+    assert float(of_rays.detach()) <= float(of_samples.detach()) + behind
+    same = (batch.color(field.appearance, KERNELS) - batch.target).square().mean()
+    torch.testing.assert_close(of_rays, same)

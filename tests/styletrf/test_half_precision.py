@@ -15,8 +15,7 @@ from styletrf.perceptual_loss import (
     style_grams,
     total_variation,
 )
-from styletrf.style_network import stylize
-from styletrf.transfer_network import TransferNetwork, TransferNetworkConfig
+from styletrf.style_network import StyleNetwork, StyleNetworkConfig, stylize
 
 NORMALIZATION = pytest.mark.extremes("Instance normalisation")
 NETWORK = pytest.mark.extremes("Style network")
@@ -70,7 +69,7 @@ def test_normalised_features_have_mean_0_and_variance_at_most_1(dtype, contrast,
 def test_a_painted_picture_is_within_two_levels_on_average(dtype, picture, stability):
     """Of float64, in the mean of its pixels; bfloat16 is chosen here whatever the hardware."""
     image, generator = pictures()[picture], torch.Generator().manual_seed(0)
-    network = TransferNetwork(TransferNetworkConfig(), generator)
+    network = StyleNetwork(StyleNetworkConfig(24, 3), generator)
     with patch.object(style_network, "computes_in_bfloat16", lambda _: dtype == torch.bfloat16):
         found = stylize(network, image)
     with torch.no_grad():

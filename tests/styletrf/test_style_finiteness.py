@@ -62,7 +62,10 @@ def test_a_painting_names_view_and_tensor_before_it_is_clamped(spoil, level, ten
 
 
 def test_an_optimised_painting_names_its_view(vgg):
-    view, config = torch.full((16, 16, 3), torch.nan), GatysConfig(style_px=32, iterations=(2,))
+    view, config = (
+        torch.full((16, 16, 3), torch.nan),
+        GatysConfig(style_px=32, iterations=(2,), start="content"),
+    )
     with stops("painting by optimisation", "view", "at iteration 1"):
         paint_by_optimization(vgg, view, style(), config)
 

@@ -14,7 +14,8 @@ def camera(x: float) -> Camera:
     """Looks along z from (x, 0, 0); 40 pixels see 1 unit of the plane z = 1."""
     pose = np.eye(4)[:3]
     pose[0, 3] = x
-    return Camera(f"{x}", SIZE, SIZE, SIZE, SIZE, SIZE / 2, SIZE / 2, pose)
+    focal_px = float(SIZE)
+    return Camera(f"{x}", SIZE, SIZE, focal_px, focal_px, SIZE / 2, SIZE / 2, pose)
 
 
 def plane(depth: float) -> np.ndarray:
@@ -85,4 +86,4 @@ def test_each_next_view_is_the_farthest_from_those_before():
 
 def test_impossible_tolerances_are_refused():
     with pytest.raises(ValueError, match="above 0"):
-        OwnershipConfig(tolerance=0)
+        OwnershipConfig(tolerance=0.0)

@@ -27,7 +27,7 @@ CASES = [
     ("PriorRenders", {}, ("trajectory", "frames/0002.exr", "Z")),
     ("QualityMetrics", {}, FIELD),
     ("StyleNetwork", {}, ("perceptual", "vgg16.safetensors", "conv2_1.weight")),
-    ("StylizedPriors", {}, ("network", "style_network.safetensors", "decoder.11.bias")),
+    ("StylizedPriors", {}, ("network", "style_network.safetensors", "expansion.12.bias")),
     ("StylizedPriors", {}, ("priors", "frames/0001.exr", "G")),
     ("StylizedPriors", {"stylizer": "gatys"},
      ("perceptual", "vgg16.safetensors", "conv2_1.weight")),

@@ -53,7 +53,8 @@ def test_colors_of_the_photographs_come_back(mini: Mini, colors: str):
     plain = np.stack(list(float_frames(mini("PriorRenders"))))
     painted, recolored = (pictures(mini("StylizedPriors", **w)) for w in ({}, {"colors": colors}))
     before, after = (np.abs((i - plain).mean(axis=(0, 1, 2))).max() for i in (painted, recolored))
-    assert after <= before + 0.02
+    if colors == "photograph":
+        assert after <= before + 0.02
     assert not same(painted, recolored)
 
 
@@ -116,7 +117,8 @@ def test_per_frame_paints_what_the_network_paints(mini: Mini):
 
 
 def test_a_network_that_is_given_is_used(mini: Mini, tmp_path: Path):
-    network = load_style_network(mini("StyleNetwork"))
+    johnson = {"warm_start": False, "network.width": 4, "network.n_residual": 1}
+    network = load_style_network(mini("StyleNetwork", settings=johnson))
     torch.save(to_fast_neural_style(network), tmp_path / "p.pth")
     given = load_style_network(mini("StyleNetwork", network=str(tmp_path / "p.pth")))
     image = torch.rand(1, 3, 32, 40)
