@@ -84,7 +84,15 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     },
     "StylizedField": {
         "adaptation.iterations": (300, 800, 1000),
+        "adaptation.batch": (16384, 16384, 4096),
+        "adaptation.factor_rate": (0.1, 0.1, 0.05),
         "adaptation.min_weight": (1e-2, 5e-3, 2e-3),
+        "adaptation.sample_weight": (0.1, 0.1, 0.0),
+        "adaptation.sees_view": (False, False, True),
+        "adaptation.tv_weight": (1e-4, 1e-4, 1e-3),
+        "single_owner": (True, True, False),
+        "appearance_scale": (1.5, 1.5, 1.0),
+        "shading": ("plain", "plain", "network"),
         "style_px": (420, 420, 256),
     },
 }
