@@ -1,6 +1,7 @@
 """The folder in which the toys note that they were built, and the stores they share."""
 
 import json
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +13,14 @@ from shared_stores import Place, Server, proxy_of
 from pipeline.remote import open_remote
 from pipeline.settings import current_store
 from pipeline.store import Store
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _interruptible() -> Iterator[None]:
+    """A background shell makes the tests, and what they start, deaf to SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(autouse=True)

@@ -24,14 +24,6 @@ from pipeline.verify import problems, records
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _interruptible():
-    """A background shell makes the tests, and what they start, deaf to SIGINT."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def start(
     *arguments: str, cwd: Path = ROOT, stderr: int = subprocess.PIPE
 ) -> subprocess.Popen[str]:
