@@ -10,7 +10,7 @@ from pathlib import Path
 
 import luigi
 import pytest
-from test_command import _interruptible, are_gone, start  # noqa: F401  a fixture
+from test_command import are_gone, start
 
 from pipeline import gpu
 from pipeline.errors import StoreError

@@ -9,7 +9,7 @@ import luigi as luigi_package
 import psutil
 import pytest
 from store_toys import built
-from test_command import _interruptible, are_gone, pids_of_slow, start  # noqa: F401  a fixture
+from test_command import are_gone, pids_of_slow, start
 
 from pipeline.settings import current_store
 from pipeline.verify import records
