@@ -6,7 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from styletrf.images import read_rgb, to_integers
+from styletrf.images import to_integers
+from styletrf.metrics import Image
 from styletrf.style_image import read_style_image
 
 _GAP_PX, _LABEL_PX, _SCALE, _QUALITY = 8, 28, 0.6, 90
@@ -16,7 +17,7 @@ def write_sheet(
     path: Path,
     paintings: Mapping[str, Path],
     scenes: Sequence[str],
-    frames: Mapping[tuple[str, str], Path],
+    frames: Mapping[tuple[str, str], Image],
     width_px: int,
 ) -> None:
     """Writes a JPEG or PNG: the paintings on top, below them a frame of each scene in each.
@@ -31,8 +32,8 @@ def write_sheet(
     heads = [_labelled(read_style_image(file), name, width_px) for name, file in paintings.items()]
     rows = [_row(heads)]
     for scene in scenes:
-        images = {style: read_rgb(frames[scene, style]) for style in paintings}
-        rows.append(_row([_labelled(i, f"{scene}, {s}", width_px) for s, i in images.items()]))
+        labelled = [_labelled(frames[scene, s], f"{scene}, {s}", width_px) for s in paintings]
+        rows.append(_row(labelled))
     bgr = cv2.cvtColor(np.concatenate(rows), cv2.COLOR_RGB2BGR)
     quality = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if path.suffix in (".jpg", ".jpeg") else []
     _, encoded = cv2.imencode(path.suffix, bgr, quality)

@@ -13,13 +13,15 @@ docs/metrics.md. The row `color map` is of the
 unstylised frames with the painting's histogram of colors, which paints nothing. `--retrieval` adds
 the share of frames whose nearest painting is their own, among all under `STYLETRF_DATA` and the
 embedded ones. `frames` measures PNG or EXR files in folders, paired by name; `table` and `sheet`
-have the tasks make what is missing. With `--json` rows are JSON and have the distances, too.
+have the tasks make the fields that are missing, and render the frames they look at themselves.
+With `--json` rows are JSON and have the distances, too.
 """
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import luigi
@@ -28,7 +30,10 @@ from jury import Jury, Result
 
 from pipeline.settings import data_root
 from pipeline.task import artifact
-from styletrf.resemblance import ResemblanceConfig
+from styletrf.camera_table import read_cameras
+from styletrf.images import read_rgb
+from styletrf.progress import silent
+from styletrf.resemblance import ResemblanceConfig, chosen_views
 from styletrf.user_folders import find_style
 from tasks.style import PerceptualWeights
 from tasks.stylization import StylizedFrames
@@ -57,22 +62,20 @@ def frames(options: argparse.Namespace) -> None:
 
 def table(options: argparse.Namespace) -> None:
     """Prints the rows of scenes in styles."""
-    _print_rows(list(_made(options)), options)
+    _print_rows(_made(options), options)
 
 
 def sheet(options: argparse.Namespace) -> None:
     """Writes a frame of every scene in every style, a row a scene, below the paintings."""
-    made = {(result.name): result for result in _made(options)}
-    cells = {
-        (scene, style): _middle(made[f"{scene} {style}"].stylized)
-        for scene in options.scenes
-        for style in options.styles
-    }
+    cells = {}
+    for result in _made(options):
+        scene, style = result.name.split(" ", 1)
+        cells[scene, style] = read_rgb(_middle(result.stylized))
     heads = {style: find_style(data_root(), style) for style in options.styles}
     write_sheet(options.to, heads, options.scenes, cells, options.width)
 
 
-def _print_rows(results: list[Result], options: argparse.Namespace) -> None:
+def _print_rows(results: Iterable[Result], options: argparse.Namespace) -> None:
     config = ResemblanceConfig(frames=options.count)
     jury = Jury(options.vgg or _weights(), config, retrieval=options.retrieval)
     columns = {c: k for c, k in COLUMNS.items() if options.retrieval or "own" not in c}
@@ -95,18 +98,28 @@ def _made(options: argparse.Namespace) -> Iterator[Result]:
         for style in options.styles
         for method in methods
     ]
-    _build(asked)
     for task in asked:
-        needed = task.requires()
-        suffix = ", per frame" if task.method == "per-frame" else ""
-        priors = needed["stylized"].requires()["stylized"] if "stylized" in needed else None
-        yield Result(
-            f"{task.scene} {task.style}{suffix}",
-            find_style(data_root(), task.style),
-            artifact(task) / "frames",
-            artifact(needed["trajectory"]) / "frames",
-            artifact(priors) / "frames" if priors else None,
-        )
+        with TemporaryDirectory() as folder:
+            yield _result(task, Path(folder), options)
+
+
+def _result(task: Any, folder: Path, options: argparse.Namespace) -> Result:
+    """Returns a result of which only the frames that are looked at are rendered."""
+    needed = task.requires()
+    _build([*needed.values()])
+    inputs = {name: artifact(stage) for name, stage in needed.items()}
+    cameras = {c.name: c for c in read_cameras(inputs["trajectory"] / "cameras.parquet")}
+    looked_at = [cameras[name] for name in chosen_views(list(cameras), options.count)]
+    task.render(looked_at, inputs, folder, silent)
+    suffix = ", per frame" if task.method == "per-frame" else ""
+    priors = needed["stylized"].requires()["stylized"] if "stylized" in needed else None
+    return Result(
+        f"{task.scene} {task.style}{suffix}",
+        find_style(data_root(), task.style),
+        folder / "frames",
+        inputs["trajectory"] / "frames",
+        artifact(priors) / "frames" if priors else None,
+    )
 
 
 def _weights() -> Path:
@@ -148,7 +161,7 @@ def main() -> None:
     three = modes.add_parser("sheet", help=sheet.__doc__)
     three.add_argument("--to", type=Path, required=True, help="a .jpg or .png file")
     three.add_argument("--width", type=int, default=320, help="of a picture, in pixels")
-    three.set_defaults(run=sheet)
+    three.set_defaults(run=sheet, count=3)
     for mode in (two, three):
         mode.add_argument("--scenes", nargs="+", required=True)
         mode.add_argument("--styles", nargs="+", required=True)

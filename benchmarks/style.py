@@ -117,9 +117,10 @@ def trained(
 ) -> Iterator[dict[str, Any]]:
     """Yields what a training has reached after each of the given iterations and at its end."""
     style = torch.from_numpy(read_style_image(find_style(data_root(), name)))
-    initial = load_style_transfer(transfer).network_for(style) if transfer else None
+    loaded = load_style_transfer(transfer) if transfer else None
+    initial = loaded.network_for(style) if loaded else None
     training, config = begin(settings.training, torch.device("cpu"), initial)
-    step = StyleStep(config, vgg, style, initial)
+    step = StyleStep(config, vgg, style, initial, loaded.predictor if loaded else None)
     grams = style_grams(vgg, shrunk(style, config.style_px))
     batches = content_batches(
         content.train, batch=config.batch, size_px=config.crop_px, seed=config.seed

@@ -5,10 +5,13 @@ only the samples that carry its weight are kept; an iteration then costs an appe
 the colour network.
 
 One view fixes only the sum along each of its rays. Where the matter is spread along a ray, its
-samples could differ wildly and would show another view that noise. So each sample is fitted to the
-color of its ray, too:
+samples could differ wildly, and another view would show them as noise. So every sample is fitted to
+the color of its ray. The losses are means over the rays of
 
-    loss = |sum_s w_s c_s - C|^2 + sample_weight sum_s w_s |c_s - C|^2,   means over the rays.
+    samples: sum_s w_s |c_s - C|^2,     rays (as published): |sum_s w_s c_s - C|^2.
+
+By Jensen's inequality the first bounds the second where rays are opaque. One sample of each ray,
+drawn by its weight, estimates the first without bias.
 """
 
 import math
@@ -16,6 +19,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import Literal
 
 import torch
 from jaxtyping import Int64, UInt8
@@ -34,6 +38,8 @@ from styletrf.training_guard import batch_stages
 PARTS = ("factors", "basis", "network", "background")
 """What an appearance consists of."""
 
+_CURVE_EVERY = 20  # iterations
+
 
 @dataclass(frozen=True, slots=True)
 class AdaptationConfig:
@@ -41,7 +47,7 @@ class AdaptationConfig:
 
     iterations: int = 400
     batch: int = 16384  # rays an iteration
-    sample_weight: float = 0.1  # of each sample's color beside that of its ray
+    fitted: Literal["samples", "rays"] = "samples"  # to the painted colors
     parts: tuple[str, ...] = PARTS  # which are adapted
     sees_view: bool = False  # whether a colour may depend on the direction it is seen from
     factor_rate: float = 0.1
@@ -65,7 +71,7 @@ class AdaptationPoint:
 
     iteration: int
     seconds: float
-    psnr: float
+    psnr: float  # of the colors of a batch of rays
 
 
 def adapt_appearance(
@@ -89,7 +95,7 @@ def adapt_appearance(
         space: Of the scene.
         config: How to adapt.
         kernels: The form to compute with.
-        progress: Told the iteration and the PSNR.
+        progress: Is given the iteration and the loss.
         pixels: Those to learn from, counted through all views; all of them where not given.
 
     Returns:
@@ -129,7 +135,7 @@ def fit_appearance(
         batches: One for each iteration.
         config: How.
         kernels: The form to compute with.
-        progress: Told the iteration and the PSNR.
+        progress: Is given the iteration and the loss.
         started: From when the seconds of the curve count; by default from now.
 
     Raises:
@@ -139,29 +145,34 @@ def fit_appearance(
     if not config.sees_view:
         appearance.shading.forget_view()
     optimizer = optimizer_of(appearance, config)
+    generator = torch.Generator().manual_seed(config.seed)
     curve: list[AdaptationPoint] = []
-    smooth = 0.0
     for k, batch in enumerate(batches):
-        error, error_of_samples = batch.errors(appearance, kernels)
-        mse = float(error.detach())
-        if not math.isfinite(mse):
+        fitted = batch.one_sample_per_ray(generator) if config.fitted == "samples" else batch
+        error = fitted.error(appearance, kernels)
+        loss = float(error.detach())
+        if not math.isfinite(loss):
             left = parameter_stages(appearance, optimizer)
             named = chain(
-                left, batch_stages(appearance, kernels, batch), [("loss", error.detach())]
+                left, batch_stages(appearance, kernels, fitted), [("loss", error.detach())]
             )
             require_finite("appearance adaptation", f"at iteration {k}", named)
-        (error + config.sample_weight * error_of_samples).backward()
+        error.backward()
         if k % config.tv_every == 0 and config.tv_weight > 0:
             appearance.factors.add_total_variation_gradient(config.tv_every * config.tv_weight)
         take_step(optimizer, config.rate_decay ** (k / config.iterations))
-        smooth = 0.95 * smooth + 0.05 * mse if k else mse
-        psnr = -10 * math.log10(max(smooth, 1e-10))
-        if (k + 1) % 20 == 0:
+        if (k + 1) % _CURVE_EVERY == 0:
+            psnr = _psnr(batch, appearance, kernels)
             curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
-        progress(k + 1, config.iterations, psnr=psnr)
+        progress(k + 1, config.iterations, loss=loss)
     left = parameter_stages(appearance, optimizer)
     require_finite("appearance adaptation", "after the last iteration", left)
     return curve
+
+
+@torch.no_grad()
+def _psnr(batch: RayBatch, appearance: Appearance, kernels: Kernels) -> float:
+    return -10 * math.log10(max(float(batch.error(appearance, kernels)), 1e-10))
 
 
 def take_step(optimizer: torch.optim.Adam, decay: float) -> None:

@@ -25,6 +25,16 @@ class Coloring(nn.Module, ABC):
     """Colours of positions: an appearance, or a mixture of several."""
 
     @abstractmethod
+    def weight_powers(
+        self, positions: Float[Tensor, "samples 3"]
+    ) -> float | Float[Tensor, " samples"]:
+        """Returns the power of all samples' weights, or of each; see `styletrf.weight_sharpening`.
+
+        Args:
+            positions: In the grid's coordinates.
+        """
+
+    @abstractmethod
     def components(
         self, positions: Float[Tensor, "samples 3"], kernels: Kernels
     ) -> Float[Tensor, "samples components"]:
@@ -68,10 +78,15 @@ class Appearance(Coloring):
             else ColorNetwork(components, config.features, config.hidden, generator)
         )
         self.background = nn.Parameter(torch.zeros(3))
+        self.weight_power = 1.0
 
     def network_parameters(self) -> list[nn.Parameter]:
         """Returns everything but the factors."""
         return [self.background, *self.shading.parameters()]
+
+    def weight_powers(self, positions: Tensor) -> float:  # noqa: ARG002
+        """See `Coloring.weight_powers`: it is the same everywhere."""
+        return self.weight_power
 
     def components(self, positions: Tensor, kernels: Kernels) -> Tensor:
         """See `Coloring.components`."""

@@ -6,26 +6,23 @@ the style the frames have, since a grey video is the steadiest.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from styletrf.cameras import Camera
 from styletrf.errors import InputError
 from styletrf.finiteness import require_finite
-from styletrf.float_images import FloatImage, read_float_image
 from styletrf.flow import FlowEstimator, Method
 from styletrf.flow_consistency import FlowErrors, flow_errors
+from styletrf.frame_pairs import Frame, Pair, paired
 from styletrf.geometric_consistency import (
     Correspondence,
     GeometricErrors,
     corresponding,
     geometric_errors,
 )
-from styletrf.images import read_rgb
 from styletrf.metrics import Image
 from styletrf.perceptual_distance import (
     Grams,
@@ -78,15 +75,6 @@ class ConsistencyConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """One view of the trajectory, without and with style."""
-
-    camera: Camera
-    unstylized: FloatImage
-    stylized: Image
-
-
-@dataclass(frozen=True, slots=True)
 class PerceptualErrors:
     """Two frames compared as they look, where the second one sees what the first one does.
 
@@ -120,12 +108,6 @@ class Consistency:
     summary: dict[str, dict[str, Any]]
 
 
-def read_frame(unstylized: Path, stylized: Path, camera: Camera) -> Frame:
-    """Returns the frame `frames/NAME.exr` and `frames/NAME.png` of two folders."""
-    plain = read_float_image(unstylized / "frames" / f"{camera.name}.exr")
-    return Frame(camera, plain, read_rgb(stylized / "frames" / f"{camera.name}.png"))
-
-
 def measure_consistency(
     frames: Iterable[Frame],
     n_frames: int,
@@ -154,7 +136,7 @@ def measure_consistency(
     planned = planned_pairs(n_frames, config)
     comparison = _Comparison(perception, grams(perception.features(painting)), config)
     rows: list[dict[str, Any]] = []
-    for pair, a, b in _frames_of(frames, planned):
+    for pair, a, b in paired(frames, planned):
         compared = comparison(pair, a, b)
         named = (_OF_FLOW if pair.has_flow else ()) + (_OF_STYLE if pair.has_looks else ())
         told = [(name, np.array(compared[name])) for name in named]
@@ -165,17 +147,6 @@ def measure_consistency(
     rows.sort(key=lambda row: (row["delta"], row["first"]))
     deltas = sorted({*config.deltas, *(pair.delta for pair in planned)})
     return Consistency(rows, {f"delta_{d}": _summary(rows, planned, d) for d in deltas})
-
-
-@dataclass(frozen=True, slots=True)
-class Pair:
-    """Two frames by their indices, and by what they are compared beside the depth."""
-
-    first: int
-    second: int
-    delta: int
-    has_flow: bool
-    has_looks: bool
 
 
 def planned_pairs(n_frames: int, config: ConsistencyConfig) -> list[Pair]:
@@ -198,24 +169,6 @@ def _spread(values: Sequence[int], count: int) -> list[int]:
         return []
     at = np.unique(np.linspace(0, len(values) - 1, count).round().astype(int))
     return [values[k] for k in at]
-
-
-def _frames_of(
-    frames: Iterable[Frame], planned: Collection[Pair]
-) -> Iterator[tuple[Pair, Frame, Frame]]:
-    """Yields the pairs with their frames, of which no more are kept than are still needed."""
-    window: dict[int, Frame] = {}
-    first = None
-    for index, frame in enumerate(frames):
-        first = first or frame
-        _require_one_size(index, frame, first)
-        images = [("unstylised", frame.unstylized.color), ("stylised", frame.stylized)]
-        require_finite("consistency", f"in frame {frame.camera.name}", images)
-        window[index] = frame
-        for pair in (pair for pair in planned if pair.second == index):
-            yield pair, window[pair.first], frame
-        needed = {pair.first for pair in planned if pair.second > index}
-        window = {k: kept for k, kept in window.items() if k in needed}
 
 
 class _Comparison:
@@ -290,14 +243,4 @@ def _require_pairs(n_frames: int, deltas: Sequence[int]) -> None:
             f"trajectory of {n_frames} frames",
             f"has no pair of frames {' or '.join(map(str, deltas))} apart",
             "Render more frames, or measure smaller distances",
-        )
-
-
-def _require_one_size(index: int, frame: Frame, before: Frame) -> None:
-    images = frame.unstylized.color, frame.stylized, before.stylized
-    sizes = {image.shape[:2] for image in images}
-    if len(sizes) > 1:
-        listed = " and ".join(f"{width}x{height}" for height, width in sorted(sizes))
-        raise InputError(
-            f"frame {index}", f"mixes sizes of {listed} pixels", "Render all frames at one size"
         )

@@ -120,7 +120,7 @@ class RadianceField(nn.Module):
 def refine_appearance(
     field: RadianceField, scale: float, shading: ShadingKind, generator: torch.Generator
 ) -> None:
-    """Gives the appearance a lattice of its own, and the shading asked for, in place.
+    """Gives the appearance a lattice and a shading of its own, in place.
 
     Positions are relative to the box, so that the lattices of density and appearance need not
     agree.
@@ -157,6 +157,7 @@ def save_appearance(folder: Path, field: RadianceField) -> None:
         "config": asdict(field.config),
         "resolution": list(field.resolution),
         "appearance_resolution": list(field.appearance.factors.resolution),
+        "weight_power": field.appearance.weight_power,
         "step_length": field.step_length,
         "bounds": asdict(field.bounds),
     }
@@ -181,6 +182,7 @@ def load_field(density_folder: Path, appearance_folder: Path | None = None) -> R
     resolution = of_appearance.get("appearance_resolution", of_appearance["resolution"])
     field.config = configured(FieldConfig, of_appearance["config"])
     field.appearance = Appearance(field.config, resolution)
+    field.appearance.weight_power = of_appearance.get("weight_power", 1.0)
     field.appearance.load_state_dict(load_finite(appearance_folder / "appearance.safetensors"))
     return field
 

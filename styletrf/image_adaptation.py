@@ -7,7 +7,7 @@ to the parameters: of the renders' graphs only a tile's is in memory.
 
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -26,8 +26,10 @@ from styletrf.perceptual_loss import relative_difference
 from styletrf.progress import Progress, silent
 from styletrf.ray_cache import RayCache, march_once
 from styletrf.space import Space, ViewRays
-from styletrf.stroke_losses import ImageLoss
 from styletrf.training_guard import batch_stages
+
+ImageLoss = Callable[[Tensor, Tensor], Tensor]
+"""From a render and the unpainted render, `1 3 height width`, to a loss."""
 
 _TILE = 1 << 14
 _PARTS = 24

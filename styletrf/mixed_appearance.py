@@ -5,6 +5,10 @@
 The density is one, so a ray's weights are, and a mixture with shares that are the same everywhere
 renders exactly the mixture of the renders: a weaker style, or two styles at once, need no training.
 Within a region the shares are those asked for, outside it all is the first appearance's.
+
+Where the appearances differ in the power of their weights (`styletrf.weight_sharpening`), a sample
+has the mean of the powers by its shares. So a single appearance and the outside of a region are
+rendered exactly, and what lies between is as crisp as its parts.
 """
 
 from collections.abc import Sequence
@@ -49,6 +53,11 @@ class MixedAppearance(Coloring):
         self.appearances = nn.ModuleList(appearances)
         self.register_buffer("shares", torch.tensor(list(shares)), persistent=False)
         self._region, self._space = region, space
+
+    def weight_powers(self, positions: Tensor) -> Tensor:
+        """Returns the mean of the powers by the shares."""
+        powers = [appearance.weight_power for appearance in self._all()]
+        return self.shares_at(positions) @ torch.tensor(powers).to(positions)
 
     def components(self, positions: Tensor, kernels: Kernels) -> Tensor:
         """Returns the components of all, and behind them the shares."""

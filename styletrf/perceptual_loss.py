@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.vgg import VGG16
+from styletrf.vgg import LAYERS, VGG16
 
 CONTENT_LAYER = "relu2_2"
 STYLE_LAYERS = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
@@ -35,9 +35,25 @@ class PerceptualLossConfig:
 
     content_weight: float = 3.0
     style_weight: float = 1.0
-    style_layer_weights: tuple[float, float, float, float] = (4.0, 2.0, 1.5, 1.0)  # of STYLE_LAYERS
+    style_layer_weights: tuple[float, float, float, float] = (
+        4.0,
+        2.0,
+        1.5,
+        1.0,
+    )  # of STYLE_LAYERS; 0 leaves it out
     tv_weight: float = 15.0
     relative: bool = True
+    content_layer: str = CONTENT_LAYER
+
+    def __post_init__(self) -> None:
+        if self.content_layer not in LAYERS:
+            raise ValueError(f"content_layer is {self.content_layer}, not one of {LAYERS}")
+
+    @property
+    def style_layers(self) -> dict[str, float]:
+        """The weights of the style layers that have one."""
+        weights = zip(STYLE_LAYERS, self.style_layer_weights, strict=True)
+        return {layer: weight for layer, weight in weights if weight > 0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +120,10 @@ def perceptual_loss(
 ) -> PerceptualTerms:
     """Returns how far `output` is from the objects of `content` and the manner of the style.
 
-    `content`: the squared difference of relu2_2; `style`: the sum over relu1_2, relu2_2, relu3_3
-    and relu4_3 of the squared difference of Gram matrices (Johnson et al., eq. 2 and 4); `tv`: the
-    total variation of `output`. Each is a mean over elements, counted as the configuration says.
+    `content`: the squared difference of `config.content_layer`; `style`: the sum over relu1_2,
+    relu2_2, relu3_3 and relu4_3 of the squared difference of Gram matrices (Johnson et al., eq. 2
+    and 4); `tv`: the total variation of `output`. Each is a mean over elements, counted as the
+    configuration says.
 
     Args:
         vgg: The perceptual network.
@@ -126,12 +143,13 @@ def perceptual_terms(
     config: PerceptualLossConfig,
 ) -> PerceptualTerms:
     """Returns what `perceptual_loss` does, with any style term in place of the Gram matrices'."""
+    layer = config.content_layer
     with torch.no_grad():
-        target = vgg.features(content, [CONTENT_LAYER])[CONTENT_LAYER].float()
-    found = vgg.features(output, STYLE_LAYERS)
+        target = vgg.features(content, [layer])[layer].float()
+    found = vgg.features(output, [layer, *config.style_layers])
     none = torch.zeros((), device=output.device)
     return PerceptualTerms(
-        content=config.content_weight * _difference(found[CONTENT_LAYER].float(), target, config),
+        content=config.content_weight * _difference(found[layer].float(), target, config),
         style=config.style_weight * style_term(found),
         tv=config.tv_weight * total_variation(output.float()),
         steadiness=none,
@@ -144,7 +162,7 @@ def gram_term(
 ) -> Float[Tensor, ""]:
     """Returns the difference of Gram matrices, the weighted sum over the style layers."""
     differences = []
-    for layer, weight in zip(STYLE_LAYERS, config.style_layer_weights, strict=True):
+    for layer, weight in config.style_layers.items():
         gram = gram_matrix(found[layer])
         differences.append(weight * _difference(gram, grams[layer].expand_as(gram), config))
     return torch.stack(differences).sum()

@@ -1,7 +1,7 @@
 """Rays marched once: with the density frozen their samples and weights never change."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float, Int64, UInt8
@@ -12,6 +12,7 @@ from styletrf.field import RadianceField
 from styletrf.kernels import Kernels, Samples
 from styletrf.pixel_rays import pixel_rays
 from styletrf.space import ViewRays
+from styletrf.weight_sharpening import sharpened
 
 _MARCHED_AT_ONCE = 1 << 15
 
@@ -27,29 +28,31 @@ class RayBatch:
 
     def color(self, appearance: Coloring, kernels: Kernels) -> Float[Tensor, "rays 3"]:
         """Returns what the rays see, differentiable in the appearance."""
-        return self._composited(self._sample_colors(appearance, kernels), appearance, kernels)
-
-    def errors(
-        self, appearance: Coloring, kernels: Kernels
-    ) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
-        """Returns the mean squared errors of rays and of their samples, these by their weights.
-
-        Both are differentiable in the appearance. By Jensen's inequality the first is at most the
-        second where rays are opaque.
-        """
-        colors, samples = self._sample_colors(appearance, kernels), self.samples
-        of_rays = (self._composited(colors, appearance, kernels) - self.target).square().mean()
-        differences = (colors - self.target.index_select(0, samples.ray)).square()
-        of_samples = (samples.weights[:, None] * differences).sum() / max(1, self.target.numel())
-        return of_rays, of_samples
-
-    def _sample_colors(self, appearance: Coloring, kernels: Kernels) -> Tensor:
         components = appearance.components(self.samples.positions, kernels)
-        return appearance.decode(components, self.view_directions, self.samples.ray, kernels)
-
-    def _composited(self, colors: Tensor, appearance: Coloring, kernels: Kernels) -> Tensor:
+        colors = appearance.decode(components, self.view_directions, self.samples.ray, kernels)
         behind = (1 - self.opacity)[:, None] * appearance.background_color()
         return kernels.composite(self.samples, colors) + behind
+
+    def error(self, appearance: Coloring, kernels: Kernels) -> Float[Tensor, ""]:
+        """Returns the mean squared error of the colors, differentiable in the appearance."""
+        return (self.color(appearance, kernels) - self.target).square().mean()
+
+    def one_sample_per_ray(self, generator: torch.Generator) -> "RayBatch":
+        """Returns the rays with one sample each, drawn by the weights, that has the ray's opacity.
+
+        The expected error of an opaque ray is then the mean error of its samples, by their weights.
+        Rays without samples stay without.
+
+        Args:
+            generator: On the CPU.
+        """
+        counts, end = self.samples.offsets.diff(), self.samples.offsets[1:]
+        share = 1 - torch.rand(len(counts), generator=generator).to(self.opacity)  # above 0
+        drawn = torch.minimum(self.samples.reached(share * self.opacity), end - 1)
+        ray = counts.nonzero()[:, 0]
+        offsets = torch.cat([counts.new_zeros(1), (counts > 0).cumsum(0)])
+        one = self.samples.chosen(offsets, drawn[ray])
+        return replace(self, samples=replace(one, weights=self.opacity[ray]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +129,9 @@ def march_once(
             jitter = torch.rand(len(segments), generator=generator)
         samples = kernels.trace(field.density.factors, segments, jitter.to(images.device), march)
         kept = kernels.heavy(samples, min_weight)
-        opacity = _mass(samples, kernels)
-        kept_mass = _mass(kept, kernels)
-        covered = torch.where(kept_mass > 0, opacity, 0)
+        kept = sharpened(kept, field.appearance.weight_power, kernels)
+        opacity, kept_mass = kernels.opacity(samples), kernels.opacity(kept)
+        covered = torch.where(kept_mass == 0, 0, opacity)  # one that is NaN is kept and seen
         weights = kept.weights * (covered / kept_mass.clamp(min=1e-6))[kept.ray]
         parts.append(
             (
@@ -143,7 +146,3 @@ def march_once(
     )
     offsets = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
     return RayCache(offsets, positions, weights, directions, opacity, target, float(dropped.mean()))
-
-
-def _mass(samples: Samples, kernels: Kernels) -> Float[Tensor, " rays"]:
-    return kernels.composite(samples, torch.ones_like(samples.weights)[:, None])[:, 0]

@@ -1,6 +1,8 @@
 """From a field and rays to colour, opacity and depth (volume rendering, Max 1995).
 
 color = sum_i w_i c_i + (1 - sum_i w_i) background,   opacity = sum_i w_i
+
+An appearance may ask for sharper weights in the color than those: `styletrf.weight_sharpening`.
 """
 
 from dataclasses import dataclass
@@ -14,6 +16,7 @@ from styletrf.cameras import Camera, pixel_centers
 from styletrf.field import RadianceField
 from styletrf.kernels import Kernels, Samples, Segments, Thinning, thin_gradient
 from styletrf.space import ViewRays
+from styletrf.weight_sharpening import sharpened
 
 LEAST_OPACITY = 1e-3  # of a ray that hits something
 
@@ -29,7 +32,7 @@ class RenderConfig:
 
     termination: float = 3e-3
     min_weight: float = 5e-3
-    tile: int = 8192
+    tile: int = 16384
     deferred: bool = False
 
 
@@ -68,8 +71,9 @@ def render_color(
     `RenderConfig`; without it the colour is the mean of the samples' colours. `thinning` is that of
     the gradient of these.
     """
-    opacity = kernels.composite(samples, torch.ones_like(samples.weights)[:, None])
+    opacity = kernels.opacity(samples)[:, None]
     heavy = kernels.heavy(samples, min_weight)
+    heavy = sharpened(heavy, appearance.weight_powers(heavy.positions), kernels)
     values = appearance.components(heavy.positions, kernels)
     directions = segments.view_directions
     if not deferred:
@@ -113,10 +117,8 @@ def render_rays(
 
 def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]:
     """Returns the depth Z of the sample at which each ray's weights have summed to one half."""
-    sums = torch.cat([samples.weights.new_zeros(1), samples.weights]).double().cumsum(0)
-    first, end = samples.offsets[:-1], samples.offsets[1:]
-    median = torch.searchsorted(sums[1:], sums[first] + 0.5)
-    ray = (median < end).nonzero()[:, 0]
+    median = samples.reached(torch.full_like(segments.lengths, 0.5))
+    ray = (median < samples.offsets[1:]).nonzero()[:, 0]
     depth = torch.full_like(segments.lengths, torch.inf)
     depth[ray] = segments.depth_along(ray, samples.s[median[ray]])
     return depth

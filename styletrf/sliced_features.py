@@ -9,7 +9,7 @@ only between equal distributions. Of one layer, with random unit vectors v,
 and it counts as log(1 + SW2 / variance of F_style): of the order of 1 for "nothing alike".
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import torch
 from jaxtyping import Float
@@ -33,22 +33,22 @@ def style_columns(vgg: VGG16, style: Float[Tensor, "1 3 height width"]) -> Colum
 
 def sliced_term(
     columns: Columns,
-    layer_weights: Sequence[float],
+    layer_weights: Mapping[str, float],
     generator: torch.Generator,
     found: Mapping[str, Tensor],
 ) -> Float[Tensor, ""]:
-    """Returns the relative sliced Wasserstein distances, the weighted sum over the style layers.
+    """Returns the relative sliced Wasserstein distances, the weighted sum over layers.
 
     Differentiable in the features found.
 
     Args:
         columns: From `style_columns`.
-        layer_weights: Of `STYLE_LAYERS`.
+        layer_weights: By layer.
         generator: On the CPU; draws places and projections.
         found: Features of an output at the style layers.
     """
     distances = []
-    for layer, weight in zip(STYLE_LAYERS, layer_weights, strict=True):
+    for layer, weight in layer_weights.items():
         rows, style = (_drawn(f, generator) for f in (_rows(found[layer]), columns[layer]))
         variance = (style - style.mean(dim=0)).square().mean()
         distance = sliced_wasserstein(rows, style, generator)

@@ -40,6 +40,7 @@ _STAGES = (  # table 2 of the paper
     _Stage(6, 160, 3, 2),
     _Stage(6, 320, 1, 1),
 )
+_LAST_OF_STRIDE = (2, 5, 12)  # the blocks whose outputs are the features at strides 4, 8 and 16
 
 
 class StylePredictor(nn.Module):
@@ -62,6 +63,23 @@ class StylePredictor(nn.Module):
         """Returns the embeddings of paintings, RGB in [0, 1]."""
         features = self.head(self.blocks(self.stem(paintings)))
         return cast("Tensor", self.embedding(features.mean(dim=(2, 3))))
+
+    def features(
+        self, images: Float[Tensor, "batch 3 height width"]
+    ) -> list[Float[Tensor, "batch _ _ _"]]:
+        """Returns what the network sees at strides 4, 8 and 16: 24, 32 and 96 channels.
+
+        Differentiable.
+
+        Args:
+            images: RGB in [0, 1], of any size from 16x16.
+        """
+        x, first, found = self.stem(images), 0, []
+        for last in _LAST_OF_STRIDE:
+            x = self.blocks[first : last + 1](x)
+            first = last + 1
+            found.append(x)
+        return found
 
 
 def style_embedding(

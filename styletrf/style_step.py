@@ -24,10 +24,12 @@ from styletrf.perceptual_loss import (
     shrunk,
     style_grams,
 )
+from styletrf.predictor_features import Grams, predictor_grams, predictor_term
 from styletrf.sliced_features import sliced_term, style_columns
 from styletrf.steadiness import ContentPair, disturbed, steadiness
 from styletrf.style_checkpoint import Training
 from styletrf.style_network import PaintingNetwork
+from styletrf.style_predictor import StylePredictor
 from styletrf.style_training_config import StyleTrainingConfig
 from styletrf.transfer_network import TransferNetwork
 from styletrf.vgg import VGG16
@@ -44,6 +46,7 @@ class StyleStep:
         vgg: VGG16,
         style: Float[Tensor, "height width 3"],
         initial: TransferNetwork | None = None,
+        predictor: StylePredictor | None = None,
         ranks: Ranks | None = None,
     ) -> None:
         """Looks at the painting.
@@ -53,6 +56,7 @@ class StyleStep:
             vgg: The perceptual network, in float32; its device is where the training runs.
             style: RGB in [0, 1].
             initial: What the training began from, whose colors `config.color_weight` holds.
+            predictor: Looks at the style beside the perceptual network, `config.predictor_weight`.
             ranks: Who shares each batch.
         """
         self._ranks = ranks or Ranks()
@@ -64,6 +68,12 @@ class StyleStep:
         painting = shrunk(style.to(self._device), config.style_px)
         is_gram = config.statistics == "gram"
         self._targets = (style_grams if is_gram else style_columns)(self._vgg, painting)
+        self._predictor: StylePredictor | None = None
+        self._predictor_grams: Grams = ()
+        if predictor is not None and config.predictor_weight > 0:
+            self._predictor = copy.deepcopy(predictor).requires_grad_(requires_grad=False)
+            self._predictor.to(self._device)
+            self._predictor_grams = predictor_grams(self._predictor, painting)
 
     def __call__(
         self, training: Training, k: int, content: Tensor | ContentPair
@@ -136,6 +146,7 @@ class StyleStep:
         yield from (("a content image", image) for image in images)
         for layer, target in self._targets.items():
             yield f"the style's statistics of {layer}", target
+        yield from (("the predictor's statistics", gram) for gram in self._predictor_grams)
         yield from parameter_stages(training.network, training.optimizer)
 
     def _painted(self, network: PaintingNetwork, content: Tensor) -> Tensor:
@@ -149,6 +160,11 @@ class StyleStep:
             return PerceptualTerms(functional.mse_loss(output, content), none, none, none, none)
         config = self._config.loss
         terms = perceptual_terms(self._vgg, output, content, self._style_term(k), config)
+        if self._predictor is not None:
+            seen = predictor_term(
+                self._predictor, self._predictor_grams, output, self._generator(k)
+            )
+            terms = replace(terms, style=terms.style + self._config.predictor_weight * seen)
         if self._initial is None or self._config.color_weight == 0:
             return terms
         return replace(terms, color=self._config.color_weight * self._color_drift(output, content))
@@ -157,8 +173,11 @@ class StyleStep:
         config = self._config
         if config.statistics == "gram":
             return partial(gram_term, self._targets, config.loss)
-        generator = torch.Generator().manual_seed((config.seed << 32) + k)
-        return partial(sliced_term, self._targets, config.loss.style_layer_weights, generator)
+        weights = config.loss.style_layers
+        return partial(sliced_term, self._targets, weights, self._generator(k))
+
+    def _generator(self, k: int) -> torch.Generator:
+        return torch.Generator().manual_seed((self._config.seed << 32) + k)
 
     def _color_drift(self, output: Tensor, content: Tensor) -> Float[Tensor, ""]:
         """Returns how far mean colors of 8x8 blocks are from those of the initial painting.

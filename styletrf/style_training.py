@@ -31,6 +31,7 @@ from styletrf.style_checkpoint import (
     write_checkpoint,
 )
 from styletrf.style_network import PaintingNetwork, StyleNetwork
+from styletrf.style_predictor import StylePredictor
 from styletrf.style_step import StyleStep
 from styletrf.style_survey import fine_trace, told_of_trace
 from styletrf.style_training_config import StyleTrainingConfig
@@ -48,6 +49,7 @@ def train_style_network(
     *,
     checkpoint_folder: Path,
     initial: TransferNetwork | None = None,
+    predictor: StylePredictor | None = None,
     pairs: Callable[[int], ContentPair] | None = None,
     progress: Progress = silent,
     checkpoint_s: float = 30.0,
@@ -64,6 +66,7 @@ def train_style_network(
             found there is continued.
         initial: A network that paints already, of which a copy is trained; without it, Johnson's
             network begins from random weights.
+        predictor: Looks at styles beside the perceptual network; see `predictor_features`.
         pairs: From the number of an iteration to pairs of renders of the scene, which the share
             `steadiness.renders` of the iterations that look at steadiness take, not photographs.
         progress: Told the iteration and the loss.
@@ -77,7 +80,7 @@ def train_style_network(
     path, ranks = checkpoint_folder / "style_training.safetensors", ranks or Ranks()
     training, config = begin(config, vgg.mean.device, initial)
     read_checkpoint(path, training)
-    step = StyleStep(config, vgg, style, initial, ranks)
+    step = StyleStep(config, vgg, style, initial, predictor, ranks)
     start, encoded = len(training.curve), read_content(content_folder)
     if start == 0 and ranks.is_first:
         _warn(config, vgg, style, encoded)

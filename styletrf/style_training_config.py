@@ -21,12 +21,13 @@ class StyleTrainingConfig:
     network: StyleNetworkConfig = field(default_factory=StyleNetworkConfig)  # without a warm start
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     statistics: Literal["sliced", "gram"] = "sliced"  # of features, that make the style term
+    predictor_weight: float = 1.0  # with a warm start: see `styletrf.predictor_features`
     steadiness: SteadinessConfig = field(default_factory=SteadinessConfig)
     iterations: int = 2000
     warm_start: bool = True
     normalization_share: float = 0.2  # of the iterations, in which only normalisations learn
     normalization_rate: float = 10.0  # times the learning rate of the other weights
-    color_weight: float = 5.0
+    color_weight: float = 2.0
     identity_iterations: int = 150  # without a warm start the first repeat the photograph
     batch: int = 4
     crop_px: int = 256

@@ -17,19 +17,19 @@ from styletrf.field import RadianceField, load_field, refine_appearance
 from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.frames import float_images
 from styletrf.free_adaptation import adapt_all, fit_anew
-from styletrf.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
+from styletrf.image_adaptation import ImageAdaptationConfig, ImageLoss, adapt_to_image_loss
 from styletrf.images import read_rgb, to_integers
 from styletrf.kernels import Kernels, kernels_for
-from styletrf.perceptual_loss import PerceptualLossConfig
+from styletrf.perceptual_loss import PerceptualLossConfig, perceptual_loss, shrunk, style_grams
+from styletrf.power_choice import PowerChoiceConfig, choose_weight_power
 from styletrf.progress import Progress, silent
 from styletrf.scene_model import SceneModel, read_scene_model
 from styletrf.shading import ShadingKind
-from styletrf.stroke_losses import ImageLoss, stroke_loss
 from styletrf.surface_ownership import OwnershipConfig, owned_pixels
 from styletrf.vgg import load_vgg
 from styletrf.views import load_views
 
-Match = Literal["pixels", "gram", "features"]
+Match = Literal["pixels", "gram"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +41,19 @@ class StylizationConfig:
     ownership: OwnershipConfig = field(default_factory=OwnershipConfig)
     appearance_scale: float = 1.5  # of the style's lattice, times that of the field's
     shading: ShadingKind = "plain"  # of the style
+    weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     style_px: int = 420  # of the painting, in the loss of whole renders
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
+
+    def steered(self, stroke_scale: float, content_weight: float) -> "StylizationConfig":
+        """Returns the settings with the factors of the controls; see `tasks.controls`."""
+        loss = replace(
+            self.image_loss, content_weight=content_weight * self.image_loss.content_weight
+        )
+        style_px = max(1, round(stroke_scale * self.style_px))
+        return replace(self, style_px=style_px, image_loss=loss)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +98,12 @@ def stylized(
     """Returns the field with its appearance adapted (S3), the curve, and the mass left out."""
     generator = torch.Generator().manual_seed(config.adaptation.seed)
     refine_appearance(job.field, config.appearance_scale, config.shading, generator)
+    job.field.appearance.weight_power = config.weight_power.powers[-1]  # fits what it shows best
     curve, dropped = adapt_appearance(
         job.field, job.cameras, job.painted, job.model.space, config.adaptation, job.kernels,
         progress, _learnt_pixels(job, config),
     )  # fmt: skip
+    choose_weight_power(job.field, job.cameras, job.painted, job.model.space, config.weight_power)
     if job.match != "pixels":
         after = adapt_to_image_loss(
             job.field, job.cameras, (job.plain, job.painted), job.model.space,
@@ -138,11 +149,12 @@ def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None
 
 
 def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
-    if job.style is None or job.match == "pixels":
+    """Returns the perceptual loss of a render, with the Gram matrices of the painting."""
+    if job.style is None:
         raise ValueError("no style to match")
     painting, weights = job.style
     device = job.plain.device
-    manner = torch.from_numpy(read_rgb(painting)).to(device)
-    return stroke_loss(
-        job.match, load_vgg(weights, device), manner, config.style_px, config.image_loss
-    )
+    vgg = load_vgg(weights, device)
+    style = shrunk(torch.from_numpy(read_rgb(painting)).to(device), config.style_px)
+    grams, loss = style_grams(vgg, style), config.image_loss
+    return lambda image, plain: perceptual_loss(vgg, image, plain, grams, loss).total

@@ -63,10 +63,10 @@ class StyleControls(NetworkControls):
         description="adapt the appearance (s3), all of the field (s2), or fit a new one (s1)",
     )
     match = luigi.ChoiceParameter(
-        choices=["pixels", "gram", "features"],
+        choices=["pixels", "gram"],
         default="pixels",
-        description="fit the painted pixels, and with s3 after that the painting's Gram matrices,"
-        " or the nearest of its features, in whole renders",
+        description="fit the painted pixels, and with s3 after that the painting's Gram matrices"
+        " in whole renders",
     )
     rounds = luigi.IntParameter(
         default=1, description="how often views are painted and the field adapted to them"

@@ -90,7 +90,7 @@ class FrameMetrics(TunedStage, FrameControls):
     def frames(inputs: Mapping[str, Path]) -> tuple[list[str], Callable[[str], tuple[Any, Any]]]:
         """Returns the names of the views, and what reads one without and with style."""
         from styletrf.camera_table import read_cameras
-        from styletrf.consistency import read_frame
+        from styletrf.frame_pairs import read_frame
 
         cameras = {c.name: c for c in read_cameras(inputs["unstylized"] / "cameras.parquet")}
 
@@ -137,8 +137,9 @@ class ConsistencyMetrics(FrameMetrics):
         """Warp and compare."""
         from styletrf.camera_table import read_cameras
         from styletrf.configuration import configured
-        from styletrf.consistency import ConsistencyConfig, measure_consistency, read_frame
+        from styletrf.consistency import ConsistencyConfig, measure_consistency
         from styletrf.devices import device_named
+        from styletrf.frame_pairs import read_frame
         from styletrf.images import read_rgb
         from styletrf.perceptual_distance import Perception
         from styletrf.tables import write_rows, write_summary

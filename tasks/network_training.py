@@ -110,9 +110,10 @@ def train_here(asked: Asked, display: Display) -> None:
         sizes = {"batch": config.batch, "crop_px": config.crop_px, "seed": config.seed}
         pairs = RenderPairs(inputs["renders"], **sizes)
     style = torch.from_numpy(read_rgb(inputs["style"] / "style.png"))
-    initial = None
+    initial = predictor = None
     if config.warm_start:
-        initial = load_style_transfer(inputs["transfer"], device).network_for(style.to(device))
+        transfer = load_style_transfer(inputs["transfer"], device)
+        initial, predictor = transfer.network_for(style.to(device)), transfer.predictor
     network, curve = train_style_network(
         config,
         load_vgg(inputs["perceptual"] / "vgg16.safetensors", device),
@@ -120,6 +121,7 @@ def train_here(asked: Asked, display: Display) -> None:
         inputs["content"],
         checkpoint_folder=Path(asked.resume),
         initial=initial,
+        predictor=predictor,
         pairs=pairs,
         progress=display,
         ranks=ranks,

@@ -44,20 +44,23 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "identity_iterations": (150, 150, 0),
         "warm_start": (True, True, False),
         "statistics": ("sliced", "sliced", "gram"),
+        "predictor_weight": (1.0, 1.0, 0.0),
+        "color_weight": (2.0, 2.0, 0.0),
         "steadiness.weight": (0.0, 0.0, 0.0),
         "loss.relative": (
             True,
             True,
             False,
         ),  # False fits torchvision's VGG16 only, as do 1e5, 1e10
-        "loss.content_weight": (0.5, 0.5, 1e5),
+        "loss.content_layer": ("relu3_3", "relu3_3", "relu2_2"),
+        "loss.content_weight": (0.8, 0.8, 1e5),
         "loss.style_weight": (1.0, 1.0, 1e10),
         "loss.style_layer_weights": (
-            [4.0, 2.0, 1.5, 1.0],
-            [4.0, 2.0, 1.5, 1.0],
+            [4.0, 2.0, 1.5, 0.0],
+            [4.0, 2.0, 1.5, 0.0],
             [1.0, 1.0, 1.0, 1.0],
         ),
-        "loss.tv_weight": (5.0, 5.0, 0.0),
+        "loss.tv_weight": (15.0, 15.0, 0.0),
         "bfloat16": (True, True, False),
     },
     "PriorRenders": {
@@ -72,8 +75,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "render.min_weight": (1e-2, 5e-3, 1e-3),
     },
     "StylizedFrames": {
-        "termination": (2e-2, 3e-3, 1e-3),
-        "min_weight": (2e-2, 5e-3, 1e-3),
+        "termination": (5e-2, 1e-2, 1e-3),
+        "min_weight": (5e-2, 1e-2, 1e-3),
     },
     "QualityMetrics": {
         "render.termination": (1e-2, 3e-3, 1e-3),
@@ -87,12 +90,13 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "adaptation.batch": (16384, 16384, 4096),
         "adaptation.factor_rate": (0.1, 0.1, 0.05),
         "adaptation.min_weight": (1e-2, 5e-3, 2e-3),
-        "adaptation.sample_weight": (0.1, 0.1, 0.0),
+        "adaptation.fitted": ("samples", "samples", "rays"),
         "adaptation.sees_view": (False, False, True),
         "adaptation.tv_weight": (1e-4, 1e-4, 1e-3),
         "single_owner": (True, True, False),
         "appearance_scale": (1.5, 1.5, 1.0),
         "shading": ("plain", "plain", "network"),
+        "weight_power.powers": ([1.0, 1.5, 2.0], [1.0, 1.5, 2.0], [1.0]),
         "style_px": (420, 420, 256),
     },
 }

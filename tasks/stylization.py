@@ -148,7 +148,17 @@ class StylizedField(TunedStage, StyleControls):
 
     def identity_parameters(self) -> Mapping[str, object]:
         """The settings, and what is made by them."""
-        return {"settings": self.values(), "strategy": self.strategy, "match": self.match}
+        return {
+            "settings": self.values(),
+            "strategy": self.strategy,
+            "match": self.match,
+            **self._of_renders(),
+        }
+
+    def _of_renders(self) -> dict[str, list[float]]:
+        """The factors of a loss of whole renders; painted pixels have been steered already."""
+        factors = [self.stroke_scale, self.content_weight]
+        return {} if self.match == "pixels" else {"factors": factors}
 
     def values(self) -> dict[str, Any]:
         """The settings; s1 and s2 fit as RadianceField does at this quality (`fit.iterations`)."""
@@ -170,6 +180,7 @@ class StylizedField(TunedStage, StyleControls):
         from styletrf.tables import write_curve
 
         config = configured(StylizationConfig, self.values())
+        config = config.steered(self.stroke_scale, self.content_weight)
         job = load_stylization(inputs, device_named(self.device), cast("Match", self.match))
         if self.strategy == "s3":
             field, curve, dropped = stylized(job, config, run.progress)
@@ -244,7 +255,7 @@ class StylizedFrames(ShardedStage, FrameControls):
         if parts := parts_in(inputs):
             join_pictures(parts, out)
         else:
-            self._render(self.of_part(cameras), inputs, out, run)
+            self.render(self.of_part(cameras), inputs, out, run.progress)
         if self.shard:
             write_cameras(out / "cameras.parquet", self.of_part(cameras))
             return
@@ -252,9 +263,10 @@ class StylizedFrames(ShardedStage, FrameControls):
         rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
         write_clip(out / "video.mp4", images, rate)
 
-    def _render(
-        self, cameras: Sequence[Any], inputs: Mapping[str, Path], out: Path, run: RunContext
+    def render(
+        self, cameras: Sequence[Any], inputs: Mapping[str, Path], out: Path, progress: Any
     ) -> None:
+        """Writes `frames/NAME.png` of some of the path's cameras."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.frames import write_pictures
@@ -264,8 +276,8 @@ class StylizedFrames(ShardedStage, FrameControls):
         mixture = Mixture(self.strength, self.blend, self.region)
         device, render = device_named(self.device), configured(RenderConfig, self.values())
         frames: Iterator[Any] = (
-            frames_by_network(mixture, inputs, cameras, device, run.progress)
+            frames_by_network(mixture, inputs, cameras, device, progress)
             if "network" in inputs
-            else frames_of_field(mixture, inputs, cameras, render, device, run.progress)
+            else frames_of_field(mixture, inputs, cameras, render, device, progress)
         )
         write_pictures(out, [camera.name for camera in cameras], frames)

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from styletrf.kernels.samples import March, Samples, Segments
@@ -22,3 +24,7 @@ class Kernels:
     heavy: Callable[[Samples, float], Samples]
     composite: Callable[[Samples, Tensor], Tensor]
     decode: Decode
+
+    def opacity(self, samples: Samples) -> Float[Tensor, " rays"]:
+        """Returns the sum of each ray's weights, differentiable in them."""
+        return self.composite(samples, torch.ones_like(samples.weights)[:, None])[:, 0]

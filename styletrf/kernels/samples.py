@@ -111,6 +111,17 @@ class Samples:
         sums = torch.cat([sums.new_zeros(1), sums])
         return sums[:-1] - sums[self.offsets[:-1]][self.ray]
 
+    def reached(self, sums: Float[Tensor, " rays"]) -> Int64[Tensor, " rays"]:
+        """Returns the sample at which each ray's weights have summed to so much, above 0.
+
+        The index behind the ray's last sample where they never do. Summed in float64.
+        """
+        total = self.weights.double().cumsum(0)
+        total = torch.cat([total.new_zeros(1), total])
+        first, end = self.offsets[:-1], self.offsets[1:]
+        index = torch.searchsorted(total[1:], total[first] + sums)
+        return torch.minimum(torch.maximum(index, first), end)
+
     def chosen(
         self, offsets: Int64[Tensor, " rays_and_one"], index: Int64[Tensor, " kept"]
     ) -> "Samples":

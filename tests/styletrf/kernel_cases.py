@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import torch
 from torch import Tensor
 
-from styletrf.kernels import Kernels, March, Samples, Segments, kernels_for
+from styletrf.kernels import March, Samples, Segments, kernels_for
 from styletrf.tensor_vm import TensorVM
 
 REFERENCE = kernels_for(torch.device("cpu"), "reference")
@@ -86,10 +86,6 @@ def constant_factors(raw: float, resolution=(2, 2, 2)) -> TensorVM:
 def whole_grid(scale: float = 1.0, shift: float = 0.0, termination: float = 0.0) -> March:
     """A march that passes over nothing."""
     return March(torch.ones(1, 1, 1, dtype=torch.uint8), shift, scale, termination)
-
-
-def opacity_of(form: Kernels, samples: Samples) -> Tensor:
-    return form.composite(samples, torch.ones_like(samples.weights)[:, None])[:, 0]
 
 
 def packed(counts: list[int], weights: Tensor) -> Samples:

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 
 from styletrf.cameras import Camera
-from styletrf.consistency import Frame
 from styletrf.float_images import FloatImage
+from styletrf.frame_pairs import Frame
 
 FRAMES, HEIGHT, WIDTH = 8, 72, 96
 STEP = 2  # pixels a frame

@@ -122,17 +122,58 @@ def test_unknown_parts_are_refused():
         AdaptationConfig(parts=("factors", "roof"))
 
 
-def test_samples_err_at_least_as_much_as_their_rays(scene, field):
-    """Jensen: of an opaque ray, |sum w c - C|^2 <= sum w |c - C|^2 for weights that sum to 1."""
+@pytest.fixture
+def batch(scene, field):
     rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
     cache = march_once(
         field, rays, 255 - scene.images, torch.arange(400), KERNELS,
         min_weight=0.0, termination=1e-3, cache_bytes=1 << 30,
     )  # fmt: skip
-    batch = cache.batch(0, 400)
-    opaque = float(batch.opacity.min())
-    of_rays, of_samples = batch.errors(field.appearance, KERNELS)
-    behind = 2 * (1 - opaque)
-    assert float(of_rays.detach()) <= float(of_samples.detach()) + behind
-    same = (batch.color(field.appearance, KERNELS) - batch.target).square().mean()
-    torch.testing.assert_close(of_rays, same)
+    return cache.batch(0, 400)
+
+
+def test_a_sample_a_ray_has_the_rays_opacity_and_is_one_of_its_samples(field, batch):
+    one = batch.one_sample_per_ray(torch.Generator().manual_seed(0))
+    has_samples = batch.samples.offsets.diff() > 0
+    assert torch.equal(one.samples.offsets.diff(), has_samples.long())
+    assert torch.equal(one.samples.weights, batch.opacity[has_samples])
+    for ray, position in zip(one.samples.ray[::20], one.samples.positions[::20], strict=True):
+        of_ray = batch.samples.positions[batch.samples.ray == ray]
+        assert (of_ray == position).all(dim=1).any()
+
+
+@torch.no_grad()
+def drawn(batch, look, times):
+    """What a look at the batch sees of one sample a ray, drawn so many times."""
+    generator = torch.Generator().manual_seed(0)
+    return torch.stack([look(batch.one_sample_per_ray(generator)) for _ in range(times)])
+
+
+def test_drawn_samples_have_the_colors_of_their_rays_in_the_mean(field, batch):
+    """E c_s = sum w_s c_s / sum w_s, so that the drawn color is an unbiased one of the ray."""
+
+    def color(rays):
+        return rays.color(field.appearance, KERNELS)
+
+    colors = drawn(batch, color, 400)
+    standard_error = colors.std(dim=0) / len(colors) ** 0.5
+    exact = color(batch).detach()
+    assert ((colors.mean(dim=0) - exact).abs() <= 5 * standard_error + 0.01).all()
+
+
+def test_drawn_samples_err_at_least_as_much_as_their_rays(field, batch):
+    """Jensen: of an opaque ray, |sum w c - C|^2 <= sum w |c - C|^2 for weights that sum to 1."""
+
+    def error(rays):
+        return rays.error(field.appearance, KERNELS)
+
+    behind = 2 * (1 - float(batch.opacity.min()))
+    assert float(error(batch).detach()) <= float(drawn(batch, error, 50).mean()) + behind + 1e-4
+
+
+@pytest.mark.parametrize("fitted", ["samples", "rays"])
+def test_either_loss_recolors(scene, field, fitted):
+    config = replace(ADAPTATION, iterations=100, fitted=fitted)
+    painted = 255 - scene.images
+    curve, _ = adapt_appearance(field, scene.cameras, painted, scene.model.space, config, KERNELS)
+    assert curve[-1].psnr > curve[0].psnr + 3

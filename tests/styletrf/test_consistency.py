@@ -11,10 +11,10 @@ from styletrf.consistency import (
     ConsistencyConfig,
     measure_consistency,
     planned_pairs,
-    read_frame,
 )
 from styletrf.errors import InputError
 from styletrf.float_images import FloatImage
+from styletrf.frame_pairs import read_frame
 from styletrf.frames import write_float_frames, write_pictures
 from styletrf.perceptual_distance import Perception
 from styletrf.rendering import Rendering

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from styletrf.cameras import pixel_centers
-from styletrf.consistency import ConsistencyConfig, Frame, measure_consistency
+from styletrf.consistency import ConsistencyConfig, measure_consistency
 from styletrf.courtyard import CourtyardConfig, courtyard_cameras, render_view
 from styletrf.exact_flow import exact_flow
 from styletrf.float_images import FloatImage
 from styletrf.flow import METHODS, FlowEstimator
+from styletrf.frame_pairs import Frame
 from styletrf.perceptual_distance import Perception
 
 CONFIG = CourtyardConfig(width=120, height=90)

@@ -21,6 +21,7 @@ from styletrf.kernels import kernels_for
 from styletrf.ray_cache import march_once
 from styletrf.rendering import RenderConfig
 from styletrf.space import ViewRays
+from styletrf.stylization import StylizationConfig
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -106,3 +107,11 @@ def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, fiel
     )
     assert curve[-1].psnr > curve[0].psnr + 3
     assert anew.resolution == scene.model.resolution
+
+
+def test_the_factors_of_the_controls_steer_the_loss_of_renders():
+    usual = StylizationConfig()
+    steered = usual.steered(stroke_scale=2.0, content_weight=0.5)
+    assert steered.style_px == 2 * usual.style_px
+    assert steered.image_loss.content_weight == 0.5 * usual.image_loss.content_weight
+    assert usual.steered(1.0, 1.0) == usual

@@ -10,7 +10,6 @@ from kernel_cases import (
     exact_trace,
     generator,
     make_segments,
-    opacity_of,
     packed,
     segments_between,
     whole_grid,
@@ -61,7 +60,7 @@ def test_weights_and_gradients_are_finite_and_light_is_conserved(form, scale, st
     thickness = segments.step_thickness(scale).double()[samples.ray]
     tau = (thickness * torch.nn.functional.softplus(raw)).detach()
     through = torch.exp(-torch.zeros(len(segments)).double().index_add(0, samples.ray, tau))
-    opacity = opacity_of(form, samples).detach().double()
+    opacity = form.opacity(samples).detach().double()
     torch.testing.assert_close(opacity + through, torch.ones_like(through), atol=1e-5, rtol=0)
 
 
@@ -75,7 +74,7 @@ def test_raw_densities_of_any_size(form, raw, scale, stability):
     softplus = torch.nn.functional.softplus(torch.tensor(raw).double())
     thickness = rays_of_lengths(LENGTHS[:6]).step_thickness(scale).double()
     expected = -torch.expm1(-5 * thickness * softplus)
-    opacity = opacity_of(form, samples).detach().double()
+    opacity = form.opacity(samples).detach().double()
     torch.testing.assert_close(opacity, expected, rtol=1e-4, atol=1e-37)
     stability(f"raw density {raw:g}, times 1e-30 to 1e30", opacity.float(), expected)
 
@@ -108,7 +107,7 @@ def test_thousands_of_samples_add_up(form, tau, stability):
     segments = rays_of_lengths([float(length)], n_steps)
     samples = form.trace(constant_factors(0.0), segments, torch.zeros(1), whole_grid())
     expected = -torch.expm1(-torch.tensor([n_steps * tau]).double())
-    opacity = opacity_of(form, samples).detach()
+    opacity = form.opacity(samples).detach()
     torch.testing.assert_close(opacity.double(), expected, rtol=1e-4, atol=0)
     stability(f"{n_steps} samples of thickness {tau:g}", opacity, expected)
 
@@ -143,7 +142,7 @@ def test_hazard_7_the_last_sample_counts(form):
     along_x = segments_between(torch.tensor([[-1.0, 0.0, 0.0]]), torch.tensor([[1.0, 0.0, 0.0]]), 8)
     march = March(occupancy, 0.0, 1e3, 0.0)
     samples = form.trace(constant_factors(1.0), along_x, torch.full((1,), 0.5), march)
-    torch.testing.assert_close(opacity_of(form, samples).detach(), torch.ones(1))
+    torch.testing.assert_close(form.opacity(samples).detach(), torch.ones(1))
 
 
 def test_a_transparent_ray_has_samples_without_weight(form):
@@ -203,7 +202,7 @@ def test_nan_in_a_factor_reaches_the_weights_and_the_heavy_samples(form, stabili
         assert samples.weights.isnan().any()
         heavy = form.heavy(samples, 0.01)
         assert heavy.weights.isnan().sum() == samples.weights.isnan().sum()
-        assert opacity_of(form, heavy).isnan().any()
+        assert form.opacity(heavy).isnan().any()
         exact = REFERENCE.trace(
             factors, rays_of_lengths([1.0] * 4, 20), torch.full((4,), 0.5), march
         )

@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 from kernel_cases import (
     chains,
     constant_factors,
     generator,
     make_segments,
-    opacity_of,
     packed,
     segments_between,
     whole_grid,
@@ -52,7 +52,7 @@ def test_constant_density_follows_beer_lambert(form):
     samples = form.trace(constant_factors(3.0), segments, jitter, whole_grid(0.1))
     density = 0.1 * torch.nn.functional.softplus(torch.tensor(3.0))
     expected = 1 - torch.exp(-density * segments.lengths)
-    torch.testing.assert_close(opacity_of(form, samples).detach(), expected)
+    torch.testing.assert_close(form.opacity(samples).detach(), expected)
 
 
 def test_splitting_a_segment_changes_nothing(form):
@@ -63,7 +63,7 @@ def test_splitting_a_segment_changes_nothing(form):
     middle = (start + end) / 2
     halves = [segments_between(start, middle, 8), segments_between(middle, end, 8)]
     through = [
-        1 - opacity_of(form, form.trace(factors, s, torch.full((5,), 0.5), whole_grid()))
+        1 - form.opacity(form.trace(factors, s, torch.full((5,), 0.5), whole_grid()))
         for s in (whole, *halves)
     ]
     torch.testing.assert_close(through[0], through[1] * through[2])
@@ -90,7 +90,7 @@ def test_the_error_of_quadrature_falls_with_the_step(form):
     errors = []
     for n_steps in (8, 16, 32, 64):
         samples = form.trace(factors, rays_along_x(1, n_steps), torch.zeros(1), whole_grid(0.2))
-        errors.append(abs(float(opacity_of(form, samples).detach()) - expected))
+        errors.append(abs(float(form.opacity(samples).detach()) - expected))
     slope = np.polyfit(np.log([8, 16, 32, 64]), np.log(errors), 1)[0]
     assert -1.15 < slope < -0.85
 
@@ -99,8 +99,8 @@ def test_the_order_of_rays_does_not_matter(form):
     factors = TensorVM((5, 4, 3), (2, 1, 1), scale=0.8, generator=generator(0))
     segments, jitter = make_segments(6, seed=1), torch.rand(6, generator=generator(2))
     order = torch.tensor([3, 0, 5, 1, 4, 2])
-    straight = opacity_of(form, form.trace(factors, segments, jitter, whole_grid()))
-    mixed = opacity_of(form, form.trace(factors, segments[order], jitter[order], whole_grid()))
+    straight = form.opacity(form.trace(factors, segments, jitter, whole_grid()))
+    mixed = form.opacity(form.trace(factors, segments[order], jitter[order], whole_grid()))
     torch.testing.assert_close(mixed, straight[order])
 
 
@@ -156,3 +156,12 @@ def test_heavy_samples_keep_their_rays_and_haze_keeps_its_heaviest(form):
 def test_of_equally_heavy_samples_of_haze_the_first_is_kept(form):
     heavy = form.heavy(packed([3], torch.tensor([0.0625, 0.09375, 0.09375])), 0.125)
     assert heavy.s.tolist() == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("sums", "expected"),
+    [([0.1, 0.1, 0.1], [0, 3, 3]), ([0.5, 0.1, 0.5], [1, 3, 4]), ([2.0, 2.0, 2.0], [3, 3, 5])],
+)
+def test_a_sum_of_weights_is_reached_at_a_sample_of_its_ray_or_behind_the_last(sums, expected):
+    samples = packed([3, 0, 2], torch.tensor([0.2, 0.4, 0.1, 0.3, 0.3]))
+    assert samples.reached(torch.tensor(sums)).tolist() == expected

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numba
 import pytest
 import torch
-from kernel_cases import generator, make_segments, opacity_of
+from kernel_cases import generator, make_segments
 
 from styletrf.kernels import March, kernels_for
 from styletrf.tensor_vm import TensorVM
@@ -51,7 +51,7 @@ def test_a_march_its_sums_and_their_gradients():
     def compute():
         factors = TensorVM((40, 30, 20), (4, 4, 4), scale=0.5, generator=generator(0))
         samples = FUSED.trace(factors, segments, torch.full((400,), 0.5), march)
-        opacity = opacity_of(FUSED, samples)
+        opacity = FUSED.opacity(samples)
         opacity.square().sum().backward()
         heavy = FUSED.heavy(samples, 0.01)
         values = [samples.weights.detach(), opacity.detach(), heavy.s]

@@ -13,11 +13,9 @@ from styletrf.flow import FlowEstimator, agreement, warp_to_a
 from styletrf.kernels import Samples
 from styletrf.metrics import mean_squared_error, psnr, ssim
 from styletrf.steadiness import ContentPair, seen_along, steadiness
-from styletrf.stroke_losses import nearest_distance
 
 METRICS = pytest.mark.extremes("PSNR and SSIM")
 COLORS = pytest.mark.extremes("Colour transfer")
-STROKES = pytest.mark.extremes("Stroke losses")
 STEADINESS = pytest.mark.extremes("Steadiness")
 FLOW = pytest.mark.extremes("Optical flow and warping")
 FILES = pytest.mark.extremes("Float images")
@@ -81,20 +79,6 @@ def test_any_painted_view_gets_colors_in_range(colors: Colors, painted, stabilit
         )[0]  # fmt: skip
         assert ((shown >= 0) & (shown <= 1)).all()
         stability(f"{painted}, colours of {colors}", shown, wide, happened="0 to 1")
-
-
-@STROKES
-@pytest.mark.parametrize("size", [0.0, 1e-30, 1e-3, 1.0, 1e18])
-def test_the_distance_of_features_is_from_0_to_2(size, stability):
-    """A cosine of nothing is 0: features of no length are as far from all."""
-    features = size * torch.randn(30, 8, generator=torch.Generator().manual_seed(0))
-    style = torch.randn(20, 8, generator=torch.Generator().manual_seed(1))
-    features.requires_grad_()
-    found = nearest_distance(features, style)
-    found.backward()
-    assert 0 <= found <= 2
-    assert torch.isfinite(features.grad).all()
-    stability(f"features of {size:g}", found, nearest_distance(features.double(), style.double()))
 
 
 @STEADINESS

@@ -70,6 +70,32 @@ def test_a_box_styles_what_is_in_it(scene, fields):
         assert difference < 1e-5 + (background_alike[0] - background_alike[1]).abs().max()
 
 
+@pytest.fixture
+def crisp(fields):
+    """The inverted appearance, composited with squared weights."""
+    appearance = fields[1].appearance
+    appearance.weight_power = 2.0
+    yield appearance
+    appearance.weight_power = 1.0
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_the_ends_of_a_mixture_have_their_own_power(scene, fields, crisp, share):
+    plain = fields[0].appearance
+    mixed = MixedAppearance([plain, crisp], [1 - share, share])
+    end, other = (crisp, plain) if share else (plain, crisp)
+    render, own, of_other = (shown(scene, fields[0], a) for a in (mixed, end, other))
+    torch.testing.assert_close(render, own, atol=2e-6, rtol=1e-5)
+    assert (render - of_other).abs().mean() > 0.1
+
+
+def test_outside_of_a_region_the_power_is_the_photographs(scene, fields, crisp):
+    plain, space = fields[0].appearance, scene.model.space
+    nothing = Box((1e5, 1e5, 1e5), (1e6, 1e6, 1e6))
+    render = shown(scene, fields[0], MixedAppearance([plain, crisp], [0.0, 1.0], nothing, space))
+    torch.testing.assert_close(render, shown(scene, fields[0]), atol=2e-6, rtol=1e-5)
+
+
 def test_a_mask_styles_what_its_view_shows_white(scene, fields):
     plain, _ = fields
     camera = scene.cameras[0]

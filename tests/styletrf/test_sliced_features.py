@@ -56,7 +56,9 @@ def test_gradients_are_those_of_finite_differences():
 def test_flat_paintings_have_finite_gradients(vgg, value):
     columns = style_columns(vgg, torch.full((1, 3, 32, 32), value))
     output = torch.rand(1, 3, 32, 32, generator=generator()).requires_grad_()
-    term = sliced_term(columns, (1.0,) * 4, generator(), vgg.features(output, STYLE_LAYERS))
+    term = sliced_term(
+        columns, dict.fromkeys(STYLE_LAYERS, 1.0), generator(), vgg.features(output, STYLE_LAYERS)
+    )
     term.backward()
     assert torch.isfinite(term)
     assert output.grad is not None
@@ -67,7 +69,14 @@ def test_the_painting_itself_is_nearest(vgg):
     painting = torch.rand(1, 3, 40, 40, generator=generator())
     columns = style_columns(vgg, painting)
     terms = [
-        float(sliced_term(columns, (1.0,) * 4, generator(2), vgg.features(i, STYLE_LAYERS)))
+        float(
+            sliced_term(
+                columns,
+                dict.fromkeys(STYLE_LAYERS, 1.0),
+                generator(2),
+                vgg.features(i, STYLE_LAYERS),
+            )
+        )
         for i in (painting, 0.5 * painting)
     ]
     assert terms[0] < 1e-6 < terms[1]

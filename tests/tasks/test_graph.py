@@ -46,8 +46,8 @@ def test_importing_tasks_loads_no_torch_and_starts_no_thread():
 
 def source(stage):
     """The text of a stage's build and of what it calls of its own."""
-    names = ["build", *(name for name in dir(stage) if re.match(r"_[a-z]", name))]
-    found = (getattr(stage, name) for name in names)
+    names = ["build", "render", *(name for name in dir(stage) if re.match(r"_[a-z]", name))]
+    found = (getattr(stage, name, None) for name in names)
     ours = (f for f in found if getattr(f, "__module__", "").startswith("tasks."))
     return "".join(inspect.getsource(function) for function in ours)
 
