@@ -13,6 +13,7 @@ Pieces = dict[str, list[ast.stmt]]
 """Statements by the names they bind; by "" what else they do when run: `TABLE["x"] = f` too."""
 Imports = dict[str, list[Symbol]]
 """What a name stands for (several things where imports are tried); `*`: whole modules."""
+_OF_PARAMETERS = ("luigi.", "pipeline.parameters.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,13 +117,13 @@ def _is_string(node: ast.AST) -> bool:
 
 
 def _is_parameter(statement: ast.stmt, imports: Imports) -> bool:
-    """Whether it is `x = luigi.SomeParameter()`, by whatever name luigi was imported."""
+    """Whether it is `x = luigi.SomeParameter()`, or one of `pipeline.parameters`."""
     call = getattr(statement, "value", None)
     if not isinstance(call, ast.Call) or not ast.unparse(call.func).endswith("Parameter"):
         return False
     heads = [name for name, *_ in dotted_names(call.func)]
-    origins = [target[0].split(".")[0] for name in heads for target in imports.get(name, [])]
-    return set(origins) == {"luigi"}
+    origins = {target[0] for name in heads for target in imports.get(name, [])}
+    return bool(origins) and all(f"{origin}.".startswith(_OF_PARAMETERS) for origin in origins)
 
 
 def _pieces(statements: Iterable[ast.stmt]) -> Pieces:

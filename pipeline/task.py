@@ -21,6 +21,7 @@ from pipeline.execute import die_with
 from pipeline.execution import RunContext, append_trace
 from pipeline.fleet import announce, heed, require_agreement
 from pipeline.logs import report_plainly
+from pipeline.parameters import ChoiceParameter, FloatParameter
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import current_store, require_configuration, setting
 from pipeline.sharing import is_available, recorded
@@ -54,13 +55,13 @@ class StoredTask(luigi.Task):
     transient_errors: ClassVar[tuple[type[Exception], ...]] = (ConnectionError, TimeoutError)
     revision: ClassVar[str | None] = None
 
-    timeout_seconds = luigi.FloatParameter(
+    timeout_seconds = FloatParameter(
         default=0.0, significant=False, positional=False, description="ends longer builds"
     )
-    memory_gib = luigi.FloatParameter(
+    memory_gib = FloatParameter(
         default=0.0, significant=False, positional=False, description="ends larger builds"
     )
-    executor = luigi.ChoiceParameter(
+    executor = ChoiceParameter(
         choices=["", "inline", "subprocess", "ray", "slurm"],
         default="",
         significant=False,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, cast
 
 import luigi
 import psutil
+from luigi.parameter import ParameterException
 
 from pipeline.costs import Cost
 from pipeline.errors import TaskFailure
@@ -28,7 +29,7 @@ class Until(luigi.Parameter["datetime | None"]):
         """The moment, in local time where no zone is told; None for an empty word.
 
         Raises:
-            ValueError: When it is neither.
+            ParameterException: It is neither.
         """
         if not x:
             return None
@@ -49,7 +50,7 @@ def _next(clock: str) -> datetime:
         told = datetime.strptime(clock, "%H:%M").time()
     except ValueError:
         message = f"--until {clock} is no time of day. Give one such as 06:00 or 2026-11-23T06:00"
-        raise ValueError(message) from None
+        raise ParameterException(message) from None
     moment = datetime.combine(begun, told)
     return moment if moment > begun else moment + timedelta(days=1)
 

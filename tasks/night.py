@@ -13,7 +13,6 @@ from http.client import HTTPException
 from typing import Any, Literal
 
 import luigi
-import psutil
 
 from pipeline.attempts import obstacle
 from pipeline.record import ActionRecord
@@ -23,6 +22,7 @@ from pipeline.task import StoredTask
 from pipeline.until import NOT_BEGUN
 from tasks.graph import graph
 from tasks.showing import show_all
+from tasks.sources import begin_of_command
 from tasks.wall import refresh_wall
 
 screen = logging.getLogger("pipeline")
@@ -82,7 +82,7 @@ class Night:
 
 def conclude(root: Any) -> None:
     """Ends the command of a grid: tells what became of it, writes the index, sets the status."""
-    begun = datetime.fromtimestamp(psutil.Process().create_time(), UTC)
+    begun = begin_of_command()
     show_all(root)
     night = look_back(root.cells(), begun)
     tell(night)

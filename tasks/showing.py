@@ -9,11 +9,13 @@ from typing import Any
 
 from luigi.cmdline_parser import CmdlineParser
 
+from pipeline.attempts import obstacle
 from pipeline.roots import show_in
 from pipeline.settings import current_store
 from pipeline.task import StoredTask, artifact
 from styletrf.errors import InputError
 from tasks.at_exit import at_exit
+from tasks.sources import begin_of_command
 from tasks.stage import Stage
 
 screen = logging.getLogger("pipeline")
@@ -75,7 +77,7 @@ def show_all(root: Any) -> None:
 
 
 def _announce_at_exit(task: ShownStage) -> None:
-    """Has the command print where the result is, after everything else it prints."""
+    """Has the command print last where the result is, or why there is none."""
     is_command = CmdlineParser.get_instance() is not None  # type: ignore[no-untyped-call]
     if not is_command or task.announced:
         return
@@ -84,5 +86,7 @@ def _announce_at_exit(task: ShownStage) -> None:
     def announce() -> None:
         if Stage.complete(task):
             print(task.folder / "report.html")  # noqa: T201  the command's answer
+        elif problem := obstacle(task, current_store(), since=begin_of_command()):
+            screen.error("%s was not made. %s: %s", task.label, problem.task, problem.reason)
 
     at_exit(announce)

@@ -1,15 +1,17 @@
 """What the tasks of the graph have in common."""
 
 import multiprocessing
-from collections.abc import Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from typing import Any, ClassVar, TypeVar
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
 
+from pipeline.parameters import ChoiceParameter, DictParameter, IntParameter
 from pipeline.task import StoredTask
 from styletrf.errors import InputError, NetworkError
 from tasks.qualities import QUALITIES, settings_for
+from tasks.sources import FIRST, is_source, require_sources
 
 Needed = TypeVar("Needed", bound="Stage")
 
@@ -25,14 +27,14 @@ class Stage(StoredTask):
     transient_errors = (ConnectionError, TimeoutError, NetworkError)
     computes: ClassVar[bool] = False
 
-    device = luigi.ChoiceParameter(
+    device = ChoiceParameter(
         choices=["auto", "cpu", "cuda"],
         default="auto",
         significant=False,
         description="where to compute: a GPU where there is one (auto), cpu or cuda",
     )
 
-    shards = luigi.IntParameter(
+    shards = IntParameter(
         default=1,
         significant=False,
         description="in how many parts frames and priors are made, at once where workers are free",
@@ -52,14 +54,14 @@ class Stage(StoredTask):
 
     @property
     def priority(self) -> int:  # type: ignore[override]
-        """Where it stands in the command's plan: the seconds from its begin to the very end."""
+        """Sources first; then by the seconds from a stage's begin to the command's end."""
         command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
         if command is None:
             return 0
         from tasks.plan import seconds_to_the_end
 
-        root = command.get_task_obj()
-        return round(seconds_to_the_end(root).get(self.task_id, 0.0))
+        seconds = round(seconds_to_the_end(command.get_task_obj()).get(self.task_id, 0.0))
+        return seconds + FIRST * is_source(self)
 
     def require_sound(self) -> None:
         """Refuses parameters that do not go together, before anything long begins.
@@ -80,6 +82,12 @@ class Stage(StoredTask):
             check_command(command)
         return is_complete
 
+    def run(self) -> "Generator[StoredTask, None, None] | None":
+        """Makes the artifact, unless a source of the command failed."""
+        command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+        require_sources(self, command.get_task_obj() if command else None)
+        return super().run()
+
     def need(self, stage: type[Needed], **others: Any) -> Needed:
         """Returns an upstream stage with this one's scene, style, quality and so on."""
         names = set(stage.get_param_names(include_significant=True))  # type: ignore[no-untyped-call]
@@ -91,12 +99,12 @@ class Stage(StoredTask):
 class GradedStage(Stage):
     """A stage that depends on the quality, if only by what is upstream of it."""
 
-    quality = luigi.ChoiceParameter(
+    quality = ChoiceParameter(
         choices=list(QUALITIES),
         default="standard",
         description="draft for a look in minutes, standard, or the paper's own settings",
     )
-    tuning = luigi.DictParameter(  # type: ignore[var-annotated]
+    tuning: Any = DictParameter(
         default={},
         description="settings of stages that replace the quality's, such as"
         ' {"RadianceField": {"iterations": 500}}',
@@ -113,7 +121,7 @@ class TunedStage(GradedStage):
     Its key covers the values, not the quality's name: two qualities that agree share the artifact.
     """
 
-    settings = luigi.DictParameter(  # type: ignore[var-annotated]
+    settings: Any = DictParameter(
         default={}, description='values that replace the quality\'s, such as {"iterations": 500}'
     )
 

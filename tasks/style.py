@@ -9,6 +9,7 @@ from typing import Any
 import luigi
 
 from pipeline.digest import file_digest
+from pipeline.parameters import IntParameter
 from pipeline.settings import data_root
 from pipeline.task import RunContext
 from styletrf.errors import InputError
@@ -172,7 +173,7 @@ class StyleNetwork(TunedStage, NetworkControls):
 
     computes = True
 
-    cards = luigi.IntParameter(
+    cards = IntParameter(
         default=1,
         significant=False,
         positional=False,

@@ -8,6 +8,7 @@ from typing import Any
 
 import luigi
 
+from pipeline.parameters import IntParameter, ListParameter
 from pipeline.record import ActionRecord
 from pipeline.settings import data_root, out_root
 from pipeline.task import RunContext, StoredTask
@@ -40,11 +41,11 @@ class TradeOff(ShownStage, GradedStage):
     )
     content = StylizedTrajectory.content
     perceptual = StylizedTrajectory.perceptual
-    repeats = luigi.IntParameter(
+    repeats = IntParameter(
         default=3, description="how often the unchanged quality is measured, for the spread"
     )
-    only: Any = luigi.ListParameter(
-        default=[], description='some of the changes, such as ["iterations x 0.5"], instead of all'
+    only: Any = ListParameter(
+        default=(), description='some of the changes, such as ["iterations x 0.5"], instead of all'
     )
     tools = ()
 

@@ -5,11 +5,12 @@ import logging
 import shutil
 from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import luigi
 
 from pipeline.errors import TaskFailure
+from pipeline.parameters import BoolParameter, ListParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
@@ -56,6 +57,11 @@ class StylizedTrajectory(ShownStage, FrameControls):
     )
     budget = luigi.Parameter(
         default="", description="such as 5min: the best settings that take no longer, by a front"
+    )
+    keep_going = BoolParameter(
+        significant=False,
+        description="makes what it can where a painting, photographs or weights cannot be used,"
+        " instead of stopping",
     )
     tools = ()
     _is_told = False
@@ -203,14 +209,15 @@ class Grid(luigi.WrapperTask):
     `out/index.html` shows them all, and why those are missing that could not be made.
     """
 
-    scenes = luigi.ListParameter(description='such as ["horns", "fern"]')
+    scenes = ListParameter(description='such as ["horns", "fern"]')
     part = luigi.Parameter(
         default="", description="a part of the scenes alone, such as 2/5, for a scheduler's sake"
     )
-    styles = luigi.ListParameter(description='such as ["mosaic", "udnie"]')
+    styles = ListParameter(description='such as ["mosaic", "udnie"]')
     quality = StylizedTrajectory.quality
     budget = StylizedTrajectory.budget
     tuning = StylizedTrajectory.tuning
+    keep_going = StylizedTrajectory.keep_going  # type: ignore[misc]
     device = StylizedTrajectory.device
     until = StylizedTrajectory.until
     executor = StylizedTrajectory.executor
@@ -276,7 +283,7 @@ class Grid(luigi.WrapperTask):
 
     def cells(self) -> list[StylizedTrajectory]:
         """The results asked for."""
-        how = ("device", "until", "executor", "shards")
+        how = ("device", "until", "executor", "shards", "keep_going")
         what = ("quality", "budget", "tuning", "content", "perceptual", *CONTROLS)
         shared = {name: self.param_kwargs[name] for name in (*how, *what)}
         cells = [

@@ -8,6 +8,7 @@ import luigi
 import psutil
 import pytest
 from build_toys import Act
+from luigi.parameter import ParameterException
 from store_toys import built
 from test_command import luigi as command
 
@@ -49,7 +50,7 @@ def test_no_limit_is_told_by_no_word():
 
 @pytest.mark.parametrize("told", ["six", "25:00", "06:00:99"])
 def test_what_is_no_time_is_refused_with_what_to_give(told):
-    with pytest.raises(ValueError, match="such as 06:00"):
+    with pytest.raises(ParameterException, match="such as 06:00"):
         Until().parse(told)
 
 

@@ -1,0 +1,93 @@
+"""Luigi's parameters, which refuse a wrong value in one line: the flag, the value, what is allowed.
+
+Luigi itself ends a command with a trace that names neither the flag nor the task.
+"""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import luigi
+from luigi.parameter import ParameterException
+
+
+class _Flag:
+    """Knows its name on the command line; `allowed` says which values there are."""
+
+    flag = ""
+    allowed = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Python calls this where a class declares the parameter."""
+        super().__set_name__(owner, name)  # type: ignore[misc]
+        self.flag = f"--{name.replace('_', '-')}"
+
+    def parse(self, x: str) -> Any:
+        """Returns the value of a word of the command line.
+
+        Raises:
+            ParameterException: It is none that is allowed.
+        """
+        try:
+            return super().parse(x)  # type: ignore[misc]
+        except (ValueError, TypeError) as error:
+            message = f"{self.flag} {x}: this is not {self.allowed}"
+            raise ParameterException(message) from error
+
+
+class ChoiceParameter(_Flag, luigi.ChoiceParameter):
+    """One of several words."""
+
+    def __init__(self, *, choices: Sequence[str], **kwargs: Any) -> None:
+        super().__init__(choices=choices, **kwargs)
+        named = [choice for choice in choices if choice]
+        self.allowed = f"one of {', '.join(named)}"
+
+
+class FloatParameter(_Flag, luigi.FloatParameter):
+    """A number."""
+
+    allowed = "a number, such as 0.5"
+
+
+class IntParameter(_Flag, luigi.IntParameter):
+    """A whole number."""
+
+    allowed = "a whole number, such as 2"
+
+
+class _JsonFlag(_Flag):
+    """A value as JSON has it, of one kind."""
+
+    kind: type
+
+    def parse(self, x: str) -> Any:
+        """Returns the value.
+
+        Raises:
+            ParameterException: It is no JSON, or another kind of it.
+        """
+        value = super().parse(x)
+        if x and not isinstance(json.loads(x), self.kind):
+            raise ParameterException(f"{self.flag} {x}: this is not {self.allowed}")
+        return value
+
+
+class DictParameter(_JsonFlag, luigi.DictParameter):
+    """A mapping."""
+
+    kind = dict
+    allowed = """a JSON object, such as '{"name": 1}'"""
+
+
+class ListParameter(_JsonFlag, luigi.ListParameter):
+    """A list."""
+
+    kind = list
+    allowed = """a JSON list, such as '["first", "second"]'"""
+
+
+class BoolParameter(_Flag, luigi.BoolParameter):
+    """A flag: given or not."""
+
+    allowed = "true or false"

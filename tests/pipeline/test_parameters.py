@@ -1,0 +1,66 @@
+"""A wrong value of a parameter is refused in one line that names the flag and what is allowed."""
+
+import luigi
+import pytest
+from luigi.parameter import ParameterException
+
+from pipeline.parameters import (
+    BoolParameter,
+    ChoiceParameter,
+    DictParameter,
+    FloatParameter,
+    IntParameter,
+    ListParameter,
+)
+from pipeline.until import Until
+
+
+class Declared(luigi.Task):
+    """One parameter of each kind."""
+
+    word = ChoiceParameter(choices=["", "red", "green"], default="red")
+    share = FloatParameter(default=1.0)
+    how_often = IntParameter(default=1)
+    shares = DictParameter(default={})
+    names = ListParameter(default=[])
+    is_quick = BoolParameter()
+    until = Until(default=None)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("word", "blue", "red, green"),
+        ("share", "half", "number"),
+        ("how_often", "1.5", "whole number"),
+        ("shares", "{", "JSON object"),
+        ("shares", '["a"]', "JSON object"),
+        ("names", "a, b", "JSON list"),
+        ("names", '"a"', "JSON list"),
+        ("is_quick", "perhaps", "true or false"),
+        ("until", "noon", "06:00"),
+    ],
+)
+def test_wrong_value_names_flag_value_and_what_is_allowed(name, value, allowed):
+    with pytest.raises(ParameterException) as raised:
+        dict(Declared.get_params())[name].parse(value)
+    message = str(raised.value)
+    assert message.startswith(f"--{name.replace('_', '-')} {value}")
+    assert allowed in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("name", "word", "value"),
+    [
+        ("word", "green", "green"),
+        ("share", "0.5", 0.5),
+        ("how_often", "3", 3),
+        ("shares", '{"a": 1}', {"a": 1}),
+        ("names", '["a"]', ["a"]),
+        ("is_quick", "true", True),
+    ],
+)
+def test_right_value_is_that_of_luigi(name, word, value):
+    parsed = dict(Declared.get_params())[name].parse(word)
+    assert (dict(parsed) if isinstance(value, dict) else parsed) == value
