@@ -72,6 +72,15 @@ def read_split(path: Path) -> tuple[list[Camera], list[Camera]]:
     return parts
 
 
+def read_fitted_rows(path: Path) -> list[int]:
+    """Returns the rows of the cameras to fit to, as points count them, in the order of the split.
+
+    Raises:
+        InputError: A pose or a lens is not finite.
+    """
+    return [row for row, (_, held_out) in enumerate(_registered(path)) if not held_out]
+
+
 def read_unregistered(path: Path) -> list[str]:
     """Returns the names of the images that have no camera."""
     return [row["name"] for row in pq.read_table(path).to_pylist() if not row["registered"]]

@@ -30,6 +30,7 @@ from styletrf.progress import Progress, silent
 from styletrf.rendering import RenderConfig, render_color, render_rays
 from styletrf.shrinking import shrink
 from styletrf.space import Space, ViewRays
+from styletrf.sparse_depth import SparseDepths, depth_loss
 from styletrf.training_guard import iteration_stages
 from styletrf.training_schedule import decay, march_step, stage_resolution
 
@@ -46,19 +47,21 @@ def train_field(
     progress: Progress = silent,
     checkpoint_dir: Path | None = None,
     free: Bool[Tensor, "cells cells cells"] | None = None,
+    depths: SparseDepths | None = None,
 ) -> tuple[RadianceField, list[CurvePoint]]:
     """Returns the field fitted to the images, and its training curve.
 
     With a `checkpoint_dir`, the state is saved there about once a minute and a later call
     with the same arguments goes on from it, to the same parameters up to the rounding of sums.
-    No density is looked for in the cells of the grid that are `free`, see `styletrf.free_space`.
+    No density is looked for in the cells of the grid that are `free`, see `styletrf.free_space`;
+    rays through sparse points end at their `depths`, see `styletrf.sparse_depth`.
 
     Raises:
         NotFiniteError: Something stopped being finite; it names what did first. The state is then
             in `checkpoint_dir/not_finite`.
     """
     trainer = FieldTrainer(
-        cameras, images, space, resolution, config, kernels, checkpoint_dir, free
+        cameras, images, space, resolution, config, kernels, checkpoint_dir, free, depths
     )
     saved = time.monotonic()
     while trainer.iteration < config.iterations:
@@ -93,6 +96,7 @@ class FieldTrainer:
         kernels: Kernels,
         checkpoint_dir: Path | None = None,
         free: Bool[Tensor, "cells cells cells"] | None = None,
+        depths: SparseDepths | None = None,
     ) -> None:
         config = replace(config, field=config.field.in_space(space.kind))
         self.config, self.kernels, self.images = config, kernels, images
@@ -105,6 +109,7 @@ class FieldTrainer:
         self.curve: list[CurvePoint] = []
         self.begin_stage()
         self.free = None if free is None else free.to(images.device)
+        self.depths = None if depths is None else depths.to(images.device)
         set_occupancy(self.field.density, known_occupancy(self.free).to(images.device))
         self._begin_with_background()
         if checkpoint_dir is not None:
@@ -128,6 +133,7 @@ class FieldTrainer:
         if self.config.distortion_weight:
             loss = loss + self.config.distortion_weight * distortion(samples, segments)
         loss.backward()
+        self._add_depth_gradient()
         self._regularize()
         self._set_rates()
         self.optimizer.step()
@@ -192,19 +198,34 @@ class FieldTrainer:
         return pixel_rays(self.rays, self.images, pixels.to(self.images.device))
 
     def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
-        jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)
-        thinning = self._thinning(self.config.gradient_threshold)
-        march = self.field.density.march(self.config.termination, thinning)
-        samples = self.kernels.trace(self.field.density.factors, segments, jitter, march)
+        samples = self._trace(segments)
         color = render_color(
             self.field.appearance, self.kernels, segments, samples, self.config.min_weight,
             thinning=self._thinning(self.config.color_threshold),
         )  # fmt: skip
         return samples, color
 
+    def _trace(self, segments: Segments) -> Samples:
+        jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)
+        thinning = self._thinning(self.config.gradient_threshold)
+        march = self.field.density.march(self.config.termination, thinning)
+        return self.kernels.trace(self.field.density.factors, segments, jitter, march)
+
     def _thinning(self, threshold: float) -> Thinning:
         offset = float(torch.rand((), generator=self.generator))
         return Thinning(threshold, offset)
+
+    def _add_depth_gradient(self) -> None:
+        """Adds the gradient of rays through sparse points, of which some are drawn."""
+        config, depths = self.config, self.depths
+        is_over = self.iteration >= config.depth_until * config.iterations
+        if not (depths and config.depth_weight) or is_over or self.iteration % config.depth_every:
+            return
+        drawn = torch.randint(len(depths), (config.depth_rays,), generator=self.generator)
+        rays = depths[drawn.to(depths.view.device)]
+        segments = self.rays.segments(rays.view, rays.pixel)
+        loss = depth_loss(self._trace(segments), segments, rays.depth)
+        (config.depth_every * config.depth_weight * loss).backward()
 
     def _regularize(self) -> None:
         """Adds the gradients of L1 and, decaying with the iterations, total variation."""

@@ -4,7 +4,8 @@ Columns: x, y, z (world); red, green, blue; error_px; and the track as three lis
 track_image (the row of the image in `cameras.parquet`), track_x, track_y (its undistorted pixel).
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,20 @@ class SparsePoints:
     def track_length(self) -> Int[np.ndarray, " points"]:
         """In how many images each point was seen."""
         return np.bincount(self.observed_point, minlength=len(self.xyz_world))
+
+    def of_images(self, images: Sequence[int]) -> "SparsePoints":
+        """Returns all points with what some images observe of them, numbered in the order given."""
+        numbers = np.full(int(self.observed_image.max(initial=-1)) + 1, -1)
+        rows = np.array(images, np.int64)
+        numbers[rows[rows < len(numbers)]] = np.flatnonzero(rows < len(numbers))
+        image = numbers[self.observed_image]
+        kept = image >= 0
+        return replace(
+            self,
+            observed_point=self.observed_point[kept],
+            observed_image=image[kept],
+            observed_pixel=self.observed_pixel[kept],
+        )
 
 
 def write_points(path: Path, points: SparsePoints) -> None:

@@ -65,6 +65,7 @@ class SceneModel:
         ]
 
 
+BOX_EXPLAINS = 0.9  # of the photographs' pixels: below, much of what they show is outside
 FINE_ENOUGH = 0.5  # octaves lost, below which a box is as good as any space
 MOST_LOSS = 0.25  # octaves by which unbounded space may lose more than a box: nothing is outside
 LEAST_POINTS = 16  # along an axis of the grid, whatever the bound on all
@@ -75,13 +76,22 @@ def decide_scene_model(
     points_world: Float[np.ndarray, "points 3"],
     config: SceneModelConfig,
     dependence: ViewDependence | None = None,
+    explained: float = 1.0,
 ) -> SceneModel:
     """Returns the model of a scene.
 
     Forward-facing (NDC) when one frustum holds all views without being much wider than one, and
-    the near points lie in front of every camera. Otherwise a box around the points, or unbounded
-    space around an inner box where that lattice is as near to what the photographs resolve.
+    the near points lie in front of every camera. Otherwise a box around the points; but unbounded
+    space around an inner box where the box explains too little of the photographs, or where the
+    unbounded lattice is as near to what they resolve.
     Colours are plain where `dependence` tells that they need not depend on the view.
+
+    Args:
+        cameras: Of the photographs.
+        points_world: Sparse points.
+        config: What the photographs do not decide.
+        dependence: Of the colors on the view, where that was looked at.
+        explained: The share of the pixels that a box explains, see `styletrf.explained_pixels`.
 
     Raises:
         InputError: There are too few points to see where the scene is, or the space that is set
@@ -103,8 +113,10 @@ def decide_scene_model(
     else:
         scene = surroundings(cameras, points_world, config.image_long_side)
         lost = octaves_lost(scene, config.max_voxels)
-        needed = lost["box"] > FINE_ENOUGH and lost["unbounded"] < lost["box"] + MOST_LOSS
+        is_as_fine = lost["box"] > FINE_ENOUGH and lost["unbounded"] < lost["box"] + MOST_LOSS
+        needed = explained < BOX_EXPLAINS or is_as_fine
         evidence |= {"octaves_lost": lost, "fine_enough": FINE_ENOUGH, "most_loss": MOST_LOSS}
+        evidence |= {"explained_by_box": explained, "enough_explained": BOX_EXPLAINS}
         kind = config.space if config.space != "auto" else "unbounded" if needed else "box"
         placement = (
             place_in_box(scene, config.oversampling)

@@ -32,7 +32,7 @@ class RadianceField(TunedStage):
         """Fit the field."""
         import torch
 
-        from styletrf.camera_table import read_cameras, read_split
+        from styletrf.camera_table import read_fitted_rows, read_split
         from styletrf.configuration import configured
         from styletrf.devices import device_named
         from styletrf.field import save_field
@@ -42,17 +42,16 @@ class RadianceField(TunedStage):
         from styletrf.kernels import kernels_for
         from styletrf.point_table import read_points
         from styletrf.scene_model import read_scene_model
+        from styletrf.sparse_depth import sparse_depths
         from styletrf.tables import write_curve
         from styletrf.views import load_views
 
         device = device_named(self.device)
         model = read_scene_model(inputs["model"] / "scene.json")
-        cameras = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[0])
-        free = free_space(
-            model,
-            read_cameras(inputs["poses"] / "cameras.parquet"),
-            read_points(inputs["poses"] / "points.parquet"),
-        )
+        table = inputs["poses"] / "cameras.parquet"
+        fitted = read_split(table)[0]
+        points = read_points(inputs["poses"] / "points.parquet").of_images(read_fitted_rows(table))
+        cameras = model.normalized(fitted)
         field, curve = train_field(
             cameras,
             load_views(inputs["poses"] / "images", cameras).to(device),
@@ -62,7 +61,8 @@ class RadianceField(TunedStage):
             kernels_for(device),
             run.progress,
             run.resume,
-            torch.from_numpy(free),
+            torch.from_numpy(free_space(model, fitted, points)),
+            sparse_depths(model, fitted, points),
         )
         save_field(out, field)
         write_curve(out / "curve.parquet", curve)

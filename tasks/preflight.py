@@ -41,8 +41,8 @@ class SceneReport(ShownStage, GradedStage):
         from styletrf.scene_report import advice, write_scene_report
         from styletrf.tables import write_summary
 
-        shading = read_scene_model(inputs["model"] / "scene.json").shading
-        costs = _costs(inputs["poses"], shading, device_named(self.device), run)
+        model = read_scene_model(inputs["model"] / "scene.json")
+        costs = _costs(inputs["poses"], model, device_named(self.device), run)
         content = self._content(inputs, costs)
         summary = {
             "advice": advice(content),
@@ -105,7 +105,7 @@ class SceneReport(ShownStage, GradedStage):
         return {name: place(self) / name for name in ("report.html", "summary.json")}
 
 
-def _costs(poses: Path, shading: str, device: Any, run: RunContext) -> dict[str, Any]:
+def _costs(poses: Path, decided: Any, device: Any, run: RunContext) -> dict[str, Any]:
     from styletrf.camera_table import read_cameras, read_split
     from styletrf.configuration import configured
     from styletrf.field_cost import field_cost
@@ -122,7 +122,8 @@ def _costs(poses: Path, shading: str, device: Any, run: RunContext) -> dict[str,
     xyz = read_points(poses / "points.parquet").xyz_world
     for k, quality in enumerate(TIMED):
         run.progress(k, len(TIMED))
-        config = configured(SceneModelConfig, settings_for("SceneModel", quality))
+        settings = {**settings_for("SceneModel", quality), "space": decided.space.kind}
+        config = configured(SceneModelConfig, settings)
         model = decide_scene_model(every, xyz, config)
         cameras = model.normalized(train)
         costs[quality] = field_cost(
@@ -132,7 +133,7 @@ def _costs(poses: Path, shading: str, device: Any, run: RunContext) -> dict[str,
             model.space.to_grid(transformed(model.normalized_from_world, xyz)),
             configured(
                 FieldTrainingConfig,
-                {"field.shading": shading, **settings_for("RadianceField", quality)},
+                {"field.shading": decided.shading, **settings_for("RadianceField", quality)},
             ),
             kernels_for(device),
         )

@@ -91,6 +91,7 @@ class SceneModel(TunedStage):
         """Decide."""
         from styletrf.camera_table import read_cameras
         from styletrf.configuration import configured
+        from styletrf.explained_pixels import explained_pixels
         from styletrf.images import read_rgb
         from styletrf.point_table import read_points
         from styletrf.scene_model import SceneModelConfig, decide_scene_model, write_scene_model
@@ -98,11 +99,12 @@ class SceneModel(TunedStage):
 
         cameras = read_cameras(inputs["poses"] / "cameras.parquet")
         points = read_points(inputs["poses"] / "points.parquet")
-        images = (read_rgb(inputs["poses"] / "images" / f"{c.name}.png") for c in cameras)
+        images = [inputs["poses"] / "images" / f"{camera.name}.png" for camera in cameras]
         model = decide_scene_model(
             cameras,
             points.xyz_world,
             configured(SceneModelConfig, self.values()),
-            view_dependence(images, points, cameras),
+            view_dependence(map(read_rgb, images), points, cameras),
+            explained_pixels(map(read_rgb, images), cameras, points),
         )
         write_scene_model(out / "scene.json", model)
