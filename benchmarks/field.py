@@ -55,6 +55,7 @@ def trainer_of(scene: GivenScene, settings: Settings, kernels: str | None) -> Fi
         scene.train.cameras, scene.train.images.to(device), scene.model.space,
         scene.model.resolution, settings.training, kernels_for(device, kernels),
         free=scene.free,
+        depths=scene.depths,
     )  # fmt: skip
 
 

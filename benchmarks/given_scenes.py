@@ -9,11 +9,14 @@ import torch
 from torch import Tensor
 
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras, read_split
+from styletrf.camera_table import read_cameras, read_fitted_rows, read_split
 from styletrf.cameras import Camera
+from styletrf.explained_pixels import explained_pixels
 from styletrf.free_space import free_space
+from styletrf.images import read_rgb
 from styletrf.point_table import read_points
 from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
+from styletrf.sparse_depth import SparseDepths, sparse_depths
 from styletrf.views import load_views
 from tasks.scene import CameraPoses
 
@@ -34,6 +37,7 @@ class GivenScene:
     train: Views
     test: Views
     free: Tensor
+    depths: SparseDepths
 
 
 def load_given_scene(name: str, config: SceneModelConfig) -> GivenScene:
@@ -42,12 +46,16 @@ def load_given_scene(name: str, config: SceneModelConfig) -> GivenScene:
     if not luigi.build([poses], local_scheduler=True, log_level="WARNING"):
         raise SystemExit(f"{name} has no poses")
     folder = artifact(poses)
-    cameras = read_cameras(folder / "cameras.parquet")
-    points = read_points(folder / "points.parquet")
-    model = decide_scene_model(cameras, points.xyz_world, config)
-    train, test = (_views(model, folder, part) for part in read_split(folder / "cameras.parquet"))
-    free = free_space(model, cameras, points)
-    return GivenScene(model, train, test, torch.from_numpy(free))
+    table = folder / "cameras.parquet"
+    cameras, points = read_cameras(table), read_points(folder / "points.parquet")
+    images = (read_rgb(folder / "images" / f"{camera.name}.png") for camera in cameras)
+    explained = explained_pixels(images, cameras, points)
+    model = decide_scene_model(cameras, points.xyz_world, config, explained=explained)
+    fitted = read_split(table)[0]
+    train, test = (_views(model, folder, part) for part in read_split(table))
+    observed = points.of_images(read_fitted_rows(table))
+    free = torch.from_numpy(free_space(model, fitted, observed))
+    return GivenScene(model, train, test, free, sparse_depths(model, fitted, observed))
 
 
 def _views(model: SceneModel, folder: Path, cameras: Sequence[Camera]) -> Views:

@@ -75,7 +75,7 @@ def obstacle(task: luigi.Task, store: Store, since: datetime = _EVER) -> Obstacl
 
 def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, Obstacle | None]:
     """Whether a task whose inputs are there is made, and what is in its way."""
-    mendable: Errors = (StoreError, *task.user_errors)
+    mendable: Errors = (StoreError, OSError, *task.user_errors)
     try:
         key = task.action().key
     except mendable as error:

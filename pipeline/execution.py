@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, cast
 
 from pipeline.channel import follow
 from pipeline.errors import FailureKind, explain
+from pipeline.host import openmp_wait_settings
 from pipeline.progress import Display
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store
@@ -144,7 +145,8 @@ class Subprocess:
 
     def _start(self, specification: Path, job: Job) -> subprocess.Popen[bytes]:
         """A supervisor that reports on its standard output."""
-        environment = {**os.environ, "PYTHONUNBUFFERED": "1", **job.environment}
+        environment = {**os.environ, **openmp_wait_settings(os.environ), "PYTHONUNBUFFERED": "1"}
+        environment |= job.environment
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
         command = [sys.executable, "-P", "-m", "pipeline.execute", str(specification)]
         with Path(job.log).open("ab") as log:

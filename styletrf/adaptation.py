@@ -11,7 +11,7 @@ the color of its ray. The losses are means over the rays of
     samples: sum_s w_s |c_s - C|^2,     rays (as published): |sum_s w_s c_s - C|^2.
 
 By Jensen's inequality the first bounds the second where rays are opaque. One sample of each ray,
-drawn by its weight, estimates the first without bias.
+drawn by its weight, estimates the first; without bias where rays are opaque.
 """
 
 import math

@@ -1,9 +1,10 @@
 """The share of the photographs' pixels that a box around the points can explain.
 
-Each photograph is cut into tiles. A box explains a tile where the points that the tile, or one
-beside it, shows lie within the box; or where the photograph is of one flat color that all such
-tiles of all photographs share, as the white around a cut-out object: behind a box there is one
-color. Sky, ground and rooms without points are neither, and need a space that reaches to them.
+Each photograph is cut into tiles. A box explains a tile that shows more points within the box than
+outside it, or shows none while a tile beside it does. It also explains flat tiles of the one color
+that those of all photographs have in the median, as the white around a cut-out object: behind a box
+there is one color. Textured ground, clouds and rooms without points are neither, and need a space
+that reaches to them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -68,11 +69,12 @@ def _joined(parts: Sequence[Bool[np.ndarray, "rows columns"]]) -> Bool[np.ndarra
 def _shows(
     camera: Camera, pixels: Float[np.ndarray, "points 2"], inside: Bool[np.ndarray, " points"]
 ) -> Bool[np.ndarray, "rows columns"]:
-    """Returns which tiles, or tiles beside them, show points of the box and no more others."""
-    side = max(camera.width, camera.height) / TILES
-    rows, columns = int(np.ceil(camera.height / side)), int(np.ceil(camera.width / side))
-    row = np.clip(pixels[:, 1] // side, 0, rows - 1).astype(np.int64)
-    column = np.clip(pixels[:, 0] // side, 0, columns - 1).astype(np.int64)
+    """Returns which tiles show more points of the box than others, or none but those beside do."""
+    longer = max(camera.width, camera.height)
+    rows = max(1, round(TILES * camera.height / longer))
+    columns = max(1, round(TILES * camera.width / longer))
+    row = np.clip(pixels[:, 1] * rows // camera.height, 0, rows - 1).astype(np.int64)
+    column = np.clip(pixels[:, 0] * columns // camera.width, 0, columns - 1).astype(np.int64)
     votes = np.zeros((rows, columns), np.float32)
     np.add.at(votes, (row, column), np.where(inside, 1.0, -1.0))
     beside = cv2.dilate(votes, np.ones((3, 3)))

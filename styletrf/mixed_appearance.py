@@ -2,12 +2,13 @@
 
     color(x, d) = sum_k share_k(x) color_k(x, d),   sum_k share_k(x) = 1
 
-The density is one, so a ray's weights are, and a mixture with shares that are the same everywhere
-renders exactly the mixture of the renders: a weaker style, or two styles at once, need no training.
+The density is one. Where the appearances have one power, a ray's weights are one, too, and a
+mixture with shares that are the same everywhere renders exactly the mixture of the renders: a
+weaker style, or two styles at once, need no training.
 Within a region the shares are those asked for, outside it all is the first appearance's.
 
-Where the appearances differ in the power of their weights (`styletrf.weight_sharpening`), a sample
-has the mean of the powers by its shares. So a single appearance and the outside of a region are
+Where they differ in the power of their weights (`styletrf.weight_sharpening`), a sample has the
+mean of the powers by its shares. So a single appearance and the outside of a region are
 rendered exactly, and what lies between is as crisp as its parts.
 """
 

@@ -48,6 +48,9 @@ class PerceptualLossConfig:
     def __post_init__(self) -> None:
         if self.content_layer not in LAYERS:
             raise ValueError(f"content_layer is {self.content_layer}, not one of {LAYERS}")
+        weights = self.style_layer_weights
+        if min(weights) < 0 or not any(weights):
+            raise ValueError(f"style_layer_weights are {weights}, not positive for any layer")
 
     @property
     def style_layers(self) -> dict[str, float]:
@@ -120,10 +123,10 @@ def perceptual_loss(
 ) -> PerceptualTerms:
     """Returns how far `output` is from the objects of `content` and the manner of the style.
 
-    `content`: the squared difference of `config.content_layer`; `style`: the sum over relu1_2,
-    relu2_2, relu3_3 and relu4_3 of the squared difference of Gram matrices (Johnson et al., eq. 2
-    and 4); `tv`: the total variation of `output`. Each is a mean over elements, counted as the
-    configuration says.
+    `content`: the squared difference of `config.content_layer`; `style`: the sum over
+    `config.style_layers`, each by its weight, of the squared difference of Gram matrices (Johnson
+    et al., eq. 2 and 4); `tv`: the total variation of `output`. Each is a mean over elements,
+    counted as the configuration says.
 
     Args:
         vgg: The perceptual network.

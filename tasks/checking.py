@@ -7,17 +7,23 @@ tell that Luigi's process does not load: `python -m tasks.checking` asks them, w
 import functools
 import json
 import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.board import board_of_command
+from pipeline.settings import current_store
 from styletrf.errors import InputError
 from tasks.graph import graph
 from tasks.plan import seconds_ahead
+from tasks.sources import sources_of
 from tasks.stage import Stage, TunedStage
+
+LEAST_ROOM_BYTES = 64 << 20  # of the disk, for a command to begin
 
 
 @functools.cache
@@ -28,10 +34,13 @@ def check_command(command: CmdlineParser) -> None:
         SystemExit: A setting, the device or a combination of words cannot be used.
     """
     try:
-        stages = graph(command.get_task_obj())  # type: ignore[no-untyped-call]
+        root = command.get_task_obj()  # type: ignore[no-untyped-call]
+        stages = graph(root)
+        sources_of(root)  # once, before workers are forked
         for stage in stages:
             if hasattr(stage, "require_sound"):  # not of Luigi's own
                 stage.require_sound()
+        require_room(current_store().root)
     except InputError as error:
         raise SystemExit(str(error)) from error
     tuned = [s for s in stages if isinstance(s, TunedStage) and (s.settings or s.tuning)]
@@ -45,6 +54,21 @@ def check_command(command: CmdlineParser) -> None:
         raise SystemExit(refusal)
     if board := board_of_command():
         board.expect(seconds_ahead(stages))
+
+
+def require_room(root: Path) -> None:
+    """Refuses a disk on which not even the first stages would fit.
+
+    Raises:
+        InputError: Less than LEAST_ROOM_BYTES of it are free.
+    """
+    free = shutil.disk_usage(root).free
+    if free < LEAST_ROOM_BYTES:
+        raise InputError(
+            f"the disk of {root}",
+            f"has {free >> 20} MiB free; a scene in one style takes about 300",
+            "Free some space (python -m pipeline gc), or set STYLETRF_STORE to another disk",
+        )
 
 
 def configurations() -> dict[str, type]:

@@ -1,5 +1,6 @@
 """How the frames of StylizedFrames come about: from one field, a mixture, or frame by frame."""
 
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,10 +60,23 @@ def _require_region(region: Mapping[str, Any]) -> None:
             'Give {"box": [[x, y, z], [x, y, z]]} (least and greatest corner)'
             ' or {"view": "0003", "mask": "FILE.png"}',
         )
-    mask = region.get("mask", "")
-    if "mask" in region and not (isinstance(mask, str) and Path(mask).is_file()):
+    if "mask" in region:
+        _require_mask(region["mask"])
+
+
+def _require_mask(mask: Any) -> None:
+    if not (isinstance(mask, str) and Path(mask).is_file()):
         told = f"--region, mask {mask}"
         raise InputError(told, "there is no such file", "Give an image, white where styled")
+    _read_mask(mask, Path(mask).stat().st_mtime_ns)
+
+
+@functools.cache
+def _read_mask(mask: str, _changed_ns: int) -> None:
+    """Reads a mask whole, once for all stages of a command."""
+    from styletrf.photographs import read_photograph
+
+    read_photograph(Path(mask))
 
 
 def _is_box(region: Mapping[str, Any]) -> bool:

@@ -81,6 +81,11 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     "QualityMetrics": {
         "render.termination": (1e-2, 3e-3, 1e-3),
         "render.min_weight": (1e-2, 5e-3, 1e-3),
+        "perceptual_px": (252, 504, 504),
+    },
+    "ConsistencyMetrics": {
+        "pairs": (8, 12, 12),
+        "perceptual_pairs": (3, 4, 4),
     },
     "StylizedPriors": {
         "style_px": (420, 420, 256),

@@ -14,7 +14,7 @@ from pipeline.roots import show_in
 from pipeline.settings import current_store
 from pipeline.task import StoredTask, artifact
 from styletrf.errors import InputError
-from tasks.at_exit import at_exit
+from tasks.at_exit import at_exit, root_of_command
 from tasks.sources import begin_of_command
 from tasks.stage import Stage
 
@@ -82,11 +82,14 @@ def _announce_at_exit(task: ShownStage) -> None:
     if not is_command or task.announced:
         return
     task.announced = True
+    is_all = root_of_command() == task  # a grid tells of its cells itself
 
     def announce() -> None:
         if Stage.complete(task):
             print(task.folder / "report.html")  # noqa: T201  the command's answer
-        elif problem := obstacle(task, current_store(), since=begin_of_command()):
+            return
+        problem = obstacle(task, current_store(), since=begin_of_command()) if is_all else None
+        if problem and not problem.is_under_way:
             screen.error("%s was not made. %s: %s", task.label, problem.task, problem.reason)
 
     at_exit(announce)

@@ -1,7 +1,8 @@
 """The sources of a command: stages that need no other one, and read or fetch what the user names.
 
-They take seconds, so they run first; where one fails, the command stops, since what the other
-stages make in hours would lack it. With `--keep-going` all that does not need it is made.
+Most take seconds, so all run first; where one fails, the command stops, since what the other
+stages make in hours would lack it. With `--keep-going` all that does not need it is made. Under
+luigid, too: what this machine cannot read, another one may.
 """
 
 import functools
@@ -16,9 +17,10 @@ from pipeline.attempts import obstacle
 from pipeline.errors import TaskFailure
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
+from pipeline.until import NOT_BEGUN
 from tasks.graph import graph
 
-FIRST = 10**9
+SOURCE_PRIORITY = 10**9
 """Added to the priority of a source: more than the seconds of any command."""
 
 
@@ -38,18 +40,26 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
 
     Args:
         stage: That is about to run.
-        root: What the command asks for; None where no command does.
+        root: What the command asks for, which stops if it has a `keep_going` that was not given;
+            None where no command does.
 
     Raises:
         TaskFailure: A source failed since the command began, and `--keep-going` was not given.
     """
-    if root is None or getattr(root, "keep_going", False) or is_source(stage):
+    may_stop = root is not None and not getattr(root, "keep_going", True)
+    if root is None or not may_stop or not _is_alone() or is_source(stage):
         return
+    begun = begin_of_command()
     for source in sources_of(root):
-        problem = obstacle(source, current_store(), since=begin_of_command())
-        if problem and not problem.is_under_way:
+        problem = obstacle(source, current_store(), since=begun)
+        if problem and not problem.is_under_way and not problem.reason.startswith(NOT_BEGUN):
             reason = f"not begun, for {problem.task} failed. --keep-going begins it all the same."
             raise TaskFailure("user", str(stage), reason)
+
+
+def _is_alone() -> bool:
+    """Whether no luigid hands the stages to several machines."""
+    return bool(luigi.interface.core().local_scheduler)  # type: ignore[no-untyped-call]
 
 
 def begin_of_command() -> datetime:

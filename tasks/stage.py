@@ -11,7 +11,7 @@ from pipeline.parameters import ChoiceParameter, DictParameter, IntParameter
 from pipeline.task import StoredTask
 from styletrf.errors import InputError, NetworkError
 from tasks.qualities import QUALITIES, settings_for
-from tasks.sources import FIRST, is_source, require_sources
+from tasks.sources import SOURCE_PRIORITY, is_source, require_sources
 
 Needed = TypeVar("Needed", bound="Stage")
 
@@ -61,7 +61,7 @@ class Stage(StoredTask):
         from tasks.plan import seconds_to_the_end
 
         seconds = round(seconds_to_the_end(command.get_task_obj()).get(self.task_id, 0.0))
-        return seconds + FIRST * is_source(self)
+        return seconds + SOURCE_PRIORITY * is_source(self)
 
     def require_sound(self) -> None:
         """Refuses parameters that do not go together, before anything long begins.

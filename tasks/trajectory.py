@@ -25,6 +25,7 @@ from tasks.qualities import QUALITIES
 from tasks.scene import CameraPoses, SceneModel
 from tasks.shards import part_of
 from tasks.showing import ShownStage, show_all
+from tasks.sources import is_source
 from tasks.stage import Stage, stages_with_settings
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
@@ -86,15 +87,16 @@ class StylizedTrajectory(ShownStage, FrameControls):
         if self.wish and self.tuning:
             problem = "goes without a wish for time or accuracy, which chooses the settings"
             raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
-        plain = {**self.param_kwargs, "quality": QUALITIES[0], "budget": ""}
-        if self.wish and (changed := stages_with_settings(graph(StylizedTrajectory(**plain)))):
+        if self.wish and (changed := stages_with_settings(graph(self._plain()))):
             problem = "go without a wish for time or accuracy, which chooses them"
             raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
 
     def requires(self) -> Mapping[str, Stage]:
-        """Everything the report shows; for a wish, what tells the kind of scene."""
+        """Everything the report shows; for a wish, what tells the kind of scene, and sources."""
         if self.wish:
-            return {"model": self.need(SceneModel, quality=QUALITIES[0])}
+            sources = [task for task in graph(self._plain()) if is_source(task)]
+            named = {task.task_family: cast("Stage", task) for task in sources}
+            return {"model": self.need(SceneModel, quality=QUALITIES[0]), **named}
         shown: dict[str, Stage] = {
             "frames": self.need(StylizedFrames),
             "trajectory": self.need(TrajectoryFrames),
@@ -132,6 +134,10 @@ class StylizedTrajectory(ShownStage, FrameControls):
     def cells(self) -> "list[StylizedTrajectory]":
         """The results asked for."""
         return [self.granted() or self]
+
+    def _plain(self) -> "StylizedTrajectory":
+        """The same without a wish, of which any would need the same photographs and painting."""
+        return StylizedTrajectory(**{**self.param_kwargs, "quality": QUALITIES[0], "budget": ""})
 
     def complete(self) -> bool:
         """Whether the result is in the store and in `out/`; the command refreshes the index."""

@@ -10,6 +10,7 @@ import pytest
 from test_command import start
 
 from pipeline import host
+from pipeline.host import SPIN_COUNT, openmp_wait_settings
 from pipeline.settings import current_store
 from pipeline.units import take, units
 from pipeline.verify import records
@@ -152,3 +153,13 @@ def test_the_memory_of_the_container_counts(tmp_path, monkeypatch):
     assert host.memory_bytes() > 2**30
     luigi.configuration.get_config().set("host", "memory_gib", "3")
     assert host.memory_bytes() == 3 * 2**30
+
+
+@pytest.mark.parametrize("name", ["GOMP_SPINCOUNT", "OMP_WAIT_POLICY"])
+def test_how_threads_wait_is_what_the_user_says(name):
+    assert openmp_wait_settings({name: "as the user likes"}) == {}
+
+
+def test_threads_of_a_build_spin_shortly():
+    """Beside a busy thread, long spinning slowed a fit a hundredfold."""
+    assert int(openmp_wait_settings({})[SPIN_COUNT]) < 100_000

@@ -2,12 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from mini_scene import painted_plane
 from test_field_training import CONFIG, fit
 
+from styletrf.frames import rendered
 from styletrf.power_choice import PowerChoiceConfig, choose_weight_power
+from styletrf.sharpness import sharpness
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +39,22 @@ def test_priors_sharper_than_any_render_get_the_highest(scene, field):
     board = 255 * (torch.arange(scene.images[..., 0].numel()) % 2)
     board = board.reshape(scene.images.shape[:3])[..., None].expand_as(scene.images)
     assert chosen(scene, field, board.to(torch.uint8), powers=(1.0, 3.0)) == 3
+
+
+def test_the_lowest_power_that_is_sharp_enough_is_taken(scene, field):
+    """What is enough is set between what two powers reach."""
+    reached = []
+    for power in (1.0, 2.0, 4.0):
+        field.appearance.weight_power = power
+        shown = rendered(
+            field, scene.model.space, scene.cameras, PowerChoiceConfig().render, scene.images.device
+        )
+        reached.append(np.mean([sharpness(render.color.numpy()) for render in shown]))
+    assert reached == sorted(reached), "weights to a higher power draw sharper frames"
+    wanted = np.mean([sharpness(image.numpy() / np.float32(255)) for image in scene.images])
+    enough = float((reached[0] + reached[1]) / 2 / wanted)
+    words = {"powers": (1.0, 2.0, 4.0), "sharpness": enough, "views": len(scene.cameras)}
+    assert chosen(scene, field, scene.images, **words) == 2
 
 
 def test_a_single_power_is_taken_unseen(scene, field):

@@ -1,11 +1,15 @@
 """Mistakes in the words of a command are told before its first stage."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from styletrf.errors import InputError
+from tasks.checking import LEAST_ROOM_BYTES, require_room
 
 ROOT = Path(__file__).parents[2]
 
@@ -69,3 +73,12 @@ def test_the_settings_of_the_task_itself_are_looked_at(photographs):
     )
     assert (status, ": started" in screen) == (1, False)
     assert "settings of StylizedField, setting 'adaptation.batch'" in screen
+
+
+def test_full_disk_is_told_before_the_first_stage(tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=LEAST_ROOM_BYTES - 1))
+    with pytest.raises(InputError, match="63 MiB free"):
+        require_room(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=LEAST_ROOM_BYTES))
+    require_room(tmp_path)

@@ -118,6 +118,7 @@ def test_a_setting_of_the_wrong_kind_does_not_break_the_graph(settings):
         ("StylizedFrames", {"region": {"box": 5}}, "is no region"),
         ("StylizedFrames", {"region": {"box": [["a", "b", "c"], ["d", "e", "f"]]}}, "is no region"),
         ("StylizedFrames", {"region": {"view": "0001", "mask": 5}}, "no such file"),
+        ("StylizedFrames", {"region": {"view": "0001", "mask": __file__}}, "no image"),
         ("StylizedFrames", {"blend": {"a": 0.6, "b": 0.5}}, "sum below 1"),
         ("StylizedFrames", {"method": "per-frame", "colors": "luminance"}, "without a field"),
     ],

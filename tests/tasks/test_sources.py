@@ -11,10 +11,12 @@ from test_checking import said
 import tasks
 from pipeline.errors import TaskFailure
 from pipeline.settings import current_store
+from pipeline.until import NOT_BEGUN
 from tasks.graph import graph
 from tasks.sources import begin_of_command, is_source, require_sources, sources_of
 
 WORDS = {"scene": "mini", "style": "p", "quality": "draft", "content": "embedded"}
+WISH = {"scene": "mini", "style": "p", "budget": "5min", "content": "embedded"}
 
 
 def stage(root, family):
@@ -50,6 +52,24 @@ def test_keep_going_runs_what_does_not_need_the_source(failed_painting):
     going = failed_painting.clone(keep_going=True)
     require_sources(stage(going, "CameraPoses"), going)
     assert going.task_id == failed_painting.task_id, "the result is the same one"
+
+
+def test_wish_has_the_sources_of_what_it_may_choose():
+    families = {task.task_family for task in sources_of(tasks.StylizedTrajectory(**WISH))}
+    assert families == {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
+
+
+def test_command_without_the_flag_does_not_stop(failed_painting):
+    network = stage(failed_painting, "StyleNetwork")
+    require_sources(stage(network, "ContentImages"), network)
+
+
+def test_source_that_was_not_begun_in_time_did_not_fail(out):
+    root = tasks.StylizedTrajectory(**WORDS)
+    image = stage(root, "StyleImage")
+    log = current_store().new_log("StyleImage", image.action().key)
+    log.write_text(f"{NOT_BEGUN}: 5 s are left\n")
+    require_sources(stage(root, "CameraPoses"), root)
 
 
 def test_without_a_command_nothing_stops(failed_painting):
