@@ -50,6 +50,13 @@ class Sentence(StoredTask):
         (out / "sentence.txt").write_text(text)
 
 
+class Surroundings(StoredTask):
+    """The environment of a build."""
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        (out / "environment.json").write_text(json.dumps(dict(os.environ)))
+
+
 class Account(StoredTask):
     """What a build is told of everything above it."""
 

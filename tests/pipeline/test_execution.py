@@ -1,6 +1,7 @@
 """A task's build from first to last: how failures are told, tried again and cleaned up after."""
 
 import errno
+import json
 import os
 import re
 from pathlib import Path
@@ -10,7 +11,7 @@ import psutil
 import pytest
 from build_toys import Act
 from small_disk import small_disk
-from store_toys import Fills, Slow, Word, built
+from store_toys import Fills, Slow, Surroundings, Word, built
 from test_command import are_gone, pids_of_slow
 
 from pipeline.errors import StoreError, TaskFailure, explain, tells_of_full_disk
@@ -45,6 +46,14 @@ def test_a_fresh_interpreter_builds():
     record = Word("a").record()
     assert 0 < record.provenance["seconds"] < 30
     assert 5e6 < record.provenance["peak_memory_bytes"] < 1e9
+
+
+def test_threads_of_a_build_sleep_soon_where_others_compute(monkeypatch):
+    for name in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY"):
+        monkeypatch.delenv(name, raising=False)
+    Surroundings().run()
+    variables = json.loads((artifact(Surroundings()) / "environment.json").read_text())
+    assert variables["GOMP_SPINCOUNT"] == "2000"
 
 
 def test_a_killed_build_goes_on_from_its_checkpoint(toys):

@@ -18,6 +18,7 @@ from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
 from styletrf.space import Space, ViewRays
+from styletrf.sparse_depth import SparseDepths, depth_loss
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -281,3 +282,33 @@ def test_a_settled_occupancy_holds_nothing_that_rays_passed_over(scene):
     trainer.refresh_occupancy(settled=True)
     assert trainer.field.density.occupancy.any()
     assert not trainer.field.density.occupancy[: len(passed_over) // 2].any()
+
+
+def mean_depth_loss(field: RadianceField, scene: MiniScene, depths: SparseDepths) -> float:
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    segments = rays.segments(depths.view, depths.pixel)
+    jitter = torch.full((len(segments),), 0.5)
+    with torch.no_grad():
+        samples = KERNELS.trace(field.density.factors, segments, jitter, field.density.march(1e-4))
+    return float(depth_loss(samples, segments, depths.depth))
+
+
+def test_matter_gathers_at_the_depths_of_points(scene):
+    """Also where the photographs alone would not have it: a fifth behind the plane."""
+    plain = replace(CONFIG, iterations=60)
+    scale = float(np.cbrt(np.linalg.det(scene.model.normalized_from_world[:3, :3])))
+    depth = 1.2 * 4 * scale
+    n = 400
+    pixel = torch.rand(n, 2, dtype=torch.float64) * scene.images.shape[2]
+    depths = SparseDepths(torch.arange(n) % len(scene.cameras), pixel, torch.full((n,), depth))
+    pulled = replace(plain, depth_weight=10.0, depth_every=1, depth_until=1.0, depth_rays=256)
+    with_depths = mean_depth_loss(fit(scene, pulled, depths=depths), scene, depths)
+    without = mean_depth_loss(fit(scene, pulled), scene, depths)
+    assert with_depths < 0.3 * without
+
+
+def test_power_of_the_weights_is_kept_with_the_field(scene, tmp_path):
+    field = fit(scene, replace(CONFIG, iterations=2))
+    field.appearance.weight_power = 1.5
+    save_field(tmp_path, field)
+    assert load_field(tmp_path).appearance.weight_power == 1.5

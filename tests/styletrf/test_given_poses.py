@@ -9,7 +9,7 @@ import pytest
 from made_photographs import encoded, room_poses, room_view
 
 from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
-from styletrf.camera_table import read_cameras, read_split
+from styletrf.camera_table import read_cameras, read_fitted_rows, read_split
 from styletrf.cameras import project
 from styletrf.errors import InputError
 from styletrf.given_poses import GivenView, Lens
@@ -142,7 +142,11 @@ def test_points_project_where_they_were_seen(given):
 
 def test_a_published_split_is_kept_and_else_every_eighth_is_held_out(given):
     kind, folder, _, _ = given
-    train, held_out = read_split(folder / "out" / "cameras.parquet")
+    table = folder / "out" / "cameras.parquet"
+    train, held_out = read_split(table)
+    cameras = read_cameras(table)
+    rows = read_fitted_rows(table)
+    assert [cameras[row].name for row in rows] == [camera.name for camera in train]
     if kind is blender:
         assert [camera.name for camera in held_out] == [f"test_r_{i}" for i in range(VIEWS // 2)]
         assert len(train) == VIEWS // 2
