@@ -47,7 +47,7 @@ def adopt(_store: object, options: Namespace) -> Answer:
 def families(module: str) -> list[type[StoredTask]]:
     """The stored tasks that a package defines and that build something."""
     _import(module)
-    kinds: list[type[StoredTask]] = [StoredTask]
+    kinds = StoredTask.__subclasses__()
     for kind in kinds:
         kinds += kind.__subclasses__()
     ours = [kind for kind in kinds if kind.__module__.split(".")[0] == module.split(".")[0]]

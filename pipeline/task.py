@@ -6,6 +6,7 @@ import multiprocessing
 import signal
 import sys
 import warnings
+from abc import abstractmethod
 from collections.abc import Generator, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -89,13 +90,13 @@ class StoredTask(luigi.Task):
         """The stored tasks whose artifacts `build` reads, by the name it reads them under."""
         return {}
 
+    @abstractmethod
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Make the artifact in the empty directory `out` from the artifacts in `inputs`.
 
         Runs in a fresh interpreter. All that decides the bytes comes through `inputs`, the
         parameters and the files that `external_digests` covers.
         """
-        raise NotImplementedError
 
     def identity_parameters(self) -> Mapping[str, object]:
         """The values that decide the artifact's content: all significant parameters."""

@@ -221,10 +221,9 @@ class FieldTrainer:
         is_over = self.iteration >= config.depth_until * config.iterations
         if not (depths and config.depth_weight) or is_over or self.iteration % config.depth_every:
             return
-        drawn = torch.randint(len(depths), (config.depth_rays,), generator=self.generator)
-        rays = depths[drawn.to(depths.view.device)]
-        segments = self.rays.segments(rays.view, rays.pixel)
-        loss = depth_loss(self._trace(segments), segments, rays.depth)
+        drawn = depths.drawn(config.depth_rays, self.generator)
+        segments = self.rays.segments(drawn.view, drawn.pixel)
+        loss = depth_loss(self._trace(segments), segments, drawn.depth)
         (config.depth_every * config.depth_weight * loss).backward()
 
     def _regularize(self) -> None:

@@ -24,10 +24,8 @@ class FieldTrainingConfig:
     tv_appearance: float = 0.003  # [TV_weight_app]
     tv_every: int = 4  # iterations between steps of L1 and total variation, weighted up to match
     distortion_weight: float = 0.0  # see `styletrf.distortion`
-    depth_weight: float = 0.1  # see `styletrf.sparse_depth`
-    depth_rays: int = (
-        1024  # through sparse points, every `depth_every` iterations, weighted to match
-    )
+    depth_weight: float = 0.1  # for every iteration, see `styletrf.sparse_depth`
+    depth_rays: int = 1024  # through sparse points, every `depth_every` iterations
     depth_every: int = 4
     depth_until: float = 0.3  # of the iterations: what is empty by then stays so
     occupancy_every: int = 200

@@ -106,9 +106,25 @@ def decide_scene_model(
             f"only {len(points_world)} points were reconstructed, too few to place the scene",
             "Take more overlapping photographs of textured surfaces",
         )
+    placement = _placed(cameras, points_world, config, explained)
+    shading, evidence = _shading(config, dependence)
+    placement = replace(placement, evidence=placement.evidence | {"shading": evidence})
+    view = fitted_to(cameras[0], config.image_long_side)
+    model = _sized(placement, view, shading, config.max_voxels)
+    made_of = f"of {len(cameras)} cameras and {len(points_world)} points"
+    require_finite("scene model", made_of, _numbers(model))
+    return model
+
+
+def _placed(
+    cameras: Sequence[Camera],
+    points_world: Float[np.ndarray, "points 3"],
+    config: SceneModelConfig,
+    explained: float,
+) -> Placement:
+    """Returns the scene in the space that the evidence or the configuration names."""
     evidence = forward_facing_evidence(cameras, points_world)
     if config.space == "ndc" or (config.space == "auto" and evidence["forward_facing"]):
-        kind = "ndc"
         placement = place_in_ndc(cameras, points_world, config.image_long_side, config.oversampling)
     else:
         scene = surroundings(cameras, points_world, config.image_long_side)
@@ -117,22 +133,11 @@ def decide_scene_model(
         needed = explained < BOX_EXPLAINS or is_as_fine
         evidence |= {"octaves_lost": lost, "fine_enough": FINE_ENOUGH, "most_loss": MOST_LOSS}
         evidence |= {"explained_by_box": explained, "enough_explained": BOX_EXPLAINS}
-        kind = config.space if config.space != "auto" else "unbounded" if needed else "box"
-        placement = (
-            place_in_box(scene, config.oversampling)
-            if kind == "box"
-            else place_unbounded(scene, config.oversampling)
-        )
-    evidence |= {"chosen": kind, "by": "evidence" if config.space == "auto" else "setting"}
-    shading, of_shading = _shading(config, dependence)
-    placement = replace(
-        placement, evidence=placement.evidence | {"space": evidence, "shading": of_shading}
-    )
-    view = fitted_to(cameras[0], config.image_long_side)
-    model = _sized(placement, view, shading, config.max_voxels)
-    made_of = f"of {len(cameras)} cameras and {len(points_world)} points"
-    require_finite("scene model", made_of, _numbers(model))
-    return model
+        is_box = config.space == "box" or (config.space == "auto" and not needed)
+        placement = (place_in_box if is_box else place_unbounded)(scene, config.oversampling)
+    by = "evidence" if config.space == "auto" else "setting"
+    evidence |= {"chosen": placement.space.kind, "by": by}
+    return replace(placement, evidence=placement.evidence | {"space": evidence})
 
 
 def _numbers(model: SceneModel) -> list[Named]:

@@ -40,9 +40,10 @@ class SparseDepths:
     def __len__(self) -> int:
         return len(self.view)
 
-    def __getitem__(self, chosen: Tensor) -> "SparseDepths":
-        """Returns some of the observations."""
-        return SparseDepths(self.view[chosen], self.pixel[chosen], self.depth[chosen])
+    def drawn(self, count: int, generator: torch.Generator) -> "SparseDepths":
+        """Returns so many observations, drawn with replacement."""
+        index = torch.randint(len(self), (count,), generator=generator).to(self.view.device)
+        return SparseDepths(self.view[index], self.pixel[index], self.depth[index])
 
     def to(self, device: torch.device) -> "SparseDepths":
         """Returns the observations on a device."""

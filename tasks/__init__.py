@@ -15,6 +15,7 @@ loads no torch: heavy imports stand inside `build`, which runs in an interpreter
 """
 
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
+from tasks.grid import Grid
 from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics, StylizationMetrics
 from tasks.preflight import SceneReport
 from tasks.scene import CameraPoses, SceneCapture, SceneModel
@@ -27,7 +28,7 @@ from tasks.style import (
 )
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
 from tasks.trade_off import TradeOff
-from tasks.trajectory import Grid, StylizedTrajectory
+from tasks.trajectory import StylizedTrajectory
 
 __all__ = [
     "CameraPoses",

@@ -85,6 +85,7 @@ def _announce_at_exit(task: ShownStage) -> None:
     is_all = root_of_command() == task  # a grid tells of its cells itself
 
     def announce() -> None:
+        """Prints the path of the page, or the reason."""
         if Stage.complete(task):
             print(task.folder / "report.html")  # noqa: T201  the command's answer
             return

@@ -152,10 +152,10 @@ class StylizedField(TunedStage, StyleControls):
             "settings": self.values(),
             "strategy": self.strategy,
             "match": self.match,
-            **self._of_renders(),
+            **self._render_loss_factors(),
         }
 
-    def _of_renders(self) -> dict[str, list[float]]:
+    def _render_loss_factors(self) -> dict[str, list[float]]:
         """The factors of a loss of whole renders; painted pixels have been steered already."""
         factors = [self.stroke_scale, self.content_weight]
         return {} if self.match == "pixels" else {"factors": factors}

@@ -1,16 +1,16 @@
-"""The whole job for one scene and style, and the grid of many."""
+"""The whole job for one scene and one style."""
 
 import json
 import logging
 import shutil
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import cast
 
 import luigi
 
 from pipeline.errors import TaskFailure
-from pipeline.parameters import BoolParameter, ListParameter
+from pipeline.parameters import BoolParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
@@ -20,11 +20,9 @@ from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.graph import graph
 from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics
-from tasks.night import conclude
 from tasks.qualities import QUALITIES
 from tasks.scene import CameraPoses, SceneModel
-from tasks.shards import part_of
-from tasks.showing import ShownStage, show_all
+from tasks.showing import ShownStage
 from tasks.sources import is_source
 from tasks.stage import Stage, stages_with_settings
 from tasks.style import StyleImage, StyleNetwork
@@ -92,7 +90,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
             raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
 
     def requires(self) -> Mapping[str, Stage]:
-        """Everything the report shows; for a wish, what tells the kind of scene, and sources."""
+        """Everything the report shows; to choose settings, the kind of scene and the sources."""
         if self.wish:
             sources = [task for task in graph(self._plain()) if is_source(task)]
             named = {task.task_family: cast("Stage", task) for task in sources}
@@ -136,7 +134,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
         return [self.granted() or self]
 
     def _plain(self) -> "StylizedTrajectory":
-        """The same without a wish, of which any would need the same photographs and painting."""
+        """The same at the first quality; any quality needs the same photographs and painting."""
         return StylizedTrajectory(**{**self.param_kwargs, "quality": QUALITIES[0], "budget": ""})
 
     def complete(self) -> bool:
@@ -207,94 +205,3 @@ class StylizedTrajectory(ShownStage, FrameControls):
             "pairs.parquet": place(upstream["consistency"]) / "pairs.parquet",
             "resemblance.parquet": place(upstream["resemblance"]) / "frames.parquet",
         }
-
-
-class Grid(luigi.WrapperTask):
-    """Every style on every scene; what one cell shares with another is made once.
-
-    `out/index.html` shows them all, and why those are missing that could not be made.
-    """
-
-    scenes = ListParameter(description='such as ["horns", "fern"]')
-    part = luigi.Parameter(
-        default="", description="a part of the scenes alone, such as 2/5, for a scheduler's sake"
-    )
-    styles = ListParameter(description='such as ["mosaic", "udnie"]')
-    quality = StylizedTrajectory.quality
-    budget = StylizedTrajectory.budget
-    tuning = StylizedTrajectory.tuning
-    keep_going = StylizedTrajectory.keep_going  # type: ignore[misc]
-    device = StylizedTrajectory.device
-    until = StylizedTrajectory.until
-    executor = StylizedTrajectory.executor
-    shards = StylizedTrajectory.shards
-    content = StylizedTrajectory.content
-    perceptual = StylizedTrajectory.perceptual
-    stroke_scale = StylizedTrajectory.stroke_scale
-    content_weight = StylizedTrajectory.content_weight
-    transfer = StylizedTrajectory.transfer
-    network = StylizedTrajectory.network
-    stylizer = StylizedTrajectory.stylizer
-    colors = StylizedTrajectory.colors
-    strategy = StylizedTrajectory.strategy
-    match = StylizedTrajectory.match
-    rounds = StylizedTrajectory.rounds
-    method = StylizedTrajectory.method
-    strength = StylizedTrajectory.strength
-    blend = StylizedTrajectory.blend
-    region = StylizedTrajectory.region
-
-    def require_sound(self) -> None:
-        """Refuses parts that are none, and one network for several paintings.
-
-        Raises:
-            InputError: With what to give instead.
-        """
-        self.cells()
-        if self.network and len(self.styles) > 1:
-            problem = "is one painting's network, for several styles"
-            raise InputError(f"--network {self.network}", problem, "Give one style")
-
-    def complete(self) -> bool:
-        """Whether every cell is; the command ends with the index, and with what became of them.
-
-        Not if it is refused.
-        """
-        with acting_at_exit(self, conclude):
-            return bool(super().complete())  # type: ignore[no-untyped-call]
-
-    def run(self) -> None:
-        """Show all; and look once more: another machine may have made some of other code.
-
-        Raises:
-            TaskFailure: Not every result is there for this machine.
-        """
-        show_all(self)
-        missing = [f"{cell.scene} {cell.style}" for cell in self.cells() if not cell.complete()]
-        if missing:
-            raise TaskFailure(
-                "changed",
-                str(self),
-                f"{', '.join(missing)}: made by a machine with other code, packages, settings or"
-                " photographs, or in another store. Give all machines the same, and run it again.",
-            )
-
-    def requires(self) -> list[StylizedTrajectory]:
-        """One result a cell."""
-        return self.cells()
-
-    def of_part(self) -> Sequence[str]:
-        """The scenes asked for; all styles of a scene are of one part, which share its field."""
-        return part_of(self.scenes, f"--part {self.part}") if self.part else self.scenes
-
-    def cells(self) -> list[StylizedTrajectory]:
-        """The results asked for."""
-        how = ("device", "until", "executor", "shards", "keep_going")
-        what = ("quality", "budget", "tuning", "content", "perceptual", *CONTROLS)
-        shared = {name: self.param_kwargs[name] for name in (*how, *what)}
-        cells = [
-            shared | {"scene": scene, "style": style}
-            for scene in self.of_part()
-            for style in self.styles
-        ]
-        return [StylizedTrajectory(**cell) for cell in cells]

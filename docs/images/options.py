@@ -69,11 +69,11 @@ def tile(words: dict[str, Any]) -> np.ndarray:
     frame = frame_under(words)
     title = np.full((24, frame.shape[1], 3), 255, np.uint8)
     font, black = cv2.FONT_HERSHEY_SIMPLEX, (0, 0, 0)
-    cv2.putText(title, told(words), (4, 17), font, 0.42, black, 1, cv2.LINE_AA)
+    cv2.putText(title, title_of(words), (4, 17), font, 0.42, black, 1, cv2.LINE_AA)
     return np.concatenate([title, frame])
 
 
-def told(words: dict[str, Any]) -> str:
+def title_of(words: dict[str, Any]) -> str:
     """Returns the words of the command, a region in short."""
     if not words:
         return "without options"

@@ -1,10 +1,15 @@
 """The network that tells styles apart, as a loss."""
 
+from dataclasses import replace
+
 import pytest
 import torch
+from test_style_training import TINY, style
 
 from styletrf.predictor_features import predictor_grams, predictor_term
 from styletrf.style_predictor import PAINTING_PX, StylePredictor
+from styletrf.style_step import StyleStep
+from styletrf.style_training import begin
 
 STRIDES, CHANNELS = (4, 8, 16), (24, 32, 96)
 
@@ -85,3 +90,18 @@ def test_flat_images_and_paintings_stay_finite(predictor, value):
         (gradient,) = torch.autograd.grad(term, flat)
         assert torch.isfinite(term)
         assert torch.isfinite(gradient).all()
+
+
+def test_a_training_step_counts_the_predictor_by_its_weight(vgg, predictor):
+    """The style term grows linearly with the weight, from what it is without a predictor."""
+
+    def style_term(weight, network=predictor):
+        config = replace(TINY, identity_iterations=0, predictor_weight=weight)
+        training, config = begin(config, torch.device("cpu"))
+        step = StyleStep(config, vgg, style(), predictor=network)
+        content = torch.rand(1, 3, 32, 32, generator=generator())
+        return float(step.terms(training.network, 0, content).style.detach())
+
+    without, once, twice = style_term(1.0, None), style_term(1.0), style_term(2.0)
+    assert once > without
+    assert twice - once == pytest.approx(once - without, rel=1e-3)

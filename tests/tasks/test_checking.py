@@ -75,7 +75,7 @@ def test_the_settings_of_the_task_itself_are_looked_at(photographs):
     assert "settings of StylizedField, setting 'adaptation.batch'" in screen
 
 
-def test_full_disk_is_told_before_the_first_stage(tmp_path, monkeypatch):
+def test_full_disk_is_refused_before_the_first_stage(tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=LEAST_ROOM_BYTES - 1))
     with pytest.raises(InputError, match="63 MiB free"):

@@ -16,7 +16,7 @@ from tasks.graph import graph
 from tasks.sources import begin_of_command, is_source, require_sources, sources_of
 
 WORDS = {"scene": "mini", "style": "p", "quality": "draft", "content": "embedded"}
-WISH = {"scene": "mini", "style": "p", "budget": "5min", "content": "embedded"}
+BUDGET = {"scene": "mini", "style": "p", "budget": "5min", "content": "embedded"}
 
 
 def stage(root, family):
@@ -54,8 +54,8 @@ def test_keep_going_runs_what_does_not_need_the_source(failed_painting):
     assert going.task_id == failed_painting.task_id, "the result is the same one"
 
 
-def test_wish_has_the_sources_of_what_it_may_choose():
-    families = {task.task_family for task in sources_of(tasks.StylizedTrajectory(**WISH))}
+def test_budget_has_the_sources_of_any_settings():
+    families = {task.task_family for task in sources_of(tasks.StylizedTrajectory(**BUDGET))}
     assert families == {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
 
 
