@@ -40,7 +40,7 @@ def point(scene: str, knob: str, value: Any) -> dict[str, Any]:
     if knob == "photographs":
         few = round(value * len(given.train.cameras))
         part = replace(
-            given.train, cameras=given.train.cameras[:few], images=given.train.images[:few].clone()
+            given.train, cameras=given.train.cameras[:few], images=given.train.images[:few]
         )
         given = replace(given, train=part)
     trainer = trainer_of(given, settings, None)
@@ -51,7 +51,7 @@ def point(scene: str, knob: str, value: Any) -> dict[str, Any]:
         "density_samples": trainer.curve[-1].density_samples,
         "resolution": trainer.field.resolution,
         "photographs": len(given.train.cameras),
-        "photographs_mb": given.train.images.nbytes / 2**20,
+        "photographs_mb": sum(image.nbytes for image in given.train.images) / 2**20,
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }  # fmt: skip
 

@@ -52,7 +52,7 @@ def trainer_of(scene: GivenScene, settings: Settings, kernels: str | None) -> Fi
     """Returns a fit that has not begun."""
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     return FieldTrainer(
-        scene.train.cameras, scene.train.images.to(device), scene.model.space,
+        scene.train.cameras, [image.to(device) for image in scene.train.images], scene.model.space,
         scene.model.resolution, settings.training, kernels_for(device, kernels),
         free=scene.free,
         depths=scene.depths,

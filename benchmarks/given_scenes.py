@@ -26,7 +26,7 @@ class Views:
     """Cameras in the normalised world with their images, uint8."""
 
     cameras: Sequence[Camera]
-    images: Tensor
+    images: Sequence[Tensor]
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from styletrf.ray_cache import RayBatch, march_once
 from styletrf.rendering import RenderConfig, Rendering
 from styletrf.space import ViewRays
 from styletrf.stylization import Stylization, StylizationConfig, load_stylization, stylized
+from styletrf.view_images import view_images
 from tasks.qualities import settings_for
 from tasks.stylization import StylizedField
 
@@ -78,10 +79,11 @@ def _marched_anew(job: Stylization, config: AdaptationConfig) -> Iterator[RayBat
     rays = ViewRays(
         job.cameras, job.model.space.within(field.bounds), field.step_length, job.painted.device
     )
+    images = view_images(job.painted)
     for _ in range(config.iterations):
-        draws = torch.randint(job.painted.shape[:3].numel(), (config.batch,), generator=generator)
+        draws = torch.randint(len(images), (config.batch,), generator=generator)
         cache = march_once(
-            field, rays, job.painted, draws, job.kernels,
+            field, rays, images, draws, job.kernels,
             min_weight=0.0, termination=1e-4, cache_bytes=1 << 40, generator=generator,
         )  # fmt: skip
         yield cache.batch(0, config.batch)

@@ -34,6 +34,7 @@ from styletrf.progress import Progress, silent
 from styletrf.ray_cache import RayBatch, march_once
 from styletrf.space import Space, ViewRays
 from styletrf.training_guard import batch_stages
+from styletrf.view_images import view_images
 
 PARTS = ("factors", "basis", "network", "background")
 """What an appearance consists of."""
@@ -96,7 +97,7 @@ def adapt_appearance(
         config: How to adapt.
         kernels: The form to compute with.
         progress: Is given the iteration and the loss.
-        pixels: Those to learn from, counted through all views; all of them where not given.
+        pixels: Those to learn from, by their numbers; all of them where not given.
 
     Returns:
         The curve, and the mean mass of weights that the cache left out.
@@ -107,11 +108,12 @@ def adapt_appearance(
     started = time.monotonic()
     generator = torch.Generator().manual_seed(config.seed)
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, stylized.device)
+    images = view_images(stylized)
     if pixels is None:
-        pixels = torch.arange(stylized.shape[:3].numel())
+        pixels = torch.arange(len(images))
     draws = pixels[torch.randperm(len(pixels), generator=generator)]
     cache = march_once(
-        field, rays, stylized, draws[: config.iterations * config.batch], kernels,
+        field, rays, images, draws[: config.iterations * config.batch], kernels,
         min_weight=config.min_weight, termination=config.termination,
         cache_bytes=config.cache_bytes, generator=generator,
     )  # fmt: skip

@@ -1,9 +1,9 @@
 """Structure from motion: where each photograph was taken from, and the points they share.
 
 Features, matches and reconstruction are COLMAP's (Schönberger and Frahm 2016; its global mapper:
-Pan et al. 2024), with one lens for all photographs of a focal length; of poses that came with them
-only the points are sought. What comes out is undistorted: pinhole cameras and the images they would
-have taken.
+Pan et al. 2024), with one lens for all photographs of a size and focal length; of poses that
+came with them only the points are sought. What comes out is undistorted: pinhole cameras and the
+images they would have taken.
 """
 
 import json
@@ -51,7 +51,8 @@ class CameraPosesConfig:
         neighbours: With how many successors each photograph of a sequence is matched; others are
             with twice as many that look most like them.
         camera_model: COLMAP's name of the lens model.
-        lenses: `one` for all photographs, one for `each`, or by the focal lengths of their EXIF.
+        lenses: `one` for all photographs of a size, one for `each`, or (`auto`) one for those of a
+            size and of a focal length by their EXIF.
         seed: Of RANSAC and the mappers.
     """
 
@@ -202,7 +203,7 @@ def _report(
     registered = {one.camera.name for one in placed}
     unregistered = tuple(name for name in names if name not in registered)
     pieces = tuple(int(piece.num_reg_images()) for piece in mapping.models)
-    error_share = model.compute_mean_reprojection_error() / max(images.width, images.height)
+    error_share = model.compute_mean_reprojection_error() / images.long_side
     return PosesReport(
         registered=len(placed),
         total=len(names),
@@ -220,8 +221,8 @@ def _report(
         focal_px=float(lens.mean_focal_length()),
         focal_prior_px=images.lenses[0].focal_prior_px,
         lens_settings=len(images.lenses),
-        width=images.width,
-        height=images.height,
+        width=int(lens.width),
+        height=int(lens.height),
         warnings=tuple(_warnings(len(names), unregistered, pieces, error_share)),
     )
 

@@ -1,4 +1,4 @@
-"""The photographs as COLMAP is given them: upright PNGs of one size, named by their position."""
+"""The photographs as COLMAP is given them: upright PNGs, named by their position."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,28 +11,29 @@ import numpy as np
 from jaxtyping import UInt8
 
 from styletrf.colmap import pycolmap
+from styletrf.heif_images import HEIF_SUFFIXES, heif_focal_px
 from styletrf.photographs import read_photograph
 from styletrf.progress import Progress
 from styletrf.scene_capture import Capture
 
+Image = UInt8[np.ndarray, "height width 3"]
 Lenses = Literal["auto", "one", "each"]
 _ONE_SETTING = 1.03  # ratio of focal lengths, up to which they are one
 
 
 @dataclass(frozen=True, slots=True)
 class ColmapImages:
-    """A folder of PNGs of `width` x `height`, and by which lens setting each was taken."""
+    """A folder of PNGs, the longest side of them all, and with which lens each was taken."""
 
     folder: Path
     files: tuple[str, ...]
-    width: int
-    height: int
+    long_side: int
     lenses: tuple["LensSetting", ...]
 
 
 @dataclass(frozen=True, slots=True)
 class LensSetting:
-    """Photographs taken with one focal length, which is known or not."""
+    """Photographs of one size taken with one focal length, which is known or not."""
 
     files: tuple[str, ...]
     focal_prior_px: float | None
@@ -48,40 +49,50 @@ def prepare_images(
 ) -> ColmapImages:
     """Writes the photographs of a capture into `folder`, upright and at most so large.
 
-    With `auto` lenses, photographs whose EXIF tells focal lengths more than 3 % apart were taken
-    with several lens settings; those that tell none are of the commonest.
+    Photographs of different sizes were taken with different lens settings. With `auto` lenses, so
+    were photographs of one size whose EXIF names focal lengths more than 3 % apart; those that
+    name none are of the commonest.
     """
     folder.mkdir(parents=True)
-    first, total = capture.photographs[0], len(capture.photographs)
-    scale = min(1.0, max_long_side / max(first.width, first.height))
-    width, height = max(1, round(first.width * scale)), max(1, round(first.height * scale))
+    total = len(capture.photographs)
     files = tuple(f"{index:06d}.png" for index in range(total))
+    sizes, focals_px = [], []
     for index, (photograph, file) in enumerate(zip(capture.photographs, files, strict=True)):
         progress(index, total)
-        image = read_photograph(capture_dir / "images" / photograph.file)
-        if scale < 1:
-            image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
+        path = capture_dir / "images" / photograph.file
+        image = _at_most(read_photograph(path), max_long_side)
         write_png(folder / file, image, compression=1)
+        sizes.append((image.shape[1], image.shape[0]))
+        focals_px.append(_focal_from_exif(path, max(image.shape)))
     progress(total, total)
-    focals_px = [
-        _focal_told(capture_dir / "images" / photograph.file, max(width, height))
-        for photograph in capture.photographs
-    ]
-    return ColmapImages(folder, files, width, height, lens_settings(files, focals_px, lenses))
+    settings = lens_settings(files, sizes, focals_px, lenses)
+    return ColmapImages(folder, files, max(map(max, sizes)), settings)
+
+
+def _at_most(
+    image: Image, max_long_side: int
+) -> UInt8[np.ndarray, "reduced_height reduced_width 3"]:
+    """Returns the image, reduced by area where its longer side is above the bound."""
+    height, width = image.shape[:2]
+    scale = max_long_side / max(width, height)
+    if scale >= 1:
+        return image
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
 def lens_settings(
-    files: Sequence[str], focals_px: Sequence[float | None], lenses: Lenses
+    files: Sequence[str],
+    sizes: Sequence[tuple[int, int]],
+    focals_px: Sequence[float | None],
+    lenses: Lenses,
 ) -> tuple[LensSetting, ...]:
     """Returns which photographs share a lens setting, and each setting's median focal length."""
     if lenses == "each":
         groups = [[k] for k in range(len(files))]
     else:
-        told = sorted((f, k) for k, f in enumerate(focals_px) if f is not None)
-        groups = [[k for _, k in run] for run in _runs(told)] if lenses == "auto" else []
-        groups = groups if len(groups) > 1 else [[k for _, k in told]]
-        commonest = max(groups, key=len)
-        commonest += [k for k, f in enumerate(focals_px) if f is None]
+        of_sizes = [[k for k, s in enumerate(sizes) if s == size] for size in sorted({*sizes})]
+        groups = [g for same in of_sizes for g in _of_one_size(same, focals_px, lenses)]
     return tuple(
         LensSetting(
             tuple(files[k] for k in sorted(group)),
@@ -91,10 +102,21 @@ def lens_settings(
     )
 
 
-def _runs(told: Sequence[tuple[float, int]]) -> list[list[tuple[float, int]]]:
+def _of_one_size(
+    photographs: Sequence[int], focals_px: Sequence[float | None], lenses: Lenses
+) -> list[list[int]]:
+    """Returns the photographs, all of one size, in groups of one focal length."""
+    known = sorted((f, k) for k in photographs if (f := focals_px[k]) is not None)
+    groups = [[k for _, k in run] for run in _runs(known)] if lenses == "auto" else []
+    groups = groups if len(groups) > 1 else [[k for _, k in known]]
+    max(groups, key=len).extend(k for k in photographs if focals_px[k] is None)
+    return groups
+
+
+def _runs(known: Sequence[tuple[float, int]]) -> list[list[tuple[float, int]]]:
     """Returns ascending focal lengths cut where one is more than 3 % above the last."""
     runs: list[list[tuple[float, int]]] = []
-    for focal, k in told:
+    for focal, k in known:
         if not runs or focal > _ONE_SETTING * runs[-1][-1][0]:
             runs.append([])
         runs[-1].append((focal, k))
@@ -105,8 +127,8 @@ def _median(values: Sequence[float]) -> float | None:
     return float(np.median(values)) if values else None
 
 
-def _focal_told(path: Path, long_side: int) -> float | None:
-    """Returns the focal length that EXIF tells, in pixels of an image so large.
+def _focal_from_exif(path: Path, long_side: int) -> float | None:
+    """Returns the focal length that EXIF names, in pixels of an image so large.
 
     It is asked of the user's own files: the upright copies carry none.
     """
@@ -114,10 +136,10 @@ def _focal_told(path: Path, long_side: int) -> float | None:
         lens = pycolmap.infer_camera_from_image(path)
         if lens.has_prior_focal_length:
             return float(lens.mean_focal_length() * long_side / max(lens.width, lens.height))
-    return None
+    return heif_focal_px(path, long_side) if path.suffix.lower() in HEIF_SUFFIXES else None
 
 
-def write_png(path: Path, image: UInt8[np.ndarray, "height width 3"], compression: int) -> None:
+def write_png(path: Path, image: Image, compression: int) -> None:
     """Writes an RGB image; zlib's `compression` from 0 to 9. The same image, the same bytes."""
     bgr = np.ascontiguousarray(image[..., ::-1])
     _, encoded = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, compression])

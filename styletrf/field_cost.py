@@ -22,6 +22,7 @@ from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import Kernels
 from styletrf.occupancy import unless_nowhere, voxels_along
 from styletrf.scene_model import SceneModel
+from styletrf.view_images import Image
 
 _ITERATIONS = 5
 _NEIGHBOURHOOD = 7  # voxels about a point that may be occupied
@@ -39,7 +40,7 @@ class FieldCost:
 def field_cost(
     model: SceneModel,
     cameras: Sequence[Camera],
-    images: UInt8[Tensor, "views height width 3"],
+    images: Sequence[Image],
     points_grid: Float[np.ndarray, "points 3"],
     config: FieldTrainingConfig,
     kernels: Kernels,
@@ -47,7 +48,9 @@ def field_cost(
     """Returns what fitting the model costs; the iterations are thrown away."""
     brief = replace(config, upsample_at=(), iterations=_ITERATIONS + 1, occupancy_every=1 << 30)
     trainer = FieldTrainer(cameras, images, model.space, model.resolution, brief, kernels)
-    trainer.field.density.occupancy = voxels_about(points_grid, model.resolution).to(images.device)
+    trainer.field.density.occupancy = voxels_about(points_grid, model.resolution).to(
+        images[0].device
+    )
     trainer.step()  # compiles
     seconds = []
     for _ in range(_ITERATIONS):

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from styletrf.cameras import Camera
@@ -33,13 +33,14 @@ from styletrf.space import Space, ViewRays
 from styletrf.sparse_depth import SparseDepths, depth_loss
 from styletrf.training_guard import iteration_stages
 from styletrf.training_schedule import decay, march_step, stage_resolution
+from styletrf.view_images import Image, view_images
 
 _LOGGER = logging.getLogger(__name__)
 
 
 def train_field(
     cameras: Sequence[Camera],
-    images: UInt8[Tensor, "views height width 3"],
+    images: Iterable[Image],
     space: Space,
     resolution: tuple[int, int, int],
     config: FieldTrainingConfig,
@@ -89,7 +90,7 @@ class FieldTrainer:
     def __init__(
         self,
         cameras: Sequence[Camera],
-        images: Tensor,
+        images: Iterable[Image],
         space: Space,
         resolution: tuple[int, int, int],
         config: FieldTrainingConfig,
@@ -99,18 +100,19 @@ class FieldTrainer:
         depths: SparseDepths | None = None,
     ) -> None:
         config = replace(config, field=config.field.in_space(space.kind))
-        self.config, self.kernels, self.images = config, kernels, images
+        self.config, self.kernels, self.images = config, kernels, view_images(images)
+        device = self.images.device
         self.checkpoint_dir, self.iteration = checkpoint_dir, 0
         self.cameras, self.space, self.final_resolution = cameras, space, resolution
         self.generator = torch.Generator().manual_seed(config.seed)
         coarse = self._resolution(stage=0)
-        self.field = RadianceField(config.field, coarse, self.generator).to(images.device)
+        self.field = RadianceField(config.field, coarse, self.generator).to(device)
         self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
         self.curve: list[CurvePoint] = []
         self.begin_stage()
-        self.free = None if free is None else free.to(images.device)
-        self.depths = None if depths is None else depths.to(images.device)
-        set_occupancy(self.field.density, known_occupancy(self.free).to(images.device))
+        self.free = None if free is None else free.to(device)
+        self.depths = None if depths is None else depths.to(device)
+        set_occupancy(self.field.density, known_occupancy(self.free).to(device))
         self._begin_with_background()
         if checkpoint_dir is not None:
             restore_fit(checkpoint_dir, self)
@@ -151,13 +153,12 @@ class FieldTrainer:
     def loss(self, field: RadianceField) -> float:
         """Returns the mean squared error of a field at pixels that are always the same."""
         generator = torch.Generator().manual_seed(self.config.seed)
-        n_pixels = self.images.shape[:3].numel()
-        pixels = torch.randint(n_pixels, (LOSS_RAYS,), generator=generator).to(self.images.device)
+        pixels = torch.randint(len(self.images), (LOSS_RAYS,), generator=generator)
         rays = ViewRays(
             self.cameras, self.space.within(field.bounds), field.step_length, self.images.device
         )
         config = RenderConfig(self.config.termination, self.config.min_weight)
-        segments, target = pixel_rays(rays, self.images, pixels)
+        segments, target = pixel_rays(rays, self.images, pixels.to(self.images.device))
         color = render_rays(field, self.kernels, segments, config).color
         loss = (color - target).square().mean()
         self.require_finite([("loss of the finished field", loss)])
@@ -193,8 +194,7 @@ class FieldTrainer:
             self.field.appearance.background.copy_(torch.logit(color))
 
     def _draw(self, rays: int) -> tuple[Segments, Float[Tensor, "rays 3"]]:
-        n_pixels = self.images.shape[:3].numel()
-        pixels = torch.randint(n_pixels, (rays,), generator=self.generator)
+        pixels = torch.randint(len(self.images), (rays,), generator=self.generator)
         return pixel_rays(self.rays, self.images, pixels.to(self.images.device))
 
     def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:

@@ -27,6 +27,7 @@ from styletrf.progress import Progress, silent
 from styletrf.ray_cache import RayCache, march_once
 from styletrf.space import Space, ViewRays
 from styletrf.training_guard import batch_stages
+from styletrf.view_images import ViewImages, view_images
 
 ImageLoss = Callable[[Tensor, Tensor], Tensor]
 """From a render and the unpainted render, `1 3 height width`, to a loss."""
@@ -80,10 +81,11 @@ def adapt_to_image_loss(
     """
     plain, painted = views
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
+    images = view_images(plain)
     optimizer = optimizer_of(field.appearance, adaptation)
     curve, started = [], time.monotonic()
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
-        cache = _view_cache(field, rays, plain, view, adaptation, kernels)
+        cache = _view_cache(field, rays, images, view, adaptation, kernels)
         shape = plain.shape[1:]
         target = painted[view].float() / 255
         held = partial(_with_colors_held, image_loss, target, config.color_weight)
@@ -137,13 +139,11 @@ def _with_colors_held(
 
 
 def _view_cache(
-    field: RadianceField, rays: ViewRays, plain: Tensor, view: int, config: AdaptationConfig,
+    field: RadianceField, rays: ViewRays, plain: ViewImages, view: int, config: AdaptationConfig,
     kernels: Kernels,
 ) -> RayCache:  # fmt: skip
-    pixels = plain.shape[1] * plain.shape[2]
-    draws = torch.arange(view * pixels, (view + 1) * pixels)
     return march_once(
-        field, rays, plain, draws, kernels, min_weight=config.min_weight,
+        field, rays, plain, plain.of_view(view), kernels, min_weight=config.min_weight,
         termination=config.termination, cache_bytes=1 << 62,
     )  # fmt: skip
 

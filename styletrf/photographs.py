@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import UInt8
 
 from styletrf.errors import InputError
+from styletrf.heif_images import HEIF_SUFFIXES, heif_pixels
 
-PHOTOGRAPH_SUFFIXES = frozenset(
+PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
     [
         ".bmp",
         ".jp2",
@@ -32,11 +33,9 @@ PHOTOGRAPH_SUFFIXES = frozenset(
         ".webp",
     ]
 )
-"""What OpenCV decodes faithfully. (Its AVIF loses the scale of 10 and 12 bits.)"""
+"""What OpenCV decodes faithfully, and what phones write. (OpenCV's AVIF loses 10 and 12 bits.)"""
 
-CAMERA_SUFFIXES = frozenset(
-    [".arw", ".avif", ".cr2", ".cr3", ".dng", ".heic", ".heif", ".nef", ".orf", ".raf", ".rw2"]
-)
+CAMERA_SUFFIXES = frozenset([".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2"])
 """Photographs too, but ones that have to be converted first."""
 
 VIDEO_SUFFIXES = frozenset([".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm"])
@@ -53,9 +52,10 @@ _STANDARD_ERROR = threading.Lock()
 
 
 def list_photographs(folder: Path) -> list[Path]:
-    """Returns the photographs in a folder by suffix, in natural order (`2.jpg` before `10.jpg`).
+    """Returns the photographs below a folder by suffix, in natural order (`2.jpg` before `10.jpg`).
 
-    Hidden files, folders and files that are no images are passed over.
+    Hidden files and folders, files that are no images, masks (`masks`) and the reduced copies that
+    published scenes have (`images_4`) are passed over.
 
     Raises:
         InputError: The folder is missing, or holds fewer than three photographs, or one whose
@@ -63,13 +63,21 @@ def list_photographs(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise InputError(str(folder), "there is no such folder", "Put the photographs there")
-    files = [path for path in folder.iterdir() if path.is_file() and path.name[0] != "."]
+    files = [path for path in folder.rglob("*") if path.is_file() and _counts(path, folder)]
     photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
     if len(photographs) < FEWEST_PHOTOGRAPHS:
         raise InputError(str(folder), _too_few(len(photographs), files), _MORE_PHOTOGRAPHS)
     for path in photographs:
         require_readable_name(path.name)
-    return sorted(photographs, key=lambda path: natural_order(path.name))
+    return sorted(photographs, key=lambda path: natural_order(str(path.relative_to(folder))))
+
+
+def _counts(path: Path, folder: Path) -> bool:
+    """Returns whether a file below the folder is neither hidden nor in a folder of other images."""
+    *folders, name = path.relative_to(folder).parts
+    return not any(part[0] == "." for part in [*folders, name]) and not any(
+        _OTHER_IMAGES.fullmatch(part) for part in folders
+    )
 
 
 def require_readable_name(name: str) -> None:
@@ -85,6 +93,7 @@ def require_readable_name(name: str) -> None:
         raise InputError(told, "its name is not in UTF-8", "Rename it") from error
 
 
+_OTHER_IMAGES = re.compile(r"masks|images_\d+", re.IGNORECASE)
 _MORE_PHOTOGRAPHS = (
     f"At least {FEWEST_PHOTOGRAPHS} overlapping photographs of the place are needed, better 20 "
     "or more, as JPEG or PNG files"
@@ -117,7 +126,11 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
     except OSError as error:
         problem = f"cannot be read ({error.strerror})"
         raise InputError(str(path), problem, "Check the file and its permissions") from error
-    pixels = _decoded(encoded)
+    if path.suffix.lower() in HEIF_SUFFIXES:
+        rgb = heif_pixels(encoded)
+        pixels = None if rgb is None else rgb[..., [2, 1, 0, 3][: rgb.shape[2]]]
+    else:
+        pixels = _decoded(encoded)
     if pixels is None:
         problem = "is empty" if not encoded else "is cut short, damaged, or no image"
         raise InputError(str(path), problem, "Copy it again from where it came, or remove it")

@@ -65,7 +65,7 @@ def judges_named(config: QualityConfig, weights: Path, device: torch.device) -> 
 def measure_quality(
     renders: Iterable[Rendering],
     cameras: Sequence[Camera],
-    photographs: UInt8[Tensor, "views height width 3"],
+    photographs: Iterable[UInt8[Tensor, "height width 3"]],
     judges: Mapping[str, Judge],
     picture_folder: Path,
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.appearance import Coloring
@@ -12,6 +12,7 @@ from styletrf.field import RadianceField
 from styletrf.kernels import Kernels, Samples
 from styletrf.pixel_rays import pixel_rays
 from styletrf.space import ViewRays
+from styletrf.view_images import ViewImages
 from styletrf.weight_sharpening import sharpened
 
 _MARCHED_AT_ONCE = 1 << 15
@@ -98,7 +99,7 @@ class RayCache:
 def march_once(
     field: RadianceField,
     rays: ViewRays,
-    images: UInt8[Tensor, "views height width 3"],
+    images: ViewImages,
     draws: Int64[Tensor, " rays"],
     kernels: Kernels,
     *,
@@ -113,7 +114,7 @@ def march_once(
         field: Whose density is marched through.
         rays: Through the pixels of the images.
         images: Of which the rays should have the colours.
-        draws: The pixels, counted through all views.
+        draws: The pixels by their numbers.
         kernels: The form to compute with.
         min_weight: Samples lighter than this are not kept.
         termination: See `RenderConfig`.

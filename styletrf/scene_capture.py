@@ -1,18 +1,24 @@
-"""A scene's photographs, checked and kept as they are: exact copies and `capture.json`."""
+"""A scene's photographs, checked and kept as they are: exact copies and `capture.json`.
+
+A photograph that is damaged is left out with a warning while enough of them are whole.
+"""
 
 import hashlib
 import json
 import logging
+import os
 import shutil
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from styletrf.errors import InputError
 from styletrf.given_poses import GivenPoses, GivenView, read_given_poses, write_given_poses
 from styletrf.photographs import (
     CAMERA_SUFFIXES,
+    FEWEST_PHOTOGRAPHS,
     PHOTOGRAPH_SUFFIXES,
     list_photographs,
     natural_order,
@@ -29,9 +35,15 @@ GIVEN_POSES = "given_poses.json"
 
 @dataclass(frozen=True, slots=True)
 class CaptureConfig:
-    """Of a video, at most `video_frames` frames are taken for photographs."""
+    """Which photographs are taken.
+
+    Args:
+        video_frames: Of a video, at most so many frames.
+        leave_out: Names of photographs, or patterns such as `IMG_00*`, that are not taken.
+    """
 
     video_frames: int = 60
+    leave_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +60,18 @@ class Photograph:
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """A scene's photographs in natural order, all of one size, and what is odd about them."""
+    """A scene's photographs in natural order, and what is odd about them."""
 
     photographs: tuple[Photograph, ...]
     warnings: tuple[str, ...]
 
 
 def capture_photographs(
-    folder: Path, out_dir: Path, progress: Progress = silent, given: GivenPoses | None = None
+    folder: Path,
+    out_dir: Path,
+    progress: Progress = silent,
+    given: GivenPoses | None = None,
+    leave_out: Sequence[str] = (),
 ) -> Capture:
     """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
 
@@ -65,22 +81,25 @@ def capture_photographs(
     photographs alone are taken, and `given_poses.json` is written.
 
     Raises:
-        InputError: One for all that is wrong: too few photographs, unreadable or damaged ones,
-            different sizes. Nothing is written then.
+        InputError: One for all that is wrong: too few photographs, or fewer than half of them
+            that can be read, or nothing to leave out by such a name. Nothing is written then.
     """
     files = [view.file for view in given.views] if given else list_photographs(folder)
+    files = _without(files, leave_out)
     stored = _stored_names(files)
-    photographs, problems = _examined(files, stored, progress)
-    problems += _different_sizes(photographs)
-    if problems:
-        remedy = "Replace or remove these files; all photographs must be of one size"
-        raise InputError(str(folder), "; ".join(problems), remedy)
+    examined, problems = _examined(files, stored, progress)
+    photographs = list(examined.values())
+    if len(photographs) < max(FEWEST_PHOTOGRAPHS, len(files) / 2):
+        remedy = "Replace these files"
+        problem = "; ".join(problems) or f"only {len(photographs)} photographs are left"
+        raise InputError(str(folder), problem, remedy)
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
-    for file, name in zip(files, stored, strict=True):
-        shutil.copyfile(file, out_dir / "images" / name)
-    warnings = _warnings(folder, photographs)
+    for file, photograph in examined.items():
+        shutil.copyfile(file, out_dir / "images" / photograph.file)
+    warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder, photographs)
     if given:
-        named = {p.name: view for p, view in zip(photographs, given.views, strict=True)}
+        views = {view.file: view for view in given.views}
+        named = {photograph.name: views[file] for file, photograph in examined.items()}
         write_given_poses(out_dir / GIVEN_POSES, given.source.name, named)
         warnings += _warnings_of_poses(folder, given)
     capture = Capture(tuple(photographs), tuple(warnings))
@@ -105,10 +124,28 @@ def read_capture(capture_dir: Path) -> Capture:
 
 
 def _stored_names(files: Sequence[Path]) -> list[str]:
-    """Returns the file names; with their folder's before them where any two would clash."""
+    """Returns the file names; with their folders' before them where any two would clash."""
     if len({file.name.casefold() for file in files}) == len(files):
         return [file.name for file in files]
-    return [f"{file.parent.name}_{file.name}" for file in files]
+    common = Path(os.path.commonpath(files))
+    return ["_".join(file.relative_to(common).parts) for file in files]
+
+
+def _without(files: Sequence[Path], patterns: Sequence[str]) -> list[Path]:
+    """Returns the files whose names no pattern matches, with or without the suffix.
+
+    Raises:
+        InputError: A pattern matches none.
+    """
+    for pattern in patterns:
+        if not any(_matches(file, pattern) for file in files):
+            problem = "is to be left out, and no photograph has such a name"
+            raise InputError(f"leave_out {pattern!r}", problem, "Check the name")
+    return [file for file in files if not any(_matches(file, pattern) for pattern in patterns)]
+
+
+def _matches(file: Path, pattern: str) -> bool:
+    return fnmatchcase(file.name, pattern) or fnmatchcase(file.stem, pattern)
 
 
 def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:
@@ -119,9 +156,10 @@ def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:
 
 def _examined(
     files: Sequence[Path], stored: Sequence[str], progress: Progress
-) -> tuple[list[Photograph], list[str]]:
+) -> tuple[dict[Path, Photograph], list[str]]:
+    """Returns the photographs that can be read, by their files, and what ails the others."""
     names = _unique_names(stored)
-    photographs, problems = [], []
+    photographs, problems = {}, []
     for done, (file, file_name, name) in enumerate(zip(files, stored, names, strict=True)):
         progress(done, len(files))
         try:
@@ -131,7 +169,7 @@ def _examined(
             continue
         data = file.read_bytes()
         sha256 = hashlib.sha256(data).hexdigest()
-        photographs.append(Photograph(name, file_name, width, height, len(data), sha256))
+        photographs[file] = Photograph(name, file_name, width, height, len(data), sha256)
     progress(len(files), len(files))
     return photographs, problems
 
@@ -140,19 +178,6 @@ def _unique_names(files: Sequence[str]) -> list[str]:
     stems = [Path(file).stem for file in files]
     clash = len({stem.casefold() for stem in stems}) < len(stems)
     return list(files) if clash else stems
-
-
-def _different_sizes(photographs: Sequence[Photograph]) -> list[str]:
-    """Returns the problem, naming the photographs that are not of the commonest size."""
-    by_size = defaultdict(list)
-    for photograph in photographs:
-        by_size[photograph.width, photograph.height].append(photograph.file)
-    if len(by_size) < 2:
-        return []
-    sizes = sorted(by_size, key=lambda size: (-len(by_size[size]), size))
-    told = [f"{len(by_size[sizes[0]])} of {sizes[0][0]}x{sizes[0][1]}"]
-    told += [f"{w}x{h} ({_told(by_size[w, h])})" for w, h in sizes[1:]]
-    return ["the photographs differ in size: " + ", ".join(told)]
 
 
 def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:

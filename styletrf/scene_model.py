@@ -22,6 +22,7 @@ from styletrf.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.placement import Looking, Placement
 from styletrf.space import Space
 from styletrf.surroundings import surroundings
+from styletrf.typical_view import typical_view
 from styletrf.view_dependence import ENOUGH_POINTS, LEAST_SHARE, ViewDependence
 
 Shading = Literal["network", "plain"]
@@ -109,7 +110,7 @@ def decide_scene_model(
     placement = _placed(cameras, points_world, config, explained)
     shading, evidence = _shading(config, dependence)
     placement = replace(placement, evidence=placement.evidence | {"shading": evidence})
-    view = fitted_to(cameras[0], config.image_long_side)
+    view = fitted_to(typical_view(cameras), config.image_long_side)
     model = _sized(placement, view, shading, config.max_voxels)
     made_of = f"of {len(cameras)} cameras and {len(points_world)} points"
     require_finite("scene model", made_of, _numbers(model))

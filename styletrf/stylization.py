@@ -85,7 +85,7 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
         cameras=cameras,
         depths=[image.depth for image in priors],
         plain=torch.stack(plain).to(device),
-        painted=load_views(inputs["stylized"] / "frames", cameras).to(device),
+        painted=torch.stack(load_views(inputs["stylized"] / "frames", cameras, device)),
         kernels=kernels_for(device),
         style=style,
         match=match,

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from styletrf.cameras import Camera
 from styletrf.scene_model import SceneModel
+from styletrf.typical_view import typical_view
 from styletrf.walk import along_the_walk
 
 Points = Float[np.ndarray, "frames 3"]
@@ -43,7 +44,7 @@ class TrajectoryConfig:
 def fly_through(
     cameras: Sequence[Camera], model: SceneModel, config: TrajectoryConfig
 ) -> list[Camera]:
-    """Returns a closed, smooth path for the scene, with the intrinsics of its first camera.
+    """Returns a closed, smooth path for the scene, with the intrinsics of a typical photograph.
 
     Args:
         cameras: The photographs' cameras in the normalised world, at the working size.
@@ -56,13 +57,13 @@ def fly_through(
         waves = np.stack([np.cos(across), -np.sin(across), -np.sin(phases)], axis=-1)
         centers = _before_the_scene(cameras, waves, config.spread)
     elif model.looking == "along":
-        return _facing(*along_the_walk(cameras, config.frames, back=True), cameras[0])
+        return _facing(*along_the_walk(cameras, config.frames, back=True), typical_view(cameras))
     else:
         ring = _ring(cameras, model)
         to_and_fro = 0.5 + 0.5 * config.spread * np.sin(phases)
         along = phases / (2 * np.pi) if ring.closed else to_and_fro
         centers = ring.points(along, 0.5 + 0.5 * config.spread * np.sin(2 * phases))
-    return _looking(centers, cameras[0], model)
+    return _looking(centers, typical_view(cameras), model)
 
 
 def prior_views(
@@ -80,13 +81,13 @@ def prior_views(
         seeds *= np.sqrt((index + 0.5) / config.frames)[:, None]
         centers = _before_the_scene(cameras, seeds, config.spread)
     elif model.looking == "along":
-        return _facing(*along_the_walk(cameras, config.frames, back=False), cameras[0])
+        return _facing(*along_the_walk(cameras, config.frames, back=False), typical_view(cameras))
     else:
         ring = _ring(cameras, model)
         even = (index + 0.5) / config.frames
         along = even if ring.closed else 0.5 + config.spread * (even - 0.5)
         centers = ring.points(along, 0.5 + config.spread * (index % 2 - 0.5))
-    return _looking(centers, cameras[0], model)
+    return _looking(centers, typical_view(cameras), model)
 
 
 def look_at(

@@ -26,7 +26,8 @@ _NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
 def find_scene(data_root: Path, name: str) -> Path:
     """Returns the folder of a scene's photographs, or the one video of it.
 
-    The folder is `data_root/scenes/NAME/images`, or, without `images`, `NAME` itself; the video
+    The folder is `data_root/scenes/NAME/images`, or, without `images`, `NAME` itself, with the
+    photographs in it or in folders in it; the video
     lies in one of them, or is `data_root/scenes/NAME.mp4` (or .mov and so on).
 
     Raises:
@@ -46,8 +47,9 @@ def find_scene(data_root: Path, name: str) -> Path:
         raise InputError(f"scene {name!r}", f"has several videos: {told}", "Leave one")
     if videos or folder.name == "images":
         return videos[0] if videos else folder
-    if (folder / "transforms_train.json").exists() or (folder / "transforms.json").exists():
-        return folder  # whose photographs lie where these say
+    has_transforms = any((folder / f"transforms{part}.json").exists() for part in ("", "_train"))
+    if has_transforms or _of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES):
+        return folder  # photographs lie where the transforms say, or in folders
     existing = [
         path.stem
         for path in scenes.glob("*")

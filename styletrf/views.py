@@ -1,10 +1,9 @@
-"""A scene's photographs as a tensor, and which of them are held out."""
+"""A scene's photographs as tensors, and which of them are held out."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
-import numpy as np
 import torch
 from jaxtyping import UInt8
 from torch import Tensor
@@ -13,19 +12,22 @@ from styletrf.cameras import Camera
 from styletrf.given_poses import GivenView
 from styletrf.images import read_rgb, to_integers
 
+CPU = torch.device("cpu")
 HOLD_OUT_EVERY = 8  # LLFF's protocol: views 0, 8, 16, ... of the sorted names
 
 
-def load_views(folder: Path, cameras: Sequence[Camera]) -> UInt8[Tensor, "views height width 3"]:
-    """Returns the cameras' images from `folder`, reduced to the cameras' size by pixel area."""
+def load_views(
+    folder: Path, cameras: Sequence[Camera], device: torch.device = CPU
+) -> list[UInt8[Tensor, "height width 3"]]:
+    """Returns the cameras' images from `folder`, reduced to each camera's size by pixel area."""
     views = []
     for camera in cameras:
         image = read_rgb(folder / f"{camera.name}.png")
         size = (camera.width, camera.height)
         if image.shape[1::-1] != size:
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        views.append(to_integers(image))
-    return torch.from_numpy(np.stack(views))
+        views.append(torch.from_numpy(to_integers(image)).to(device))
+    return views
 
 
 def held_out_names(cameras: Sequence[Camera], given: Mapping[str, GivenView]) -> set[str]:

@@ -54,7 +54,7 @@ class RadianceField(TunedStage):
         cameras = model.normalized(fitted)
         field, curve = train_field(
             cameras,
-            load_views(inputs["poses"] / "images", cameras).to(device),
+            load_views(inputs["poses"] / "images", cameras, device),
             model.space,
             model.resolution,
             configured(FieldTrainingConfig, {"field.shading": model.shading, **self.values()}),

@@ -9,7 +9,7 @@ import luigi
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
 from tasks.qualities import settings_for
-from tasks.scene import CameraPoses, SceneModel
+from tasks.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.showing import ShownStage
 from tasks.stage import GradedStage, Stage
 
@@ -27,8 +27,12 @@ class SceneReport(ShownStage, GradedStage):
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The cameras, and the model of the quality asked for."""
-        return {"poses": self.need(CameraPoses), "model": self.need(SceneModel)}
+        """The photographs, their cameras, and the model of the quality asked for."""
+        return {
+            "capture": self.need(SceneCapture),
+            "poses": self.need(CameraPoses),
+            "model": self.need(SceneModel),
+        }
 
     def identity_parameters(self) -> Mapping[str, object]:
         """The scene's name, which the page repeats."""
@@ -62,7 +66,6 @@ class SceneReport(ShownStage, GradedStage):
         from styletrf.scene_report import SceneReportContent
         from styletrf.survey import survey_scene
         from styletrf.survey_drawing import drawings
-        from styletrf.tables import read_summary
         from tasks.reporting import placed
 
         cameras = read_cameras(inputs["poses"] / "cameras.parquet")
@@ -79,7 +82,7 @@ class SceneReport(ShownStage, GradedStage):
         flagged = {view.name for view in survey.views if view.blurred or view.off_exposure}
         return SceneReportContent(
             scene=self.scene,
-            summary=placed(read_summary(inputs["poses"] / "poses.json")),
+            summary=placed(inputs["poses"], inputs["capture"]),
             survey=survey,
             unregistered=unregistered,
             neighbours=_neighbours(unregistered, [camera.name for camera in cameras]),
@@ -129,7 +132,7 @@ def _costs(poses: Path, decided: Any, device: Any, run: RunContext) -> dict[str,
         costs[quality] = field_cost(
             model,
             cameras,
-            load_views(poses / "images", cameras).to(device),
+            load_views(poses / "images", cameras, device),
             model.space.to_grid(transformed(model.normalized_from_world, xyz)),
             configured(
                 FieldTrainingConfig,

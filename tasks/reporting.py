@@ -9,6 +9,7 @@ from typing import Any
 from pipeline.record import ActionRecord
 from styletrf.curve_chart import Curve
 from styletrf.report import ReportContent, StageCost
+from styletrf.scene_capture import read_capture
 from styletrf.tables import read_rows, read_summary
 from tasks.command import main_command
 from tasks.measures import metric_tables, term
@@ -50,7 +51,7 @@ def report_content(
         scene=words["scene"],
         style=words["style"],
         quality=words["quality"],
-        summary=placed(read_summary(inputs["poses"] / "poses.json")),
+        summary=placed(inputs["poses"], inputs["capture"]),
         video=inputs["frames"] / "video.mp4",
         unstylized_video=inputs["trajectory"] / "video.mp4",
         poster=poster,
@@ -70,14 +71,15 @@ def report_content(
     )
 
 
-def placed(poses: Mapping[str, Any]) -> str:
-    """Returns how many photographs have a camera, and which have none."""
+def placed(poses_dir: Path, capture_dir: Path) -> str:
+    """Returns how many photographs have a camera, which have none, and what is odd about them."""
+    poses = read_summary(poses_dir / "poses.json")
     told = f"{poses['registered']} of {poses['total']} photographs placed"
     if poses["unregistered"]:
         told += f"; without a camera: {', '.join(poses['unregistered'])}"
     if len(poses["pieces"]) > 1:
         told += f"; they fall into {len(poses['pieces'])} pieces, of which the largest is used"
-    return f"{told}."
+    return ". ".join([told, *read_capture(capture_dir).warnings]) + "."
 
 
 def _tuning(quality: str, lineage: Sequence[ActionRecord]) -> dict[str, dict[str, Any]]:

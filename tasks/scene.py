@@ -42,7 +42,7 @@ class SceneCapture(TunedStage):
         )
         if found.is_dir():
             given = find_given_poses(scene_folder(found))
-            capture_photographs(found, out, run.progress, given)
+            capture_photographs(found, out, run.progress, given, config.leave_out)
         else:
             capture_video(found, out, config.video_frames, run.progress)
 

@@ -21,7 +21,7 @@ from tasks.field import RadianceField, TrajectoryFrames
 from tasks.graph import graph
 from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics
 from tasks.qualities import QUALITIES
-from tasks.scene import CameraPoses, SceneModel
+from tasks.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.showing import ShownStage
 from tasks.sources import is_source
 from tasks.stage import Stage, stages_with_settings
@@ -99,6 +99,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
             "frames": self.need(StylizedFrames),
             "trajectory": self.need(TrajectoryFrames),
             "style": self.need(StyleImage),
+            "capture": self.need(SceneCapture),
             "poses": self.need(CameraPoses),
             "field": self.need(RadianceField),
             "quality": self.need(QualityMetrics),

@@ -12,6 +12,7 @@ from styletrf.kernels import kernels_for
 from styletrf.ray_cache import march_once
 from styletrf.rendering import RenderConfig, render_rays
 from styletrf.space import ViewRays
+from styletrf.view_images import view_images
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -34,7 +35,7 @@ def test_the_cache_renders_what_the_field_renders(scene, field):
     cache = march_once(
         field,
         rays,
-        scene.images,
+        view_images(scene.images),
         draw,
         KERNELS,
         min_weight=0.0,
@@ -82,7 +83,14 @@ def test_the_cache_is_bounded_and_gone_through_again(scene, field):
     rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
     pixels = torch.arange(scene.images[..., 0].numel()).repeat(30)
     cache = march_once(
-        field, rays, scene.images, pixels, KERNELS, min_weight=2e-3, termination=1e-3, cache_bytes=1
+        field,
+        rays,
+        view_images(scene.images),
+        pixels,
+        KERNELS,
+        min_weight=2e-3,
+        termination=1e-3,
+        cache_bytes=1,
     )
     n = len(cache.opacity)
     assert n < len(pixels), "what exceeds the cache is not marched"
@@ -126,7 +134,7 @@ def test_unknown_parts_are_refused():
 def batch(scene, field):
     rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
     cache = march_once(
-        field, rays, 255 - scene.images, torch.arange(400), KERNELS,
+        field, rays, view_images(255 - scene.images), torch.arange(400), KERNELS,
         min_weight=0.0, termination=1e-3, cache_bytes=1 << 30,
     )  # fmt: skip
     return cache.batch(0, 400)

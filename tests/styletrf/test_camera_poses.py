@@ -182,3 +182,21 @@ def test_of_photographs_of_two_places_the_larger_set_is_used_and_the_others_name
     assert report.registered == 7
     assert set(report.unregistered) == {f"there{i}" for i in range(4)}
     assert any("without a camera: there0, there1" in warning for warning in report.warnings)
+
+
+def test_photographs_that_lie_stand_and_are_reduced_are_placed_together(tmp_path):
+    """Each keeps its shape; the lens of each size is found, without any word of it in the files."""
+    standing = pycolmap.Camera(
+        model="SIMPLE_RADIAL", width=180, height=240, params=[225.0, 90.0, 120.0, -0.06]
+    )
+    photographs = {}
+    for i, pose in enumerate(room_poses(12)):
+        image = room_view(pose, standing if i % 2 else LENS)
+        photographs[f"{i}.png"] = cv2.resize(image, (192, 144)) if i % 4 == 2 else image
+    capture, out = captured(tmp_path, photographs)
+    report = solve_camera_poses(capture, out, CameraPosesConfig())
+    assert (report.registered, report.lens_settings) == (12, 3)
+    for i, camera in enumerate(read_cameras(out / "cameras.parquet")):
+        height, width = photographs[f"{i}.png"].shape[:2]
+        assert (camera.width, camera.height) == (width, height)
+        assert camera.fx == pytest.approx(225.0 * (0.8 if i % 4 == 2 else 1.0), rel=0.08)

@@ -21,7 +21,7 @@ def synthetic(tmp_path):
     truth = pycolmap.synthesize_dataset(options, opened)
     opened.close()
     files = tuple(sorted(image.name for image in truth.images.values()))
-    return database, ColmapImages(tmp_path, files, 0, 0, (LensSetting(files, None),)), truth
+    return database, ColmapImages(tmp_path, files, 0, (LensSetting(files, None),)), truth
 
 
 @pytest.mark.parametrize("mapper", [map_globally, map_incrementally])
@@ -40,7 +40,7 @@ def test_matching_tells_its_progress_in_pairs(tmp_path):
     database, files = tmp_path / "colmap.db", [f"{i}.png" for i in range(20)]
     with_features(database, files)
     calls, pairs = [], all_pairs(20)
-    images = ColmapImages(tmp_path, tuple(files), 64, 64, (LensSetting(tuple(files), None),))
+    images = ColmapImages(tmp_path, tuple(files), 64, (LensSetting(tuple(files), None),))
     verified = match_pairs(database, images, pairs, 0, lambda *call: calls.append(call))
     assert verified == 0  # noise matches nothing
     assert calls[0] == (0, len(pairs))

@@ -14,6 +14,7 @@ from styletrf.kernels import kernels_for
 from styletrf.mixed_appearance import MixedAppearance
 from styletrf.ray_cache import march_once
 from styletrf.space import ViewRays
+from styletrf.view_images import view_images
 
 SHADING = pytest.mark.extremes("Shading")
 MIXTURES = pytest.mark.extremes("Mixed appearances")
@@ -87,7 +88,7 @@ def test_a_cache_keeps_the_light_of_its_rays(scale, min_weight, stability):
     field = RadianceField(replace(SMALL, density_scale=scale), (8, 8, 8), generator(0))
     rays = ViewRays(scene.cameras, scene.model.space, 0.1, CPU)
     cache = march_once(
-        field, rays, scene.images, torch.arange(400), KERNELS,
+        field, rays, view_images(scene.images), torch.arange(400), KERNELS,
         min_weight=min_weight, termination=0.0, cache_bytes=1 << 30,
     )  # fmt: skip
     batch = cache.batch(0, 400)

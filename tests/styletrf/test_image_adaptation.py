@@ -22,6 +22,7 @@ from styletrf.ray_cache import march_once
 from styletrf.rendering import RenderConfig
 from styletrf.space import ViewRays
 from styletrf.stylization import StylizationConfig
+from styletrf.view_images import view_images
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -44,7 +45,7 @@ def image_loss(image, plain):
 def test_tiles_give_the_gradient_of_the_whole(scene, field, monkeypatch):
     rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
     cache = march_once(
-        field, rays, scene.images, torch.arange(400), KERNELS,
+        field, rays, view_images(scene.images), torch.arange(400), KERNELS,
         min_weight=0.0, termination=0.0, cache_bytes=1 << 30,
     )  # fmt: skip
     monkeypatch.setattr("styletrf.image_adaptation._TILE", 150)

@@ -47,9 +47,7 @@ def walked(tmp_path, centers):
         )
         opened.write_descriptors(image.image_id, described)
     opened.close()
-    return database, ColmapImages(
-        tmp_path, tuple(files), 200, 150, (LensSetting(tuple(files), 150.0),)
-    )
+    return database, ColmapImages(tmp_path, tuple(files), 200, (LensSetting(tuple(files), 150.0),))
 
 
 def street(count):

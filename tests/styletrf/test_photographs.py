@@ -1,6 +1,8 @@
+import io
 import os
 import re
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_photographs import encoded, texture, with_exif
+from PIL import Image
 
 from styletrf.errors import InputError
 from styletrf.photographs import list_photographs, natural_order, read_photograph
@@ -66,8 +69,8 @@ def test_too_few_photographs_are_refused_with_their_number(tmp_path, count):
 
 
 def test_photographs_to_be_converted_are_told(tmp_path):
-    (tmp_path / "IMG_1.HEIC").touch()
-    with pytest.raises(InputError, match=r"\.heic files must be converted"):
+    (tmp_path / "IMG_1.NEF").touch()
+    with pytest.raises(InputError, match=r"\.nef files must be converted"):
         list_photographs(tmp_path)
 
 
@@ -196,3 +199,38 @@ def test_standard_error_is_given_back(tmp_path, capfd):
     refused(tmp_path, JPEG[: len(JPEG) // 2] + b"\xff\xd9")
     os.write(2, b"still here")
     assert capfd.readouterr().err == "still here"
+
+
+PHONE = Path(__file__).parent / "photographs" / "phone.heic"
+"""64 x 48 pixels, red in the upper left quarter, turned by EXIF to stand (orientation 6)."""
+
+
+def avif(pixels, orientation=1):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "AVIF", exif=exif.tobytes())
+    return file.getvalue()
+
+
+def test_a_telephones_photograph_stands_upright():
+    upright = read_photograph(PHONE)
+    assert upright.shape == (64, 48, 3)
+    upper_right = upright[2:30, 26:46].astype(int)
+    assert np.abs(upper_right - (255, 0, 0)).max() < 12
+
+
+def test_an_avif_photograph_stands_upright(tmp_path):
+    pixels = texture(48, 64)
+    (tmp_path / "a.avif").write_bytes(avif(pixels, orientation=6))
+    upright = read_photograph(tmp_path / "a.avif")
+    assert upright.shape == (64, 48, 3)
+    assert np.abs(upright.astype(int) - np.rot90(pixels, -1)).mean() < 8
+
+
+@pytest.mark.parametrize("encoded_file", [PHONE.read_bytes(), avif(texture(48, 64))])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.95])
+def test_a_damaged_file_of_a_telephone_is_refused(tmp_path, encoded_file, share):
+    (tmp_path / "a.heic").write_bytes(encoded_file[: int(share * len(encoded_file))])
+    with pytest.raises(InputError, match=r"a\.heic"):
+        read_photograph(tmp_path / "a.heic")

@@ -6,15 +6,32 @@ from mini_scene import SIZE, painted_plane
 from styletrf.cameras import pixel_centers
 from styletrf.pixel_rays import pixel_rays
 from styletrf.space import ViewRays
+from styletrf.view_images import view_images
 
 
 def test_pixels_are_counted_row_by_row_and_view_after_view():
     scene = painted_plane()
     rays = ViewRays(scene.cameras, scene.model.space, 0.1, torch.device("cpu"))
     of_view_2 = 2 * SIZE * SIZE + torch.arange(SIZE * SIZE)
-    segments, colors = pixel_rays(rays, scene.images, of_view_2)
+    segments, colors = pixel_rays(rays, view_images(scene.images), of_view_2)
     torch.testing.assert_close(colors.reshape(SIZE, SIZE, 3), scene.images[2].float() / 255)
     centers = torch.as_tensor(pixel_centers(SIZE, SIZE))
     expected = rays.segments(torch.full((SIZE * SIZE,), 2), centers)
     torch.testing.assert_close(segments.origins, expected.origins)
     torch.testing.assert_close(segments.directions, expected.directions)
+
+
+def test_views_of_different_sizes_are_counted_one_after_another():
+    scene = painted_plane()
+    sizes = [(3, 5), (5, 3), (1, 1)]
+    images = [torch.randint(256, (*size, 3), dtype=torch.uint8) for size in sizes]
+    packed = view_images(images)
+    for k, image in enumerate(images):
+        numbers = packed.of_view(k)
+        view, centers = packed.places(numbers)
+        assert (view == k).all()
+        expected = torch.as_tensor(pixel_centers(image.shape[1], image.shape[0]))
+        torch.testing.assert_close(centers, expected)
+        torch.testing.assert_close(packed.pixels[numbers], image.reshape(-1, 3))
+    assert len(packed) == sum(len(packed.of_view(k)) for k in range(len(images)))
+    assert len(scene.images) == len(view_images(scene.images).ends)

@@ -122,7 +122,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory, perceptual_file: Path) -
     images = root / "data/scenes/yard/images"
     for k, noise in enumerate(np.random.default_rng(0).random((STRAYS, 150, 200, 3))):
         write_rgb(images / f"stray{k}.png", noise.astype(np.float32))
-    (images / "phone.HEIC").touch()
+    (images / "raw.NEF").touch()
     (root / "data/styles").mkdir()
     for name in ("brush", "dots"):
         shutil.copy(ROOT / "data/styles" / f"{name}.jpg", root / "data/styles")
@@ -155,7 +155,7 @@ def test_what_is_odd_about_the_photographs_is_told(first: Run):
     named = "without a camera: stray0, stray1, stray2, stray3"
     warnings = [line.split(": warning: ") for line in first.screen.splitlines()]
     assert [(told[0].split()[0], told[1]) for told in warnings if len(told) > 1] == [
-        ("SceneCapture", "passed over, to be converted first: phone.HEIC"),
+        ("SceneCapture", "passed over, to be converted first: raw.NEF"),
         ("CameraPoses", f"only 12 of 16 photographs could be placed; {named}"),
     ]
     assert f"12 of 16 photographs placed; {named}." in first.report.read_text()

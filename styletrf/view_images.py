@@ -1,0 +1,66 @@
+"""The images of a set of views, each of its own size, as one list of pixels.
+
+Pixels have numbers: row by row, view after view. Rays are drawn by these numbers, so that every
+pixel of every photograph is drawn alike, whatever the sizes of the photographs.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int64, UInt8
+from torch import Tensor
+
+Image = UInt8[Tensor, "height width 3"]
+
+
+@dataclass(frozen=True, slots=True)
+class ViewImages:
+    """The pixels of all views; `ends` are their numbers after the last pixel of each view."""
+
+    pixels: UInt8[Tensor, "pixels 3"]
+    ends: Int64[Tensor, " views"]
+    widths: Int64[Tensor, " views"]
+
+    @property
+    def device(self) -> torch.device:
+        """Where the pixels are."""
+        return self.pixels.device
+
+    def __len__(self) -> int:
+        """The number of pixels."""
+        return len(self.pixels)
+
+    def of_view(self, view: int) -> Int64[Tensor, " pixels"]:
+        """Returns the numbers of one view's pixels."""
+        first = int(self.ends[view - 1]) if view else 0
+        return torch.arange(first, int(self.ends[view]), device=self.device)
+
+    def places(
+        self, pixels: Int64[Tensor, " rays"]
+    ) -> tuple[Int64[Tensor, " rays"], Float[Tensor, "rays 2"]]:
+        """Returns the view of each pixel, and its centre (x, y) in pixels of that view.
+
+        The centres are float64, as `ViewRays.segments` takes them.
+        """
+        view = torch.searchsorted(self.ends, pixels, right=True)
+        starts = torch.cat([self.ends.new_zeros(1), self.ends[:-1]])
+        within, width = pixels - starts[view], self.widths[view]
+        corner = torch.stack([within % width, within // width], dim=-1)
+        return view, corner.double() + 0.5
+
+
+def view_images(images: Iterable[Image]) -> ViewImages:
+    """Returns the images as one list of pixels, on their device.
+
+    Raises:
+        ValueError: There are no images.
+    """
+    of_views = list(images)
+    if not of_views:
+        raise ValueError("there are no images")
+    device = of_views[0].device
+    sizes = torch.tensor([image.shape[0] * image.shape[1] for image in of_views], device=device)
+    widths = torch.tensor([image.shape[1] for image in of_views], device=device)
+    pixels = torch.cat([image.reshape(-1, 3) for image in of_views])
+    return ViewImages(pixels, sizes.cumsum(0), widths)
