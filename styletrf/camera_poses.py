@@ -21,6 +21,7 @@ from styletrf.colmap_mapping import extract_features, log_to
 from styletrf.errors import InputError
 from styletrf.known_poses import map_known_poses
 from styletrf.mapping_choice import Mapping, map_images
+from styletrf.masks import MASKS
 from styletrf.photographs import FEWEST_PHOTOGRAPHS, read_photograph
 from styletrf.point_table import write_points
 from styletrf.progress import Progress, silent
@@ -102,8 +103,9 @@ def solve_camera_poses(
     """Finds the cameras of a capture and writes them, their points and undistorted images.
 
     `out_dir` receives `cameras.parquet` (the registered photographs in the capture's order, then
-    the names of the others), `points.parquet`, `images/<name>.png` and, last, `poses.json`. The
-    world is COLMAP's: its origin, axes and scale mean nothing.
+    the names of the others), `points.parquet`, `images/<name>.png`, `masks/<name>.png` of those
+    that have one, and, last, `poses.json`. The world is COLMAP's: its origin, axes and scale mean
+    nothing.
 
     Args:
         capture_dir: What `capture_photographs` wrote.
@@ -140,7 +142,7 @@ def solve_camera_poses(
         mapping.models[0].extract_colors_for_all_images(images.folder)
         files = dict(zip(images.files, names, strict=True))
         placed = placed_photographs(mapping.models[0], files)
-        _write_undistorted(out_dir / "images", images, placed, progress)
+        _write_undistorted(out_dir, images, placed, progress)
     report = _report(images, names, mapping, placed)
     cameras = [one.camera for one in placed]
     held_out = held_out_names(cameras, given[1] if given else {})
@@ -182,14 +184,17 @@ def _solve(
 
 
 def _write_undistorted(
-    folder: Path, images: ColmapImages, placed: Sequence[PlacedPhotograph], progress: Progress
+    out_dir: Path, images: ColmapImages, placed: Sequence[PlacedPhotograph], progress: Progress
 ) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
+    for folder in ("images", MASKS):
+        (out_dir / folder).mkdir(parents=True, exist_ok=True)
     for index, one in enumerate(placed):
         progress(index, len(placed))
-        photograph = read_photograph(images.folder / one.file)
-        pinhole = undistorted_image(photograph, one.lens, one.camera)
-        write_png(folder / f"{one.camera.name}.png", pinhole, compression=3)
+        sources = {"images": images.folder / one.file, MASKS: images.mask_of(one.file)}
+        for folder, source in sources.items():
+            if source is not None:
+                pinhole = undistorted_image(read_photograph(source), one.lens, one.camera)
+                write_png(out_dir / folder / f"{one.camera.name}.png", pinhole, compression=3)
     progress(len(placed), len(placed))
 
 

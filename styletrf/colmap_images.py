@@ -12,6 +12,7 @@ from jaxtyping import UInt8
 
 from styletrf.colmap import pycolmap
 from styletrf.heif_images import HEIF_SUFFIXES, heif_focal_px
+from styletrf.masks import MASKS
 from styletrf.photographs import read_photograph
 from styletrf.progress import Progress
 from styletrf.scene_capture import Capture
@@ -23,12 +24,21 @@ _ONE_SETTING = 1.03  # ratio of focal lengths, up to which they are one
 
 @dataclass(frozen=True, slots=True)
 class ColmapImages:
-    """A folder of PNGs, the longest side of them all, and with which lens each was taken."""
+    """A folder of PNGs, the longest side of them all, and with which lens each was taken.
+
+    Where some have masks, these are in a folder of their own.
+    """
 
     folder: Path
     files: tuple[str, ...]
     long_side: int
     lenses: tuple["LensSetting", ...]
+    masks: Path | None = None
+
+    def mask_of(self, file: str) -> Path | None:
+        """The mask of one of the files, or None; features are sought where it is white."""
+        mask = self.masks / f"{file}.png" if self.masks else None
+        return mask if mask and mask.exists() else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +61,11 @@ def prepare_images(
 
     Photographs of different sizes were taken with different lens settings. With `auto` lenses, so
     were photographs of one size whose EXIF names focal lengths more than 3 % apart; those that
-    name none are of the commonest.
+    name none are of the commonest. Masks go into a folder beside, named as COLMAP seeks them.
     """
     folder.mkdir(parents=True)
+    masks = folder.with_name(MASKS)
+    masks.mkdir()
     total = len(capture.photographs)
     files = tuple(f"{index:06d}.png" for index in range(total))
     sizes, focals_px = [], []
@@ -62,11 +74,16 @@ def prepare_images(
         path = capture_dir / "images" / photograph.file
         image = _at_most(read_photograph(path), max_long_side)
         write_png(folder / file, image, compression=1)
+        mask = capture_dir / MASKS / f"{photograph.name}.png"
+        if mask.exists():
+            reduced = _at_most(read_photograph(mask), max_long_side)
+            write_png(masks / f"{file}.png", reduced, compression=1)
         sizes.append((image.shape[1], image.shape[0]))
         focals_px.append(_focal_from_exif(path, max(image.shape)))
     progress(total, total)
     settings = lens_settings(files, sizes, focals_px, lenses)
-    return ColmapImages(folder, files, max(map(max, sizes)), settings)
+    some_masks = masks if any(masks.iterdir()) else None
+    return ColmapImages(folder, files, max(map(max, sizes)), settings, some_masks)
 
 
 def _at_most(

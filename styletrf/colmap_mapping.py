@@ -46,7 +46,7 @@ def extract_features(
     portion, total = 2 * (os.cpu_count() or 1), len(images.files)
     for start in range(0, total, portion):
         progress(start, total)
-        _describe(database, images.folder, images.files[start : start + portion], max_features)
+        _describe(database, images, images.files[start : start + portion], max_features)
     for setting in images.lenses:
         if setting.focal_prior_px is not None:
             _set_focal(database, setting.files[0], setting.focal_prior_px)
@@ -69,11 +69,21 @@ def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
         pycolmap.import_images(database, images.folder, mode, list(run), reader)
 
 
-def _describe(database: Path, folder: Path, files: Sequence[str], max_features: int) -> None:
+def _describe(
+    database: Path, images: ColmapImages, files: Sequence[str], max_features: int
+) -> None:
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features = max_features
+    reader = pycolmap.ImageReaderOptions()
+    if images.masks is not None:
+        reader.mask_path = images.masks
     pycolmap.extract_features(
-        database, folder, list(files), extraction_options=options, device=pycolmap.Device.cpu
+        database,
+        images.folder,
+        list(files),
+        reader_options=reader,
+        extraction_options=options,
+        device=pycolmap.Device.cpu,
     )
 
 

@@ -7,7 +7,7 @@ about them.
 import resource
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,7 +40,7 @@ class FieldCost:
 def field_cost(
     model: SceneModel,
     cameras: Sequence[Camera],
-    images: Sequence[Image],
+    images: Iterable[Image],
     points_grid: Float[np.ndarray, "points 3"],
     config: FieldTrainingConfig,
     kernels: Kernels,

@@ -153,12 +153,12 @@ class FieldTrainer:
     def loss(self, field: RadianceField) -> float:
         """Returns the mean squared error of a field at pixels that are always the same."""
         generator = torch.Generator().manual_seed(self.config.seed)
-        pixels = torch.randint(len(self.images), (LOSS_RAYS,), generator=generator)
+        pixels = self.images.drawn(LOSS_RAYS, generator)
         rays = ViewRays(
             self.cameras, self.space.within(field.bounds), field.step_length, self.images.device
         )
         config = RenderConfig(self.config.termination, self.config.min_weight)
-        segments, target = pixel_rays(rays, self.images, pixels.to(self.images.device))
+        segments, target = pixel_rays(rays, self.images, pixels)
         color = render_rays(field, self.kernels, segments, config).color
         loss = (color - target).square().mean()
         self.require_finite([("loss of the finished field", loss)])
@@ -194,8 +194,8 @@ class FieldTrainer:
             self.field.appearance.background.copy_(torch.logit(color))
 
     def _draw(self, rays: int) -> tuple[Segments, Float[Tensor, "rays 3"]]:
-        pixels = torch.randint(len(self.images), (rays,), generator=self.generator)
-        return pixel_rays(self.rays, self.images, pixels.to(self.images.device))
+        pixels = self.images.drawn(rays, self.generator)
+        return pixel_rays(self.rays, self.images, pixels)
 
     def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
         samples = self._trace(segments)

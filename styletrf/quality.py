@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
-from torch import Tensor
+from jaxtyping import Bool
 
 from styletrf.cameras import Camera
 from styletrf.finiteness import require_finite
 from styletrf.images import from_integers, write_rgb
 from styletrf.lpips_distance import lpips_judge
-from styletrf.metrics import Image, psnr, ssim
+from styletrf.metrics import Image, mean_squared_error, psnr, psnr_of_error, ssim
 from styletrf.perceptual_distance import Perception, perceptual_distance
 from styletrf.rendering import RenderConfig, Rendering
 from styletrf.vgg import REDUCTION, load_vgg
+from styletrf.view_images import Image as ViewImage
 
 Judge = Callable[[Image, Image], float]
 """What an image is worth against its reference."""
@@ -65,24 +65,38 @@ def judges_named(config: QualityConfig, weights: Path, device: torch.device) -> 
 def measure_quality(
     renders: Iterable[Rendering],
     cameras: Sequence[Camera],
-    photographs: Iterable[UInt8[Tensor, "height width 3"]],
+    photographs: Iterable[ViewImage],
     judges: Mapping[str, Judge],
     picture_folder: Path,
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
     """Returns a row of every judge's figure for each view, and the means.
 
-    Writes each render beside its photograph as `NAME.png`.
+    Writes each render beside its photograph as `NAME.png`. Pixels of alpha 0 do not count for
+    PSNR; other judges see the photograph there.
 
     Raises:
         NotFiniteError: A render or a figure is not, but for the infinite PSNR of equal pictures.
     """
     rows: list[dict[str, Any]] = []
     for camera, render, photograph in zip(cameras, renders, photographs, strict=True):
-        image, reference = render.color.numpy(), from_integers(photograph.numpy())
-        figures = {name: judge(image, reference) for name, judge in judges.items()}
+        reference = from_integers(np.ascontiguousarray(photograph[..., :3].numpy()))
+        image, counts = render.color.numpy(), _counts(photograph)
+        judged = np.where(counts[..., None], image, reference)
+        figures = {name: judge(judged, reference) for name, judge in judges.items()}
+        if "psnr" in figures:
+            figures["psnr"] = psnr_of_error(mean_squared_error(image, reference, counts))
         told = [(name, np.array(value)) for name, value in figures.items() if value != np.inf]
         require_finite("quality", f"in view {camera.name}", [("render", image), *told])
         rows.append({"view": camera.name} | figures)
         write_rgb(picture_folder / f"{camera.name}.png", np.concatenate([image, reference], axis=1))
     means = {name: float(np.mean([row[name] for row in rows])) for name in judges}
     return rows, means | {"views": float(len(rows))}
+
+
+def _counts(photograph: ViewImage) -> Bool[np.ndarray, "height width"]:
+    """Returns which pixels of a photograph count, by its alpha where it has one."""
+    whole = torch.ones(photograph.shape[:2], dtype=torch.bool)
+    counts: Bool[np.ndarray, "height width"] = (
+        photograph[..., 3] > 0 if photograph.shape[2] == 4 else whole
+    ).numpy()
+    return counts

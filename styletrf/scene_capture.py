@@ -16,6 +16,7 @@ from pathlib import Path
 
 from styletrf.errors import InputError
 from styletrf.given_poses import GivenPoses, GivenView, read_given_poses, write_given_poses
+from styletrf.masks import MASKS, find_masks, require_mask_of
 from styletrf.photographs import (
     CAMERA_SUFFIXES,
     FEWEST_PHOTOGRAPHS,
@@ -75,14 +76,16 @@ def capture_photographs(
 ) -> Capture:
     """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
 
-    `out_dir` receives `images/<file>` and, last, `capture.json` (see `read_capture`). A
+    `out_dir` receives `images/<file>`, `masks/<name>.png` of those that have one (see
+    `styletrf.masks`), and, last, `capture.json` (see `read_capture`). A
     photograph's `name` is its file name without the suffix, or with it where any two would clash.
     What is odd about them is logged as a warning, too. With poses that are `given`, their
     photographs alone are taken, and `given_poses.json` is written.
 
     Raises:
         InputError: One for all that is wrong: too few photographs, or fewer than half of them
-            that can be read, or nothing to leave out by such a name. Nothing is written then.
+            that can be read, a mask that is none, or nothing to leave out by such a name. Nothing
+            is written then.
     """
     files = [view.file for view in given.views] if given else list_photographs(folder)
     files = _without(files, leave_out)
@@ -93,9 +96,15 @@ def capture_photographs(
         remedy = "Replace these files"
         problem = "; ".join(problems) or f"only {len(photographs)} photographs are left"
         raise InputError(str(folder), problem, remedy)
+    masks = find_masks(folder, files)
+    for file in masks.keys() & examined.keys():
+        require_mask_of(masks[file], examined[file].width, examined[file].height)
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
+    (out_dir / MASKS).mkdir(exist_ok=True)
     for file, photograph in examined.items():
         shutil.copyfile(file, out_dir / "images" / photograph.file)
+        if file in masks:
+            shutil.copyfile(masks[file], out_dir / MASKS / f"{photograph.name}.png")
     warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder, photographs)
     if given:
         views = {view.file: view for view in given.views}

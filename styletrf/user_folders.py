@@ -10,6 +10,7 @@ from pathlib import Path
 from styletrf.content_sources import CONTENT_SUFFIXES
 from styletrf.errors import InputError
 from styletrf.known_scenes import how_to_get
+from styletrf.masks import find_masks
 from styletrf.photographs import (
     PHOTOGRAPH_SUFFIXES,
     VIDEO_SUFFIXES,
@@ -69,7 +70,7 @@ def scene_folder(photographs: Path) -> Path:
 
 
 def scene_files(found: Path) -> list[Path]:
-    """Returns all files that what `find_scene` found may be read from: photographs and poses.
+    """Returns all files that what `find_scene` found may be read from: photographs, masks, poses.
 
     Raises:
         InputError: There are too few photographs.
@@ -80,7 +81,8 @@ def scene_files(found: Path) -> list[Path]:
     poses = [path for pattern in _POSES for path in sorted(folder.glob(pattern))]
     if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
         return [*sorted(_of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES)), *poses]
-    return [*list_photographs(found), *poses]
+    files = list_photographs(found)
+    return [*files, *find_masks(found, files).values(), *poses]
 
 
 def find_style(data_root: Path, name: str) -> Path:

@@ -4,23 +4,31 @@ Pixels have numbers: row by row, view after view. Rays are drawn by these number
 pixel of every photograph is drawn alike, whatever the sizes of the photographs.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
-Image = UInt8[Tensor, "height width 3"]
+Image = UInt8[Tensor, "_ _ _"]
+"""Height, width and channels: RGB, or RGBA where the pixels of alpha 0 do not count.
+
+Each image of a list has its own size, so that the axes have no names to be checked by.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ViewImages:
-    """The pixels of all views; `ends` are their numbers after the last pixel of each view."""
+    """The pixels of all views; `ends` are their numbers after the last pixel of each view.
+
+    `counted` are the numbers of the pixels that count, where not all do.
+    """
 
     pixels: UInt8[Tensor, "pixels 3"]
     ends: Int64[Tensor, " views"]
     widths: Int64[Tensor, " views"]
+    counted: Int64[Tensor, " counted"] | None = None
 
     @property
     def device(self) -> torch.device:
@@ -30,6 +38,17 @@ class ViewImages:
     def __len__(self) -> int:
         """The number of pixels."""
         return len(self.pixels)
+
+    def drawn(self, count: int, generator: torch.Generator) -> Int64[Tensor, " rays"]:
+        """Returns so many pixels that count, drawn with replacement, on the images' device.
+
+        Args:
+            count: Of the pixels.
+            generator: On the CPU.
+        """
+        among = len(self) if self.counted is None else len(self.counted)
+        index = torch.randint(among, (count,), generator=generator).to(self.device)
+        return index if self.counted is None else self.counted[index]
 
     def of_view(self, view: int) -> Int64[Tensor, " pixels"]:
         """Returns the numbers of one view's pixels."""
@@ -54,7 +73,7 @@ def view_images(images: Iterable[Image]) -> ViewImages:
     """Returns the images as one list of pixels, on their device.
 
     Raises:
-        ValueError: There are no images.
+        ValueError: There are no images, or none of their pixels counts.
     """
     of_views = list(images)
     if not of_views:
@@ -62,5 +81,20 @@ def view_images(images: Iterable[Image]) -> ViewImages:
     device = of_views[0].device
     sizes = torch.tensor([image.shape[0] * image.shape[1] for image in of_views], device=device)
     widths = torch.tensor([image.shape[1] for image in of_views], device=device)
-    pixels = torch.cat([image.reshape(-1, 3) for image in of_views])
-    return ViewImages(pixels, sizes.cumsum(0), widths)
+    pixels = torch.cat([image[..., :3].reshape(-1, 3) for image in of_views])
+    return ViewImages(pixels, sizes.cumsum(0), widths, _counted(of_views))
+
+
+def _counted(of_views: Sequence[Image]) -> Int64[Tensor, " counted"] | None:
+    if all(image.shape[2] == 3 for image in of_views):
+        return None
+    counts = [
+        image[..., 3].reshape(-1) > 0
+        if image.shape[2] == 4
+        else image.new_ones(image.shape[0] * image.shape[1], dtype=torch.bool)
+        for image in of_views
+    ]
+    counted = torch.cat(counts).nonzero()[:, 0]
+    if len(counted) == 0:
+        raise ValueError("no pixel of the images counts")
+    return counted

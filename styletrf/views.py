@@ -4,30 +4,42 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
+import numpy as np
 import torch
-from jaxtyping import UInt8
-from torch import Tensor
 
 from styletrf.cameras import Camera
 from styletrf.given_poses import GivenView
 from styletrf.images import read_rgb, to_integers
+from styletrf.masks import MASKS, read_mask
+from styletrf.view_images import Image
 
 CPU = torch.device("cpu")
+_ALL_OF_A_PIXEL = 0.999
 HOLD_OUT_EVERY = 8  # LLFF's protocol: views 0, 8, 16, ... of the sorted names
 
 
-def load_views(
-    folder: Path, cameras: Sequence[Camera], device: torch.device = CPU
-) -> list[UInt8[Tensor, "height width 3"]]:
-    """Returns the cameras' images from `folder`, reduced to each camera's size by pixel area."""
+def load_views(folder: Path, cameras: Sequence[Camera], device: torch.device = CPU) -> list[Image]:
+    """Returns the cameras' images from `folder`, reduced to each camera's size by pixel area.
+
+    They are RGB, or RGBA where a mask lies in `masks` beside the folder; alpha is then 0 where any
+    part of the pixel is masked, else 255.
+    """
     views = []
     for camera in cameras:
-        image = read_rgb(folder / f"{camera.name}.png")
-        size = (camera.width, camera.height)
-        if image.shape[1::-1] != size:
-            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        views.append(torch.from_numpy(to_integers(image)).to(device))
+        image = to_integers(_sized(read_rgb(folder / f"{camera.name}.png"), camera))
+        mask = folder.parent / MASKS / f"{camera.name}.png"
+        if mask.exists():
+            counts = _sized(read_mask(mask).astype(np.float32), camera) > _ALL_OF_A_PIXEL
+            image = np.dstack([image, np.where(counts, 255, 0).astype(np.uint8)])
+        views.append(torch.from_numpy(image).to(device))
     return views
+
+
+def _sized(image: np.ndarray, camera: Camera) -> np.ndarray:
+    size = (camera.width, camera.height)
+    if image.shape[1::-1] == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
 def held_out_names(cameras: Sequence[Camera], given: Mapping[str, GivenView]) -> set[str]:

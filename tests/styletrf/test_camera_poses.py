@@ -10,9 +10,11 @@ from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
 from styletrf.camera_table import read_cameras, read_unregistered
 from styletrf.cameras import project
 from styletrf.errors import InputError
+from styletrf.masks import read_mask
 from styletrf.photographs import read_photograph
 from styletrf.point_table import read_points
 from styletrf.scene_capture import capture_photographs
+from styletrf.views import load_views
 
 VIEWS = 7
 
@@ -200,3 +202,30 @@ def test_photographs_that_lie_stand_and_are_reduced_are_placed_together(tmp_path
         height, width = photographs[f"{i}.png"].shape[:2]
         assert (camera.width, camera.height) == (width, height)
         assert camera.fx == pytest.approx(225.0 * (0.8 if i % 4 == 2 else 1.0), rel=0.08)
+
+
+def test_nothing_is_sought_where_a_mask_is_black(tmp_path):
+    """A window of foreign texture, at one place of all photographs, would pin them there."""
+    (tmp_path / "in" / "masks").mkdir(parents=True)
+    mask = np.full((LENS.height, LENS.width), 255, np.uint8)
+    mask[40:140, 60:180] = 0
+    photographs = {}
+    for i, pose in enumerate(room_poses(VIEWS)):
+        photographs[f"{i}.png"] = room_view(pose)
+        photographs[f"{i}.png"][mask == 0] = texture(100, 120, seed=50).reshape(-1, 3)
+        (tmp_path / "in" / "masks" / f"{i}.png").write_bytes(encoded(mask, ".png"))
+    for name, image in photographs.items():
+        (tmp_path / "in" / name).write_bytes(encoded(image, ".png"))
+    capture_photographs(tmp_path / "in", tmp_path / "capture")
+    out = tmp_path / "out"
+    out.mkdir()
+    report = solve_camera_poses(tmp_path / "capture", out, CameraPosesConfig())
+    assert report.registered == VIEWS
+    points, cameras = read_points(out / "points.parquet"), read_cameras(out / "cameras.parquet")
+    for index, camera in enumerate(cameras):
+        counts = read_mask(out / "masks" / f"{camera.name}.png")
+        assert 0.6 < counts.mean() < 0.85
+        x, y = points.observed_pixel[points.observed_image == index].astype(int).T
+        assert counts[y.clip(0, LENS.height - 1), x.clip(0, LENS.width - 1)].mean() > 0.98
+    views = load_views(out / "images", cameras)
+    assert all(view.shape == (LENS.height, LENS.width, 4) for view in views)

@@ -1,5 +1,6 @@
 """Pixels by number: the view, row and column they are, and what they show."""
 
+import pytest
 import torch
 from mini_scene import SIZE, painted_plane
 
@@ -35,3 +36,19 @@ def test_views_of_different_sizes_are_counted_one_after_another():
         torch.testing.assert_close(packed.pixels[numbers], image.reshape(-1, 3))
     assert len(packed) == sum(len(packed.of_view(k)) for k in range(len(images)))
     assert len(scene.images) == len(view_images(scene.images).ends)
+
+
+def test_pixels_that_a_mask_leaves_out_are_never_drawn():
+    plain = torch.full((4, 6, 3), 200, dtype=torch.uint8)
+    masked = torch.randint(256, (5, 5, 4), dtype=torch.uint8)
+    masked[..., 3] = 255 * (torch.arange(25) % 3 == 0).reshape(5, 5)
+    packed = view_images([plain, masked])
+    drawn = packed.drawn(2000, torch.Generator().manual_seed(0))
+    counted = (torch.arange(25) % 3 == 0).nonzero()[:, 0] + 24
+    assert set(drawn.tolist()) == {*range(24), *counted.tolist()}
+    torch.testing.assert_close(packed.pixels[24:], masked[..., :3].reshape(-1, 3))
+
+
+def test_images_of_which_nothing_counts_are_refused():
+    with pytest.raises(ValueError, match="no pixel"):
+        view_images([torch.zeros((4, 6, 4), dtype=torch.uint8)])

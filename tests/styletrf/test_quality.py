@@ -52,3 +52,23 @@ def test_lpips_is_zero_between_equals_and_grows_with_noise():
     found = [judge(image, image), *(judge(n.clip(0, 1).astype(np.float32), image) for n in noisy)]
     assert found[0] == pytest.approx(0, abs=1e-5)
     assert found == sorted(found)
+
+
+def test_what_a_mask_leaves_out_does_not_count(tmp_path):
+    scene = painted_plane(1)
+    mask = torch.full((*scene.images.shape[1:3], 1), 255, dtype=torch.uint8)
+    mask[:, :7] = 0
+    photograph = torch.cat([scene.images[0], mask], dim=2)
+    color = scene.images[0] / 255
+    color[:, 7:] += 0.1
+    wrong = color.clone()
+    wrong[:, :7] = 0
+    whole = torch.ones(scene.images.shape[1:3])
+    rows = [
+        measure_quality(
+            [Rendering(shown, *[whole] * 3)], scene.cameras, [photograph], {"psnr": psnr}, tmp_path
+        )[0]
+        for shown in (color, wrong)
+    ]
+    assert rows[0] == rows[1]
+    assert rows[0][0]["psnr"] == pytest.approx(20, abs=1e-4)

@@ -1,10 +1,12 @@
 import hashlib
 import re
 
+import numpy as np
 import pytest
 from made_photographs import encoded, texture, with_exif
 
 from styletrf.errors import InputError
+from styletrf.masks import read_mask
 from styletrf.scene_capture import capture_photographs, read_capture
 
 
@@ -134,3 +136,33 @@ def test_progress_counts_the_photographs(folder, tmp_path):
     calls = []
     capture_photographs(folder, tmp_path / "out", lambda done, total: calls.append((done, total)))
     assert calls == [(0, 3), (1, 3), (2, 3), (3, 3)]
+
+
+def with_mask(folder, mask, name="view 1.png"):
+    (folder / "masks").mkdir()
+    (folder / "masks" / name).write_bytes(encoded(mask, ".png"))
+
+
+@pytest.mark.parametrize("name", ["view 1.png", "view 1.jpg.png"])
+def test_a_mask_is_kept_with_its_photograph(folder, tmp_path, name):
+    mask = np.zeros((16, 24), np.uint8)
+    mask[:, 12:] = 255
+    with_mask(folder, mask, name)
+    capture = capture_photographs(folder, tmp_path / "out")
+    assert len(capture.photographs) == 3
+    assert [path.name for path in (tmp_path / "out/masks").iterdir()] == ["view 1.png"]
+    assert (read_mask(tmp_path / "out/masks/view 1.png") == (mask > 0)).all()
+
+
+@pytest.mark.parametrize(
+    ("mask", "problem"),
+    [
+        (np.zeros((16, 24), np.uint8), "black all over"),
+        (np.full((8, 8), 255, np.uint8), "8x8.*24x16"),
+    ],
+)
+def test_what_is_no_mask_of_its_photograph_is_refused(folder, tmp_path, mask, problem):
+    with_mask(folder, mask)
+    with pytest.raises(InputError, match=problem):
+        capture_photographs(folder, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
