@@ -48,9 +48,8 @@ def field_cost(
     """Returns what fitting the model costs; the iterations are thrown away."""
     brief = replace(config, upsample_at=(), iterations=_ITERATIONS + 1, occupancy_every=1 << 30)
     trainer = FieldTrainer(cameras, images, model.space, model.resolution, brief, kernels)
-    trainer.field.density.occupancy = voxels_about(points_grid, model.resolution).to(
-        images[0].device
-    )
+    occupied = voxels_about(points_grid, model.resolution)
+    trainer.field.density.occupancy = occupied.to(trainer.images.device)
     trainer.step()  # compiles
     seconds = []
     for _ in range(_ITERATIONS):
