@@ -21,17 +21,23 @@ def read_colmap_model(folder: Path) -> GivenPoses | None:
     """
     places = [folder / place for place in _PLACES]
     source = next((place for place in places if any(place.glob("cameras.*"))), None)
-    if source is None:
-        return None
+    return given_poses(source, colmap_views(source, folder / "images")) if source else None
+
+
+def colmap_views(source: Path, photographs: Path) -> list[GivenView]:
+    """Returns the views of a model by their names, whether or not their photographs are there.
+
+    Raises:
+        InputError: The model cannot be read.
+    """
     try:
         model = pycolmap.Reconstruction(source)
         images = sorted((model.image(i) for i in model.reg_image_ids()), key=lambda i: i.name)
-        views = [_view(folder / "images", one, model.camera(one.camera_id)) for one in images]
+        return [_view(photographs, one, model.camera(one.camera_id)) for one in images]
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0]
         problem = f"cannot be read as a COLMAP model ({reason})"
         raise InputError(str(source), problem, "Export it again, or remove it") from error
-    return given_poses(source, views)
 
 
 def _view(folder: Path, image: pycolmap.Image, lens: pycolmap.Camera) -> GivenView:

@@ -24,6 +24,7 @@ class CoverageConfig:
     share: float = 0.95  # of the places that any of the candidates shows
     depth_px: int = 128  # longer side of the depth that visibility is told by
     tolerance: float = 0.1  # of the depth, within which a view shows a place
+    most_hidden: float = 0.02  # of the places, that no candidate shows
 
     def __post_init__(self) -> None:
         if self.count < 0 or self.times < 1 or not 0 < self.share <= 1:

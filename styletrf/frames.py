@@ -22,8 +22,12 @@ from styletrf.kernels import kernels_for
 from styletrf.progress import Progress, silent
 from styletrf.rendering import RenderConfig, Rendering, render_view
 from styletrf.space import Space, ViewRays
+from styletrf.support_config import SupportConfig
 from styletrf.trajectories import TrajectoryConfig
 from styletrf.video import write_video
+
+SMALLEST_PX, LARGEST_PX = 16, 3840
+SLOWEST_RATE, FASTEST_RATE = 24, 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +36,17 @@ class FramesConfig:
 
     long_side_px: int = 0
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
+    support: SupportConfig = field(default_factory=SupportConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
     frames_per_second: int = 24
+
+    def __post_init__(self) -> None:
+        if self.long_side_px and not SMALLEST_PX <= self.long_side_px <= LARGEST_PX:
+            told = f"{SMALLEST_PX} to {LARGEST_PX} pixels long, not {self.long_side_px}"
+            raise ValueError(f"frames are {told}")
+        if not SLOWEST_RATE <= self.frames_per_second <= FASTEST_RATE:
+            told = f"{SLOWEST_RATE} to {FASTEST_RATE} frames a second"
+            raise ValueError(f"a video has {told}, not {self.frames_per_second}")
 
 
 def rendered(
@@ -109,7 +122,8 @@ def join_float_frames(parts: Sequence[Path], folder: Path) -> None:
         problem = "are not of one path: the machines that made them chose different views"
         raise InputError("the parts", problem, "Make them with --shards 1, or on one kind of them")
     join_pictures(parts, folder)
-    shutil.copyfile(parts[0] / "cameras.parquet", folder / "cameras.parquet")
+    for file in (path for path in parts[0].iterdir() if path.is_file()):
+        shutil.copyfile(file, folder / file.name)
 
 
 def join_pictures(parts: Sequence[Path], folder: Path) -> None:

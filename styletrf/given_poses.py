@@ -12,6 +12,7 @@ from jaxtyping import Float
 from styletrf.errors import InputError
 from styletrf.photographs import FEWEST_PHOTOGRAPHS
 
+GIVEN_BY = "given by "  # begins the name of the mapper where no mapping was needed
 NEAR_ROTATION = 1e-2  # by which the columns of a pose may miss being orthonormal
 
 
@@ -102,6 +103,12 @@ def write_given_poses(path: Path, source: str, views: Mapping[str, GivenView]) -
         for name, view in views.items()
     ]
     path.write_text(json.dumps({"source": source, "views": rows}, indent=1) + "\n")
+
+
+def poses_are_given(poses: Path) -> bool:
+    """Whether the poses in a folder that `solve_camera_poses` wrote came with the photographs."""
+    report: dict[str, Any] = json.loads((poses / "poses.json").read_text())
+    return str(report.get("mapper", "")).startswith(GIVEN_BY)
 
 
 def read_given_poses(path: Path) -> tuple[str, dict[str, GivenView]]:

@@ -13,7 +13,7 @@ from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
 from styletrf.colmap_mapping import extract_features, match_pairs
 from styletrf.errors import InputError
-from styletrf.given_poses import GivenView, Lens
+from styletrf.given_poses import GIVEN_BY, GivenView, Lens
 from styletrf.image_pairs import Pairs, all_pairs
 from styletrf.mapping_choice import Mapping as Mapped
 from styletrf.mapping_choice import explained_share
@@ -69,7 +69,7 @@ def map_known_poses(
         )
     reason = "the poses came with the photographs"
     explained = explained_share(database, [model])
-    return Mapped([model], "neighbours", verified, f"given by {source}", reason, explained)
+    return Mapped([model], "neighbours", verified, f"{GIVEN_BY}{source}", reason, explained)
 
 
 def neighbouring_pairs(views: Sequence[GivenView]) -> Pairs:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Bool, Float
 
 from styletrf.camera_table import read_cameras
-from styletrf.cameras import Camera
+from styletrf.cameras import Camera, resized
 from styletrf.coverage import CoverageConfig, covering, places_seen, shown, small_camera
 from styletrf.field import RadianceField
 from styletrf.float_images import read_float_image
@@ -49,6 +50,9 @@ def needed_views(
 ) -> list[Camera]:
     """Returns the candidates that cover what the renders of a trajectory show.
 
+    Where they show too little of it, as of a path that goes elsewhere than they do, views along the
+    trajectory are candidates, too.
+
     Args:
         candidates: Viewpoints in the normalised world.
         trajectory: What `write_float_frames` wrote.
@@ -58,15 +62,35 @@ def needed_views(
         device: Where to render.
     """
     cameras = read_cameras(trajectory / "cameras.parquet")
-    depths = [read_float_image(trajectory / "frames" / f"{c.name}.exr").depth for c in cameras]
-    every = max(1, sum(depth.size for depth in depths) // _PLACES)
-    places = places_seen(cameras, depths, every)
-    small = [small_camera(camera, config) for camera in candidates]
-    seen = [
-        shown(camera, render.depth.numpy(), places, config.tolerance)
-        for camera, render in zip(
-            small, rendered(radiance, space, small, RenderConfig(), device), strict=True
-        )
-    ]
-    chosen = covering(np.stack(seen), config)
-    return [replace(candidates[k], name=f"{i:04d}") for i, k in enumerate(chosen)]
+    places = _places_along(cameras, trajectory)
+
+    def seen_from(views: Sequence[Camera]) -> Bool[np.ndarray, "views places"]:
+        small = [small_camera(camera, config) for camera in views]
+        renders = rendered(radiance, space, small, RenderConfig(), device)
+        return np.stack([
+            shown(camera, render.depth.numpy(), places, config.tolerance)
+            for camera, render in zip(small, renders, strict=True)
+        ])  # fmt: skip
+
+    views, seen = list(candidates), seen_from(candidates)
+    if (~seen.any(axis=0)).sum() > config.most_hidden * len(places):
+        own = _own_views(cameras, candidates[0], len(candidates))
+        views, seen = [*views, *own], np.concatenate([seen, seen_from(own)])
+    chosen = covering(seen, config)
+    return [replace(views[k], name=f"{i:04d}") for i, k in enumerate(chosen)]
+
+
+def _places_along(cameras: Sequence[Camera], trajectory: Path) -> Float[np.ndarray, "places 3"]:
+    """Returns places that the frames show, reading one frame at a time: they may be large."""
+    every = max(1, sum(camera.width * camera.height for camera in cameras) // _PLACES)
+    files = (trajectory / "frames" / f"{camera.name}.exr" for camera in cameras)
+    return np.concatenate([
+        places_seen([camera], [read_float_image(file).depth], every)
+        for camera, file in zip(cameras, files, strict=True)
+    ])  # fmt: skip
+
+
+def _own_views(cameras: Sequence[Camera], size: Camera, count: int) -> list[Camera]:
+    """Returns some views along the path itself, of the size of another one."""
+    some = np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int)
+    return [resized(cameras[k], size.width, size.height) for k in some]

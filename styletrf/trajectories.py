@@ -5,13 +5,17 @@ amplitudes are shares of the spread of the given cameras. `fly_through` is the c
 video, `prior_views` the viewpoints that fill what it goes around or along.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from styletrf.camera_curve import eased
+from styletrf.camera_ring import ring_of
 from styletrf.cameras import Camera
+from styletrf.key_frames import WIDEST_FOV_DEG
 from styletrf.scene_model import SceneModel
 from styletrf.typical_view import typical_view
 from styletrf.walk import along_the_walk
@@ -19,26 +23,58 @@ from styletrf.walk import along_the_walk
 Points = Float[np.ndarray, "frames 3"]
 Shares = Float[np.ndarray, " frames"]
 
+LONGEST_S = 600.0
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryConfig:
-    """A path of `frames` cameras.
+    """A path of `frames` cameras, or of `seconds`, if these are not 0, at the frame rate.
 
-    `turns` counts revolutions of the fly-through before a forward-facing scene, whole ones or it
-    would not close; `spread` is the share of the photographs' own spread that the path uses.
+    `speed` divides the time that this takes. `turns` counts revolutions of the fly-through before a
+    forward-facing scene, whole ones or it would not close; `spread` is the share of the
+    photographs' own spread that the path uses. `easing` is the share of the time during which the
+    camera speeds up and slows down. `fov_deg` is the angle of view along the longer side of a
+    frame, 0 for the photographs'. `stabilization` smooths the path through the photographs: the
+    standard deviation of a Gaussian, in photographs.
     """
 
     frames: int = 60
+    seconds: float = 0.0
+    speed: float = 1.0
     turns: float = 1.0
     spread: float = 0.7
+    easing: float = 0.0
+    fov_deg: float = 0.0
+    stabilization: float = 1.5
 
     def __post_init__(self) -> None:
         if self.frames < 1:
             raise ValueError(f"a path of {self.frames} frames shows nothing")
         if self.turns < 1 or self.turns != int(self.turns):
             raise ValueError(f"a path of {self.turns} turns is not closed, as whole turns are")
+        if not 0 <= self.seconds <= LONGEST_S:
+            raise ValueError(f"a path takes up to {LONGEST_S:g} seconds, not {self.seconds:g}")
+        if not 0 < self.speed < math.inf:
+            raise ValueError(f"a speed is a positive factor such as 2, not {self.speed:g}")
+        if not 0 <= self.easing <= 1:
+            raise ValueError(f"easing is a share of the time from 0 to 1, not {self.easing:g}")
+        if self.fov_deg != 0 and not 1 <= self.fov_deg <= WIDEST_FOV_DEG:
+            told = f"from 1 to {WIDEST_FOV_DEG:g} degrees, not {self.fov_deg:g}"
+            raise ValueError(f"an angle of view is 0 (the photographs') or {told}")
+        if not 0 <= self.stabilization < math.inf:
+            raise ValueError(f"a path is smoothed over photographs, not {self.stabilization:g}")
+
+    def count(self, frames_per_second: float, own_seconds: float = 0.0) -> int:
+        """Returns how many frames the path has.
+
+        Args:
+            frames_per_second: Of the video.
+            own_seconds: What a path takes whose key frames have times; 0 without.
+        """
+        seconds = self.seconds or own_seconds
+        frames = seconds * frames_per_second if seconds else self.frames
+        return max(1, round(frames / self.speed))
 
 
 def fly_through(
@@ -51,19 +87,35 @@ def fly_through(
         model: Decides between spiral and orbit, and where the frames look.
         config: Length and amplitude.
     """
-    phases = 2 * np.pi * np.arange(config.frames) / config.frames
+    shares = eased(np.arange(config.frames) / config.frames, config.easing)
     if model.looking == "ahead":
-        across = config.turns * phases
-        waves = np.stack([np.cos(across), -np.sin(across), -np.sin(phases)], axis=-1)
-        centers = _before_the_scene(cameras, waves, config.spread)
+        centers = ellipse(cameras, shares, config.turns, config.spread)
     elif model.looking == "along":
-        return _facing(*along_the_walk(cameras, config.frames, back=True), typical_view(cameras))
+        return facing(*along_the_walk(cameras, shares, back=True), typical_view(cameras))
     else:
-        ring = _ring(cameras, model)
-        to_and_fro = 0.5 + 0.5 * config.spread * np.sin(phases)
-        along = phases / (2 * np.pi) if ring.closed else to_and_fro
-        centers = ring.points(along, 0.5 + 0.5 * config.spread * np.sin(2 * phases))
-    return _looking(centers, typical_view(cameras), model)
+        centers = orbit(cameras, model, shares, config.spread)
+    return looking(centers, typical_view(cameras), model)
+
+
+def ellipse(cameras: Sequence[Camera], shares: Shares, turns: float, spread: float) -> Points:
+    """Returns centres on an ellipse across the views, at shares of a closed path.
+
+    It goes around `turns` times, and once to and fro along the views.
+    """
+    phases = 2 * np.pi * shares
+    across = turns * phases
+    waves = np.stack([np.cos(across), -np.sin(across), -np.sin(phases)], axis=-1)
+    return _before_the_scene(cameras, waves, spread)
+
+
+def orbit(cameras: Sequence[Camera], model: SceneModel, shares: Shares, spread: float) -> Points:
+    """Returns centres around the vertical through the focus, at shares of a closed path.
+
+    Where the photographs are on an arc only, they go to and fro on it.
+    """
+    ring, phases = ring_of(cameras, model), 2 * np.pi * shares
+    along = shares if ring.closed else 0.5 + 0.5 * spread * np.sin(phases)
+    return ring.points(along, 0.5 + 0.5 * spread * np.sin(2 * phases))
 
 
 def prior_views(
@@ -81,13 +133,14 @@ def prior_views(
         seeds *= np.sqrt((index + 0.5) / config.frames)[:, None]
         centers = _before_the_scene(cameras, seeds, config.spread)
     elif model.looking == "along":
-        return _facing(*along_the_walk(cameras, config.frames, back=False), typical_view(cameras))
+        even = (index + 0.5) / config.frames
+        return facing(*along_the_walk(cameras, even, back=False), typical_view(cameras))
     else:
-        ring = _ring(cameras, model)
+        ring = ring_of(cameras, model)
         even = (index + 0.5) / config.frames
         along = even if ring.closed else 0.5 + config.spread * (even - 0.5)
         centers = ring.points(along, 0.5 + config.spread * (index % 2 - 0.5))
-    return _looking(centers, typical_view(cameras), model)
+    return looking(centers, typical_view(cameras), model)
 
 
 def look_at(
@@ -104,15 +157,15 @@ def look_at(
     return np.column_stack([x, np.cross(z, x), z, center])
 
 
-def _looking(centers: Points, photograph: Camera, model: SceneModel) -> list[Camera]:
+def looking(centers: Points, photograph: Camera, model: SceneModel) -> list[Camera]:
     """Returns cameras at the centres that look at the focus, or away from it."""
     focus = np.array(model.focus)
-    return _facing(
+    return facing(
         centers, centers - focus if model.looking == "outward" else focus - centers, photograph
     )
 
 
-def _facing(centers: Points, directions: Points, photograph: Camera) -> list[Camera]:
+def facing(centers: Points, directions: Points, photograph: Camera) -> list[Camera]:
     """Returns level cameras at the centres, with the intrinsics of a photograph."""
     centered = replace(photograph, cx=photograph.width / 2, cy=photograph.height / 2)
     return [
@@ -131,47 +184,3 @@ def _before_the_scene(cameras: Sequence[Camera], shares: Points, spread: float) 
     radii = spread * np.percentile(np.abs(centers - centers.mean(axis=0)), 90, axis=0)
     points: Points = centers.mean(axis=0) + radii * shares
     return points
-
-
-@dataclass(frozen=True, slots=True)
-class _Ring:
-    """Where photographs were taken around the vertical through the focus.
-
-    `low` and `high` are distance from the vertical and height, medians of either half of the
-    photographs by height. What is not `closed` is an arc from `start` of `extent` radians.
-    """
-
-    focus: Float[np.ndarray, " 3"]
-    start: float
-    extent: float
-    closed: bool
-    low: Float[np.ndarray, " 2"]
-    high: Float[np.ndarray, " 2"]
-
-    def points(self, along: Shares, rise: Shares) -> Points:
-        """Returns the points at shares of the way along, and between low and high."""
-        angles = self.start + self.extent * along
-        radius, height = self.low[:, None] + np.outer(self.high - self.low, rise)
-        around = np.stack([radius * np.sin(angles), height, radius * np.cos(angles)], axis=-1)
-        points: Points = self.focus + around
-        return points
-
-
-def _ring(cameras: Sequence[Camera], model: SceneModel) -> _Ring:
-    focus = np.array(model.focus)
-    offsets = np.stack([camera.center_world for camera in cameras]) - focus
-    azimuths = np.sort(np.arctan2(offsets[:, 0], offsets[:, 2]))
-    gaps = np.diff(np.append(azimuths, azimuths[0] + 2 * np.pi))
-    widest = int(gaps.argmax())
-    profile = np.column_stack([np.hypot(offsets[:, 0], offsets[:, 2]), offsets[:, 1]])
-    by_height = profile[np.argsort(profile[:, 1])]
-    half = (len(profile) + 1) // 2
-    closed = bool(gaps[widest] < np.radians(60))
-    return _Ring(
-        focus=focus,
-        start=float(azimuths[(widest + 1) % len(azimuths)]),
-        extent=2 * np.pi if closed else float(2 * np.pi - gaps[widest]),
-        closed=closed,
-        low=np.median(by_height[:half], axis=0),
-        high=np.median(by_height[-half:], axis=0),
-    )

@@ -36,12 +36,17 @@ def read_transforms(folder: Path) -> GivenPoses | None:
     if not whole.exists():
         test = folder / "transforms_test.json"
         parts = {train: False, test: True} if test.exists() else {train: None}
-    views = [view for path, held_out in parts.items() for view in _views(path, held_out)]
+    views = [view for path, held_out in parts.items() for view in transforms_views(path, held_out)]
     source = next(iter(parts))
     return given_poses(source, views)
 
 
-def _views(path: Path, held_out: bool | None) -> list[GivenView]:  # noqa: FBT001
+def transforms_views(path: Path, held_out: bool | None = None) -> list[GivenView]:  # noqa: FBT001
+    """Returns the views in one file, whether or not their photographs are there.
+
+    Raises:
+        InputError: The file is not of this format, or a pose is none.
+    """
     try:
         values = json.loads(path.read_text())
         frames = [(str(frame["file_path"]), frame) for frame in values["frames"]]

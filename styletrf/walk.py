@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from styletrf.cameras import Camera
 
 Points = Float[np.ndarray, "places 3"]
+Shares = Float[np.ndarray, " places"]
 Centers = Float[np.ndarray, "views 3"]
 
 SMOOTHING = 1.5  # photographs
@@ -20,8 +21,10 @@ _CLOSED = 4.0  # median steps between the last photograph and the first of a rou
 _DENSE = 32  # places a photograph at which the way is measured
 
 
-def along_the_walk(cameras: Sequence[Camera], places: int, *, back: bool) -> tuple[Points, Points]:
-    """Returns centres and unit directions of view, evenly along the way that was taken.
+def along_the_walk(
+    cameras: Sequence[Camera], shares: Shares, *, back: bool
+) -> tuple[Points, Points]:
+    """Returns centres and unit directions of view at shares, from 0 to 1, of the way taken.
 
     A round is gone once. Another way is gone there and, with `back`, the same way back, so that
     the path closes.
@@ -32,12 +35,11 @@ def along_the_walk(cameras: Sequence[Camera], places: int, *, back: bool) -> tup
         centers[order],
         np.stack([camera.forward_world for camera in cameras])[order],
     )
-    closed = _is_closed(centers)
-    share = np.arange(places) / places if closed or back else (np.arange(places) + 0.5) / places
-    if back and not closed:
-        share = 0.5 - 0.5 * np.cos(2 * np.pi * share)
-    number = _by_length(centers, share, closed=closed)
-    weights = _weights(number, len(centers), closed=closed)
+    closed = is_closed(centers)
+    if not closed:
+        shares = 0.5 - 0.5 * np.cos(2 * np.pi * shares) if back else shares
+    number = _by_length(centers, shares, closed=closed)
+    weights = gaussian_weights(number, len(centers), closed=closed)
     ahead = weights @ forwards
     return weights @ centers, ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
@@ -63,7 +65,10 @@ def _length(centers: Centers) -> float:
     return float(np.linalg.norm(np.diff(centers, axis=0), axis=1).sum())
 
 
-def _is_closed(centers: Centers) -> bool:
+def is_closed(centers: Centers) -> bool:
+    """Whether the last photograph is about as near to the first as neighbours are."""
+    if len(centers) < 3:
+        return False
     steps = np.linalg.norm(np.diff(centers, axis=0), axis=1)
     gap = np.linalg.norm(centers[-1] - centers[0])
     return bool(gap <= _CLOSED * np.median(steps) and gap < 0.2 * steps.sum())
@@ -75,18 +80,19 @@ def _by_length(
     """Returns the number of the photograph, in fractions, at shares of the smoothed way."""
     n = len(centers)
     number = np.linspace(0, n if closed else n - 1, _DENSE * n + 1)
-    way = _weights(number, n, closed=closed) @ centers
+    way = gaussian_weights(number, n, closed=closed) @ centers
     length = np.concatenate([[0.0], np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum()])
     result: Float[np.ndarray, " places"] = np.interp(share * length[-1], length, number)
     return result
 
 
-def _weights(
-    number: Float[np.ndarray, " places"], n: int, *, closed: bool
+def gaussian_weights(
+    number: Shares, n: int, *, closed: bool, deviation: float = SMOOTHING
 ) -> Float[np.ndarray, "places views"]:
+    """Returns the weights, of sum 1, that n photographs have at places between them."""
     away = np.abs(number[:, None] - np.arange(n))
     if closed:
         away = np.minimum(away, n - away)
-    weights = np.exp(-((away / SMOOTHING) ** 2) / 2)
+    weights = np.exp(-((away / deviation) ** 2) / 2)
     normalized: Float[np.ndarray, "places views"] = weights / weights.sum(axis=1, keepdims=True)
     return normalized

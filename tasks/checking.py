@@ -10,14 +10,17 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import luigi
 from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.board import board_of_command
-from pipeline.settings import current_store
+from pipeline.settings import current_store, data_root
 from styletrf.errors import InputError
+from tasks.field import TrajectoryFrames
 from tasks.graph import graph
 from tasks.plan import seconds_ahead
 from tasks.sources import sources_of
@@ -49,6 +52,7 @@ def check_command(command: CmdlineParser) -> None:
         "tuned": sorted({name for stage in tuned for name in stage.tuning}),
         "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
         "settings": sorted(settings),
+        "paths": sorted({told for stage in stages if (told := _path_of(stage))}),
     }
     if any(asked.values()) and (refusal := _refusal(asked)):
         raise SystemExit(refusal)
@@ -108,6 +112,30 @@ def configurations() -> dict[str, type]:
     }
 
 
+def _path_of(stage: luigi.Task) -> tuple[str, str] | None:
+    """Returns the file that has the camera's path and the scene, where a stage has such a file."""
+    if isinstance(stage, TrajectoryFrames) and stage.path_file() is not None:
+        return str(stage.path), str(stage.scene)
+    return None
+
+
+def _require_path(file: str, scene: str) -> None:
+    """Refuses a file that is no path, or that cannot be placed in a scene."""
+    from styletrf.path_files import read_path, require_common_world, require_photographs
+    from styletrf.photographs import PHOTOGRAPH_SUFFIXES
+    from styletrf.user_folders import find_scene, scene_files
+
+    keys, found = read_path(Path(file)), None
+    with suppress(InputError):  # which the scene's own stage reports
+        found = find_scene(data_root(), scene)
+    if found is None or not found.is_dir():
+        return
+    files = scene_files(found)
+    photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    require_common_world(keys, are_given=len(photographs) < len(files))
+    require_photographs(keys, [p.stem for p in photographs] + [p.name for p in photographs])
+
+
 def _refusal(asked: dict[str, Any]) -> str:
     """Asks a fresh interpreter, which says nothing where all is well."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
@@ -127,6 +155,8 @@ def _check(asked: dict[str, Any]) -> None:
     if unknown := set(asked["tuned"]) - set(configurations()):
         remedy = f"Give some of {sorted(configurations())}"
         raise InputError(f"--tuning {sorted(unknown)}", "are no stages that take settings", remedy)
+    for file, scene in asked["paths"]:
+        _require_path(file, scene)
     for family, values in asked["settings"]:
         try:
             configured(configurations()[family], json.loads(values))

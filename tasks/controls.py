@@ -11,6 +11,7 @@ import luigi
 
 from pipeline.parameters import ChoiceParameter, DictParameter, FloatParameter, IntParameter
 from styletrf.errors import InputError
+from tasks.path_controls import PathControls
 from tasks.stage import GradedStage
 
 
@@ -44,13 +45,14 @@ class NetworkControls(GradedStage):
         Raises:
             InputError: With what to give instead.
         """
+        super().require_sound()
         for name in ("stroke_scale", "content_weight"):
             if not 0 < getattr(self, name) < math.inf:
                 told = f"--{name.replace('_', '-')} {getattr(self, name)}"
                 raise InputError(told, "is no positive factor", "Give one such as 0.5 or 2")
 
 
-class StyleControls(NetworkControls):
+class StyleControls(NetworkControls, PathControls):
     """How views are painted, and how a field takes the style on."""
 
     colors = ChoiceParameter(

@@ -2,12 +2,14 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import luigi
 
 from pipeline.task import RunContext
+from tasks.path_controls import PathControls
 from tasks.scene import CameraPoses, SceneModel
 from tasks.shards import ShardedStage, parts_in
 from tasks.stage import Stage, TunedStage
@@ -68,7 +70,7 @@ class RadianceField(TunedStage):
         write_curve(out / "curve.parquet", curve)
 
 
-class PathRenders(ShardedStage):
+class PathRenders(ShardedStage, PathControls):
     """Float renders of the field along a path.
 
     Leaves `frames/NAME.exr` (R G B A half, Z float), `cameras.parquet` and `video.mp4`; a part
@@ -94,9 +96,14 @@ class PathRenders(ShardedStage):
 
     @abstractmethod
     def cameras(
-        self, inputs: Mapping[str, Path], photographed: list[Any], model: Any, config: Any
+        self,
+        inputs: Mapping[str, Path],
+        out: Path,
+        photographed: list[Any],
+        model: Any,
+        config: Any,
     ) -> list[Any]:
-        """The cameras to render, from those of the photographs."""
+        """The cameras to render, from those of the photographs; may add to the artifact."""
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the path, or put its parts together."""
@@ -120,7 +127,7 @@ class PathRenders(ShardedStage):
         model = read_scene_model(inputs["model"] / "scene.json")
         posed = read_cameras(inputs["poses"] / "cameras.parquet")
         photographed = model.normalized(posed, config.long_side_px)
-        path = self.cameras(inputs, photographed, model, config)
+        path = self.cameras(inputs, out, photographed, model, config)
         cameras = self.of_part(path)
         renders = rendered(
             load_field(inputs["field"]),
@@ -148,7 +155,12 @@ class PriorRenders(PathRenders):
         return configured(PriorsConfig, values)
 
     def cameras(
-        self, inputs: Mapping[str, Path], photographed: list[Any], model: Any, config: Any
+        self,
+        inputs: Mapping[str, Path],
+        out: Path,
+        photographed: list[Any],
+        model: Any,
+        config: Any,
     ) -> list[Any]:
         """The viewpoints, of those that fill what the fly-through goes around, that are needed."""
         from styletrf.devices import device_named
@@ -165,7 +177,33 @@ class PriorRenders(PathRenders):
 
 
 class TrajectoryFrames(PathRenders):
-    """The unstylised frames of the fly-through."""
+    """The unstylised frames of the fly-through, or of another path.
+
+    Also leaves `support.json`: the share of their pixels that fewer than three photographs see.
+    """
+
+    def values(self) -> dict[str, Any]:
+        """The settings, those of the command's own words among them."""
+        return super().values() | self.path_settings()
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The settings, and which path."""
+        return {**super().identity_parameters(), **self.path_identity()}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digests of the files that have the path."""
+        return self.path_digests()
+
+    def frame_count(self) -> int | None:
+        """How many frames the settings ask for; None where they are no numbers."""
+        words = {"frames": 60, "seconds": 0, "speed": 1}
+        values = self.values()
+        found = [values.get(f"trajectory.{word}", usual) for word, usual in words.items()]
+        found.append(values.get("frames_per_second", 24))
+        if not all(isinstance(value, int | float) and value >= 0 for value in found):
+            return None
+        frames, seconds, speed, rate = found
+        return round(float((seconds * rate or frames) / (speed or 1)))
 
     def config(self, values: Mapping[str, Any]) -> Any:
         """Path and renders."""
@@ -175,9 +213,34 @@ class TrajectoryFrames(PathRenders):
         return configured(FramesConfig, values)
 
     def cameras(
-        self, inputs: Mapping[str, Path], photographed: list[Any], model: Any, config: Any
+        self,
+        inputs: Mapping[str, Path],
+        out: Path,
+        photographed: list[Any],
+        model: Any,
+        config: Any,
     ) -> list[Any]:
-        """The fly-through."""
-        from styletrf.trajectories import fly_through
+        """The fly-through, as wide as photographs support it; or the path that is asked for."""
+        from styletrf.camera_table import read_split
+        from styletrf.chosen_path import chosen_path
+        from styletrf.devices import device_named
+        from styletrf.field import load_field
+        from styletrf.given_poses import poses_are_given
+        from styletrf.lenses import at_size
+        from styletrf.support import SupportMeter
+        from styletrf.supported_path import SupportedPath, supported_fly_through, write_support
 
-        return fly_through(photographed, model, config.trajectory)
+        fitted = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[0])
+        field, device = load_field(inputs["field"]), device_named(self.device)
+        meter = SupportMeter(fitted, field, model.space, config.support, device)
+        if self.path == "auto":
+            length = config.trajectory.count(config.frames_per_second)
+            trajectory = replace(config.trajectory, frames=length)
+            found = supported_fly_through(photographed, model, trajectory, meter)
+        else:
+            are_given = poses_are_given(inputs["poses"])
+            path = chosen_path(self.path, photographed, model, config, are_given=are_given)
+            found = SupportedPath(path, meter.measure(path))
+        name = self.path if self.path_file() is None else "of the file"
+        write_support(out / "support.json", name, found, config.support)
+        return [at_size(camera, config.long_side_px, 0.0) for camera in found.cameras]

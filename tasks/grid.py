@@ -48,6 +48,10 @@ class Grid(luigi.WrapperTask):
     strength = StylizedTrajectory.strength
     blend = StylizedTrajectory.blend
     region = StylizedTrajectory.region
+    path = StylizedTrajectory.path
+    seconds = StylizedTrajectory.seconds
+    frame_rate = StylizedTrajectory.frame_rate
+    frame_size = StylizedTrajectory.frame_size
 
     def require_sound(self) -> None:
         """Refuses parts that are none, and one network for several paintings.

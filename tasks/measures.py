@@ -51,6 +51,10 @@ RESEMBLANCE = (
     Measure("content_style_product", "content and style", "(1 + content lost) (1 + SIFID over the"
             " unstylised frames'), as ArtFID's; 2 for these", "{:.2f}"),
 )  # fmt: skip
+PATH = (
+    Measure("unsupported", "pixels without support", "share that fewer than three photographs see,"
+            " along the path", "{:.1%}"),
+)  # fmt: skip
 CONSISTENCY = (
     Measure("error", "error along the flow",
             "the paper's: squared difference to the other frame, moved along the flow of the"
@@ -88,7 +92,13 @@ def metric_tables(summary: Mapping[str, Any]) -> list[MetricTable]:
     painted = _table("Against the painting and the unstylised frames", RESEMBLANCE, resembling)
     deltas = {term(delta): values for delta, values in by_delta(summary).items()}
     apart = ", ".join(f"{term(delta)}: {delta} apart" for delta in by_delta(summary))
-    return [held_out, painted, _table(f"Between frames ({apart})", CONSISTENCY, deltas)]
+    between = _table(f"Between frames ({apart})", CONSISTENCY, deltas)
+    return [
+        held_out,
+        painted,
+        between,
+        _table("Along the path", PATH, {"": summary.get("path", {})}),
+    ]
 
 
 def by_delta(summary: Mapping[str, Any]) -> dict[int, Mapping[str, Any]]:

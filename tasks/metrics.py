@@ -116,12 +116,12 @@ class ConsistencyMetrics(FrameMetrics):
             InputError: It has too few.
         """
         super().require_sound()
-        frames = self.need(TrajectoryFrames).values().get("trajectory.frames", 2)
+        frames = self.need(TrajectoryFrames).frame_count()
         deltas = self.values().get("deltas")
         nearest = min(
             [d for d in deltas if isinstance(d, int)] if isinstance(deltas, list) else [1]
         )
-        if isinstance(frames, int) and frames <= nearest:
+        if frames is not None and frames <= nearest:
             problem = f"leaves no two frames {nearest} apart to compare"
             raise InputError(
                 f"trajectory.frames {frames}", problem, f"Ask for {nearest + 1} or more"

@@ -25,6 +25,7 @@ def summary_of(
         "quality": read_summary(inputs["quality"] / "summary.json"),
         "consistency": read_summary(inputs["consistency"] / "summary.json"),
         "resemblance": read_summary(inputs["resemblance"] / "summary.json"),
+        "path": read_summary(inputs["trajectory"] / "support.json"),
         "cost": {
             "seconds": sum(cost.seconds for cost in costs),
             "peak_memory_bytes": max((cost.peak_memory_bytes or 0 for cost in costs), default=0),
@@ -51,7 +52,12 @@ def report_content(
         scene=words["scene"],
         style=words["style"],
         quality=words["quality"],
-        summary=placed(inputs["poses"], inputs["capture"]),
+        summary=" ".join(
+            [
+                placed(inputs["poses"], inputs["capture"]),
+                supported(read_summary(inputs["trajectory"] / "support.json")),
+            ]
+        ),
         video=inputs["frames"] / "video.mp4",
         unstylized_video=inputs["trajectory"] / "video.mp4",
         poster=poster,
@@ -80,6 +86,20 @@ def placed(poses_dir: Path, capture_dir: Path) -> str:
     if len(poses["pieces"]) > 1:
         told += f"; they fall into {len(poses['pieces'])} pieces, of which the largest is used"
     return ". ".join([told, *read_capture(capture_dir).warnings]) + "."
+
+
+def supported(support: Mapping[str, Any]) -> str:
+    """Returns how much of the path hardly any photograph shows, and what was done about it."""
+    told = (
+        f"The path {support['path']}: fewer than {support['enough_photographs']} photographs see"
+        f" {support['unsupported']:.1%} of its pixels"
+    )
+    if support["unsupported"] >= support["most_unsupported"]:
+        told += f"; worst are the frames {', '.join(support['worst'])}"
+    if len(support["tried"]) > 1:
+        spreads = ", ".join(f"{one['spread']:.2g}" for one in support["tried"])
+        told += f". It was narrowed step by step (spreads {spreads})"
+    return f"{told}."
 
 
 def _tuning(quality: str, lineage: Sequence[ActionRecord]) -> dict[str, dict[str, Any]]:

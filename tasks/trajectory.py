@@ -37,8 +37,9 @@ PAGES = ("trade-off", "scene-report")
 CONTROLS = (
     "stroke_scale", "content_weight", "transfer", "network", "stylizer", "colors", "strategy",
     "match", "rounds", "method", "strength", "blend", "region",
+    "path", "seconds", "frame_rate", "frame_size",
 )  # fmt: skip
-"""The parameters that steer the style, see `tasks.controls`."""
+"""The parameters that steer style and camera, see `tasks.controls` and `tasks.path_controls`."""
 
 
 class StylizedTrajectory(ShownStage, FrameControls):

@@ -1,0 +1,102 @@
+"""Paths and their support: the default one is kept where photographs support it.
+
+Its spread is reduced step by step until less than 2 % of its pixels are seen by fewer than three of
+the photographs that the field was fitted to; where no step does, the best of them is taken. A path
+that the user asks for is left as it is, and what is unsupported of it is a warning.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+from styletrf.cameras import Camera
+from styletrf.lenses import at_size
+from styletrf.scene_model import SceneModel
+from styletrf.support import Support
+from styletrf.support_config import SupportConfig
+from styletrf.survey import ENOUGH_VIEWS
+from styletrf.tables import write_summary
+from styletrf.trajectories import TrajectoryConfig, fly_through
+
+_LOGGER = logging.getLogger(__name__)
+_SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread that is asked for
+
+
+class Meter(Protocol):
+    """What measures the support of a path."""
+
+    @property
+    def config(self) -> SupportConfig:
+        """How it does."""
+
+    def measure(self, path: Sequence[Camera]) -> Support:
+        """Returns the support of a path."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """The share of unsupported pixels of the default path with a spread."""
+
+    spread: float
+    unsupported: float
+
+
+@dataclass(frozen=True, slots=True)
+class SupportedPath:
+    """A path, its support, and what was tried for it."""
+
+    cameras: list[Camera]
+    support: Support
+    trials: tuple[Trial, ...] = ()
+
+
+def supported_fly_through(
+    cameras: Sequence[Camera], model: SceneModel, config: TrajectoryConfig, meter: Meter
+) -> SupportedPath:
+    """Returns the default path with the largest spread that photographs support.
+
+    Args:
+        cameras: The photographs', in the normalised world.
+        model: Of the scene.
+        config: Of the path; its spread is the largest one tried.
+        meter: Of the support.
+    """
+    found: list[SupportedPath] = []
+    trials: tuple[Trial, ...] = ()
+    for share in _SHRINKING:
+        tried = replace(config, spread=share * config.spread)
+        path = [at_size(c, 0, config.fov_deg) for c in fly_through(cameras, model, tried)]
+        support = meter.measure(path)
+        trials = (*trials, Trial(tried.spread, support.share))
+        found.append(SupportedPath(path, support))
+        if support.share < meter.config.most_unsupported or config.spread == 0:
+            break
+    best = min(found, key=lambda one: one.support.share)
+    return replace(best, trials=trials)
+
+
+def write_support(file: Path, name: str, path: SupportedPath, config: SupportConfig) -> None:
+    """Writes how well a path is supported, and warns where it is not.
+
+    The file has the share of the pixels (`unsupported`), that of each frame looked at, and the
+    spreads that were tried.
+    """
+    support = path.support
+    told = {
+        "path": name,
+        "unsupported": support.share,
+        "most_unsupported": config.most_unsupported,
+        "enough_photographs": ENOUGH_VIEWS,
+        "worst": support.worst(),
+        "frames": support.unsupported,
+        "tried": [asdict(trial) for trial in path.trials],
+    }
+    write_summary(file, told)
+    if support.share >= config.most_unsupported:
+        warning = (
+            f"the path {name}: fewer than {ENOUGH_VIEWS} photographs see {support.share:.1%} of its"
+            f" pixels; worst are the frames {', '.join(support.worst())}"
+        )
+        _LOGGER.warning(warning)

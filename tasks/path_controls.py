@@ -1,0 +1,87 @@
+"""The parameters that say where the camera goes; all others are settings of `TrajectoryFrames`.
+
+They are words of the main command, and of the stages whose results depend on the path: the frames,
+what is measured of them, and the priors, which show what the path sees. See `docs/paths.md`.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import luigi
+
+from pipeline.digest import file_digest
+from pipeline.parameters import FloatParameter, IntParameter
+from styletrf.errors import InputError
+from tasks.stage import GradedStage
+
+NAMED_PATHS = ("auto", "orbit", "spiral", "dolly", "photographs")
+LONGEST_S = 600
+LARGEST_PX = 3840
+RATES = (24, 60)
+
+
+class PathControls(GradedStage):
+    """Where the camera goes, for how long, and how large the frames are."""
+
+    path = luigi.Parameter(
+        default="auto",
+        description="auto, orbit, spiral, dolly or photographs (their own order, smoothed); or a"
+        " file: key frames as JSON, Blender's transforms.json, or a COLMAP model's folder",
+    )
+    seconds = FloatParameter(default=0.0, description="length of the path; 0 for the quality's")
+    frame_rate = IntParameter(
+        default=0, description="frames a second, 24 to 60; 0 for the quality's"
+    )
+    frame_size = IntParameter(
+        default=0, description="longer side of the frames in pixels, up to 3840; 0: the scene's"
+    )
+
+    def require_sound(self) -> None:
+        """Refuses a path that is no word and no file, and sizes and times out of range.
+
+        Raises:
+            InputError: With what to give instead.
+        """
+        super().require_sound()
+        file = self.path_file()
+        if file is not None and not file.exists():
+            remedy = f"Give {', '.join(NAMED_PATHS)}, or the path of a file (docs/paths.md)"
+            raise InputError(f"--path {self.path}", "there is no such path or file", remedy)
+        if not 0 <= self.seconds <= LONGEST_S:
+            self._refuse("seconds", f"is no length of 0 to {LONGEST_S} seconds", "8")
+        if self.frame_rate and not RATES[0] <= self.frame_rate <= RATES[1]:
+            self._refuse("frame_rate", f"is no rate of {RATES[0]} to {RATES[1]}", "30")
+        if self.frame_size and not 16 <= self.frame_size <= LARGEST_PX:
+            self._refuse("frame_size", f"is no size of 16 to {LARGEST_PX} pixels", "1920")
+
+    def path_file(self) -> Path | None:
+        """The file or folder that has the path; None where the path goes by its name."""
+        return None if self.path in NAMED_PATHS else Path(self.path)
+
+    def path_settings(self) -> dict[str, Any]:
+        """The settings of TrajectoryFrames that the words of the command replace."""
+        words = {
+            "trajectory.seconds": self.seconds,
+            "frames_per_second": self.frame_rate,
+            "long_side_px": self.frame_size,
+        }
+        return {name: value for name, value in words.items() if value}
+
+    def path_identity(self) -> Mapping[str, object]:
+        """The name of the path; of a file, whose digest is a source, only that it is one."""
+        return {} if self.path == "auto" else {"path": "file" if self.path_file() else self.path}
+
+    def path_digests(self) -> Mapping[str, str]:
+        """The digests of the files that have the path."""
+        file = self.path_file()
+        if file is None or not file.exists():
+            return {}
+        if not file.is_dir():
+            return {"path": file_digest(file)}
+        files = (found for found in sorted(file.iterdir()) if found.is_file())
+        return {f"path/{found.name}": file_digest(found) for found in files}
+
+    def _refuse(self, name: str, problem: str, example: str) -> None:
+        told = f"--{name.replace('_', '-')} {getattr(self, name)}"
+        raise InputError(told, problem, f"Give one such as {example}")
