@@ -23,7 +23,7 @@ TURN = 0.5
 The centre of the camera moves at an even speed, and more slowly where the camera would turn faster
 than that: a turn on the spot takes time, too.
 """
-_FINENESS = 64  # samples of each piece by which the way is measured
+_FINENESS = 512  # samples of each piece by which the way is measured
 _CLOSEST = 1e-3  # of the widest interval between knots
 
 

@@ -33,7 +33,7 @@ def timed(keys: KeyFrames, poses: Poses) -> TimedPath:
 
 
 def frames_along(
-    path: TimedPath, photograph: Camera, config: TrajectoryConfig, frames_per_second: float
+    path: TimedPath, photograph: Camera, config: TrajectoryConfig, frames_per_second: float | int
 ) -> list[Camera]:
     """Returns the cameras of the frames, with the shape of a photograph.
 

@@ -6,10 +6,9 @@ that the user asks for is left as it is, and what is unsupported of it is a warn
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 from styletrf.cameras import Camera
 from styletrf.lenses import at_size
@@ -22,17 +21,6 @@ from styletrf.trajectories import TrajectoryConfig, fly_through
 
 _LOGGER = logging.getLogger(__name__)
 _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread that is asked for
-
-
-class Meter(Protocol):
-    """What measures the support of a path."""
-
-    @property
-    def config(self) -> SupportConfig:
-        """How it does."""
-
-    def measure(self, path: Sequence[Camera]) -> Support:
-        """Returns the support of a path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +41,11 @@ class SupportedPath:
 
 
 def supported_fly_through(
-    cameras: Sequence[Camera], model: SceneModel, config: TrajectoryConfig, meter: Meter
+    cameras: Sequence[Camera],
+    model: SceneModel,
+    config: TrajectoryConfig,
+    measure: Callable[[Sequence[Camera]], Support],
+    most_unsupported: float,
 ) -> SupportedPath:
     """Returns the default path with the largest spread that photographs support.
 
@@ -61,17 +53,18 @@ def supported_fly_through(
         cameras: The photographs', in the normalised world.
         model: Of the scene.
         config: Of the path; its spread is the largest one tried.
-        meter: Of the support.
+        measure: Returns the support of a path.
+        most_unsupported: The share of pixels that a path stays below.
     """
     found: list[SupportedPath] = []
     trials: tuple[Trial, ...] = ()
     for share in _SHRINKING:
         tried = replace(config, spread=share * config.spread)
         path = [at_size(c, 0, config.fov_deg) for c in fly_through(cameras, model, tried)]
-        support = meter.measure(path)
+        support = measure(path)
         trials = (*trials, Trial(tried.spread, support.share))
         found.append(SupportedPath(path, support))
-        if support.share < meter.config.most_unsupported or config.spread == 0:
+        if support.share < most_unsupported or config.spread == 0:
             break
     best = min(found, key=lambda one: one.support.share)
     return replace(best, trials=trials)

@@ -65,7 +65,7 @@ class TrajectoryConfig:
         if not 0 <= self.stabilization < math.inf:
             raise ValueError(f"a path is smoothed over photographs, not {self.stabilization:g}")
 
-    def count(self, frames_per_second: float, own_seconds: float = 0.0) -> int:
+    def count(self, frames_per_second: float | int, own_seconds: float = 0.0) -> int:
         """Returns how many frames the path has.
 
         Args:

@@ -125,13 +125,12 @@ def _require_path(file: str, scene: str) -> None:
     from styletrf.photographs import PHOTOGRAPH_SUFFIXES
     from styletrf.user_folders import find_scene, scene_files
 
-    keys, found = read_path(Path(file)), None
+    keys, files = read_path(Path(file)), list[Path]()
     with suppress(InputError):  # which the scene's own stage reports
-        found = find_scene(data_root(), scene)
-    if found is None or not found.is_dir():
-        return
-    files = scene_files(found)
+        files = scene_files(find_scene(data_root(), scene))
     photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    if not photographs:  # of a video, the names are not known yet
+        return
     require_common_world(keys, are_given=len(photographs) < len(files))
     require_photographs(keys, [p.stem for p in photographs] + [p.name for p in photographs])
 

@@ -236,7 +236,8 @@ class TrajectoryFrames(PathRenders):
         if self.path == "auto":
             length = config.trajectory.count(config.frames_per_second)
             trajectory = replace(config.trajectory, frames=length)
-            found = supported_fly_through(photographed, model, trajectory, meter)
+            most = config.support.most_unsupported
+            found = supported_fly_through(photographed, model, trajectory, meter.measure, most)
         else:
             are_given = poses_are_given(inputs["poses"])
             path = chosen_path(self.path, photographed, model, config, are_given=are_given)
