@@ -45,7 +45,7 @@ class PathControls(GradedStage):
         """
         super().require_sound()
         file = self.path_file()
-        if file is not None and not file.exists():
+        if file is not None and not (file.is_file() or any(file.glob("cameras.*"))):
             remedy = f"Give {', '.join(NAMED_PATHS)}, or the path of a file (docs/paths.md)"
             raise InputError(f"--path {self.path}", "there is no such path or file", remedy)
         if not 0 <= self.seconds <= LONGEST_S:

@@ -1,5 +1,6 @@
 """Each stage on the mini scene: what it leaves is whole and keeps the stage's promise."""
 
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -62,6 +63,36 @@ def test_renders_are_float_images_with_depth_and_a_video(mini: Mini):
         assert image.color.shape == (16, 16, 3)
         assert (image.depth > 0).all()
     assert video_info(folder / "video.mp4").frames == 7
+
+
+def test_frames_say_how_well_photographs_support_them(mini: Mini):
+    told = read_summary(mini("TrajectoryFrames") / "support.json")
+    assert told["path"] == "auto"
+    assert 0 <= told["unsupported"] <= 1
+    assert len(told["frames"]) == 7
+    assert [trial["unsupported"] for trial in told["tried"]][-1] >= told["unsupported"]
+
+
+def test_another_path_has_its_own_frames(mini: Mini):
+    folder = mini("TrajectoryFrames", path="dolly", seconds=0.5, frame_rate=30, frame_size=32)
+    cameras = read_cameras(folder / "cameras.parquet")
+    assert [(camera.width, camera.height) for camera in cameras] == [(32, 32)] * 15
+    assert video_info(folder / "video.mp4").frames_per_second == 30
+    assert read_summary(folder / "support.json")["path"] == "dolly"
+    assert read_float_image(folder / "frames" / "0000.exr").color.shape == (32, 32, 3)
+
+
+def test_priors_of_a_path_that_goes_elsewhere_show_what_it_sees(mini: Mini, tmp_path: Path):
+    """No candidate does, so views along the path are among them; all are of one size."""
+    aside = {"position": [1.5, 0, 2.5], "look_at": [1.5, 0, 4], "fov_deg": 30}
+    file = tmp_path / "aside.json"
+    file.write_text(json.dumps({"key_frames": [aside, aside | {"position": [1.7, 0, 2.5]}]}))
+    frames = read_cameras(mini("TrajectoryFrames", path=str(file)) / "cameras.parquet")
+    priors = read_cameras(mini("PriorRenders", path=str(file)) / "cameras.parquet")
+    assert {(prior.width, prior.height) for prior in priors} == {(16, 16)}
+    centers = np.stack([frame.center_world for frame in frames])
+    nearest = [np.linalg.norm(centers - prior.center_world, axis=1).min() for prior in priors]
+    assert min(nearest) < 1e-9
 
 
 def test_style_image_is_read_whole(mini: Mini, photographs: Path):

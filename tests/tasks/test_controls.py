@@ -15,6 +15,10 @@ WHERE = {  # a control: the first stages that it changes
     "strength": (0.5, {"StylizedFrames"}),
     "blend": ({"udnie": 0.3}, {"StylizedFrames"}),
     "region": ({"box": [[0, 0, 0], [1, 1, 1]]}, {"StylizedFrames"}),
+    "path": ("orbit", {"TrajectoryFrames"}),
+    "seconds": (8.0, {"TrajectoryFrames"}),
+    "frame_rate": (60, {"TrajectoryFrames"}),
+    "frame_size": (3840, {"TrajectoryFrames"}),
 }
 
 
@@ -121,10 +125,18 @@ def test_a_setting_of_the_wrong_kind_does_not_break_the_graph(settings):
         ("StylizedFrames", {"region": {"view": "0001", "mask": __file__}}, "no image"),
         ("StylizedFrames", {"blend": {"a": 0.6, "b": 0.5}}, "sum below 1"),
         ("StylizedFrames", {"method": "per-frame", "colors": "luminance"}, "without a field"),
+        ("StylizedFrames", {"path": "orbits"}, "no such path or file"),
+        ("TrajectoryFrames", {"path": ""}, "no such path or file"),
+        ("TrajectoryFrames", {"seconds": -1.0}, "no length of 0 to 600 seconds"),
+        ("PriorRenders", {"seconds": float("nan")}, "no length of 0 to 600 seconds"),
+        ("StyleMetrics", {"frame_rate": 20}, "no rate of 24 to 60"),
+        ("StylizedField", {"frame_size": 4096}, "no size of 16 to 3840 pixels"),
     ],
 )
 def test_what_cannot_be_is_refused_in_words(family, words, told):
-    stage = getattr(tasks, family)(**WORDS, **words)
+    kind = getattr(tasks, family)
+    own = {name: word for name, word in WORDS.items() if name in kind.get_param_names()}
+    stage = kind(**own, **words)
     with pytest.raises(InputError) as error:
         stage.require_sound()
     assert told.split()[-1] in str(error.value)
@@ -139,6 +151,45 @@ def test_a_part_of_a_grid_is_whole_scenes():
     assert len(cells[0]) == 4
     with pytest.raises(InputError, match=r"--part 3/2: is no part"):
         tasks.Grid(scenes=scenes, styles=["x"], part="3/2").require_sound()
+
+
+def test_a_path_is_known_to_those_alone_that_depend_on_it():
+    """Poses, field, network and the quality of the field are the same tasks for every path."""
+    for family in ("CameraPoses", "SceneModel", "RadianceField", "QualityMetrics", "StyleNetwork"):
+        names = set(getattr(tasks, family).get_param_names())
+        assert not names & {"path", "seconds", "frame_rate", "frame_size"}, family
+    settings = {"steadiness.renders": 0.5}
+    network = tasks.StyleNetwork(settings=settings, content="embedded", **WORDS)
+    assert network.requires()["renders"].path == "auto"
+
+
+def test_the_content_of_a_path_decides_and_not_its_name(tmp_path):
+    files = [tmp_path / name for name in ("a.json", "b.json", "c.json")]
+    for file, text in zip(files, ("[1]", "[1]", "[2]"), strict=True):
+        file.write_text(text)
+    first, same, other = (tasks.TrajectoryFrames(scene="s", path=str(file)) for file in files)
+    assert first.identity_parameters() == same.identity_parameters() == other.identity_parameters()
+    assert first.external_digests() == same.external_digests() != other.external_digests()
+    named = tasks.TrajectoryFrames(scene="s", path="orbit")
+    assert named.identity_parameters() != tasks.TrajectoryFrames(scene="s").identity_parameters()
+    model = tmp_path / "model"
+    model.mkdir()
+    (model / "cameras.txt").write_text("1")
+    before = tasks.TrajectoryFrames(scene="s", path=str(model)).external_digests()
+    (model / "images.txt").write_text("1")
+    assert tasks.TrajectoryFrames(scene="s", path=str(model)).external_digests() != before
+
+
+@pytest.mark.parametrize(
+    ("words", "frames"),
+    [
+        ({}, 60), ({"seconds": 2.0}, 48), ({"seconds": 2.0, "frame_rate": 60}, 120),
+        ({"seconds": 2.0, "tuning": {"TrajectoryFrames": {"trajectory.speed": 2.0}}}, 24),
+        ({"settings": {"trajectory.frames": "many"}}, None),
+    ],
+)  # fmt: skip
+def test_the_number_of_frames_is_known_before_any_is_made(words, frames):
+    assert tasks.TrajectoryFrames(scene="s", quality="draft", **words).frame_count() == frames
 
 
 @pytest.mark.parametrize(
