@@ -35,8 +35,9 @@ def supports(field: RadianceField) -> Iterator[tuple[str, Support]]:
     meter = SupportMeter(fitted, radiance, model.space, config.support, device)
     most = config.support.most_unsupported
     path = supported_fly_through(cameras, model, config.trajectory, meter.measure, most)
-    spreads = ", ".join(f"{trial.spread:.2g}: {trial.unsupported:.2%}" for trial in path.trials)
-    yield f"auto ({spreads})", path.support
+    for trial in path.trials[:-1]:
+        yield f"auto {trial.spread:.2g}, x {trial.zoom:g}", Support({"": trial.unsupported})
+    yield "auto", path.support
     for name in NAMES:
         yield name, meter.measure(chosen_path(name, cameras, model, config, are_given=False))
     yield "photographs held out", meter.measure(held_out)

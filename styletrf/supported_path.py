@@ -1,8 +1,10 @@
 """Paths and their support: the default one is kept where photographs support it.
 
 Its spread is reduced step by step until less than 2 % of its pixels are seen by fewer than three of
-the photographs that the field was fitted to; where no step does, the best of them is taken. A path
-that the user asks for is left as it is, and what is unsupported of it is a warning.
+the photographs that the field was fitted to. Where no spread is enough, as where few photographs
+surround a scene and hardly any two show the same background, the best one gets a narrower angle of
+view, step by step. A path that the user asks for is left as it is, and what is unsupported of it is
+a warning.
 """
 
 import logging
@@ -11,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from styletrf.cameras import Camera
-from styletrf.lenses import at_size
+from styletrf.lenses import at_size, focal_of, with_focal
 from styletrf.scene_model import SceneModel
 from styletrf.support import Support
 from styletrf.support_config import SupportConfig
@@ -21,13 +23,18 @@ from styletrf.trajectories import TrajectoryConfig, fly_through
 
 _LOGGER = logging.getLogger(__name__)
 _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread that is asked for
+_ZOOMS = (1.25, 1.5, 1.75, 2.0)  # of the focal length
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """The share of unsupported pixels of the default path with a spread."""
+    """The share of unsupported pixels of the default path with a spread and a focal length.
+
+    `zoom` is the focal length in units of the photographs', or of what the user asked for.
+    """
 
     spread: float
+    zoom: float
     unsupported: float
 
 
@@ -47,7 +54,10 @@ def supported_fly_through(
     measure: Callable[[Sequence[Camera]], Support],
     most_unsupported: float,
 ) -> SupportedPath:
-    """Returns the default path with the largest spread that photographs support.
+    """Returns the default path, the widest in spread, then in view, that photographs support.
+
+    The angle of view is left alone where `config` has one. Where nothing is enough, it is the path
+    with the least unsupported pixels.
 
     Args:
         cameras: The photographs', in the normalised world.
@@ -56,25 +66,30 @@ def supported_fly_through(
         measure: Returns the support of a path.
         most_unsupported: The share of pixels that a path stays below.
     """
-    found: list[SupportedPath] = []
-    trials: tuple[Trial, ...] = ()
-    for share in _SHRINKING:
-        tried = replace(config, spread=share * config.spread)
-        path = [at_size(c, 0, config.fov_deg) for c in fly_through(cameras, model, tried)]
+    found: list[tuple[Trial, SupportedPath]] = []
+
+    def is_enough(spread: float, zoom: float) -> bool:
+        path = fly_through(cameras, model, replace(config, spread=spread))
+        path = [at_size(camera, 0, config.fov_deg) for camera in path]
+        path = [with_focal(camera, zoom * focal_of(camera)) for camera in path]
         support = measure(path)
-        trials = (*trials, Trial(tried.spread, support.share))
-        found.append(SupportedPath(path, support))
-        if support.share < most_unsupported or config.spread == 0:
-            break
-    best = min(found, key=lambda one: one.support.share)
-    return replace(best, trials=trials)
+        found.append((Trial(spread, zoom, support.share), SupportedPath(path, support)))
+        return support.share < most_unsupported
+
+    def best() -> tuple[Trial, SupportedPath]:
+        return min(found, key=lambda one: one[0].unsupported)
+
+    if not any(is_enough(share * config.spread, 1.0) for share in _SHRINKING):
+        spread = best()[0].spread
+        any(is_enough(spread, zoom) for zoom in (() if config.fov_deg else _ZOOMS))
+    return replace(best()[1], trials=tuple(trial for trial, _ in found))
 
 
 def write_support(file: Path, name: str, path: SupportedPath, config: SupportConfig) -> None:
     """Writes how well a path is supported, and warns where it is not.
 
     The file has the share of the pixels (`unsupported`), that of each frame looked at, and the
-    spreads that were tried.
+    spreads and focal lengths that were tried.
     """
     support = path.support
     told = {

@@ -96,9 +96,10 @@ def supported(support: Mapping[str, Any]) -> str:
     )
     if support["unsupported"] >= support["most_unsupported"]:
         told += f"; worst are the frames {', '.join(support['worst'])}"
-    if len(support["tried"]) > 1:
-        spreads = ", ".join(f"{one['spread']:.2g}" for one in support["tried"])
-        told += f". It was narrowed step by step (spreads {spreads})"
+    if len(tried := support["tried"]) > 1:
+        best = min(tried, key=lambda one: float(one["unsupported"]))
+        told += f". It was narrowed from {tried[0]['unsupported']:.1%}: spread {best['spread']:.2g}"
+        told += f", focal length {best['zoom']:g} times" if best["zoom"] > 1 else ""
     return f"{told}."
 
 

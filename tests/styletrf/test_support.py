@@ -11,6 +11,7 @@ from test_field_training import fit
 from test_trajectories import modelled
 
 from styletrf.cameras import Camera, pixel_centers, points_at_depth, project
+from styletrf.lenses import focal_from, focal_of
 from styletrf.support import Support, SupportMeter, photographs_seeing
 from styletrf.support_config import SupportConfig
 from styletrf.supported_path import supported_fly_through, write_support
@@ -115,10 +116,28 @@ def test_the_default_path_is_narrowed_until_it_is_supported_and_no_further(tmp_p
     assert narrowed.trials[-1].unsupported == narrowed.support.share
     never = supported_fly_through(views, model, config, spread_of, -1.0)
     assert never.support.share == min(trial.unsupported for trial in never.trials)
+    assert {trial.spread for trial in never.trials if trial.zoom > 1} == {0.0}
     write_support(tmp_path / "support.json", "auto", narrowed, CONFIG)
     told = read_summary(tmp_path / "support.json")
     assert told["unsupported"] == narrowed.support.share
     assert [row["spread"] for row in told["tried"]] == [t.spread for t in narrowed.trials]
+
+
+def width_of(path) -> Support:
+    """Counts as unsupported what a path sees beside the middle, wherever it is."""
+    return Support({camera.name: 1 / focal_of(camera) for camera in path})
+
+
+def test_where_no_spread_is_enough_the_view_is_narrowed_unless_it_was_asked_for():
+    views, model = modelled("forward")
+    config = TrajectoryConfig(frames=4)
+    whole = width_of(fly_through(views, model, config)).share
+    narrowed = supported_fly_through(views, model, config, width_of, 0.7 * whole)
+    assert narrowed.trials[-1].zoom == 1.5
+    assert narrowed.trials[-1].spread == config.spread
+    asked = supported_fly_through(views, model, replace(config, fov_deg=60.0), width_of, 0.1)
+    assert {trial.zoom for trial in asked.trials} == {1.0}
+    assert focal_of(asked.cameras[0]) == pytest.approx(focal_from(60.0))
 
 
 def test_an_unsupported_path_is_warned_of_with_its_share_and_frames(tmp_path, caplog):
