@@ -26,6 +26,7 @@ from styletrf.rotations import matrices_of, quaternions_of
 from styletrf.scene_model import SceneModel
 from styletrf.trajectories import look_at
 from styletrf.transforms import transforms_views
+from styletrf.typical_view import typical_view
 
 ANIMATION_RATE = 24.0  # frames a second of Blender's cameras
 _NAMED = 10  # photographs that an error lists
@@ -70,9 +71,9 @@ def placed_key_frames(
         InputError: A photograph has no camera, or the two worlds have nothing in common.
     """
     require_common_world(keys, are_given=are_given)
-    known = {camera.name: camera for camera in cameras}
+    known, usual = {camera.name: camera for camera in cameras}, typical_view(cameras)
     require_photographs(keys, list(known))
-    return poses_of([_placed(frame, known, model, cameras[0]) for frame in keys.frames])
+    return poses_of([_placed(frame, known, model, usual) for frame in keys.frames])
 
 
 def require_common_world(keys: KeyFrames, *, are_given: bool) -> None:
