@@ -33,6 +33,7 @@ from styletrf.space import Space, ViewRays
 from styletrf.sparse_depth import SparseDepths, depth_loss
 from styletrf.training_guard import iteration_stages
 from styletrf.training_schedule import decay, march_step, stage_resolution
+from styletrf.view_exposures import ViewExposures
 from styletrf.view_images import Image, view_images
 
 _LOGGER = logging.getLogger(__name__)
@@ -49,20 +50,22 @@ def train_field(
     checkpoint_dir: Path | None = None,
     free: Bool[Tensor, "cells cells cells"] | None = None,
     depths: SparseDepths | None = None,
+    exposures: ViewExposures | None = None,
 ) -> tuple[RadianceField, list[CurvePoint]]:
     """Returns the field fitted to the images, and its training curve.
 
     With a `checkpoint_dir`, the state is saved there about once a minute and a later call
     with the same arguments goes on from it, to the same parameters up to the rounding of sums.
     No density is looked for in the cells of the grid that are `free`, see `styletrf.free_space`;
-    rays through sparse points end at their `depths`, see `styletrf.sparse_depth`.
+    rays through sparse points end at their `depths`, see `styletrf.sparse_depth`. Views may have
+    `exposures` of their own, see `styletrf.view_exposures`.
 
     Raises:
         NotFiniteError: Something stopped being finite; it names what did first. The state is then
             in `checkpoint_dir/not_finite`.
     """
     trainer = FieldTrainer(
-        cameras, images, space, resolution, config, kernels, checkpoint_dir, free, depths
+        cameras, images, space, resolution, config, kernels, checkpoint_dir, free, depths, exposures
     )
     saved = time.monotonic()
     while trainer.iteration < config.iterations:
@@ -98,6 +101,7 @@ class FieldTrainer:
         checkpoint_dir: Path | None = None,
         free: Bool[Tensor, "cells cells cells"] | None = None,
         depths: SparseDepths | None = None,
+        exposures: ViewExposures | None = None,
     ) -> None:
         config = replace(config, field=config.field.in_space(space.kind))
         self.config, self.kernels, self.images = config, kernels, view_images(images)
@@ -111,7 +115,7 @@ class FieldTrainer:
         self.curve: list[CurvePoint] = []
         self.begin_stage()
         self.free = None if free is None else free.to(device)
-        self.depths = None if depths is None else depths.to(device)
+        self.depths, self.exposures = None if depths is None else depths.to(device), exposures
         set_occupancy(self.field.density, known_occupancy(self.free).to(device))
         self._begin_with_background()
         if checkpoint_dir is not None:
@@ -121,9 +125,10 @@ class FieldTrainer:
         """Runs one iteration and returns the smoothed PSNR of the training rays."""
         started = time.monotonic()
         self._grow_and_refresh()
-        segments, target = self._draw(self.batch)
+        pixels = self.images.drawn(self.batch, self.generator)
+        segments, target = pixel_rays(self.rays, self.images, pixels)
         samples, color = self._render(segments)
-        loss = (color - target).square().mean()
+        loss = self._error(color, target, pixels)
         mse = float(loss.detach())
         # a NaN among the weights need not reach the loss
         if not math.isfinite(mse + float(samples.weights.detach().sum())):
@@ -160,7 +165,7 @@ class FieldTrainer:
         config = RenderConfig(self.config.termination, self.config.min_weight)
         segments, target = pixel_rays(rays, self.images, pixels)
         color = render_rays(field, self.kernels, segments, config).color
-        loss = (color - target).square().mean()
+        loss = self._error(color, target, pixels)
         self.require_finite([("loss of the finished field", loss)])
         return float(loss)
 
@@ -169,17 +174,15 @@ class FieldTrainer:
         return -10 * math.log10(max(self.smooth_mse, 1e-10))
 
     def _curve_point(self, samples: Samples) -> CurvePoint:
-        rays = self.batch
         colored = int((samples.weights > self.config.min_weight).sum())
         return CurvePoint(
             self.iteration, self.seconds, self.psnr(), math.prod(self.field.resolution),
-            len(samples.ray) / rays, colored / rays,
+            len(samples.ray) / self.batch, colored / self.batch,
         )  # fmt: skip
 
     def _batch_of(self, samples_a_ray: float) -> int:
-        least = self.config.batch
-        wanted = int(self.config.batch_samples / max(samples_a_ray, 1.0))
-        return min(max(wanted, least), 8 * least)
+        least, wanted = self.config.batch, self.config.batch_samples / max(samples_a_ray, 1.0)
+        return min(max(int(wanted), least), 8 * least)
 
     @torch.no_grad()
     def _begin_with_background(self) -> None:
@@ -187,15 +190,17 @@ class FieldTrainer:
 
         Learning it takes a thousand iterations, long enough for walls of its colour to grow.
         """
-        segments, target = self._draw(1 << 14)
+        pixels = self.images.drawn(1 << 14, self.generator)
+        segments, target = pixel_rays(self.rays, self.images, pixels)
         missed = target[segments.n_steps == 0]
         if len(missed) >= LEAST_MISSED:
             color = missed.mean(dim=0).clamp(1 / 512, 1 - 1 / 512)
             self.field.appearance.background.copy_(torch.logit(color))
 
-    def _draw(self, rays: int) -> tuple[Segments, Float[Tensor, "rays 3"]]:
-        pixels = self.images.drawn(rays, self.generator)
-        return pixel_rays(self.rays, self.images, pixels)
+    def _error(self, color: Tensor, target: Tensor, pixels: Tensor) -> Float[Tensor, ""]:
+        if self.exposures is not None:
+            color = self.exposures.shown(color, self.images.places(pixels)[0], target)
+        return (color - target).square().mean()
 
     def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
         samples = self._trace(segments)
@@ -212,8 +217,7 @@ class FieldTrainer:
         return self.kernels.trace(self.field.density.factors, segments, jitter, march)
 
     def _thinning(self, threshold: float) -> Thinning:
-        offset = float(torch.rand((), generator=self.generator))
-        return Thinning(threshold, offset)
+        return Thinning(threshold, float(torch.rand((), generator=self.generator)))
 
     def _add_depth_gradient(self) -> None:
         """Adds the gradient of rays through sparse points, of which some are drawn."""
@@ -279,13 +283,9 @@ class FieldTrainer:
         self.require_finite(parameter_stages(self.field, self.optimizer))
         density, config = self.field.density, self.config
         found = occupied_voxels(
-            density,
-            self.kernels,
-            self.field.step_length,
-            config.occupancy_alpha,
-            settled=settled,
-            free=self.free,
-        )
+            density, self.kernels, self.field.step_length, config.occupancy_alpha,
+            settled=settled, free=self.free,
+        )  # fmt: skip
         if settled and found.shape == density.occupancy.shape:
             found = unless_nowhere((found & density.occupancy).bool())
         set_occupancy(density, found)

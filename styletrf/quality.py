@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Bool
 
 from styletrf.cameras import Camera
+from styletrf.exposed_image import psnr_exposed
 from styletrf.finiteness import require_finite
 from styletrf.images import from_integers, write_rgb
 from styletrf.lpips_distance import lpips_judge
@@ -72,7 +73,7 @@ def measure_quality(
     """Returns a row of every judge's figure for each view, and the means.
 
     Writes each render beside its photograph as `NAME.png`. Pixels of alpha 0 do not count for
-    PSNR; other judges see the photograph there.
+    either PSNR; other judges see the photograph there.
 
     Raises:
         NotFiniteError: A render or a figure is not, but for the infinite PSNR of equal pictures.
@@ -85,6 +86,8 @@ def measure_quality(
         figures = {name: judge(judged, reference) for name, judge in judges.items()}
         if "psnr" in figures:
             figures["psnr"] = psnr_of_error(mean_squared_error(image, reference, counts))
+        if "psnr_exposed" in figures:
+            figures["psnr_exposed"] = psnr_exposed(image, reference, counts)
         told = [(name, np.array(value)) for name, value in figures.items() if value != np.inf]
         require_finite("quality", f"in view {camera.name}", [("render", image), *told])
         rows.append({"view": camera.name} | figures)

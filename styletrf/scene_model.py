@@ -6,7 +6,7 @@ its cameras through it. `scene.json` holds each decision with the quantity it wa
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +17,8 @@ from styletrf.box import place_in_box
 from styletrf.cameras import Camera, camera_numbers, fitted_to, moved
 from styletrf.contraction import octaves_lost, place_unbounded
 from styletrf.errors import InputError
+from styletrf.exposure_choice import LEAST_RATIO, LEAST_SPREAD, ExposureEvidence
+from styletrf.exposures import Exposure
 from styletrf.finiteness import Named, require_finite, require_finite_file
 from styletrf.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.placement import Looking, Placement
@@ -32,13 +34,15 @@ Shading = Literal["network", "plain"]
 class SceneModelConfig:
     """What the photographs do not decide.
 
-    `space` and `shading` override the decisions; `image_long_side` is the working size in pixels;
+    `space`, `shading` and `exposure` (`one` for all photographs, or `each` its own) override the
+    decisions; `image_long_side` is the working size in pixels;
     `max_voxels` bounds the finest grid; `oversampling` is its lattice points per pixel along x and
     y of NDC.
     """
 
     space: Literal["auto", "ndc", "box", "unbounded"] = "auto"
     shading: Literal["auto", "network", "plain"] = "auto"
+    exposure: Literal["auto", "one", "each"] = "auto"
     image_long_side: int = 504
     max_voxels: int = 256**3
     oversampling: float = 0.75
@@ -57,6 +61,7 @@ class SceneModel:
     focus: tuple[float, float, float]  # what a trajectory looks at, normalised world
     looking: Looking  # how the photographers did; outward is away from the focus
     evidence: dict[str, Any]
+    exposures: dict[str, Exposure] = field(default_factory=dict)  # by photograph; none: all alike
 
     def normalized(self, cameras: Sequence[Camera], long_side_px: int = 0) -> list[Camera]:
         """Returns the cameras in the normalised world, at the working size or that given."""
@@ -78,6 +83,7 @@ def decide_scene_model(
     config: SceneModelConfig,
     dependence: ViewDependence | None = None,
     explained: float = 1.0,
+    exposure: ExposureEvidence | None = None,
 ) -> SceneModel:
     """Returns the model of a scene.
 
@@ -85,7 +91,8 @@ def decide_scene_model(
     the near points lie in front of every camera. Otherwise a box around the points; but unbounded
     space around an inner box where the box explains too little of the photographs, or where the
     unbounded lattice is as near to what they resolve.
-    Colours are plain where `dependence` tells that they need not depend on the view.
+    Colours are plain where `dependence` tells that they need not depend on the view; photographs
+    have exposures of their own where `exposure` tells that they differ.
 
     Args:
         cameras: Of the photographs.
@@ -93,6 +100,7 @@ def decide_scene_model(
         config: What the photographs do not decide.
         dependence: Of the colors on the view, where that was looked at.
         explained: The share of the pixels that a box explains, see `styletrf.explained_pixels`.
+        exposure: How the photographs are exposed, where that was looked at.
 
     Raises:
         InputError: There are too few points to see where the scene is, or the space that is set
@@ -108,10 +116,12 @@ def decide_scene_model(
             "Take more overlapping photographs of textured surfaces",
         )
     placement = _placed(cameras, points_world, config, explained)
-    shading, evidence = _shading(config, dependence)
-    placement = replace(placement, evidence=placement.evidence | {"shading": evidence})
+    shading, of_shading = _shading(config, dependence)
+    exposures, of_exposure = _exposures(config, exposure)
     view = fitted_to(typical_view(cameras), config.image_long_side)
     model = _sized(placement, view, shading, config.max_voxels)
+    evidence = model.evidence | {"shading": of_shading, "exposure": of_exposure}
+    model = replace(model, exposures=exposures, evidence=evidence)
     made_of = f"of {len(cameras)} cameras and {len(points_world)} points"
     require_finite("scene model", made_of, _numbers(model))
     return model
@@ -164,6 +174,21 @@ def _shading(
     return "plain" if dependence is not None and not dependence.needed else "network", evidence
 
 
+def _exposures(
+    config: SceneModelConfig, found: ExposureEvidence | None
+) -> tuple[dict[str, Exposure], dict[str, Any]]:
+    """Returns the photographs' exposures, none where all have the same, and the evidence."""
+    is_auto = config.exposure == "auto"
+    evidence: dict[str, Any] = {"by": "evidence" if is_auto else "setting"}
+    if found is None:
+        return {}, evidence | {"chosen": "one"}
+    evidence |= {"spread": found.spread, "disagreement": found.disagreement}
+    evidence |= {"spread_threshold": LEAST_SPREAD, "ratio_threshold": LEAST_RATIO}
+    is_each = found.needed if is_auto else config.exposure == "each"
+    chosen = "each" if is_each else "one"
+    return found.exposures if is_each else {}, evidence | {"chosen": chosen}
+
+
 def write_scene_model(path: Path, model: SceneModel) -> None:
     """Writes `scene.json`."""
     text = json.dumps(asdict(model), default=_plain, indent=1, sort_keys=True)
@@ -183,6 +208,10 @@ def read_scene_model(path: Path) -> SceneModel:
     values["normalized_from_world"] = np.array(values["normalized_from_world"])
     values["resolution"] = tuple(values["resolution"])
     values["focus"] = tuple(values["focus"])
+    values["exposures"] = {
+        name: Exposure(tuple(each["log_gain"]), tuple(each["power"]))
+        for name, each in values["exposures"].items()
+    }
     model = SceneModel(space=Space(**space), **values)
     require_finite_file(path, _numbers(model))
     return model

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from styletrf.cameras import Camera, in_view
-from styletrf.exposures import exposures
+from styletrf.exposures import estimate_exposures
 from styletrf.frame_choice import sharpness
 from styletrf.point_table import SparsePoints
 from styletrf.space import Space
@@ -82,12 +82,13 @@ def survey_scene(
         sharp[k] = sharpness(image)
         of_image = points.observed_image == k
         light[of_image] = _light_at(image, points.observed_pixel[of_image])
-    exposure = exposures(points, light, len(normalized))
+    found = estimate_exposures(points, light[:, None], len(normalized), powers=False)
+    exposure_ev = _GAMMA / np.log(2) * found.log_gain[:, 0]
     seen = np.bincount(points.observed_image, minlength=len(normalized))
-    blurred, off = _blurred(sharp), _off_exposure(exposure)
+    blurred, off = _blurred(sharp), _off_exposure(exposure_ev)
     views = [
         ViewSurvey(
-            camera.name, float(sharp[k]), float(exposure[k]), int(seen[k]), bool(blurred[k]),
+            camera.name, float(sharp[k]), float(exposure_ev[k]), int(seen[k]), bool(blurred[k]),
             bool(off[k]),
         )
         for k, camera in enumerate(normalized)
@@ -98,13 +99,13 @@ def survey_scene(
 def _light_at(
     image: UInt8[np.ndarray, "height width 3"], pixels: Float[np.ndarray, "observations 2"]
 ) -> Float[np.ndarray, " observations"]:
-    """Returns log2 of the light at pixels; NaN where it is too dark or too bright to tell."""
+    """Returns the log of the brightness at pixels; NaN where too dark or too bright to tell."""
     height, width = image.shape[:2]
     column = np.clip(pixels[:, 0].astype(np.int64), 0, width - 1)
     row = np.clip(pixels[:, 1].astype(np.int64), 0, height - 1)
     encoded = image[row, column].astype(np.float64).mean(axis=1)
     told = (encoded > 12) & (encoded < 243)
-    return np.where(told, _GAMMA * np.log2(np.maximum(encoded, 1) / 255), np.nan)
+    return np.log(np.where(told, encoded / 255, np.nan))
 
 
 def _blurred(sharp: Float[np.ndarray, " views"]) -> Bool[np.ndarray, " views"]:

@@ -46,6 +46,7 @@ class RadianceField(TunedStage):
         from styletrf.scene_model import read_scene_model
         from styletrf.sparse_depth import sparse_depths
         from styletrf.tables import write_curve
+        from styletrf.view_exposures import view_exposures
         from styletrf.views import load_views
 
         device = device_named(self.device)
@@ -65,6 +66,7 @@ class RadianceField(TunedStage):
             run.resume,
             torch.from_numpy(free_space(model, fitted, points)),
             sparse_depths(model, fitted, points),
+            view_exposures(fitted, model.exposures, device),
         )
         save_field(out, field)
         write_curve(out / "curve.parquet", curve)

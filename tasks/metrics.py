@@ -20,6 +20,7 @@ class QualityMetrics(TunedStage):
     """PSNR, SSIM and a perceptual distance on the photographs held out, every eighth.
 
     Leaves `views.parquet`, `summary.json`, and each render beside its photograph in `views/`.
+    Where photographs have exposures of their own, PSNR is also measured in the photograph's.
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
@@ -47,6 +48,7 @@ class QualityMetrics(TunedStage):
         from styletrf.camera_table import read_split
         from styletrf.configuration import configured
         from styletrf.devices import device_named
+        from styletrf.exposed_image import psnr_exposed
         from styletrf.field import load_field
         from styletrf.frames import rendered
         from styletrf.quality import QualityConfig, judges_named, measure_quality
@@ -60,12 +62,15 @@ class QualityMetrics(TunedStage):
         cameras = model.normalized(held_out, config.long_side_px)
         radiance = load_field(inputs["field"])
         renders = rendered(radiance, model.space, cameras, config.render, device, run.progress)
+        judges = judges_named(config, inputs["perceptual"] / "vgg16.safetensors", device)
+        if model.exposures:
+            judges["psnr_exposed"] = psnr_exposed
         (out / "views").mkdir()
         rows, means = measure_quality(
             renders,
             cameras,
             load_views(inputs["poses"] / "images", cameras),
-            judges_named(config, inputs["perceptual"] / "vgg16.safetensors", device),
+            judges,
             out / "views",
         )
         write_rows(out / "views.parquet", rows)

@@ -92,6 +92,7 @@ class SceneReport(ShownStage, GradedStage):
                 "lattice": " x ".join(map(str, model.resolution)),
                 "photographs at": f"{model.image_width} x {model.image_height}",
                 "shading": model.shading,
+                "exposure": "each photograph's own" if model.exposures else "one for all",
                 "photographers looked": model.looking,
             },
             costs=costs,

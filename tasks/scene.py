@@ -89,10 +89,14 @@ class SceneModel(TunedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Decide."""
-        from styletrf.camera_table import read_cameras
+        import numpy as np
+
+        from styletrf.camera_table import read_cameras, read_fitted_rows
         from styletrf.configuration import configured
         from styletrf.explained_pixels import explained_pixels
+        from styletrf.exposure_choice import exposure_evidence
         from styletrf.images import read_rgb
+        from styletrf.observed_colors import observed_colors
         from styletrf.point_table import read_points
         from styletrf.scene_model import SceneModelConfig, decide_scene_model, write_scene_model
         from styletrf.view_dependence import view_dependence
@@ -100,11 +104,18 @@ class SceneModel(TunedStage):
         cameras = read_cameras(inputs["poses"] / "cameras.parquet")
         points = read_points(inputs["poses"] / "points.parquet")
         images = [inputs["poses"] / "images" / f"{camera.name}.png" for camera in cameras]
+        observed = observed_colors(map(read_rgb, images), points)
+        fitted = read_fitted_rows(inputs["poses"] / "cameras.parquet")
         model = decide_scene_model(
             cameras,
             points.xyz_world,
             configured(SceneModelConfig, self.values()),
-            view_dependence(map(read_rgb, images), points, cameras),
+            view_dependence(observed, points, cameras),
             explained_pixels(map(read_rgb, images), cameras, points),
+            exposure_evidence(
+                points.of_images(fitted),
+                observed.of(np.isin(points.observed_image, fitted)).log_color,
+                [cameras[row] for row in fitted],
+            ),
         )
         write_scene_model(out / "scene.json", model)

@@ -8,7 +8,9 @@ import pytest
 
 from styletrf.cameras import pixel_centers, project
 from styletrf.courtyard.capture import Capture, CourtyardConfig, capture_courtyard
-from styletrf.images import from_integers
+from styletrf.exposure_choice import exposure_evidence
+from styletrf.images import from_integers, to_integers
+from styletrf.observed_colors import observed_colors
 from styletrf.point_table import SparsePoints
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.view_dependence import view_dependence
@@ -76,5 +78,34 @@ def test_each_capture_gets_its_space_and_its_path(kind, space, looking):
 def test_the_glossy_vase_needs_colors_that_depend_on_the_view_and_all_else_does_not(glossy):
     capture = captured("orbit", glossy=glossy)
     images = [from_integers(image) for image in capture.images]
-    found = view_dependence(images, tracks(capture), capture.cameras)
+    points = tracks(capture)
+    found = view_dependence(observed_colors(images, points), points, capture.cameras)
     assert found.needed == glossy, found
+
+
+@pytest.mark.parametrize(("kind", "glossy"), [("forward", True), ("orbit", True), ("walk", True)])
+def test_photographs_of_one_exposure_keep_it_whatever_shines(kind, glossy):
+    capture = captured(kind, glossy=glossy)
+    points = tracks(capture)
+    observed = observed_colors(map(from_integers, capture.images), points)
+    found = exposure_evidence(points, observed.log_color, capture.cameras)
+    assert not found.needed, found
+
+
+def test_changing_exposures_are_found_and_shiny_surfaces_stay_shiny():
+    capture = captured("orbit", glossy=True)
+    points, rng = tracks(capture), np.random.default_rng(0)
+    log_gain = rng.uniform(-0.2, 0.2, (CONFIG.n_views, 1)) + rng.uniform(
+        -0.2, 0.2, (CONFIG.n_views, 3)
+    )
+    log_gain -= np.median(log_gain, axis=0)
+    images = [
+        from_integers(to_integers((np.exp(gain) * from_integers(image)).clip(0, 1)))
+        for gain, image in zip(log_gain, capture.images, strict=True)
+    ]
+    observed = observed_colors(images, points)
+    found = exposure_evidence(points, observed.log_color, capture.cameras)
+    assert found.needed, found
+    gains = np.array([found.exposures[camera.name].log_gain for camera in capture.cameras])
+    np.testing.assert_allclose(gains, log_gain, atol=0.04)
+    assert view_dependence(observed, points, capture.cameras).needed

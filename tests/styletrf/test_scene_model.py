@@ -8,8 +8,15 @@ from captures import points_of, walk
 from test_space import forward_cameras, orbit_cameras, points_before
 
 from styletrf.errors import InputError
+from styletrf.exposure_choice import ExposureEvidence
+from styletrf.exposures import Exposure
 from styletrf.placement import transformed
-from styletrf.scene_model import SceneModelConfig, decide_scene_model
+from styletrf.scene_model import (
+    SceneModelConfig,
+    decide_scene_model,
+    read_scene_model,
+    write_scene_model,
+)
 
 
 def test_too_few_points_are_an_error_that_says_what_to_do():
@@ -91,3 +98,22 @@ def test_the_resolution_keeps_under_its_bound():
             cameras, points_before(cameras), SceneModelConfig(max_voxels=bound)
         )
         assert np.prod(model.resolution) < 1.1 * bound  # each axis is rounded
+
+
+@pytest.mark.parametrize(
+    ("setting", "spread", "chosen"),
+    [("auto", 0.2, "each"), ("auto", 0.01, "one"), ("one", 0.2, "one"), ("each", 0.01, "each")],
+)
+def test_exposures_follow_the_evidence_or_the_setting_and_read_back(
+    setting, spread, chosen, tmp_path
+):
+    cameras = forward_cameras()
+    each = {camera.name: Exposure((0.1, 0.2, 0.3), (1.0, 1.1, 0.9)) for camera in cameras}
+    model = decide_scene_model(
+        cameras, points_before(cameras), SceneModelConfig(exposure=setting),
+        exposure=ExposureEvidence(spread, 0.005, each),
+    )  # fmt: skip
+    assert model.evidence["exposure"]["chosen"] == chosen
+    assert model.exposures == (each if chosen == "each" else {})
+    write_scene_model(tmp_path / "scene.json", model)
+    assert read_scene_model(tmp_path / "scene.json").exposures == model.exposures

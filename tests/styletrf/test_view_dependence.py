@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from styletrf.cameras import Camera, project
+from styletrf.observed_colors import observed_colors
 from styletrf.point_table import SparsePoints
 from styletrf.trajectories import look_at
 from styletrf.view_dependence import ENOUGH_POINTS, view_dependence
@@ -59,7 +60,8 @@ def test_a_highlight_is_told_from_paint_under_changing_exposures(shine, needed):
     cameras = ring(24, 180)
     gains = 1 + 0.1 * np.sin(np.arange(24))
     images = [photograph(c, shine, g) for c, g in zip(cameras, gains, strict=True)]
-    found = view_dependence(images, tracks(cameras), cameras)
+    points = tracks(cameras)
+    found = view_dependence(observed_colors(images, points), points, cameras)
     assert found.points >= ENOUGH_POINTS
     assert found.needed == needed
 
@@ -67,7 +69,8 @@ def test_a_highlight_is_told_from_paint_under_changing_exposures(shine, needed):
 def test_photographs_from_one_side_do_not_tell_and_colors_may_depend_on_the_view():
     cameras = ring(12, 10)
     images = [photograph(c, 0.0, 1.0) for c in cameras]
-    found = view_dependence(images, tracks(cameras), cameras)
+    points = tracks(cameras)
+    found = view_dependence(observed_colors(images, points), points, cameras)
     assert found.points == 0
     assert found.needed
 
@@ -78,4 +81,5 @@ def test_points_that_no_two_views_share_do_not_tell():
         np.zeros((2, 3)), np.zeros((2, 3), np.uint8), np.zeros(2), np.array([0, 1]),
         np.array([0, 2]), np.full((2, 2), 40.0),
     )  # fmt: skip
-    assert view_dependence([photograph(c, 0, 1) for c in cameras], lone, cameras).needed
+    observed = observed_colors([photograph(c, 0, 1) for c in cameras], lone)
+    assert view_dependence(observed, lone, cameras).needed

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import torch
 from safetensors.torch import load_file
 
 from styletrf.camera_table import read_cameras
+from styletrf.exposures import Exposure
 from styletrf.field import load_field
 from styletrf.float_images import read_float_image
 from styletrf.images import read_rgb
@@ -154,6 +156,22 @@ def test_quality_is_measured_on_the_view_held_out(mini: Mini):
     summary = read_summary(mini("QualityMetrics") / "summary.json")
     assert summary["psnr"] == pytest.approx(rows[0]["psnr"])
     assert math.isfinite(summary["ssim"])
+
+
+def test_exposures_of_the_model_are_taken_out_of_the_fit_and_given_back_to_measure(
+    stage_of, build, tmp_path: Path
+):
+    stage, inputs = stage_of("RadianceField")
+    model = read_scene_model(inputs["model"] / "scene.json")
+    brighter = Exposure((0.3,) * 3, (1.0,) * 3)
+    exposed = replace(model, exposures=dict.fromkeys("123", brighter))
+    write_scene_model(tmp_path / "scene.json", exposed)
+    field = build(stage, **{**inputs, "model": tmp_path})
+    judge, judged = stage_of("QualityMetrics")
+    folder = build(judge, **{**judged, "model": tmp_path, "field": field})
+    summary = read_summary(folder / "summary.json")
+    assert summary["psnr_exposed"] > summary["psnr"] + 1
+    assert "psnr_exposed" not in read_summary(build(judge, **judged) / "summary.json")
 
 
 def test_consistency_has_a_row_a_pair(mini: Mini):
