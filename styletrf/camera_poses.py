@@ -8,7 +8,9 @@ images they would have taken.
 
 import json
 import logging
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,7 +28,7 @@ from styletrf.photographs import FEWEST_PHOTOGRAPHS, read_photograph
 from styletrf.point_table import write_points
 from styletrf.progress import Progress, silent
 from styletrf.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
-from styletrf.scene_capture import given_views, read_capture
+from styletrf.scene_capture import Capture, given_views, read_capture
 from styletrf.undistortion import undistorted_image
 from styletrf.views import held_out_names
 
@@ -47,10 +49,15 @@ class CameraPosesConfig:
         poses: `solved` leaves poses aside that came with the photographs.
         max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
         max_features: SIFT features kept of one photograph.
+        video_features: SIFT features kept of one frame of a video.
+        video_tracks: How many of them decide where a frame is; the others add points.
+        video_octave: Features of frames of videos are no finer; finer ones (-1) are mostly what
+            compression and blur leave, and take most of the time.
         exhaustive_up_to: Up to so many photographs, all pairs are matched; beyond, sequences are
-            matched along their order, and others with those that look alike.
-        neighbours: With how many successors each photograph of a sequence is matched; others are
-            with twice as many that look most like them.
+            matched along their order and with those that look alike, and others with the latter.
+        neighbours: With how many successors each photograph of a sequence is matched, and with how
+            many that look most like it; others are with twice as many of these.
+        video_neighbours: The same of frames of videos, which are an even travel apart.
         camera_model: COLMAP's name of the lens model.
         lenses: `one` for all photographs of a size, one for `each`, or (`auto`) one for those of a
             size and of a focal length by their EXIF.
@@ -60,8 +67,12 @@ class CameraPosesConfig:
     poses: Literal["auto", "solved"] = "auto"
     max_image_long_side: int = 1600
     max_features: int = 4096
+    video_features: int = 2048
+    video_tracks: int = 300
+    video_octave: int = 0
     exhaustive_up_to: int = 90
     neighbours: int = 10
+    video_neighbours: int = 5
     camera_model: str = "SIMPLE_RADIAL"
     lenses: Lenses = "auto"
     seed: int = 0
@@ -138,7 +149,7 @@ def solve_camera_poses(
                 database, images, views, given[0], config.max_features, config.seed, progress
             )
         else:
-            mapping = _solve(database, images, names, config, progress)
+            mapping = _solve(database, images, capture, config, progress)
         mapping.models[0].extract_colors_for_all_images(images.folder)
         files = dict(zip(images.files, names, strict=True))
         placed = placed_photographs(mapping.models[0], files)
@@ -158,20 +169,29 @@ def solve_camera_poses(
 def _solve(
     database: Path,
     images: ColmapImages,
-    names: Sequence[str],
+    capture: Capture,
     config: CameraPosesConfig,
     progress: Progress,
 ) -> Mapping:
     """Returns a mapping of at least three photographs."""
-    extract_features(database, images, config.camera_model, config.max_features, progress)
+    is_video = all(photograph.clip is not None for photograph in capture.photographs)
+    extract_features(
+        database,
+        images,
+        config.camera_model,
+        config.video_features if is_video else config.max_features,
+        progress,
+        config.video_octave if is_video else -1,
+    )
     mapping = map_images(
         database,
         images,
-        names,
+        capture.photographs,
         config.exhaustive_up_to,
-        config.neighbours,
+        config.video_neighbours if is_video else config.neighbours,
         config.seed,
         progress,
+        config.video_tracks if is_video else None,
     )
     if mapping.registered < FEWEST_PHOTOGRAPHS:
         placed = f"only {mapping.registered}" if mapping.registered else "none"
@@ -179,7 +199,8 @@ def _solve(
             f"{placed} of them could be placed "
             f"({mapping.verified_pairs} pairs show the same things)"
         )
-        raise InputError(f"the {len(names)} photographs", problem, _BETTER_PHOTOGRAPHS)
+        subject = f"the {len(capture.photographs)} photographs"
+        raise InputError(subject, problem, _BETTER_PHOTOGRAPHS)
     return mapping
 
 
@@ -188,14 +209,18 @@ def _write_undistorted(
 ) -> None:
     for folder in ("images", MASKS):
         (out_dir / folder).mkdir(parents=True, exist_ok=True)
-    for index, one in enumerate(placed):
-        progress(index, len(placed))
+
+    def write(one: PlacedPhotograph) -> None:
         sources = {"images": images.folder / one.file, MASKS: images.mask_of(one.file)}
         for folder, source in sources.items():
             if source is not None:
                 pinhole = undistorted_image(read_photograph(source), one.lens, one.camera)
                 write_png(out_dir / folder / f"{one.camera.name}.png", pinhole, compression=3)
-    progress(len(placed), len(placed))
+
+    progress(0, len(placed))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for done, _ in enumerate(pool.map(write, placed), start=1):
+            progress(done, len(placed))
 
 
 def _report(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import copyfile
 from typing import Literal
 
 import cv2
@@ -73,7 +74,10 @@ def prepare_images(
         progress(index, total)
         path = capture_dir / "images" / photograph.file
         image = _at_most(read_photograph(path), max_long_side)
-        write_png(folder / file, image, compression=1)
+        if photograph.clip is not None and image.shape[1] == photograph.width:
+            copyfile(path, folder / file)  # a frame is an upright PNG already
+        else:
+            write_png(folder / file, image, compression=1)
         mask = capture_dir / MASKS / f"{photograph.name}.png"
         if mask.exists():
             reduced = _at_most(read_photograph(mask), max_long_side)

@@ -37,16 +37,20 @@ def extract_features(
     camera_model: str,
     max_features: int,
     progress: Progress,
+    first_octave: int = -1,
 ) -> None:
     """Fills the database with the images, a camera for each lens setting, and SIFT features.
 
     A camera starts from its setting's focal prior, or from COLMAP's guess where there is none.
+    Features of octave 0 on have the size of pixels and more; those of octave -1, found in the
+    image at twice its size, half of that.
     """
     _register(database, images, camera_model)
     portion, total = 2 * (os.cpu_count() or 1), len(images.files)
     for start in range(0, total, portion):
         progress(start, total)
-        _describe(database, images, images.files[start : start + portion], max_features)
+        files = images.files[start : start + portion]
+        _describe(database, images, files, max_features, first_octave)
     for setting in images.lenses:
         if setting.focal_prior_px is not None:
             _set_focal(database, setting.files[0], setting.focal_prior_px)
@@ -70,10 +74,15 @@ def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
 
 
 def _describe(
-    database: Path, images: ColmapImages, files: Sequence[str], max_features: int
+    database: Path,
+    images: ColmapImages,
+    files: Sequence[str],
+    max_features: int,
+    first_octave: int,
 ) -> None:
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features = max_features
+    options.sift.first_octave = first_octave
     reader = pycolmap.ImageReaderOptions()
     if images.masks is not None:
         reader.mask_path = images.masks
@@ -130,16 +139,23 @@ def match_pairs(
 
 
 def map_globally(
-    database: Path, images: ColmapImages, seed: int, progress: Progress
+    database: Path,
+    images: ColmapImages,
+    seed: int,
+    progress: Progress,
+    tracks: int | None = None,
 ) -> list[pycolmap.Reconstruction]:
     """Returns the models that COLMAP's global mapper finds, the largest first.
 
     It solves all rotations, then all positions, then adjusts the bundle: fast, and stable where
     the photographs overlap well. It does not tell how far it is. One thread, since several add up
-    in an order that differs from run to run.
+    in an order that differs from run to run. With `tracks`, only so many of an image decide where
+    it is; the points of the others are added in the end.
     """
     options = pycolmap.GlobalPipelineOptions(random_seed=seed, num_threads=1)
     options.mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
+    if tracks is not None:
+        options.mapper.track_required_tracks_per_view = tracks
     progress(0, len(images.files))
     models = pycolmap.global_mapping(database, images.folder, _output(database), options)
     progress(len(images.files), len(images.files))

@@ -5,7 +5,20 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations, pairwise
 
+from styletrf.scene_capture import Photograph
+
 Pairs = list[tuple[int, int]]
+Sequences = list[list[int]]
+"""Positions of photographs that were taken one after another."""
+
+
+def shots(photographs: Sequence[Photograph]) -> Sequences:
+    """Returns the frames of each shot of a video, in time; other photographs are in none."""
+    found: dict[tuple[str, int], list[tuple[float, int]]] = {}
+    for index, one in enumerate(photographs):
+        if one.clip is not None and one.time_s is not None:
+            found.setdefault((one.clip, one.shot), []).append((one.time_s, index))
+    return [[index for _, index in sorted(frames)] for frames in found.values()]
 
 
 def is_sequence(names: Sequence[str]) -> bool:
@@ -31,13 +44,32 @@ def all_pairs(count: int) -> Pairs:
 def sequence_pairs(count: int, overlap: int) -> Pairs:
     """Returns pairs of indices i < j for photographs taken one after another.
 
-    Each with its `overlap` successors and with those 2, 4, 8 ... further on; and, since a path
-    may come back to a place, every `overlap`-th with every other `overlap`-th. About
-    count (overlap + log2 count) + (count / overlap)^2 / 2 in all.
+    Each with its `overlap` successors and with those 2, 4, 8 ... further on: about
+    count (overlap + log2 count) in all. Where the path comes back to a place is left to be found.
     """
     near = {*range(1, overlap + 1), *(2**k for k in range(count.bit_length()))}
-    pairs = {(i, i + step) for step in near for i in range(count - step)}
-    return sorted(pairs | set(combinations(range(0, count, overlap), 2)))
+    return sorted((i, i + step) for step in near for i in range(count - step))
+
+
+def pairs_along(sequences: Sequences, overlap: int) -> Pairs:
+    """Returns the `sequence_pairs` of several sequences, each i < j."""
+    found = {
+        (min(one[i], one[j]), max(one[i], one[j]))
+        for one in sequences
+        for i, j in sequence_pairs(len(one), overlap)
+    }
+    return sorted(found)
+
+
+def pairs_within(sequences: Sequences, steps: int) -> Pairs:
+    """Returns the pairs i < j of photographs at most so many steps apart in one sequence."""
+    found = {
+        (min(i, j), max(i, j))
+        for one in sequences
+        for k, i in enumerate(one)
+        for j in one[k + 1 : k + 1 + steps]
+    }
+    return sorted(found)
 
 
 def pairs_with(count: int, members: Sequence[int]) -> Pairs:

@@ -10,9 +10,18 @@ import numpy as np
 from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
 from styletrf.colmap_mapping import map_globally, map_incrementally, match_pairs
-from styletrf.image_pairs import Pairs, all_pairs, is_sequence, pairs_with, sequence_pairs
+from styletrf.image_pairs import (
+    Pairs,
+    all_pairs,
+    is_sequence,
+    pairs_along,
+    pairs_with,
+    pairs_within,
+    shots,
+)
 from styletrf.progress import Progress
 from styletrf.retrieval import Descriptors, similar_pairs
+from styletrf.scene_capture import Photograph
 
 ENOUGH_EXPLAINED = 0.8
 
@@ -42,30 +51,33 @@ class Mapping:
 def map_images(
     database: Path,
     images: ColmapImages,
-    names: Sequence[str],
+    photographs: Sequence[Photograph],
     exhaustive_up_to: int,
     neighbours: int,
     seed: int,
     progress: Progress,
+    tracks: int | None = None,
 ) -> Mapping:
     """Returns the best mapping of the images whose features the database holds.
 
-    All pairs are matched; of more than `exhaustive_up_to` photographs, those along a sequence where
-    `names` read like one, else each with those that look most like it, `neighbours` of each.
+    All pairs are matched of up to `exhaustive_up_to` photographs. Frames of videos, and more
+    photographs whose names read like a sequence, are matched with `neighbours` successors, with
+    those 2, 4, 8 ... further on, and with as many that look most like them but are further away;
+    others with twice as many that look most like them.
     Photographs that this leaves out are then matched with all others. The global mapper goes first;
     where it does not place all, or explains less than 80 % of the matches, the incremental one is
     tried too, and the mapping with more photographs, at equality the one that explains more, is
-    kept.
+    kept. With `tracks`, the global mapper looks at so many of an image only.
     """
-    matcher, pairs = _pairs_to_match(database, names, exhaustive_up_to, neighbours, seed)
-    mapping = _globally(database, images, matcher, pairs, seed, progress)
+    matcher, pairs = _pairs_to_match(database, photographs, exhaustive_up_to, neighbours, seed)
+    mapping = _globally(database, images, matcher, pairs, seed, progress, tracks)
     missing = _unplaced(mapping, images)
-    more = sorted({*pairs_with(len(names), missing)} - {*pairs})
+    more = sorted({*pairs_with(len(photographs), missing)} - {*pairs})
     if more:
         matcher = f"{matcher}, then all pairs of those left out"
-        mapping = _globally(database, images, matcher, more, seed, progress)
+        mapping = _globally(database, images, matcher, more, seed, progress, tracks)
     if mapping.verified_pairs == 0 or (
-        mapping.registered == len(names) and mapping.explained >= ENOUGH_EXPLAINED
+        mapping.registered == len(photographs) and mapping.explained >= ENOUGH_EXPLAINED
     ):
         return mapping
     models = map_incrementally(database, images, seed, progress)
@@ -79,19 +91,33 @@ def map_images(
 
 
 def _pairs_to_match(
-    database: Path, names: Sequence[str], exhaustive_up_to: int, neighbours: int, seed: int
+    database: Path,
+    photographs: Sequence[Photograph],
+    exhaustive_up_to: int,
+    neighbours: int,
+    seed: int,
 ) -> tuple[str, Pairs]:
-    if len(names) <= exhaustive_up_to:
-        return "exhaustive", all_pairs(len(names))
-    if is_sequence(names):
-        return "sequential", sequence_pairs(len(names), neighbours)
+    count, sequences = len(photographs), shots(photographs)
+    if not sequences and count <= exhaustive_up_to:
+        return "exhaustive", all_pairs(count)
+    if not sequences and is_sequence([photograph.name for photograph in photographs]):
+        sequences = [list(range(count))]
+    along, near = pairs_along(sequences, neighbours), pairs_within(sequences, 2 * neighbours)
+    if not sequences:
+        return "retrieval", _alike(database, count, 2 * neighbours, near, seed)
+    alike = _alike(database, count, neighbours, near, seed)
+    return "sequential and retrieval", sorted({*along, *alike})
+
+
+def _alike(database: Path, count: int, neighbours: int, but: Pairs, seed: int) -> Pairs:
+    """Returns pairs that look alike by the features that the database holds."""
     with closing(pycolmap.Database.open(database)) as opened:
         ids = [image.image_id for image in sorted(opened.read_all_images(), key=_name)]
 
         def descriptors_of(index: int) -> Descriptors:
             return np.asarray(opened.read_descriptors(ids[index]).data)
 
-        return "retrieval", similar_pairs(len(names), descriptors_of, 2 * neighbours, seed)
+        return similar_pairs(count, descriptors_of, neighbours, seed, but)
 
 
 def _name(image: pycolmap.Image) -> str:
@@ -105,9 +131,10 @@ def _globally(
     pairs: Pairs,
     seed: int,
     progress: Progress,
+    tracks: int | None,
 ) -> Mapping:
     verified = match_pairs(database, images, pairs, seed, progress)
-    models = map_globally(database, images, seed, progress) if verified else []
+    models = map_globally(database, images, seed, progress, tracks) if verified else []
     reason = "it placed all photographs and explains their matches"
     return Mapping(models, matcher, verified, "global", reason, explained_share(database, models))
 

@@ -21,7 +21,11 @@ _SAMPLES = 60000  # descriptors from which the words are found
 
 
 def similar_pairs(
-    count: int, descriptors_of: Callable[[int], Descriptors], neighbours: int, seed: int
+    count: int,
+    descriptors_of: Callable[[int], Descriptors],
+    neighbours: int,
+    seed: int,
+    but: Pairs | None = None,
 ) -> Pairs:
     """Returns pairs i < j of photographs, each with as many `neighbours` as are most like it.
 
@@ -30,13 +34,23 @@ def similar_pairs(
         descriptors_of: The SIFT descriptors of one, asked for twice.
         neighbours: Of each; it may be a neighbour of more.
         seed: Of the choice of samples, and of the words.
+        but: Pairs that are left out, for others that are less alike.
     """
     words = _words(count, descriptors_of, seed)
     vectors = np.stack([_aggregated(descriptors_of(k), words) for k in range(count)])
     likeness = vectors @ vectors.T
     np.fill_diagonal(likeness, -np.inf)
-    nearest = np.argsort(-likeness, axis=1, kind="stable")[:, : min(neighbours, count - 1)]
-    return sorted({(min(i, int(j)), max(i, int(j))) for i in range(count) for j in nearest[i]})
+    for i, j in but or ():
+        likeness[i, j] = likeness[j, i] = -np.inf
+    nearest = np.argsort(-likeness, axis=1, kind="stable")[:, :neighbours]
+    return sorted(
+        {
+            (min(i, int(j)), max(i, int(j)))
+            for i in range(count)
+            for j in nearest[i]
+            if np.isfinite(likeness[i, j])
+        }
+    )
 
 
 def _rooted(descriptors: Descriptors) -> Float[np.ndarray, "features 128"]:

@@ -39,7 +39,7 @@ class CaptureConfig:
     """Which photographs are taken.
 
     Args:
-        video_frames: Of a video, at most so many frames.
+        video_frames: Of the videos of a scene together, at most so many frames.
         leave_out: Names of photographs, or patterns such as `IMG_00*`, that are not taken.
     """
 
@@ -49,7 +49,11 @@ class CaptureConfig:
 
 @dataclass(frozen=True, slots=True)
 class Photograph:
-    """One photograph of a capture; `width` and `height` are those of its upright pixels."""
+    """One photograph of a capture; `width` and `height` are those of its upright pixels.
+
+    A frame of a video knows its `clip`, how many cuts lie before it there (`shot`), and its time in
+    seconds since the clip's first frame.
+    """
 
     name: str
     file: str
@@ -57,6 +61,9 @@ class Photograph:
     height: int
     size_bytes: int
     sha256: str
+    clip: str | None = None
+    shot: int = 0
+    time_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from styletrf.cameras import Camera, in_view
 from styletrf.exposures import estimate_exposures
-from styletrf.frame_choice import sharpness
+from styletrf.frame_motion import sharpness
 from styletrf.point_table import SparsePoints
 from styletrf.space import Space
 

@@ -25,29 +25,32 @@ _NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
 
 
 def find_scene(data_root: Path, name: str) -> Path:
-    """Returns the folder of a scene's photographs, or the one video of it.
+    """Returns the folder of a scene's photographs or videos, or the one video of it.
 
     The folder is `data_root/scenes/NAME/images`, or, without `images`, `NAME` itself, with the
-    photographs in it or in folders in it; the video
-    lies in one of them, or is `data_root/scenes/NAME.mp4` (or .mov and so on).
+    photographs in it or in folders in it; a video lies in one of them, or is
+    `data_root/scenes/NAME.mp4` (or .mov and so on). Videos beside photographs are passed over.
 
     Raises:
-        InputError: The name is not one of a plain folder, there are several videos, or there is
-            no such scene; lists the scenes that exist and, for a well-known public one, says
-            where to get it.
+        InputError: The name is not one of a plain folder, several videos beside each other or
+            beside a folder of them share it, or there is no such scene; lists the scenes that
+            exist and, for a well-known public one, says where to get it.
     """
     _check_name("scene", name)
     scenes = data_root / "scenes"
     folder = scenes / name / "images" if (scenes / name / "images").is_dir() else scenes / name
     if folder.is_dir() and _of_suffix(folder.glob("[!.]*"), PHOTOGRAPH_SUFFIXES):
         return folder
-    beside = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
-    videos = _of_suffix([*folder.glob("*"), *beside], VIDEO_SUFFIXES)
-    if len(videos) > 1:
-        told = ", ".join(sorted(video.name for video in videos))
-        raise InputError(f"scene {name!r}", f"has several videos: {told}", "Leave one")
-    if videos or folder.name == "images":
-        return videos[0] if videos else folder
+    named = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
+    beside, inside = _of_suffix(named, VIDEO_SUFFIXES), scene_videos(folder)
+    if len(beside) + bool(inside) > 1:
+        told = ", ".join(sorted(video.name for video in [*beside, *inside]))
+        remedy = f"Put all clips of the scene into scenes/{name}, the others elsewhere"
+        raise InputError(f"scene {name!r}", f"has several videos: {told}", remedy)
+    if beside or len(inside) == 1:
+        return (beside or inside)[0]
+    if inside or folder.name == "images":
+        return folder
     has_transforms = any((folder / f"transforms{part}.json").exists() for part in ("", "_train"))
     if has_transforms or _of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES):
         return folder  # photographs lie where the transforms say, or in folders
@@ -69,14 +72,22 @@ def scene_folder(photographs: Path) -> Path:
     return photographs.parent if is_inside else photographs
 
 
+def scene_videos(found: Path) -> list[Path]:
+    """Returns the videos of what `find_scene` found, in natural order; none of photographs."""
+    if not found.is_dir():
+        return _of_suffix([found], VIDEO_SUFFIXES)
+    files = sorted(found.glob("[!.]*"), key=lambda path: natural_order(path.name))
+    return [] if _of_suffix(files, PHOTOGRAPH_SUFFIXES) else _of_suffix(files, VIDEO_SUFFIXES)
+
+
 def scene_files(found: Path) -> list[Path]:
     """Returns all files that what `find_scene` found may be read from: photographs, masks, poses.
 
     Raises:
         InputError: There are too few photographs.
     """
-    if not found.is_dir():
-        return [found]
+    if videos := scene_videos(found):
+        return videos
     folder = scene_folder(found)
     poses = [path for pattern in _POSES for path in sorted(folder.glob(pattern))]
     if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below

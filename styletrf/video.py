@@ -6,6 +6,7 @@ nor the color matrix to choose.
 
 import math
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -73,6 +74,14 @@ def write_video(path: Path, frames: Iterable[Frame], frames_per_second: float | 
         _encode(partial, first, iterator, Fraction(frames_per_second).limit_denominator(1001))
 
 
+@dataclass(frozen=True, slots=True)
+class TimedFrame:
+    """A decoded frame, and when it is shown, in seconds since the first."""
+
+    time_s: float
+    pixels: Frame
+
+
 def video_info(path: Path) -> VideoInfo:
     """Returns size, rate and number of frames, counted rather than believed.
 
@@ -81,7 +90,10 @@ def video_info(path: Path) -> VideoInfo:
     """
     with _opened(path) as container:
         stream = container.streams.video[0]
-        count = sum(packet.size > 0 for packet in container.demux(stream))
+        count = 0
+        with suppress(av.FFmpegError):  # where the file is cut short
+            for packet in container.demux(stream):
+                count += packet.size > 0
         rate = float(stream.average_rate or 0)
         context = stream.codec_context
         return VideoInfo(context.name, context.width, context.height, count, rate)
@@ -93,10 +105,49 @@ def video_frames(path: Path) -> Iterator[Frame]:
     Raises:
         InputError: The file is missing or holds no video.
     """
+    for frame in timed_frames(path):
+        yield frame.pixels
+
+
+def timed_frames(path: Path) -> Iterator[TimedFrame]:
+    """Yields the frames of `video_frames` with their times, which need not be evenly spaced.
+
+    Damaged frames are left out, and decoding ends where the file is cut short: compare the last
+    time with `declared_duration_s`.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
     with _opened(path) as container:
-        for frame in container.decode(video=0):
+        interval_s = 1 / float(container.streams.video[0].average_rate or 24)
+        start_s, shown_s = None, -interval_s
+        for frame in _decodable(container):
+            shown_s = shown_s + interval_s if frame.pts is None else float(frame.time)
+            start_s = shown_s if start_s is None else start_s
             pixels = frame.to_ndarray(format="rgb24")
-            yield np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
+            upright = np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
+            yield TimedFrame(shown_s - start_s, upright)
+
+
+def declared_duration_s(path: Path) -> float | None:
+    """Returns how long the file says that its picture lasts; None where it says nothing.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
+    with _opened(path) as container:
+        stream = container.streams.video[0]
+        if stream.duration is not None and stream.time_base is not None:
+            return float(stream.duration * stream.time_base)
+        return None if container.duration is None else container.duration / av.time_base
+
+
+def _decodable(container: av.container.InputContainer) -> Iterator[av.VideoFrame]:
+    """Yields the undamaged frames up to where the file can be read no further."""
+    with suppress(av.FFmpegError):
+        for packet in container.demux(container.streams.video[0]):
+            with suppress(av.FFmpegError):  # behind a damaged packet decoding goes on
+                yield from (frame for frame in packet.decode() if not frame.is_corrupt)
 
 
 def _encode(path: Path, first: Frame, others: Iterator[Frame], rate: Fraction) -> None:

@@ -1,69 +1,132 @@
-"""A video as a capture: the frames that serve best as photographs (see `frame_choice`)."""
+"""Videos of one scene as a capture: the frames that serve best as photographs.
+
+See `frame_choice`. Several clips share the frames by the length of the way that each goes.
+"""
 
 import hashlib
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from styletrf.clip_survey import clip_warnings
 from styletrf.colmap_images import write_png
 from styletrf.errors import InputError
-from styletrf.frame_choice import FrameMotion, chosen_frames, frame_motion
+from styletrf.frame_choice import chosen_frames
+from styletrf.frame_motion import FrameMotion, frame_motion, joined_motion
 from styletrf.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.progress import Progress, silent
 from styletrf.scene_capture import Capture, Photograph, write_capture
-from styletrf.video import Frame, video_frames, video_info
-
-_LEAST_SHARPNESS = 0.01  # of a median frame: photographs have 0.07 to 0.7, blurred by 1/480 less
+from styletrf.video import Frame, TimedFrame, declared_duration_s, timed_frames, video_info
 
 
-def capture_video(video: Path, out_dir: Path, count: int, progress: Progress = silent) -> Capture:
-    """Writes at most `count` frames of a video as `images/0001.png` and so on, and `capture.json`.
+def capture_videos(
+    videos: Sequence[Path], out_dir: Path, count: int, progress: Progress = silent
+) -> Capture:
+    """Writes at most `count` frames of a scene's videos as `images/*.png`, and `capture.json`.
+
+    Frames of a single video are named `0001` and so on, those of several `NAME_0001`. Each knows
+    its clip, its time there and how many cuts lie before it.
 
     Raises:
-        InputError: The file is no video, its picture keeps still, or it has fewer than three
+        InputError: A file is no video, the pictures keep still, or there are fewer than three
             frames to choose from.
     """
-    motion = frame_motion(_told(video, progress))
-    chosen = chosen_frames(motion, count)
-    if len(chosen) < FEWEST_PHOTOGRAPHS:
-        problem = f"gives {len(chosen)} frames, and {FEWEST_PHOTOGRAPHS} are needed"
-        raise InputError(str(video), problem, "Film longer, or ask for more frames")
+    motions = [frame_motion(_followed(video, progress)) for video in videos]
+    _require_frames(videos, motions)
+    chosen = _chosen_of_each(motions, count)
+    total = sum(len(frames) for frames in chosen)
+    if total < FEWEST_PHOTOGRAPHS:
+        subject = ", ".join(str(video) for video in videos)
+        problem = f"gives {total} frames, and {FEWEST_PHOTOGRAPHS} are needed"
+        raise InputError(subject, problem, "Film longer, or ask for more frames")
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
-    photographs = []
-    wanted = dict(zip(chosen.tolist(), range(1, len(chosen) + 1), strict=True))
-    for index, frame in enumerate(_told(video, progress)):
-        if index in wanted:
-            photographs.append(_photograph(frame, out_dir / "images" / f"{wanted[index]:04d}.png"))
-    capture = Capture(tuple(photographs), tuple(_warnings(video, motion, len(chosen), count)))
+    photographs = [
+        photograph
+        for video, motion, frames, prefix in zip(
+            videos, motions, chosen, _prefixes(videos), strict=True
+        )
+        for photograph in _photographs(video, motion, frames, out_dir / "images", prefix, progress)
+    ]
+    capture = Capture(tuple(photographs), tuple(_warnings(videos, motions, total, count)))
     write_capture(out_dir, capture)
     return capture
 
 
-def _told(video: Path, progress: Progress) -> Iterator[Frame]:
+def _require_frames(videos: Sequence[Path], motions: Sequence[FrameMotion]) -> None:
+    for video, motion in zip(videos, motions, strict=True):
+        if len(motion.time_s) == 0:
+            raise InputError(str(video), "holds no frame that can be decoded", "Copy it again")
+
+
+def _followed(video: Path, progress: Progress) -> Iterator[TimedFrame]:
     total = video_info(video).frames
-    for done, frame in enumerate(video_frames(video)):
+    for done, frame in enumerate(timed_frames(video)):
         progress(min(done, total), total)
         yield frame
     progress(total, total)
 
 
-def _photograph(frame: Frame, path: Path) -> Photograph:
+def _chosen_of_each(motions: Sequence[FrameMotion], count: int) -> list[list[int]]:
+    """Returns the indices of the frames to take of each clip, which may be none."""
+    chosen = chosen_frames(joined_motion(motions), count)
+    ends = np.cumsum([len(motion.time_s) for motion in motions])
+    clip = np.searchsorted(ends, chosen, side="right")
+    starts = ends - [len(motion.time_s) for motion in motions]
+    return [(chosen[clip == k] - starts[k]).tolist() for k in range(len(motions))]
+
+
+def _photographs(
+    video: Path,
+    motion: FrameMotion,
+    frames: Sequence[int],
+    folder: Path,
+    prefix: str,
+    progress: Progress,
+) -> Iterator[Photograph]:
+    """Writes the frames of a clip and yields what `capture.json` says of them."""
+    wanted = dict(zip(frames, range(1, len(frames) + 1), strict=True))
+    for index, frame in enumerate(_followed(video, progress)):
+        if index in wanted:
+            path = folder / f"{prefix}{wanted[index]:04d}.png"
+            size_bytes, sha256 = _written(frame.pixels, path)
+            height, width = frame.pixels.shape[:2]
+            shot = int(motion.shot[index])
+            yield Photograph(
+                path.stem,
+                path.name,
+                width,
+                height,
+                size_bytes,
+                sha256,
+                clip=video.name,
+                shot=shot,
+                time_s=frame.time_s,
+            )
+
+
+def _written(frame: Frame, path: Path) -> tuple[int, str]:
     write_png(path, frame, compression=3)
-    data, (height, width) = path.read_bytes(), frame.shape[:2]
-    sha256 = hashlib.sha256(data).hexdigest()
-    return Photograph(path.stem, path.name, width, height, len(data), sha256)
+    data = path.read_bytes()
+    return len(data), hashlib.sha256(data).hexdigest()
 
 
-def _warnings(video: Path, motion: FrameMotion, chosen: int, count: int) -> Iterator[str]:
-    if not motion.has_parallax:
-        share = motion.parallax[-1] / motion.displacement[-1]
-        yield (
-            f"{video.name} hardly has parallax ({share:.1%} of its motion): a camera that turns on"
-            " the spot sees no depth; film while walking past or around the scene"
-        )
+def _prefixes(videos: Sequence[Path]) -> list[str]:
+    """Returns what goes before the numbers of each clip's frames: nothing where there is one."""
+    if len(videos) == 1:
+        return [""]
+    times = Counter(video.stem.casefold() for video in videos)
+    unique = max(times.values()) == 1
+    return [f"{video.stem if unique else video.name.replace('.', '_')}_" for video in videos]
+
+
+def _warnings(
+    videos: Sequence[Path], motions: Sequence[FrameMotion], chosen: int, count: int
+) -> Iterator[str]:
+    for video, motion in zip(videos, motions, strict=True):
+        yield from clip_warnings(video.name, motion, declared_duration_s(video))
     if chosen < count:
-        yield f"{video.name} gives {chosen} frames that differ, not {count}"
-    worst = float(np.median(motion.sharpness))
-    if worst < _LEAST_SHARPNESS:
-        yield f"{video.name} is blurred throughout: hold the camera steadier, or use more light"
+        names = ", ".join(video.name for video in videos)
+        gives = "gives" if len(videos) == 1 else "give"
+        yield f"{names} {gives} {chosen} frames that differ, not {count}"

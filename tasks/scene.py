@@ -13,7 +13,7 @@ from tasks.stage import Stage, TunedStage
 
 
 class SceneCapture(TunedStage):
-    """The user's photographs, checked and kept as they are, or frames of the user's video.
+    """The user's photographs, checked and kept as they are, or frames of the user's videos.
 
     Leaves `images/` and `capture.json`; made anew when a photograph changes.
     """
@@ -21,7 +21,7 @@ class SceneCapture(TunedStage):
     scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
 
     def external_digests(self) -> Mapping[str, str]:
-        """The digest of each photograph and file of poses, or of the video."""
+        """The digest of each photograph and file of poses, or of each video."""
         from styletrf.user_folders import find_scene, scene_files, scene_folder
 
         found = find_scene(data_root(), self.scene)
@@ -33,18 +33,16 @@ class SceneCapture(TunedStage):
         from styletrf.configuration import configured
         from styletrf.pose_formats import find_given_poses
         from styletrf.scene_capture import CaptureConfig, capture_photographs
-        from styletrf.user_folders import find_scene, scene_folder
-        from styletrf.video_capture import capture_video
+        from styletrf.user_folders import find_scene, scene_folder, scene_videos
+        from styletrf.video_capture import capture_videos
 
-        found, config = (
-            find_scene(data_root(), self.scene),
-            configured(CaptureConfig, self.values()),
-        )
-        if found.is_dir():
+        found = find_scene(data_root(), self.scene)
+        config = configured(CaptureConfig, self.values())
+        if videos := scene_videos(found):
+            capture_videos(videos, out, config.video_frames, run.progress)
+        else:
             given = find_given_poses(scene_folder(found))
             capture_photographs(found, out, run.progress, given, config.leave_out)
-        else:
-            capture_video(found, out, config.video_frames, run.progress)
 
 
 class CameraPoses(TunedStage):

@@ -3,7 +3,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from styletrf.image_pairs import all_pairs, is_sequence, pairs_with, sequence_pairs
+from styletrf.image_pairs import (
+    all_pairs,
+    is_sequence,
+    pairs_along,
+    pairs_with,
+    pairs_within,
+    sequence_pairs,
+    shots,
+)
+from styletrf.scene_capture import Photograph
 
 counts = st.integers(0, 120)
 
@@ -43,13 +52,38 @@ def test_sequence_pairs_are_pairs_once_each(count, overlap):
     assert {(i, j) for i, j in all_pairs(count) if j - i <= overlap} <= set(pairs)
 
 
-def test_a_sequence_that_closes_is_matched_across_its_ends():
-    """Wherever a path of 200 meets itself again, a pair joins the two places within `overlap`."""
-    joined = np.zeros((200, 200), dtype=bool)
-    for i, j in sequence_pairs(200, 10):
-        joined[max(0, i - 10) : i + 11, max(0, j - 10) : j + 11] = True
-    assert joined[np.triu_indices(200, 1)].all()
+def test_sequences_of_many_need_few_pairs():
     assert len(sequence_pairs(200, 10)) < len(all_pairs(200)) / 5
+
+
+def frame(clip, shot, time_s):
+    return Photograph(f"{clip} {shot} {time_s}", "", 4, 3, 1, "", clip, shot, time_s)
+
+
+def test_shots_are_the_frames_between_cuts_in_time():
+    order = [("a", 0, 2.0), ("b", 0, 0.0), ("a", 1, 3.0), ("a", 0, 1.0), (None, 0, None)]
+    assert shots([frame(*one) for one in order]) == [[3, 0], [1], [2]]
+    assert shots([]) == []
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(1, 30), max_size=4), st.integers(1, 10))
+def test_sequences_are_matched_each_by_itself(lengths, overlap):
+    order = np.random.default_rng(0).permutation(sum(lengths))
+    sequences = [part.tolist() for part in np.split(order, np.cumsum(lengths)[:-1])]
+    place = {index: (k, at) for k, one in enumerate(sequences) for at, index in enumerate(one)}
+    along, within = pairs_along(sequences, overlap), pairs_within(sequences, overlap)
+    assert len(along) == sum(len(sequence_pairs(n, overlap)) for n in lengths)
+    assert set(within) <= set(along)
+    for i, j in along:
+        assert i < j
+        assert place[i][0] == place[j][0]
+    steps = {
+        (i, j)
+        for i, j in all_pairs(len(order))
+        if place[i][0] == place[j][0] and abs(place[i][1] - place[j][1]) <= overlap
+    }
+    assert set(within) == steps
 
 
 @settings(deadline=None)

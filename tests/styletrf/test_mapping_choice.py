@@ -4,6 +4,7 @@ import pycolmap
 from styletrf.colmap_images import ColmapImages, LensSetting
 from styletrf.mapping_choice import explained_share, map_images
 from styletrf.progress import silent
+from styletrf.scene_capture import Photograph
 
 PATH, OVERLAP = 36, 3
 
@@ -56,12 +57,22 @@ def street(count):
     return np.column_stack([along, 0.3 * np.sin(2 * along), 0.3 * np.cos(3 * along)])
 
 
-def mapped(database, images, names, exhaustive_up_to):
-    return map_images(database, images, names, exhaustive_up_to, OVERLAP, 0, silent)
+def mapped(database, images, photographs, exhaustive_up_to):
+    return map_images(database, images, photographs, exhaustive_up_to, OVERLAP, 0, silent)
+
+
+def named(names):
+    return [Photograph(name, f"{name}.png", 200, 150, 1, "") for name in names]
 
 
 def frames(count):
-    return [f"frame{index}" for index in range(count)]
+    return named([f"frame{index}" for index in range(count)])
+
+
+def filmed(count, clip="a.mp4", shot=0):
+    return [
+        Photograph(f"{clip}{shot}{k}", "", 200, 150, 1, "", clip, shot, k / 2) for k in range(count)
+    ]
 
 
 def test_few_photographs_are_matched_exhaustively(tmp_path):
@@ -71,12 +82,26 @@ def test_few_photographs_are_matched_exhaustively(tmp_path):
 
 def test_a_long_sequence_is_matched_along_its_order(tmp_path):
     mapping = mapped(*walked(tmp_path, street(20)), frames(20), 10)
-    assert (mapping.matcher, mapping.registered) == ("sequential", 20)
+    assert (mapping.matcher, mapping.registered) == ("sequential and retrieval", 20)
+
+
+def test_few_frames_of_a_video_are_matched_along_time(tmp_path):
+    mapping = mapped(*walked(tmp_path, street(30)), filmed(30), 90)
+    assert (mapping.matcher, mapping.registered) == ("sequential and retrieval", 30)
+    assert mapping.verified_pairs < 30 * 29 / 2 / 2
+
+
+def test_clips_that_show_the_same_are_joined_by_what_looks_alike(tmp_path):
+    """The same street filmed twice, the second time backwards and with a cut."""
+    centers = np.concatenate([street(20), street(20)[::-1] + np.array([0, 0.2, 0])])
+    clips = [*filmed(20), *filmed(10, "b.mp4"), *filmed(10, "b.mp4", 1)]
+    mapping = mapped(*walked(tmp_path, centers), clips, 90)
+    assert (mapping.matcher, mapping.registered) == ("sequential and retrieval", 40)
 
 
 def test_many_photographs_without_an_order_are_matched_with_those_that_look_alike(tmp_path):
     shuffled = np.random.default_rng(1).permutation(30)
-    names = [f"{index**2}" for index in range(30)]
+    names = named([f"{index**2}" for index in range(30)])
     mapping = mapped(*walked(tmp_path, street(30)[shuffled]), names, 10)
     assert mapping.matcher.startswith("retrieval")
     assert mapping.registered == 30
@@ -84,13 +109,20 @@ def test_many_photographs_without_an_order_are_matched_with_those_that_look_alik
 
 
 def test_what_a_sequence_leaves_out_is_matched_with_all(tmp_path):
-    """The order lies: a photograph from the middle of the street comes far from its neighbours."""
+    """A frame that shows something else stays without a camera, whatever is tried."""
+    centers = np.insert(street(20), 9, [0, 90, 0], axis=0)
+    mapping = mapped(*walked(tmp_path, centers), filmed(21), 10)
+    assert mapping.matcher == "sequential and retrieval, then all pairs of those left out"
+    assert mapping.registered == 20
+
+
+def test_what_an_order_misplaces_is_found_by_its_looks(tmp_path):
+    """A photograph from the middle of the street comes far from its neighbours."""
     centers = street(PATH)
     order = [index for index in range(PATH) if index != 7]
     order.insert(31, 7)
     mapping = mapped(*walked(tmp_path, centers[order]), frames(PATH), 10)
-    assert mapping.matcher.startswith("sequential, then all pairs")
-    assert mapping.registered == PATH
+    assert (mapping.matcher, mapping.registered) == ("sequential and retrieval", PATH)
 
 
 def test_the_largest_of_several_pieces_comes_first(tmp_path):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from styletrf.image_pairs import all_pairs, pairs_within
 from styletrf.retrieval import similar_pairs
 
 
@@ -22,6 +23,16 @@ def test_neighbours_are_of_the_same_place():
     same = np.mean([places[i] == places[j] for i, j in pairs])
     assert same > 0.9
     assert pairs == similar_pairs(60, lambda k: sets[k], 4, seed=0)
+
+
+def test_pairs_that_are_left_out_make_room_for_others():
+    """A walk past 20 places and past all of them again: what closes it is found."""
+    sets = [features(k % 20, k) for k in range(40)]
+    near = pairs_within([list(range(20)), list(range(20, 40))], 19)
+    assert similar_pairs(40, lambda k: sets[k], 1, seed=0, but=near) == [
+        (k, k + 20) for k in range(20)
+    ]
+    assert similar_pairs(40, lambda k: sets[k], 5, seed=0, but=all_pairs(40)) == []
 
 
 def test_photographs_without_features_and_few_of_them_have_neighbours_too():

@@ -1,7 +1,9 @@
+from pathlib import Path
+
 import pytest
 
 from styletrf.errors import InputError
-from styletrf.user_folders import find_content, find_scene, find_style
+from styletrf.user_folders import find_content, find_scene, find_style, scene_files, scene_videos
 
 
 @pytest.fixture
@@ -52,11 +54,26 @@ def test_a_video_is_a_scene(data, place):
         find_scene(data, "nowhere")
 
 
-def test_two_videos_are_not_guessed_between(data):
-    for name in ("empty.mp4", "empty/a.mov"):
+@pytest.mark.parametrize("names", [("empty.mp4", "empty/a.mov"), ("empty.mp4", "empty.webm")])
+def test_two_videos_that_may_be_two_scenes_are_not_guessed_between(data, names):
+    for name in names:
         (data / "scenes" / name).touch()
-    with pytest.raises(InputError, match=r"several videos: a\.mov, empty\.mp4"):
+    told = ", ".join(sorted(Path(name).name for name in names))
+    with pytest.raises(InputError, match=f"several videos: {told}"):
         find_scene(data, "empty")
+
+
+@pytest.mark.parametrize("place", ["empty", "garden9/images"])
+def test_the_videos_of_a_folder_are_one_scene(data, place):
+    folder = data / "scenes" / place
+    for name in ("clip10.mp4", "clip9.MOV", ".hidden.mp4", "notes.txt"):
+        (folder / name).touch()
+    found = find_scene(data, place.partition("/")[0])
+    assert found == folder
+    assert [video.name for video in scene_videos(found)] == ["clip9.MOV", "clip10.mp4"]
+    assert scene_files(found) == scene_videos(found)
+    (folder / "1.jpg").touch()
+    assert scene_videos(found) == []
 
 
 def test_a_video_beside_photographs_is_passed_over(data):
