@@ -12,6 +12,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -22,7 +23,8 @@ from styletrf.colmap_images import ColmapImages, Lenses, prepare_images, write_p
 from styletrf.colmap_mapping import extract_features, log_to
 from styletrf.errors import InputError
 from styletrf.known_poses import map_known_poses
-from styletrf.mapping_choice import Mapping, map_images
+from styletrf.mapping import Mapping, flat_share, is_explained
+from styletrf.mapping_choice import MappingTask, map_images
 from styletrf.masks import MASKS
 from styletrf.photographs import FEWEST_PHOTOGRAPHS, read_photograph
 from styletrf.point_table import write_points
@@ -33,7 +35,7 @@ from styletrf.undistortion import undistorted_image
 from styletrf.views import held_out_names
 
 _LOGGER = logging.getLogger(__name__)
-_ENOUGH_REGISTERED = 0.8
+_FLAT = 0.95  # of the pairs; captures with depth have up to 0.83
 _LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
 _BETTER_PHOTOGRAPHS = (
     "Take photographs from different places, each sharing most of what it shows with its "
@@ -142,7 +144,7 @@ def solve_camera_poses(
         lenses = "each" if given else config.lenses
         folder, long_side = Path(scratch) / "images", config.max_image_long_side
         images = prepare_images(capture_dir, capture, folder, long_side, lenses, progress)
-        database = Path(scratch) / "colmap.db"
+        database, doubts = Path(scratch) / "colmap.db", list[str]()
         if given:
             views = [given[1][name] for name in names]
             mapping = map_known_poses(
@@ -150,11 +152,12 @@ def solve_camera_poses(
             )
         else:
             mapping = _solve(database, images, capture, config, progress)
+            doubts = _doubts(mapping, flat_share(database))
         mapping.models[0].extract_colors_for_all_images(images.folder)
         files = dict(zip(images.files, names, strict=True))
         placed = placed_photographs(mapping.models[0], files)
         _write_undistorted(out_dir, images, placed, progress)
-    report = _report(images, names, mapping, placed)
+    report = _report(images, names, mapping, placed, doubts)
     cameras = [one.camera for one in placed]
     held_out = held_out_names(cameras, given[1] if given else {})
     write_cameras(out_dir / "cameras.parquet", cameras, report.unregistered, held_out)
@@ -175,23 +178,27 @@ def _solve(
 ) -> Mapping:
     """Returns a mapping of at least three photographs."""
     is_video = all(photograph.clip is not None for photograph in capture.photographs)
-    extract_features(
-        database,
-        images,
-        config.camera_model,
-        config.video_features if is_video else config.max_features,
-        progress,
-        config.video_octave if is_video else -1,
-    )
+    most = config.video_features if is_video else config.max_features
+    octave = config.video_octave if is_video else -1
+
+    def describe(path: Path, *, stronger: bool = False) -> None:
+        extract_features(
+            path, images, config.camera_model, most, progress, octave, stronger=stronger
+        )
+
+    describe(database)
     mapping = map_images(
-        database,
-        images,
-        capture.photographs,
-        config.exhaustive_up_to,
-        config.video_neighbours if is_video else config.neighbours,
-        config.seed,
-        progress,
-        config.video_tracks if is_video else None,
+        MappingTask(
+            database,
+            images,
+            capture.photographs,
+            config.exhaustive_up_to,
+            config.video_neighbours if is_video else config.neighbours,
+            config.seed,
+            progress,
+            config.video_tracks if is_video else None,
+            partial(describe, stronger=True),
+        )
     )
     if mapping.registered < FEWEST_PHOTOGRAPHS:
         placed = f"only {mapping.registered}" if mapping.registered else "none"
@@ -228,6 +235,7 @@ def _report(
     names: Sequence[str],
     mapping: Mapping,
     placed: Sequence[PlacedPhotograph],
+    doubts: Sequence[str],
 ) -> PosesReport:
     model, lens = mapping.models[0], placed[0].lens
     registered = {one.camera.name for one in placed}
@@ -253,7 +261,10 @@ def _report(
         lens_settings=len(images.lenses),
         width=int(lens.width),
         height=int(lens.height),
-        warnings=tuple(_warnings(len(names), unregistered, pieces, error_share)),
+        warnings=(
+            *_warnings(len(names), unregistered, pieces, error_share),
+            *doubts,
+        ),
     )
 
 
@@ -266,9 +277,10 @@ def _warnings(
             f"the points are {error_share:.1%} of an image's longer side off on average, too much"
             " for sharp renders: the poses, the lens or the order of the photographs may be wrong"
         )
-    if total - len(unregistered) < _ENOUGH_REGISTERED * total:
+    if unregistered:
         warnings.append(
-            f"only {total - len(unregistered)} of {total} photographs could be placed; "
+            f"only {total - len(unregistered)} of {total} photographs could be placed, the others"
+            " show another place or share too little with them; "
             f"without a camera: {', '.join(unregistered)}"
         )
     if len(pieces) > 1:
@@ -277,3 +289,19 @@ def _warnings(
             f"the photographs fall into pieces without overlap (of {sizes}): the largest is used"
         )
     return warnings
+
+
+def _doubts(mapping: Mapping, flat: float) -> list[str]:
+    """Returns warnings where the poses contradict matches, or these tell no depth."""
+    doubts = []
+    if not is_explained(mapping):
+        doubts.append(
+            f"only {mapping.explained:.0%} of what the photographs share agrees with their poses:"
+            " some may be in wrong places, as where things repeat. " + _BETTER_PHOTOGRAPHS
+        )
+    if flat >= _FLAT:
+        doubts.append(
+            "the photographs were taken from one spot, or show nothing but a flat wall: they tell"
+            " no depth. " + _BETTER_PHOTOGRAPHS
+        )
+    return doubts

@@ -6,7 +6,7 @@ locks of the first: the file comes out malformed.)
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable
 from contextlib import closing
 from itertools import groupby
 from pathlib import Path
@@ -38,19 +38,38 @@ def extract_features(
     max_features: int,
     progress: Progress,
     first_octave: int = -1,
+    *,
+    stronger: bool = False,
 ) -> None:
     """Fills the database with the images, a camera for each lens setting, and SIFT features.
 
     A camera starts from its setting's focal prior, or from COLMAP's guess where there is none.
     Features of octave 0 on have the size of pixels and more; those of octave -1, found in the
     image at twice its size, half of that.
+    Features that are `stronger` take several times as long: twice as many, fainter ones too,
+    their shape estimated up to an affinity and described at several sizes (Dong and Soatto 2015).
     """
+    options = pycolmap.FeatureExtractionOptions(use_gpu=False)
+    options.sift.max_num_features = 2 * max_features if stronger else max_features
+    options.sift.first_octave = first_octave
+    if stronger:
+        options.sift.peak_threshold /= 2
+        options.sift.estimate_affine_shape = options.sift.domain_size_pooling = True
+    reader = pycolmap.ImageReaderOptions()
+    if images.masks is not None:
+        reader.mask_path = images.masks
     _register(database, images, camera_model)
     portion, total = 2 * (os.cpu_count() or 1), len(images.files)
     for start in range(0, total, portion):
         progress(start, total)
-        files = images.files[start : start + portion]
-        _describe(database, images, files, max_features, first_octave)
+        pycolmap.extract_features(
+            database,
+            images.folder,
+            list(images.files[start : start + portion]),
+            reader_options=reader,
+            extraction_options=options,
+            device=pycolmap.Device.cpu,
+        )
     for setting in images.lenses:
         if setting.focal_prior_px is not None:
             _set_focal(database, setting.files[0], setting.focal_prior_px)
@@ -73,29 +92,6 @@ def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
         pycolmap.import_images(database, images.folder, mode, list(run), reader)
 
 
-def _describe(
-    database: Path,
-    images: ColmapImages,
-    files: Sequence[str],
-    max_features: int,
-    first_octave: int,
-) -> None:
-    options = pycolmap.FeatureExtractionOptions(use_gpu=False)
-    options.sift.max_num_features = max_features
-    options.sift.first_octave = first_octave
-    reader = pycolmap.ImageReaderOptions()
-    if images.masks is not None:
-        reader.mask_path = images.masks
-    pycolmap.extract_features(
-        database,
-        images.folder,
-        list(files),
-        reader_options=reader,
-        extraction_options=options,
-        device=pycolmap.Device.cpu,
-    )
-
-
 def _set_focal(database: Path, file: str, focal_px: float) -> None:
     """Sets the known focal length of the camera that took an image."""
     with closing(pycolmap.Database.open(database)) as opened:
@@ -110,12 +106,21 @@ def _set_focal(database: Path, file: str, focal_px: float) -> None:
 
 
 def match_pairs(
-    database: Path, images: ColmapImages, pairs: Pairs, seed: int, progress: Progress
+    database: Path,
+    images: ColmapImages,
+    pairs: Pairs,
+    seed: int,
+    progress: Progress,
+    *,
+    guided: bool = False,
 ) -> int:
     """Matches pairs of images; returns how many verified pairs the database then holds.
 
     A pair is verified when at least 15 matches agree with one epipolar geometry or homography.
+    Where matching is `guided`, it is then repeated along that geometry. A pair that the database
+    holds already stays as it is.
     """
+    matching = pycolmap.FeatureMatchingOptions(use_gpu=False, guided_matching=guided)
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
     listed = database.with_suffix(".pairs.txt")
@@ -126,7 +131,7 @@ def match_pairs(
         listed.write_text("".join(lines), encoding="utf-8")
         pycolmap.match_image_pairs(
             database,
-            pycolmap.FeatureMatchingOptions(use_gpu=False),
+            matching,
             pycolmap.ImportedPairingOptions(match_list_path=listed),
             verification,
             device=pycolmap.Device.cpu,
@@ -138,38 +143,77 @@ def match_pairs(
         return sum(count > 0 for count in inliers)  # COLMAP's own count includes failed pairs
 
 
+def match_again(database: Path, images: ColmapImages, seed: int, progress: Progress) -> int:
+    """Matches the verified pairs once more, guided by their geometry; returns how many there are.
+
+    Features that look like several others find their match along the epipolar line.
+    """
+    with closing(pycolmap.Database.open(database)) as opened:
+        index = {
+            image.image_id: images.files.index(image.name) for image in opened.read_all_images()
+        }
+        ids, counts = opened.read_two_view_geometry_num_inliers()
+        pairs = []
+        for pair_id, count in zip(ids, counts, strict=True):
+            if count > 0:
+                one, other = pycolmap.pair_id_to_image_pair(pair_id)
+                opened.delete_two_view_geometry(one, other)
+                first, second = sorted((index[one], index[other]))
+                pairs.append((first, second))
+    return match_pairs(database, images, pairs, seed, progress, guided=True)
+
+
 def map_globally(
     database: Path,
     images: ColmapImages,
     seed: int,
     progress: Progress,
+    fewest_views: int = 3,
     tracks: int | None = None,
 ) -> list[pycolmap.Reconstruction]:
     """Returns the models that COLMAP's global mapper finds, the largest first.
 
     It solves all rotations, then all positions, then adjusts the bundle: fast, and stable where
     the photographs overlap well. It does not tell how far it is. One thread, since several add up
-    in an order that differs from run to run. With `tracks`, only so many of an image decide where
-    it is; the points of the others are added in the end.
+    in an order that differs from run to run. Points count that at least `fewest_views` share. With
+    `tracks`, only so many of an image decide where it is; the points of the others are added in the
+    end.
     """
     options = pycolmap.GlobalPipelineOptions(random_seed=seed, num_threads=1)
     options.mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
     if tracks is not None:
         options.mapper.track_required_tracks_per_view = tracks
+    options.mapper.track_min_num_views_per_track = fewest_views
+    options.mapper.global_positioning.min_num_view_per_track = fewest_views
+    options.mapper.bundle_adjustment.min_track_length = fewest_views
+    options.mapper.retriangulation.ignore_two_view_tracks = fewest_views > 2
     progress(0, len(images.files))
     models = pycolmap.global_mapping(database, images.folder, _output(database), options)
     progress(len(images.files), len(images.files))
-    return _largest_first(models)
+    return largest_first(models.values())
 
 
 def map_incrementally(
-    database: Path, images: ColmapImages, seed: int, progress: Progress
+    database: Path,
+    images: ColmapImages,
+    seed: int,
+    progress: Progress,
+    fewest_views: int = 3,
+    *,
+    eager: bool = False,
 ) -> list[pycolmap.Reconstruction]:
     """Returns the models that COLMAP's incremental mapper finds, the largest first.
 
     It adds one photograph after another: slower, and less choosy about overlap. One thread, too.
+    Where it is `eager`, it may begin with a pair of a quarter of the usual angle, and places a
+    photograph by half the usual matches.
     """
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3, num_threads=1)
+    options.triangulation.ignore_two_view_tracks = fewest_views > 2
+    if eager:
+        options.mapper.init_min_tri_angle /= 4
+        options.mapper.init_min_num_inliers //= 2
+        options.mapper.abs_pose_min_num_inliers //= 2
     placed, total = 0, len(images.files)
 
     def place(count: int) -> None:
@@ -186,7 +230,7 @@ def map_incrementally(
         next_image_callback=lambda: place(1),
     )
     progress(total, total)
-    return _largest_first(models)
+    return largest_first(models.values())
 
 
 def _output(database: Path) -> Path:
@@ -195,10 +239,9 @@ def _output(database: Path) -> Path:
     return folder
 
 
-def _largest_first(models: dict[int, pycolmap.Reconstruction]) -> list[pycolmap.Reconstruction]:
-    return sorted(
-        models.values(), key=lambda m: (-m.num_reg_images(), m.compute_mean_reprojection_error())
-    )
+def largest_first(models: Iterable[pycolmap.Reconstruction]) -> list[pycolmap.Reconstruction]:
+    """Returns models by their number of photographs, then by their reprojection error."""
+    return sorted(models, key=lambda m: (-m.num_reg_images(), m.compute_mean_reprojection_error()))
 
 
 def _blocks(pairs: Pairs) -> list[Pairs]:

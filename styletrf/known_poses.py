@@ -15,8 +15,8 @@ from styletrf.colmap_mapping import extract_features, match_pairs
 from styletrf.errors import InputError
 from styletrf.given_poses import GIVEN_BY, GivenView, Lens
 from styletrf.image_pairs import Pairs, all_pairs
-from styletrf.mapping_choice import Mapping as Mapped
-from styletrf.mapping_choice import explained_share
+from styletrf.mapping import Mapping as Mapped
+from styletrf.mapping import explained_share
 from styletrf.progress import Progress
 
 NEIGHBOURS = 20  # with which each photograph is matched, where there are more

@@ -1,15 +1,22 @@
 """Which pairs to match and which mapper to believe, decided from the photographs themselves."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
-from styletrf.colmap_mapping import map_globally, map_incrementally, match_pairs
+from styletrf.colmap_mapping import (
+    largest_first,
+    map_globally,
+    map_incrementally,
+    match_again,
+    match_pairs,
+)
 from styletrf.image_pairs import (
     Pairs,
     all_pairs,
@@ -19,75 +26,161 @@ from styletrf.image_pairs import (
     pairs_within,
     shots,
 )
+from styletrf.mapping import Mapping, explained_share, is_explained
+from styletrf.mapping_ladder import Rung, climbed
+from styletrf.model_joining import joined
+from styletrf.model_support import supported
+from styletrf.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.progress import Progress
 from styletrf.retrieval import Descriptors, similar_pairs
 from styletrf.scene_capture import Photograph
 
-ENOUGH_EXPLAINED = 0.8
+# A share placed with which a capture does: below it a warning is due, and time well spent.
+ENOUGH_PLACED = 0.8
+_EAGER = "incremental from a weaker start"
 
 
 @dataclass(frozen=True, slots=True)
-class Mapping:
-    """The models of one mapper, the largest first, and how they came to be.
+class MappingTask:
+    """Photographs to be mapped, whose features `database` holds.
 
-    `explained` is the share of the verified matches between placed photographs whose two features
-    are one point of the largest model. A model fooled by things that repeat (a wallpaper) leaves
-    many unexplained, however small its reprojection error.
+    Attributes:
+        database: COLMAP's.
+        images: The photographs as COLMAP has them.
+        photographs: What is known of them, in the same order.
+        exhaustive_up_to: So many photographs are matched all with all; of more, those along a
+            sequence where their names read like one, else each with those that look most like it.
+        neighbours: Of each in the latter cases.
+        seed: Of everything random.
+        progress: Called for each phase.
+        tracks: The global mapper looks at so many of an image only; None for all.
+        describe_stronger: Fills another database with features that take longer, and match where
+            the usual ones do not; None where there are none.
     """
 
-    models: Sequence[pycolmap.Reconstruction]
-    matcher: str
-    verified_pairs: int
-    mapper: str
-    mapper_reason: str
-    explained: float
-
-    @property
-    def registered(self) -> int:
-        """The number of images in the largest model."""
-        return int(self.models[0].num_reg_images()) if self.models else 0
+    database: Path
+    images: ColmapImages
+    photographs: Sequence[Photograph]
+    exhaustive_up_to: int
+    neighbours: int
+    seed: int
+    progress: Progress
+    tracks: int | None = None
+    describe_stronger: Callable[[Path], None] | None = None
 
 
-def map_images(
-    database: Path,
-    images: ColmapImages,
-    photographs: Sequence[Photograph],
-    exhaustive_up_to: int,
-    neighbours: int,
-    seed: int,
-    progress: Progress,
-    tracks: int | None = None,
-) -> Mapping:
-    """Returns the best mapping of the images whose features the database holds.
+def map_images(task: MappingTask) -> Mapping:
+    """Returns the best mapping of a task's images, by the first way that explains enough.
 
-    All pairs are matched of up to `exhaustive_up_to` photographs. Frames of videos, and more
-    photographs whose names read like a sequence, are matched with `neighbours` successors, with
-    those 2, 4, 8 ... further on, and with as many that look most like them but are further away;
-    others with twice as many that look most like them.
-    Photographs that this leaves out are then matched with all others. The global mapper goes first;
-    where it does not place all, or explains less than 80 % of the matches, the incremental one is
-    tried too, and the mapping with more photographs, at equality the one that explains more, is
-    kept. With `tracks`, the global mapper looks at so many of an image only.
+    The global mapper goes first. Where it leaves photographs out, they are matched with all others.
+    Where it explains less than 80 % of the matches, both mappers count the points that only two
+    photographs share; where photographs are still left out, the incremental mapper is tried. Where
+    then fewer than 80 % are placed or explained, it begins with less, verified pairs are matched
+    again along their geometry, and at last all photographs are described by stronger features.
     """
-    matcher, pairs = _pairs_to_match(database, photographs, exhaustive_up_to, neighbours, seed)
-    mapping = _globally(database, images, matcher, pairs, seed, progress, tracks)
-    missing = _unplaced(mapping, images)
-    more = sorted({*pairs_with(len(photographs), missing)} - {*pairs})
-    if more:
-        matcher = f"{matcher}, then all pairs of those left out"
-        mapping = _globally(database, images, matcher, more, seed, progress, tracks)
-    if mapping.verified_pairs == 0 or (
-        mapping.registered == len(photographs) and mapping.explained >= ENOUGH_EXPLAINED
-    ):
-        return mapping
-    models = map_incrementally(database, images, seed, progress)
-    explained = explained_share(database, models)
-    other = replace(mapping, models=models, mapper="incremental", explained=explained)
-    reason = "; ".join(
-        f"{one.mapper} mapper: {one.registered} placed, {one.explained:.0%} of matches explained"
-        for one in (mapping, other)
+    rungs = [
+        Rung("the global mapper", partial(_first, task)),
+        Rung("the global mapper, those left out matched with all,", partial(_left_out, task)),
+        Rung("the better mapper with points of two photographs", partial(_points_of_two, task)),
+        Rung("the incremental mapper", partial(_incrementally, task)),
+        Rung("the incremental mapper from a weaker start", partial(_eagerly, task), ENOUGH_PLACED),
+        Rung("guided matching", partial(_guided, task), ENOUGH_PLACED),
+        Rung("stronger features", partial(_stronger, task), ENOUGH_PLACED),
+    ]
+    return climbed(rungs, len(task.photographs))
+
+
+def _first(task: MappingTask, best: Mapping | None) -> Mapping:  # noqa: ARG001
+    matcher, pairs = _pairs_to_match(
+        task.database, task.photographs, task.exhaustive_up_to, task.neighbours, task.seed
     )
-    return replace(max(mapping, other, key=_quality), mapper_reason=reason)
+    return _globally(task, matcher, pairs)
+
+
+def _left_out(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    """Where pairs were chosen: all others with the photographs that this left without a place."""
+    if best is None or best.matcher == "exhaustive":
+        return None
+    missing = _unplaced(best, task.images)
+    if not missing:
+        return None
+    matcher = f"{best.matcher}, then all pairs of those left out"
+    return _globally(task, matcher, pairs_with(len(task.photographs), missing))
+
+
+def _points_of_two(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    """Where the points of three photographs or more explain too little of the matches.
+
+    Both mappers, since the global one, fooled by a wallpaper, explains more this way, too.
+    """
+    if best is None or is_explained(best) or not best.verified_pairs:
+        return None
+    return _better_of_two(task, best, "incremental")
+
+
+def _incrementally(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    """Where enough is explained, but photographs are left out."""
+    if best is None or not is_explained(best):
+        return None
+    return _mapped(task, best, "incremental", fewest_views=3)
+
+
+def _eagerly(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    if best is None or not best.verified_pairs:
+        return None
+    return _mapped(task, best, _EAGER, fewest_views=2)
+
+
+def _guided(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    if best is None or not best.verified_pairs:
+        return None
+    match_again(task.database, task.images, task.seed, task.progress)
+    matched = replace(best, matcher=f"{best.matcher}, guided")
+    return _better_of_two(task, matched, _EAGER)
+
+
+def _stronger(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    """The photographs described and matched anew, in a database of their own.
+
+    Not where no two show the same: it would take minutes to say so again.
+    """
+    if task.describe_stronger is None or best is None or not best.verified_pairs:
+        return None
+    database = task.database.with_stem(f"{task.database.stem}_stronger")
+    task.describe_stronger(database)
+    anew = replace(task, database=database)
+    first = _first(anew, None)
+    matched = replace(first, matcher=f"{first.matcher}, stronger features")
+    return _better_of_two(anew, matched, _EAGER) if first.verified_pairs else None
+
+
+def _better_of_two(task: MappingTask, matched: Mapping, other: str) -> Mapping:
+    """Returns the better mapping of the global and another mapper, points of two counted."""
+    both = [_mapped(task, matched, mapper, fewest_views=2) for mapper in ("global", other)]
+    return max(both, key=lambda mapping: mapping.quality)
+
+
+def _globally(task: MappingTask, matcher: str, pairs: Pairs) -> Mapping:
+    verified = match_pairs(task.database, task.images, pairs, task.seed, task.progress)
+    reason = "it placed all photographs and explains their matches"
+    matched = Mapping([], matcher, verified, "global", reason, 0.0)
+    return _mapped(task, matched, "global", fewest_views=3) if verified else matched
+
+
+def _mapped(task: MappingTask, matched: Mapping, mapper: str, fewest_views: int) -> Mapping:
+    """Returns what a mapper makes of the matches; models that share photographs are joined."""
+    of = task.database, task.images, task.seed, task.progress
+    if mapper == "global":
+        models = map_globally(*of, fewest_views, task.tracks)
+    else:
+        models = map_incrementally(*of, fewest_views, eager=mapper == _EAGER)
+    if fewest_views == 2:
+        pieces = (supported(model) for model in models)
+        models = largest_first(p for p in pieces if p.num_reg_images() >= FEWEST_PHOTOGRAPHS)
+    explained = explained_share(task.database, models)
+    found = replace(matched, models=models, mapper=mapper, explained=explained)
+    whole = joined(task.database, found, fewest_views, task.seed)
+    return max(found, whole, key=lambda mapping: mapping.quality)
 
 
 def _pairs_to_match(
@@ -124,48 +217,6 @@ def _name(image: pycolmap.Image) -> str:
     return str(image.name)
 
 
-def _globally(
-    database: Path,
-    images: ColmapImages,
-    matcher: str,
-    pairs: Pairs,
-    seed: int,
-    progress: Progress,
-    tracks: int | None,
-) -> Mapping:
-    verified = match_pairs(database, images, pairs, seed, progress)
-    models = map_globally(database, images, seed, progress, tracks) if verified else []
-    reason = "it placed all photographs and explains their matches"
-    return Mapping(models, matcher, verified, "global", reason, explained_share(database, models))
-
-
-def explained_share(database: Path, models: Sequence[pycolmap.Reconstruction]) -> float:
-    """Returns the share of the matches that the first model explains, see `Mapping`."""
-    if not models:
-        return 0.0
-    model = models[0]
-    points = {
-        image_id: np.array(
-            [
-                point.point3D_id if point.has_point3D() else -1
-                for point in model.image(image_id).points2D
-            ],
-            dtype=np.int64,
-        )
-        for image_id in model.reg_image_ids()
-    }
-    explained = total = 0
-    with closing(pycolmap.Database.open(database)) as opened:
-        for pair, geometry in zip(*opened.read_two_view_geometries(), strict=True):
-            a, b = pycolmap.pair_id_to_image_pair(pair)
-            if a in points and b in points and len(geometry.inlier_matches):
-                first, second = np.asarray(geometry.inlier_matches).T
-                same = points[a][first] == points[b][second]
-                explained += int((same & (points[a][first] >= 0)).sum())
-                total += len(first)
-    return explained / max(total, 1)
-
-
 def _unplaced(mapping: Mapping, images: ColmapImages) -> list[int]:
     """Returns the positions of the images that the largest model leaves out."""
     if not mapping.models:
@@ -173,7 +224,3 @@ def _unplaced(mapping: Mapping, images: ColmapImages) -> list[int]:
     model = mapping.models[0]
     placed = {model.image(image_id).name for image_id in model.reg_image_ids()}
     return [index for index, file in enumerate(images.files) if file not in placed]
-
-
-def _quality(mapping: Mapping) -> tuple[int, float]:
-    return mapping.registered, mapping.explained

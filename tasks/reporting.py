@@ -78,14 +78,15 @@ def report_content(
 
 
 def placed(poses_dir: Path, capture_dir: Path) -> str:
-    """Returns how many photographs have a camera, which have none, and what is odd about them."""
+    """Returns how many photographs have a camera, which have none, how, and what is odd of them."""
     poses = read_summary(poses_dir / "poses.json")
     told = f"{poses['registered']} of {poses['total']} photographs placed"
     if poses["unregistered"]:
         told += f"; without a camera: {', '.join(poses['unregistered'])}"
     if len(poses["pieces"]) > 1:
         told += f"; they fall into {len(poses['pieces'])} pieces, of which the largest is used"
-    return ". ".join([told, *read_capture(capture_dir).warnings]) + "."
+    how = f"Poses: {poses['mapper']}, since {poses['mapper_reason']}"
+    return ". ".join([told, how, *read_capture(capture_dir).warnings]) + "."
 
 
 def supported(support: Mapping[str, Any]) -> str:

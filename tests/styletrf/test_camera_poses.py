@@ -101,7 +101,8 @@ def test_the_stray_picture_is_named(solved):
     assert (report.registered, report.total, report.unregistered) == (VIEWS, VIEWS + 1, ("stray",))
     assert read_unregistered(out / "cameras.parquet") == ["stray"]
     assert [camera.name for camera in read_cameras(out / "cameras.parquet")] == list("0123456")
-    assert not report.warnings  # seven of eight are enough
+    (warning,) = report.warnings
+    assert "without a camera: stray" in warning
     assert {path.name for path in (out / "images").iterdir()} == {f"{i}.png" for i in range(VIEWS)}
 
 
@@ -229,3 +230,17 @@ def test_nothing_is_sought_where_a_mask_is_black(tmp_path):
         assert counts[y.clip(0, LENS.height - 1), x.clip(0, LENS.width - 1)].mean() > 0.98
     views = load_views(out / "images", cameras)
     assert all(view.shape == (LENS.height, LENS.width, 4) for view in views)
+
+
+def test_photographs_from_one_spot_are_warned_of(tmp_path, solved):
+    """A camera that only turns sees no depth."""
+    pose = room_poses(1)[0]
+    photographs = {}
+    for k, angle in enumerate(0.06 * np.arange(-2, 3)):
+        turn = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+        turned = np.column_stack([np.array(turn) @ pose[:, :3], pose[:, 3]])
+        photographs[f"{k}.png"] = room_view(turned)
+    capture, out = captured(tmp_path, photographs)
+    report = solve_camera_poses(capture, out, CameraPosesConfig())
+    assert any("from one spot" in warning for warning in report.warnings)
+    assert not any("from one spot" in warning for warning in solved[1].warnings)

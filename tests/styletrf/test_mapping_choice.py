@@ -2,7 +2,8 @@ import numpy as np
 import pycolmap
 
 from styletrf.colmap_images import ColmapImages, LensSetting
-from styletrf.mapping_choice import explained_share, map_images
+from styletrf.mapping import explained_share
+from styletrf.mapping_choice import MappingTask, map_images
 from styletrf.progress import silent
 from styletrf.scene_capture import Photograph
 
@@ -58,7 +59,8 @@ def street(count):
 
 
 def mapped(database, images, photographs, exhaustive_up_to):
-    return map_images(database, images, photographs, exhaustive_up_to, OVERLAP, 0, silent)
+    task = MappingTask(database, images, photographs, exhaustive_up_to, OVERLAP, 0, silent)
+    return map_images(task)
 
 
 def named(names):
@@ -133,6 +135,30 @@ def test_the_largest_of_several_pieces_comes_first(tmp_path):
     assert [model.num_reg_images() for model in mapping.models] == [10, 6]
     assert "global mapper" in mapping.mapper_reason
     assert "incremental mapper" in mapping.mapper_reason
+
+
+def test_few_photographs_count_the_points_of_two_where_those_of_three_explain_little(tmp_path):
+    """Each sees its neighbours only, so that most points are seen twice."""
+    centers = street(PATH)[:18:3]
+    mapping = mapped(*walked(tmp_path, centers), frames(6), 90)
+    assert mapping.registered == 6
+    assert mapping.explained > 0.8
+    assert "the global mapper placed" in mapping.mapper_reason
+    assert "points of two photographs placed 6 of 6" in mapping.mapper_reason
+
+
+def test_a_foreign_photograph_is_left_out_and_the_others_stay_where_they_are(tmp_path):
+    """It sees the far end of the street, of which the others see nothing."""
+    near = street(PATH)[:8]
+    (tmp_path / "alone").mkdir()
+    alone = mapped(*walked(tmp_path / "alone", near), frames(8), 90)
+    (tmp_path / "among").mkdir()
+    database, images = walked(tmp_path / "among", [*near[:4], street(PATH)[35], *near[4:]])
+    among = mapped(database, images, frames(9), 90)
+    assert (alone.registered, among.registered) == (8, 8)
+    placed = {among.models[0].image(i).name for i in among.models[0].reg_image_ids()}
+    assert "000004.png" not in placed
+    assert among.explained > 0.95
 
 
 def test_photographs_with_nothing_in_common_give_no_model(tmp_path):

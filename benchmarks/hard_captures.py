@@ -1,0 +1,173 @@
+"""How the pipeline does with captures as people have them: `python benchmarks/hard_captures.py`.
+
+    hard_captures.py courtyard horns --kinds every_fifth foreign --iterations 600 --long-side 252
+
+Each kind of `hard_photographs.MAKERS` is made from each scene (below `STYLETRF_DATA`; `courtyard`
+is rendered) and goes through all stages up to the held-out views. A row of
+Markdown is printed for each: photographs registered, held-out PSNR in dB, seconds of all stages
+together, and what was said. `--poses` stops after the poses.
+"""
+
+import argparse
+import json
+import os
+import time
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from shutil import rmtree
+from tempfile import gettempdir
+from typing import Any
+
+import luigi
+import numpy as np
+from hard_photographs import MAKERS, Source, photographs_of
+
+from pipeline.errors import TaskFailure
+from pipeline.settings import data_root
+from pipeline.task import artifact
+from styletrf.camera_table import read_cameras
+from styletrf.courtyard import CourtyardConfig
+from styletrf.courtyard.folder import write_courtyard
+from styletrf.given_poses import GivenView, Lens
+from styletrf.pose_formats import find_given_poses
+from tasks.metrics import QualityMetrics
+from tasks.scene import CameraPoses, SceneCapture
+from tasks.stage import Stage
+
+FAMILIES = (SceneCapture, CameraPoses, QualityMetrics)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of one capture; `psnr` is NaN where there is no field."""
+
+    scene: str
+    kind: str
+    registered: str
+    psnr: float
+    seconds: float
+    said: str
+
+    def __str__(self) -> str:
+        psnr = "" if np.isnan(self.psnr) else f"{self.psnr:.2f}"
+        cells = (self.scene, self.kind.replace("_", " "), self.registered, psnr)
+        return f"| {' | '.join(cells)} | {self.seconds:.0f} | {self.said} |"
+
+
+def source_of(scene: str, elsewhere: str, root: Path, folder: Path) -> Source:
+    """Returns the photographs and the poses of a scene; the courtyard's are made in `folder`."""
+    place, other = (_place(name, root, folder) for name in (scene, elsewhere))
+    if scene == "courtyard":
+        views: tuple[GivenView, ...] = tuple(_true_views(place))
+    else:
+        given = find_given_poses(place)
+        views = given.views if given else ()
+    return Source(photographs_of(place), photographs_of(other), views)
+
+
+def _place(scene: str, root: Path, folder: Path) -> Path:
+    """Returns the folder of a scene; `courtyard` and `walk` are rendered."""
+    if scene in ("courtyard", "walk"):
+        kind = CourtyardConfig(kind="walk", seed=1) if scene == "walk" else CourtyardConfig()
+        write_courtyard(folder / scene, kind)
+        return folder / scene
+    return root / "scenes" / scene
+
+
+def _true_views(place: Path) -> Iterator[GivenView]:
+    for camera in read_cameras(place / "truth" / "cameras.parquet"):
+        params = (camera.fx, camera.fy, camera.cx, camera.cy)
+        lens = Lens("PINHOLE", params, camera.width, camera.height)
+        yield GivenView(place / "images" / camera.name, lens, camera.world_from_camera)
+
+
+def measured(scene: str, kind: str, last: Stage, seconds: float, error: str) -> Row:
+    """Returns the row of a capture whose last stage was built, or ended with an error."""
+    poses = _summary(last if isinstance(last, CameraPoses) else last.requires()["poses"], "poses")
+    capture = _summary(CameraPoses(**_words(last)).requires()["capture"], "capture")
+    quality = _summary(last, "summary") if isinstance(last, QualityMetrics) else {}
+    registered = f"{poses['registered']} of {poses['total']}" if poses else ""
+    remarks = [f"**{error}**"] if error else []
+    remarks += [*capture.get("warnings", ()), *poses.get("warnings", ())]
+    if poses and not poses["mapper"].startswith("given"):
+        remarks.append(f"{poses['matcher']}; {poses['mapper_reason']}")
+    return Row(scene, kind, registered, quality.get("psnr", np.nan), seconds, "; ".join(remarks))
+
+
+def _summary(task: Any, name: str) -> dict[str, Any]:
+    """Returns a JSON file of a stage's artifact; nothing where it was not made."""
+    if not task.complete():
+        return {}
+    return dict(json.loads((artifact(task) / f"{name}.json").read_text()))
+
+
+def _words(task: Stage) -> dict[str, Any]:
+    return {name: task.param_kwargs[name] for name in ("scene", "quality", "tuning")}
+
+
+def built(last: Stage) -> tuple[float, str]:
+    """Builds a stage with all before it; returns the seconds, and the error that ended it."""
+    failures: list[BaseException] = []
+    handler = luigi.Task.event_handler(luigi.Event.FAILURE)
+    handler(lambda _, error: failures.append(error))
+    started = time.monotonic()
+    luigi.build([last], local_scheduler=True, log_level="WARNING")
+    told = failures[-1] if failures else None
+    if isinstance(told, TaskFailure):
+        kind = "refused" if told.kind == "user" else told.kind.upper()
+        return time.monotonic() - started, f"{kind}: {told.reason}"
+    return time.monotonic() - started, repr(told) if told else ""
+
+
+def main() -> None:
+    """Makes the captures that the command line names, and prints their rows."""
+    options = parser().parse_args()
+    root, folder = data_root(), options.folder.absolute()
+    os.environ["STYLETRF_DATA"] = str(folder)
+    os.environ.setdefault("STYLETRF_STORE", str(folder / "store"))
+    print("| scene | capture | registered | PSNR, dB | s | what was said |\n" + "|---" * 6 + "|")  # noqa: T201
+    for scene in options.scenes:
+        source = source_of(scene, options.elsewhere, root, folder)
+        for kind in options.kinds:
+            name = f"{scene}-{kind}"
+            made = folder / "scenes" / name
+            rmtree(made, ignore_errors=True)
+            MAKERS[kind](source, made, np.random.default_rng(zlib.crc32(name.encode())))
+            stage = CameraPoses if options.poses else QualityMetrics
+            last = stage(scene=name, quality="draft", tuning=tuning_of(options))
+            print(measured(scene, kind, last, *built(last)), flush=True)  # noqa: T201
+
+
+def tuning_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Returns the settings that make a row quick."""
+    return {
+        "CameraPoses": {"max_image_long_side": options.poses_long_side},
+        "SceneModel": {"image_long_side": options.long_side},
+        "RadianceField": {"iterations": options.iterations},
+    }
+
+
+def parser() -> argparse.ArgumentParser:
+    """Returns the parser of the command line."""
+    result = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    result.add_argument("scenes", nargs="+")
+    result.add_argument("--kinds", nargs="+", choices=MAKERS, default=list(MAKERS))
+    result.add_argument(
+        "--elsewhere", default="walk", help="the other place's scene; walk is a made one"
+    )
+    result.add_argument("--poses", action="store_true", help="stop after the poses")
+    result.add_argument("--iterations", type=int, default=5000)
+    result.add_argument("--long-side", type=int, default=504)
+    result.add_argument("--poses-long-side", type=int, default=1600)
+    result.add_argument(
+        "--folder", type=Path, default=Path(gettempdir()) / "hard_captures", help="for captures"
+    )
+    return result
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""What a mapper made of the photographs, and how well it explains their matches."""
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from styletrf.colmap import pycolmap
+
+ENOUGH_EXPLAINED = 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """The models of one mapper, the largest first, and how they came to be.
+
+    `explained` is the share of the verified matches between placed photographs whose two features
+    are one point of the largest model. A model fooled by things that repeat (a wallpaper) leaves
+    many unexplained, however small its reprojection error.
+    """
+
+    models: Sequence[pycolmap.Reconstruction]
+    matcher: str
+    verified_pairs: int
+    mapper: str
+    mapper_reason: str
+    explained: float
+
+    @property
+    def registered(self) -> int:
+        """The number of images in the largest model."""
+        return int(self.models[0].num_reg_images()) if self.models else 0
+
+    @property
+    def quality(self) -> tuple[float, float]:
+        """The larger of two is the better mapping.
+
+        Of two that explain enough, the one that places more photographs; one that explains less
+        counts for so many photographs fewer. At equality the one that explains more.
+        """
+        return self.registered * min(self.explained, ENOUGH_EXPLAINED), self.explained
+
+
+def is_explained(mapping: Mapping) -> bool:
+    """Returns whether the model explains 80 % of the matches between its photographs."""
+    return mapping.explained >= ENOUGH_EXPLAINED
+
+
+def explained_share(database: Path, models: Sequence[pycolmap.Reconstruction]) -> float:
+    """Returns the share of the matches that the first model explains, see `Mapping`."""
+    if not models:
+        return 0.0
+    model = models[0]
+    points = {
+        image_id: np.array(
+            [
+                point.point3D_id if point.has_point3D() else -1
+                for point in model.image(image_id).points2D
+            ],
+            dtype=np.int64,
+        )
+        for image_id in model.reg_image_ids()
+    }
+    explained = total = 0
+    with closing(pycolmap.Database.open(database)) as opened:
+        for pair, geometry in zip(*opened.read_two_view_geometries(), strict=True):
+            a, b = pycolmap.pair_id_to_image_pair(pair)
+            if a in points and b in points and len(geometry.inlier_matches):
+                first, second = np.asarray(geometry.inlier_matches).T
+                same = points[a][first] == points[b][second]
+                explained += int((same & (points[a][first] >= 0)).sum())
+                total += len(first)
+    return explained / max(total, 1)
+
+
+def flat_share(database: Path) -> float:
+    """Returns the share of the verified pairs whose matches fit one homography.
+
+    They show one plane, or were taken from one spot: a model of such pairs alone has made-up depth.
+    """
+    flat = pycolmap.TwoViewGeometryConfiguration.PLANAR_OR_PANORAMIC
+    with closing(pycolmap.Database.open(database)) as opened:
+        _, geometries = opened.read_two_view_geometries()
+    kinds = [geometry.config for geometry in geometries if len(geometry.inlier_matches)]
+    return sum(kind == flat for kind in kinds) / max(len(kinds), 1)
