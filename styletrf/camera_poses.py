@@ -69,12 +69,12 @@ class CameraPosesConfig:
     poses: Literal["auto", "solved"] = "auto"
     max_image_long_side: int = 1600
     max_features: int = 4096
-    video_features: int = 2048
+    video_features: int = 1536
     video_tracks: int = 300
     video_octave: int = 0
     exhaustive_up_to: int = 90
     neighbours: int = 10
-    video_neighbours: int = 5
+    video_neighbours: int = 4
     camera_model: str = "SIMPLE_RADIAL"
     lenses: Lenses = "auto"
     seed: int = 0
