@@ -22,16 +22,18 @@ from typing import Any
 
 import luigi
 import numpy as np
-from hard_photographs import MAKERS, Source, photographs_of
+from hard_photographs import FOREIGN, MAKERS, Source, photographs_of
 
 from pipeline.errors import TaskFailure
 from pipeline.settings import data_root
 from pipeline.task import artifact
 from styletrf.camera_table import read_cameras
+from styletrf.colmap_images import write_png
 from styletrf.courtyard import CourtyardConfig
 from styletrf.courtyard.folder import write_courtyard
 from styletrf.given_poses import GivenView, Lens
 from styletrf.pose_formats import find_given_poses
+from styletrf.procedural_images import procedural_image
 from tasks.metrics import QualityMetrics
 from tasks.scene import CameraPoses, SceneCapture
 from tasks.stage import Stage
@@ -68,12 +70,18 @@ def source_of(scene: str, elsewhere: str, root: Path, folder: Path) -> Source:
 
 
 def _place(scene: str, root: Path, folder: Path) -> Path:
-    """Returns the folder of a scene; `courtyard` and `walk` are rendered."""
-    if scene in ("courtyard", "walk"):
-        kind = CourtyardConfig(kind="walk", seed=1) if scene == "walk" else CourtyardConfig()
-        write_courtyard(folder / scene, kind)
-        return folder / scene
-    return root / "scenes" / scene
+    """Returns the folder of a scene; `courtyard` is rendered, `leaves` are procedural images."""
+    if scene == "courtyard":
+        write_courtyard(folder / scene, CourtyardConfig())
+    elif scene == "leaves":
+        (folder / scene / "images").mkdir(parents=True, exist_ok=True)
+        rng = np.random.default_rng(0)
+        for index in range(FOREIGN):
+            path = folder / scene / "images" / f"{index}.png"
+            write_png(path, procedural_image(rng, 300, 400), compression=1)
+    else:
+        return root / "scenes" / scene
+    return folder / scene
 
 
 def _true_views(place: Path) -> Iterator[GivenView]:
@@ -157,7 +165,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("scenes", nargs="+")
     result.add_argument("--kinds", nargs="+", choices=MAKERS, default=list(MAKERS))
     result.add_argument(
-        "--elsewhere", default="walk", help="the other place's scene; walk is a made one"
+        "--elsewhere", default="leaves", help="the other place's scene; leaves are made"
     )
     result.add_argument("--poses", action="store_true", help="stop after the poses")
     result.add_argument("--iterations", type=int, default=5000)
