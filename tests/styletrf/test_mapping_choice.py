@@ -114,7 +114,7 @@ def test_what_a_sequence_leaves_out_is_matched_with_all(tmp_path):
     """A frame that shows something else stays without a camera, whatever is tried."""
     centers = np.insert(street(20), 9, [0, 90, 0], axis=0)
     mapping = mapped(*walked(tmp_path, centers), filmed(21), 10)
-    assert mapping.matcher == "sequential and retrieval, then all pairs of those left out"
+    assert "those left out matched with all, placed 20 of 21" in mapping.mapper_reason
     assert mapping.registered == 20
 
 
