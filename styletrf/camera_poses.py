@@ -23,11 +23,12 @@ from styletrf.colmap_images import ColmapImages, Lenses, prepare_images, write_p
 from styletrf.colmap_mapping import extract_features, log_to
 from styletrf.errors import InputError
 from styletrf.known_poses import map_known_poses
-from styletrf.mapping import Mapping, flat_share, is_explained
+from styletrf.mapping import Mapping, flat_share
 from styletrf.mapping_choice import MappingTask, map_images
 from styletrf.masks import MASKS
 from styletrf.photographs import FEWEST_PHOTOGRAPHS, read_photograph
 from styletrf.point_table import write_points
+from styletrf.poses_report import BETTER_PHOTOGRAPHS, PosesReport, doubts_about, poses_report
 from styletrf.progress import Progress, silent
 from styletrf.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
 from styletrf.scene_capture import Capture, given_views, read_capture
@@ -35,12 +36,6 @@ from styletrf.undistortion import undistorted_image
 from styletrf.views import held_out_names
 
 _LOGGER = logging.getLogger(__name__)
-_FLAT = 0.95  # of the pairs; captures with depth have up to 0.83
-_LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
-_BETTER_PHOTOGRAPHS = (
-    "Take photographs from different places, each sharing most of what it shows with its "
-    "neighbours, of things that have texture and keep still, in focus; 20 or more are better"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,31 +73,6 @@ class CameraPosesConfig:
     camera_model: str = "SIMPLE_RADIAL"
     lenses: Lenses = "auto"
     seed: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class PosesReport:
-    """What `poses.json` says; the lens is the first before undistortion, in pixels of `width`."""
-
-    registered: int
-    total: int
-    unregistered: tuple[str, ...]
-    mean_reprojection_error_px: float
-    points: int
-    matcher: str
-    verified_pairs: int
-    mapper: str
-    mapper_reason: str
-    matches_explained: float
-    pieces: tuple[int, ...]
-    camera_model: str
-    camera_params: tuple[float, ...]
-    focal_px: float
-    focal_prior_px: float | None
-    lens_settings: int
-    width: int
-    height: int
-    warnings: tuple[str, ...]
 
 
 def solve_camera_poses(
@@ -152,12 +122,12 @@ def solve_camera_poses(
             )
         else:
             mapping = _solve(database, images, capture, config, progress)
-            doubts = _doubts(mapping, flat_share(database))
+            doubts = doubts_about(mapping, flat_share(database))
         mapping.models[0].extract_colors_for_all_images(images.folder)
         files = dict(zip(images.files, names, strict=True))
         placed = placed_photographs(mapping.models[0], files)
         _write_undistorted(out_dir, images, placed, progress)
-    report = _report(images, names, mapping, placed, doubts)
+    report = poses_report(images, names, mapping, placed, doubts)
     cameras = [one.camera for one in placed]
     held_out = held_out_names(cameras, given[1] if given else {})
     write_cameras(out_dir / "cameras.parquet", cameras, report.unregistered, held_out)
@@ -207,7 +177,7 @@ def _solve(
             f"({mapping.verified_pairs} pairs show the same things)"
         )
         subject = f"the {len(capture.photographs)} photographs"
-        raise InputError(subject, problem, _BETTER_PHOTOGRAPHS)
+        raise InputError(subject, problem, BETTER_PHOTOGRAPHS)
     return mapping
 
 
@@ -228,80 +198,3 @@ def _write_undistorted(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for done, _ in enumerate(pool.map(write, placed), start=1):
             progress(done, len(placed))
-
-
-def _report(
-    images: ColmapImages,
-    names: Sequence[str],
-    mapping: Mapping,
-    placed: Sequence[PlacedPhotograph],
-    doubts: Sequence[str],
-) -> PosesReport:
-    model, lens = mapping.models[0], placed[0].lens
-    registered = {one.camera.name for one in placed}
-    unregistered = tuple(name for name in names if name not in registered)
-    pieces = tuple(int(piece.num_reg_images()) for piece in mapping.models)
-    error_share = model.compute_mean_reprojection_error() / images.long_side
-    return PosesReport(
-        registered=len(placed),
-        total=len(names),
-        unregistered=unregistered,
-        mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
-        points=int(model.num_points3D()),
-        matcher=mapping.matcher,
-        verified_pairs=mapping.verified_pairs,
-        mapper=mapping.mapper,
-        mapper_reason=mapping.mapper_reason,
-        matches_explained=mapping.explained,
-        pieces=pieces,
-        camera_model=str(lens.model_name),
-        camera_params=tuple(float(value) for value in lens.params),
-        focal_px=float(lens.mean_focal_length()),
-        focal_prior_px=images.lenses[0].focal_prior_px,
-        lens_settings=len(images.lenses),
-        width=int(lens.width),
-        height=int(lens.height),
-        warnings=(
-            *_warnings(len(names), unregistered, pieces, error_share),
-            *doubts,
-        ),
-    )
-
-
-def _warnings(
-    total: int, unregistered: Sequence[str], pieces: Sequence[int], error_share: float
-) -> list[str]:
-    warnings = []
-    if error_share > _LARGE_ERROR:
-        warnings.append(
-            f"the points are {error_share:.1%} of an image's longer side off on average, too much"
-            " for sharp renders: the poses, the lens or the order of the photographs may be wrong"
-        )
-    if unregistered:
-        warnings.append(
-            f"only {total - len(unregistered)} of {total} photographs could be placed, the others"
-            " show another place or share too little with them; "
-            f"without a camera: {', '.join(unregistered)}"
-        )
-    if len(pieces) > 1:
-        sizes = ", ".join(str(size) for size in pieces)
-        warnings.append(
-            f"the photographs fall into pieces without overlap (of {sizes}): the largest is used"
-        )
-    return warnings
-
-
-def _doubts(mapping: Mapping, flat: float) -> list[str]:
-    """Returns warnings where the poses contradict matches, or these tell no depth."""
-    doubts = []
-    if not is_explained(mapping):
-        doubts.append(
-            f"only {mapping.explained:.0%} of what the photographs share agrees with their poses:"
-            " some may be in wrong places, as where things repeat. " + _BETTER_PHOTOGRAPHS
-        )
-    if flat >= _FLAT:
-        doubts.append(
-            "the photographs were taken from one spot, or show nothing but a flat wall: they tell"
-            " no depth. " + _BETTER_PHOTOGRAPHS
-        )
-    return doubts
