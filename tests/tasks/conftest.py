@@ -82,6 +82,7 @@ def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # fmt: skip
     write_points(folder / "points.parquet", points)
     told = {"registered": 4, "total": 4, "unregistered": [], "pieces": [4]}
+    told |= {"mapper": "global", "mapper_reason": "they overlap"}
     (folder / "poses.json").write_text(json.dumps(told))
     return folder
 
