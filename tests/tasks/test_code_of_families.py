@@ -223,6 +223,8 @@ COMMANDS = {"Grid", "StylizedTrajectory", "TradeOff"}
 """They gather what the records of a whole graph say; `test_fly_through` runs them."""
 
 BY_VALUE = {
+    "tasks.field:TrajectoryFrames.values",
+    "tasks.path_controls:PathControls.path_settings",
     "tasks.qualities:settings_for",
     "tasks.stage:TunedStage.values",
     "tasks.stage:_thawed",
