@@ -183,7 +183,7 @@ def main() -> None:
     changes = Changes(config.exposure, config.white_balance, config.power, config.seed)
     for scene in config.scenes:
         photographs = photographs_of(scene, changes)
-        told = {"scene": scene, "views": len(photographs.cameras)} | vars(changes)
+        capture_words = {"scene": scene, "views": len(photographs.cameras)} | vars(changes)
         if config.what == "evidence":
             found, dependence = evidence_of(photographs)
             rows = [{"spread": found.spread, "disagreement": found.disagreement}]
@@ -191,7 +191,7 @@ def main() -> None:
         else:
             rows = [{"setting": mode} | fit(photographs, mode, config) for mode in config.modes]
         for row in rows:
-            print(json.dumps(told | row), flush=True)  # noqa: T201
+            print(json.dumps(capture_words | row), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -122,11 +122,11 @@ def built(last: Stage) -> tuple[float, str]:
     handler(lambda _, error: failures.append(error))
     started = time.monotonic()
     luigi.build([last], local_scheduler=True, log_level="WARNING")
-    told = failures[-1] if failures else None
-    if isinstance(told, TaskFailure):
-        kind = "refused" if told.kind == "user" else told.kind.upper()
-        return time.monotonic() - started, f"{kind}: {told.reason}"
-    return time.monotonic() - started, repr(told) if told else ""
+    failure = failures[-1] if failures else None
+    if isinstance(failure, TaskFailure):
+        kind = "refused" if failure.kind == "user" else failure.kind.upper()
+        return time.monotonic() - started, f"{kind}: {failure.reason}"
+    return time.monotonic() - started, repr(failure) if failure else ""
 
 
 def main() -> None:

@@ -142,8 +142,8 @@ def _lens(view: GivenView) -> dict[str, float]:
     if view.lens.model not in ("PINHOLE", "OPENCV"):
         raise SystemExit(f"poses of {view.lens.model} lenses cannot be disturbed")
     names = ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2")
-    told = dict(zip(names, view.lens.params, strict=False))
-    return told | {"w": view.lens.width, "h": view.lens.height}
+    intrinsics = dict(zip(names, view.lens.params, strict=False))
+    return intrinsics | {"w": view.lens.width, "h": view.lens.height}
 
 
 def _direction(rng: np.random.Generator) -> np.ndarray:

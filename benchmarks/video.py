@@ -114,6 +114,7 @@ def film(path: Path, seconds: float, rate: float, config: CourtyardConfig, threa
     write_cameras(path.with_suffix(".parquet"), cameras)
 
     def frames() -> Iterator[np.ndarray]:
+        """Renders the frames in order, several at a time."""
         with ThreadPoolExecutor(threads) as pool:
             render = partial(exposed, config=config)
             yield from tqdm(
@@ -149,12 +150,12 @@ def poses(clip: Path, every: int, config: CameraPosesConfig, *, timed: bool) -> 
         seconds = time.process_time() - start_s
         ours = read_cameras(out / "cameras.parquet")
     truth = {camera.name: camera for camera in read_cameras(clip.with_suffix(".parquet"))}
-    told = agreement(ours, [truth[str(int(camera.name))] for camera in ours])
+    errors = agreement(ours, [truth[str(int(camera.name))] for camera in ours])
     print(  # noqa: T201
         f"{report.registered} of {report.total}, {report.matcher}, {report.verified_pairs} pairs,"
         f" {report.mapper} mapper, {report.matches_explained:.0%} explained,"
         f" {report.points} points, {seconds:.0f} CPU s",
-        *(f"{name} {value:.4f}" for name, value in told.items()),
+        *(f"{name} {value:.4f}" for name, value in errors.items()),
         sep="\n  ",
     )
 

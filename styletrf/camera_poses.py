@@ -114,12 +114,11 @@ def solve_camera_poses(
         lenses = "each" if given else config.lenses
         folder, long_side = Path(scratch) / "images", config.max_image_long_side
         images = prepare_images(capture_dir, capture, folder, long_side, lenses, progress)
-        database, doubts = Path(scratch) / "colmap.db", list[str]()
+        database = Path(scratch) / "colmap.db"
         if given:
-            views = [given[1][name] for name in names]
-            mapping = map_known_poses(
-                database, images, views, given[0], config.max_features, config.seed, progress
-            )
+            views, most = [given[1][name] for name in names], config.max_features
+            of = database, images, views, given[0], most, config.seed, progress
+            mapping, doubts = map_known_poses(*of), []
         else:
             mapping = _solve(database, images, capture, config, progress)
             doubts = doubts_about(mapping, flat_share(database))

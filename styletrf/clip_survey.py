@@ -15,7 +15,7 @@ _BLURRED = 0.5  # of the sharpness of the frames around
 _AROUND_S = 5.0  # before and after
 _SHORTEST_BLUR_S = 0.2
 _MISSING_S = 0.5  # of what the file declares
-_SPANS_TOLD = 5
+_SPANS_NAMED = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +42,10 @@ def clip_warnings(name: str, motion: FrameMotion, declared_s: float | None) -> I
         )
     for cut_s in motion.cuts_s:
         yield f"{name} has a cut at {cut_s:.1f} s: what lies before and after are two sequences"
-    if told := _told(rests(motion)):
-        yield f"{name} keeps still at {told}: no more than one frame of each rest is taken"
-    if told := _told(blurs(motion)):
-        yield f"{name} is blurred by motion at {told}: move more slowly, or use more light"
+    if times := _listed(rests(motion)):
+        yield f"{name} keeps still at {times}: no more than one frame of each rest is taken"
+    if times := _listed(blurs(motion)):
+        yield f"{name} is blurred by motion at {times}: move more slowly, or use more light"
     if motion.displacement[-1] > 0 and not motion.has_parallax:
         share = motion.parallax[-1] / motion.displacement[-1]
         yield (
@@ -107,7 +107,7 @@ def _interval_s(motion: FrameMotion) -> float:
     return float(np.median(np.diff(motion.time_s))) if len(motion.time_s) > 1 else 0.0
 
 
-def _told(spans: list[Span]) -> str:
-    told = [f"{span.start_s:.1f} to {span.end_s:.1f} s" for span in spans[:_SPANS_TOLD]]
-    more = len(spans) - _SPANS_TOLD
-    return ", ".join(told) + (f" and {more} more times" if more > 0 else "")
+def _listed(spans: list[Span]) -> str:
+    times = [f"{span.start_s:.1f} to {span.end_s:.1f} s" for span in spans[:_SPANS_NAMED]]
+    more = len(spans) - _SPANS_NAMED
+    return ", ".join(times) + (f" and {more} more times" if more > 0 else "")

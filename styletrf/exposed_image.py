@@ -43,11 +43,11 @@ def _channel(
     photograph: Float[np.ndarray, "height width"],
     counts: Mask,
 ) -> Float[np.ndarray, "height width"]:
-    told = (photograph > _DARKEST) & (photograph < _BRIGHTEST) & (image > _DARKEST)
-    told &= counts & (image < _BRIGHTEST)
-    if told.sum() < _ENOUGH:
+    usable = (photograph > _DARKEST) & (photograph < _BRIGHTEST) & (image > _DARKEST)
+    usable &= counts & (image < _BRIGHTEST)
+    if usable.sum() < _ENOUGH:
         return image
-    values, wanted = (part[told].astype(np.float64) for part in (image, photograph))
+    values, wanted = (part[usable].astype(np.float64) for part in (image, photograph))
     logs, found = np.log(values / MIDDLE), np.array([0.0, 1.0])
     for _ in range(_STEPS):
         shown = MIDDLE * np.exp(found[0] + found[1] * logs)

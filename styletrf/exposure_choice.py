@@ -57,10 +57,10 @@ def exposure_evidence(
     """
     views = len(cameras)
     named = _named(cameras, estimate_exposures(points, log_color, views))
-    told = log_color[~np.isnan(log_color)]
-    if not len(told) or views < 2:
+    known = log_color[~np.isnan(log_color)]
+    if not len(known) or views < 2:
         return ExposureEvidence(0.0, 0.0, named)
-    levels, first, beside = np.quantile(told, _LEVELS), _first_half(points), _beside(points, views)
+    levels, first, beside = np.quantile(known, _LEVELS), _first_half(points), _beside(points, views)
     changes = (
         estimate_exposures(
             points, np.where(half[points.observed_point][:, None], log_color, np.nan), views

@@ -99,9 +99,9 @@ def _shared(
     points: SparsePoints, log_color: Float[np.ndarray, " observations"], views: int
 ) -> np.ndarray:
     """Returns which views observe enough points that others observe as well."""
-    told = ~np.isnan(log_color)
-    seen = np.bincount(points.observed_point[told], minlength=len(points.xyz_world))
-    shared = told & (seen[points.observed_point] > 1)
+    is_known = ~np.isnan(log_color)
+    seen = np.bincount(points.observed_point[is_known], minlength=len(points.xyz_world))
+    shared = is_known & (seen[points.observed_point] > 1)
     return np.bincount(points.observed_image[shared], minlength=views) >= LEAST_OBSERVATIONS
 
 

@@ -109,8 +109,7 @@ class FieldTrainer:
         self.checkpoint_dir, self.iteration = checkpoint_dir, 0
         self.cameras, self.space, self.final_resolution = cameras, space, resolution
         self.generator = torch.Generator().manual_seed(config.seed)
-        coarse = self._resolution(stage=0)
-        self.field = RadianceField(config.field, coarse, self.generator).to(device)
+        self.field = RadianceField(config.field, self._resolution(0), self.generator).to(device)
         self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
         self.curve: list[CurvePoint] = []
         self.begin_stage()

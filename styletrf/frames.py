@@ -42,11 +42,11 @@ class FramesConfig:
 
     def __post_init__(self) -> None:
         if self.long_side_px and not SMALLEST_PX <= self.long_side_px <= LARGEST_PX:
-            told = f"{SMALLEST_PX} to {LARGEST_PX} pixels long, not {self.long_side_px}"
-            raise ValueError(f"frames are {told}")
+            bounds = f"{SMALLEST_PX} to {LARGEST_PX} pixels long, not {self.long_side_px}"
+            raise ValueError(f"frames are {bounds}")
         if not SLOWEST_RATE <= self.frames_per_second <= FASTEST_RATE:
-            told = f"{SLOWEST_RATE} to {FASTEST_RATE} frames a second"
-            raise ValueError(f"a video has {told}, not {self.frames_per_second}")
+            bounds = f"{SLOWEST_RATE} to {FASTEST_RATE} frames a second"
+            raise ValueError(f"a video has {bounds}, not {self.frames_per_second}")
 
 
 def rendered(

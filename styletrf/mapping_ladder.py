@@ -34,22 +34,22 @@ def climbed(rungs: Sequence[Rung], photographs: int) -> Mapping:
         ValueError: No rung has anything to try.
     """
     best: Mapping | None = None
-    told: list[str] = []
+    lines: list[str] = []
     for rung in rungs:
         if best is not None and _is_enough(best, rung.unless_placed * photographs):
             continue
         mapping = rung.attempt(best)
         if mapping is None:
             continue
-        told.append(
+        lines.append(
             f"{rung.name} placed {mapping.registered} of {photographs}"
             f" and explains {mapping.explained:.0%} of their matches"
         )
-        _LOGGER.info(told[-1])
+        _LOGGER.info(lines[-1])
         best = mapping if best is None else max(best, mapping, key=lambda m: m.quality)
     if best is None:
         raise ValueError("no rung has anything to try")
-    return replace(best, mapper_reason=", ".join(told)) if len(told) > 1 else best
+    return replace(best, mapper_reason=", ".join(lines)) if len(lines) > 1 else best
 
 
 def _is_enough(mapping: Mapping, placed: float) -> bool:

@@ -28,10 +28,10 @@ class ObservedColors:
         That is where a channel is too dark or saturated, and in the half of the observations with
         the greater contrast about them: how much of it a pixel mixes in depends on the distance.
         """
-        told = (self.color > _DARKEST) & (self.color < _BRIGHTEST)
+        is_known = (self.color > _DARKEST) & (self.color < _BRIGHTEST)
         relative = self.contrast / np.maximum(self.color.mean(axis=1), _DARKEST)
         is_even = relative <= (np.median(relative) if len(relative) else 0.0)
-        return np.log(np.where(told & is_even[:, None], self.color, np.nan))
+        return np.log(np.where(is_known & is_even[:, None], self.color, np.nan))
 
     def of(self, chosen: Bool[np.ndarray, " observations"]) -> "ObservedColors":
         """Returns those of some observations."""

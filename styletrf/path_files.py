@@ -110,8 +110,8 @@ def require_photographs(keys: KeyFrames, names: Sequence[str]) -> None:
             problem = (
                 f"key_frames[{k}].photograph is {frame.photograph!r}, which has no camera here"
             )
-            told = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
-            raise InputError(keys.source, problem, f"Photographs of this scene are {told}")
+            existing = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+            raise InputError(keys.source, problem, f"Photographs of this scene are {existing}")
 
 
 def _placed(frame: KeyFrame, known: dict[str, Camera], model: SceneModel, usual: Camera) -> Camera:

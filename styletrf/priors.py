@@ -65,6 +65,7 @@ def needed_views(
     places = _places_along(cameras, trajectory)
 
     def seen_from(views: Sequence[Camera]) -> Bool[np.ndarray, "views places"]:
+        """Returns which of the places each view shows."""
         small = [small_camera(camera, config) for camera in views]
         renders = rendered(radiance, space, small, RenderConfig(), device)
         return np.stack([

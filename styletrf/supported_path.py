@@ -69,6 +69,7 @@ def supported_fly_through(
     found: list[tuple[Trial, SupportedPath]] = []
 
     def is_enough(spread: float, zoom: float) -> bool:
+        """Returns whether photographs support the path of a spread and a zoom."""
         path = fly_through(cameras, model, replace(config, spread=spread))
         path = [at_size(camera, 0, config.fov_deg) for camera in path]
         path = [with_focal(camera, zoom * focal_of(camera)) for camera in path]
@@ -77,6 +78,7 @@ def supported_fly_through(
         return support.share < most_unsupported
 
     def best() -> tuple[Trial, SupportedPath]:
+        """Returns the trial with the least unsupported pixels."""
         return min(found, key=lambda one: one[0].unsupported)
 
     if not any(is_enough(share * config.spread, 1.0) for share in _SHRINKING):
@@ -92,7 +94,7 @@ def write_support(file: Path, name: str, path: SupportedPath, config: SupportCon
     spreads and focal lengths that were tried.
     """
     support = path.support
-    told = {
+    summary = {
         "path": name,
         "unsupported": support.share,
         "most_unsupported": config.most_unsupported,
@@ -101,7 +103,7 @@ def write_support(file: Path, name: str, path: SupportedPath, config: SupportCon
         "frames": support.unsupported,
         "tried": [asdict(trial) for trial in path.trials],
     }
-    write_summary(file, told)
+    write_summary(file, summary)
     if support.share >= config.most_unsupported:
         warning = (
             f"the path {name}: fewer than {ENOUGH_VIEWS} photographs see {support.share:.1%} of its"

@@ -60,8 +60,8 @@ class TrajectoryConfig:
         if not 0 <= self.easing <= 1:
             raise ValueError(f"easing is a share of the time from 0 to 1, not {self.easing:g}")
         if self.fov_deg != 0 and not 1 <= self.fov_deg <= WIDEST_FOV_DEG:
-            told = f"from 1 to {WIDEST_FOV_DEG:g} degrees, not {self.fov_deg:g}"
-            raise ValueError(f"an angle of view is 0 (the photographs') or {told}")
+            bounds = f"from 1 to {WIDEST_FOV_DEG:g} degrees, not {self.fov_deg:g}"
+            raise ValueError(f"an angle of view is 0 (the photographs') or {bounds}")
         if not 0 <= self.stabilization < math.inf:
             raise ValueError(f"a path is smoothed over photographs, not {self.stabilization:g}")
 

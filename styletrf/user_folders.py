@@ -44,9 +44,9 @@ def find_scene(data_root: Path, name: str) -> Path:
     named = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
     beside, inside = _of_suffix(named, VIDEO_SUFFIXES), scene_videos(folder)
     if len(beside) + bool(inside) > 1:
-        told = ", ".join(sorted(video.name for video in [*beside, *inside]))
+        names = ", ".join(sorted(video.name for video in [*beside, *inside]))
         remedy = f"Put all clips of the scene into scenes/{name}, the others elsewhere"
-        raise InputError(f"scene {name!r}", f"has several videos: {told}", remedy)
+        raise InputError(f"scene {name!r}", f"has several videos: {names}", remedy)
     if beside or len(inside) == 1:
         return (beside or inside)[0]
     if inside or folder.name == "images":

@@ -52,7 +52,7 @@ def check_command(command: CmdlineParser) -> None:
         "tuned": sorted({name for stage in tuned for name in stage.tuning}),
         "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
         "settings": sorted(settings),
-        "paths": sorted({told for stage in stages if (told := _path_of(stage))}),
+        "paths": sorted({file for stage in stages if (file := _path_of(stage))}),
     }
     if any(asked.values()) and (refusal := _refusal(asked)):
         raise SystemExit(refusal)

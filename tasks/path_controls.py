@@ -83,5 +83,5 @@ class PathControls(GradedStage):
         return {f"path/{found.name}": file_digest(found) for found in files}
 
     def _refuse(self, name: str, problem: str, example: str) -> None:
-        told = f"--{name.replace('_', '-')} {getattr(self, name)}"
-        raise InputError(told, problem, f"Give one such as {example}")
+        words = f"--{name.replace('_', '-')} {getattr(self, name)}"
+        raise InputError(words, problem, f"Give one such as {example}")

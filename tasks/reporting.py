@@ -80,28 +80,28 @@ def report_content(
 def placed(poses_dir: Path, capture_dir: Path) -> str:
     """Returns how many photographs have a camera, which have none, how, and what is odd of them."""
     poses = read_summary(poses_dir / "poses.json")
-    told = f"{poses['registered']} of {poses['total']} photographs placed"
+    text = f"{poses['registered']} of {poses['total']} photographs placed"
     if poses["unregistered"]:
-        told += f"; without a camera: {', '.join(poses['unregistered'])}"
+        text += f"; without a camera: {', '.join(poses['unregistered'])}"
     if len(poses["pieces"]) > 1:
-        told += f"; they fall into {len(poses['pieces'])} pieces, of which the largest is used"
+        text += f"; they fall into {len(poses['pieces'])} pieces, of which the largest is used"
     how = f"Poses: {poses['mapper']}, since {poses['mapper_reason']}"
-    return ". ".join([told, how, *read_capture(capture_dir).warnings]) + "."
+    return ". ".join([text, how, *read_capture(capture_dir).warnings]) + "."
 
 
 def supported(support: Mapping[str, Any]) -> str:
     """Returns how much of the path hardly any photograph shows, and what was done about it."""
-    told = (
+    text = (
         f"The path {support['path']}: fewer than {support['enough_photographs']} photographs see"
         f" {support['unsupported']:.1%} of its pixels"
     )
     if support["unsupported"] >= support["most_unsupported"]:
-        told += f"; worst are the frames {', '.join(support['worst'])}"
+        text += f"; worst are the frames {', '.join(support['worst'])}"
     if len(tried := support["tried"]) > 1:
         best = min(tried, key=lambda one: float(one["unsupported"]))
-        told += f". It was narrowed from {tried[0]['unsupported']:.1%}: spread {best['spread']:.2g}"
-        told += f", focal length {best['zoom']:g} times" if best["zoom"] > 1 else ""
-    return f"{told}."
+        text += f". It was narrowed from {tried[0]['unsupported']:.1%}: spread {best['spread']:.2g}"
+        text += f", focal length {best['zoom']:g} times" if best["zoom"] > 1 else ""
+    return f"{text}."
 
 
 def _tuning(quality: str, lineage: Sequence[ActionRecord]) -> dict[str, dict[str, Any]]:

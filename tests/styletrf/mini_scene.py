@@ -7,10 +7,23 @@ import torch
 from torch import Tensor
 
 from styletrf.cameras import Camera, pixel_centers
+from styletrf.field import FieldConfig
+from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from styletrf.trajectories import look_at
 
 SIZE = 20
+MINI_FIT = FieldTrainingConfig(
+    field=FieldConfig((4, 2, 2), (4, 2, 2), features=8, hidden=16),
+    iterations=120,
+    batch=256,
+    initial_voxels=10**3,
+    upsample_at=(1 / 3, 2 / 3),
+    batch_samples=8000,
+    occupancy_every=20,
+    shrink_rise=0.0,
+)
+"""A fit of the scene in seconds."""
 
 
 @dataclass(frozen=True)

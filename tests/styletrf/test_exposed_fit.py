@@ -1,13 +1,13 @@
 """A field fitted to photographs of different exposures has the middle one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
-from mini_scene import MiniScene, painted_plane
+from mini_scene import MINI_FIT, MiniScene, painted_plane
 
-from styletrf.field import FieldConfig
 from styletrf.field_training import train_field
-from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
@@ -15,14 +15,10 @@ from styletrf.space import ViewRays
 from styletrf.view_exposures import ViewExposures
 
 CPU = torch.device("cpu")
-CONFIG = FieldTrainingConfig(
-    field=FieldConfig((4, 2, 2), (4, 2, 2), features=8, hidden=16, shading="plain"),
+CONFIG = replace(
+    MINI_FIT,
+    field=replace(MINI_FIT.field, shading="plain"),
     iterations=150,
-    batch=256,
-    initial_voxels=10**3,
-    upsample_at=(1 / 3, 2 / 3),
-    batch_samples=8000,
-    occupancy_every=20,
     shrink_rise=0.01,
 )
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from mini_scene import MiniScene, painted_plane
+from mini_scene import MINI_FIT, MiniScene, painted_plane
 
 from styletrf.checkpoints import load_checkpoint
 from styletrf.errors import NotFiniteError
@@ -22,16 +22,7 @@ from styletrf.sparse_depth import SparseDepths, depth_loss
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
-CONFIG = FieldTrainingConfig(
-    field=FieldConfig((4, 2, 2), (4, 2, 2), features=8, hidden=16),
-    iterations=120,
-    batch=256,
-    initial_voxels=10**3,
-    upsample_at=(1 / 3, 2 / 3),
-    batch_samples=8000,
-    occupancy_every=20,
-    shrink_rise=0.0,
-)
+CONFIG = MINI_FIT
 
 
 @pytest.fixture(scope="module")

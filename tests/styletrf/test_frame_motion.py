@@ -58,7 +58,7 @@ def test_the_same_scene_in_other_light_is_no_cut():
     assert motion_of([*frames[:15], *darker]).cuts_s == []
 
 
-def test_a_rest_is_told_from_its_beginning_to_its_end():
+def test_a_rest_is_found_from_its_beginning_to_its_end():
     """Held by a hand: the picture trembles by a pixel."""
     walk = walked(wall(0), 80)
     trembling = [np.roll(walk[40], k % 2, axis=1) for k in range(50)]
@@ -69,7 +69,7 @@ def test_a_rest_is_told_from_its_beginning_to_its_end():
 
 
 @pytest.mark.parametrize(("blurred", "count"), [(range(30, 42), 1), (range(30, 31), 0)])
-def test_blur_is_told_where_no_sharp_frame_is_near(blurred, count):
+def test_blur_is_found_where_no_sharp_frame_is_near(blurred, count):
     """The camera swings, and what passes is smeared along."""
     starts = np.cumsum([6 if k in blurred else 2 for k in range(80)])
     frames = [contrasted(wall(0)[:, x : x + WIDTH]) for x in starts]
@@ -82,7 +82,7 @@ def test_blur_is_told_where_no_sharp_frame_is_near(blurred, count):
         assert span.end_s == pytest.approx(4.2, abs=0.25)
 
 
-def test_a_walk_is_told_nothing_and_a_file_that_breaks_off_is():
+def test_a_walk_has_no_warning_and_a_file_that_breaks_off_has_one():
     motion = motion_of(walked(wall(0), 40))
     assert list(clip_warnings("a.mp4", motion, 4.0)) == []
     assert list(clip_warnings("a.mp4", motion, None)) == []

@@ -68,5 +68,5 @@ def test_one_model_stays_as_it_is(halves):
 
 def test_joining_gives_the_same_model_twice(halves):
     database, _, models = halves
-    told = [joined(database, mapping_of(database, models), 3, 0).models[0] for _ in range(2)]
-    np.testing.assert_array_equal(centers(told[0]), centers(told[1]))
+    wholes = [joined(database, mapping_of(database, models), 3, 0).models[0] for _ in range(2)]
+    np.testing.assert_array_equal(centers(wholes[0]), centers(wholes[1]))

@@ -118,9 +118,9 @@ def test_the_default_path_is_narrowed_until_it_is_supported_and_no_further(tmp_p
     assert never.support.share == min(trial.unsupported for trial in never.trials)
     assert {trial.spread for trial in never.trials if trial.zoom > 1} == {0.0}
     write_support(tmp_path / "support.json", "auto", narrowed, CONFIG)
-    told = read_summary(tmp_path / "support.json")
-    assert told["unsupported"] == narrowed.support.share
-    assert [row["spread"] for row in told["tried"]] == [t.spread for t in narrowed.trials]
+    summary = read_summary(tmp_path / "support.json")
+    assert summary["unsupported"] == narrowed.support.share
+    assert [row["spread"] for row in summary["tried"]] == [t.spread for t in narrowed.trials]
 
 
 def width_of(path) -> Support:

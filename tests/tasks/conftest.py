@@ -81,9 +81,9 @@ def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
         np.arange(100), np.zeros(100, np.int64), np.zeros((100, 2)),
     )  # fmt: skip
     write_points(folder / "points.parquet", points)
-    told = {"registered": 4, "total": 4, "unregistered": [], "pieces": [4]}
-    told |= {"mapper": "global", "mapper_reason": "they overlap"}
-    (folder / "poses.json").write_text(json.dumps(told))
+    report = {"registered": 4, "total": 4, "unregistered": [], "pieces": [4]}
+    report |= {"mapper": "global", "mapper_reason": "they overlap"}
+    (folder / "poses.json").write_text(json.dumps(report))
     return folder
 
 

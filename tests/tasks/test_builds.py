@@ -68,11 +68,11 @@ def test_renders_are_float_images_with_depth_and_a_video(mini: Mini):
 
 
 def test_frames_say_how_well_photographs_support_them(mini: Mini):
-    told = read_summary(mini("TrajectoryFrames") / "support.json")
-    assert told["path"] == "auto"
-    assert 0 <= told["unsupported"] <= 1
-    assert len(told["frames"]) == 7
-    assert [trial["unsupported"] for trial in told["tried"]][-1] >= told["unsupported"]
+    support = read_summary(mini("TrajectoryFrames") / "support.json")
+    assert support["path"] == "auto"
+    assert 0 <= support["unsupported"] <= 1
+    assert len(support["frames"]) == 7
+    assert [trial["unsupported"] for trial in support["tried"]][-1] >= support["unsupported"]
 
 
 def test_another_path_has_its_own_frames(mini: Mini):

@@ -63,19 +63,19 @@ def test_a_mistake_is_one_line_before_the_first_stage(photographs, words, told):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "problem"),
     [
         ('{"key_frames": [{"position": [0, 0]}]}', "key_frames[0].position is [0, 0], not 3"),
         ('{"key_frames": [{"photograph": "z"}]}', "key_frames[0].photograph is 'z', which has no"),
         ('{"frames": []}', "has no cameras"),
     ],
 )
-def test_a_path_in_a_file_is_read_before_the_first_stage(photographs, tmp_path, text, told):
+def test_a_path_in_a_file_is_read_before_the_first_stage(photographs, tmp_path, text, problem):
     file = tmp_path / "path.json"
     file.write_text(text)
     status, screen = said(photographs, "StylizedTrajectory", *CELL, "--path", str(file))
     assert status == 1
-    assert screen.startswith(f"{file}: {told}")
+    assert screen.startswith(f"{file}: {problem}")
     assert screen.count("\n") == 1
 
 

@@ -151,10 +151,10 @@ def test_the_command_makes_everything_and_says_where_it_is(workplace: Workplace,
     assert len(list(first.report.with_name("frames").iterdir())) == FRAMES
 
 
-def test_what_is_odd_about_the_photographs_is_told(first: Run):
+def test_warnings_name_what_is_odd_about_the_photographs(first: Run):
     named = "without a camera: stray0, stray1, stray2, stray3"
     warnings = [line.split(": warning: ") for line in first.screen.splitlines()]
-    of_stages = [(told[0].split()[0], told[1]) for told in warnings if len(told) > 1]
+    of_stages = [(parts[0].split()[0], parts[1]) for parts in warnings if len(parts) > 1]
     capture, poses, *_ = of_stages
     assert capture == ("SceneCapture", "passed over, to be converted first: raw.NEF")
     assert poses[0] == "CameraPoses"
