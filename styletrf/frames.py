@@ -17,6 +17,7 @@ from styletrf.errors import InputError
 from styletrf.field import RadianceField
 from styletrf.finiteness import first_not_finite, parameter_stages, require_finite
 from styletrf.float_images import FloatImage, read_float_image, write_float_image
+from styletrf.frame_limits import FASTEST_RATE, LARGEST_PX, SLOWEST_RATE, SMALLEST_PX
 from styletrf.images import to_integers, write_rgb
 from styletrf.kernels import kernels_for
 from styletrf.progress import Progress, silent
@@ -25,9 +26,6 @@ from styletrf.space import Space, ViewRays
 from styletrf.support_config import SupportConfig
 from styletrf.trajectories import TrajectoryConfig
 from styletrf.video import write_video
-
-SMALLEST_PX, LARGEST_PX = 16, 3840
-SLOWEST_RATE, FASTEST_RATE = 24, 60
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ both hold agree (as hierarchical mapping does; Bhowmick et al. 2014). Then all p
 triangulated anew from the matches, and everything is adjusted together.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +27,7 @@ def joined(database: Path, mapping: Mapped, fewest_views: int, seed: int) -> Map
         return mapping
     pycolmap.set_random_seed(seed)  # the similarities' RANSAC takes no seed of its own
     poses = dict(_poses(mapping.models[0]))
+    cameras = dict(mapping.models[0].cameras)
     apart = []
     for model in mapping.models[1:]:
         moved = _moved(model, mapping.models[0])
@@ -34,9 +35,10 @@ def joined(database: Path, mapping: Mapped, fewest_views: int, seed: int) -> Map
             apart.append(model)
         else:
             poses = dict(_poses(moved)) | poses
+            cameras = dict(moved.cameras) | cameras
     if len(apart) == len(mapping.models) - 1:
         return mapping
-    whole = _adjusted(database, mapping.models[0], poses, fewest_views, seed)
+    whole = _adjusted(database, cameras.values(), poses, fewest_views, seed)
     models = [whole, *apart]
     explained = explained_share(database, models)
     mapper = f"{mapping.mapper}, {len(mapping.models) - len(apart)} models joined"
@@ -66,14 +68,14 @@ def _moved(
 
 def _adjusted(
     database: Path,
-    target: pycolmap.Reconstruction,
+    cameras: Iterable[pycolmap.Camera],
     poses: Mapping[int, pycolmap.Rigid3d],
     fewest_views: int,
     seed: int,
 ) -> pycolmap.Reconstruction:
     """Returns the model of the database's images at these poses, its points new, all adjusted."""
     posed = pycolmap.Reconstruction()
-    for camera in target.cameras.values():
+    for camera in cameras:
         posed.add_camera_with_trivial_rig(camera)
     with closing(pycolmap.Database.open(database)) as opened:
         for image in opened.read_all_images():

@@ -13,12 +13,11 @@ import luigi
 from pipeline.digest import file_digest
 from pipeline.parameters import FloatParameter, IntParameter
 from styletrf.errors import InputError
+from styletrf.frame_limits import FASTEST_RATE, LARGEST_PX, SLOWEST_RATE, SMALLEST_PX
 from tasks.stage import GradedStage
 
 NAMED_PATHS = ("auto", "orbit", "spiral", "dolly", "photographs")
 LONGEST_S = 600
-LARGEST_PX = 3840
-RATES = (24, 60)
 
 
 class PathControls(GradedStage):
@@ -50,10 +49,12 @@ class PathControls(GradedStage):
             raise InputError(f"--path {self.path}", "there is no such path or file", remedy)
         if not 0 <= self.seconds <= LONGEST_S:
             self._refuse("seconds", f"is no length of 0 to {LONGEST_S} seconds", "8")
-        if self.frame_rate and not RATES[0] <= self.frame_rate <= RATES[1]:
-            self._refuse("frame_rate", f"is no rate of {RATES[0]} to {RATES[1]}", "30")
-        if self.frame_size and not 16 <= self.frame_size <= LARGEST_PX:
-            self._refuse("frame_size", f"is no size of 16 to {LARGEST_PX} pixels", "1920")
+        if self.frame_rate and not SLOWEST_RATE <= self.frame_rate <= FASTEST_RATE:
+            bounds = f"{SLOWEST_RATE} to {FASTEST_RATE}"
+            self._refuse("frame_rate", f"is no rate of {bounds}", "30")
+        if self.frame_size and not SMALLEST_PX <= self.frame_size <= LARGEST_PX:
+            bounds = f"{SMALLEST_PX} to {LARGEST_PX} pixels"
+            self._refuse("frame_size", f"is no size of {bounds}", "1920")
 
     def path_file(self) -> Path | None:
         """The file or folder that has the path; None where the path goes by its name."""

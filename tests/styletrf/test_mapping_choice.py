@@ -19,21 +19,31 @@ def world(seed=0):
     return xyz, np.rint(descriptors).astype(np.uint8)
 
 
-def walked(tmp_path, centers):
-    """Returns a database of features as seen from `centers`, in that order, looking along z."""
-    database = tmp_path / "colmap.db"
-    opened = pycolmap.Database.open(database)
+def rigged_lens(opened, focal_px):
+    """Writes a lens and its rig to the database, and returns both."""
     lens = pycolmap.Camera(
-        model="SIMPLE_RADIAL", width=200, height=150, params=[150.0, 100.0, 75.0, 0.0]
+        model="SIMPLE_RADIAL", width=200, height=150, params=[focal_px, 100.0, 75.0, 0.0]
     )
     lens.has_prior_focal_length = True
     lens.camera_id = opened.write_camera(lens)
     rig = pycolmap.Rig()
     rig.add_ref_sensor(lens.sensor_id)
     rig.rig_id = opened.write_rig(rig)
+    return lens, rig
+
+
+def walked(tmp_path, centers, focals_px=(150.0,)):
+    """Returns a database of features as seen from `centers`, in that order, looking along z.
+
+    The centers have the focal lengths in turn, equally many in a row with each.
+    """
+    database = tmp_path / "colmap.db"
+    opened = pycolmap.Database.open(database)
+    lenses = [rigged_lens(opened, focal_px) for focal_px in focals_px]
     xyz, descriptors = world()
     files = []
     for index, center in enumerate(centers):
+        lens, rig = lenses[index * len(lenses) // len(centers)]
         points = xyz - center
         pixels = lens.img_from_cam(points)
         seen = ((pixels > 0) & (pixels < [200, 150])).all(axis=1)
@@ -49,7 +59,12 @@ def walked(tmp_path, centers):
         )
         opened.write_descriptors(image.image_id, described)
     opened.close()
-    return database, ColmapImages(tmp_path, tuple(files), 200, (LensSetting(tuple(files), 150.0),))
+    each = len(files) // len(focals_px)
+    settings = [
+        LensSetting(tuple(files[k * each : (k + 1) * each]), focal_px)
+        for k, focal_px in enumerate(focals_px)
+    ]
+    return database, ColmapImages(tmp_path, tuple(files), 200, tuple(settings))
 
 
 def street(count):

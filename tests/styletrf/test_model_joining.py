@@ -9,10 +9,10 @@ from styletrf.model_joining import joined
 COUNT, SHARED = 12, 4
 
 
-@pytest.fixture
-def halves(tmp_path):
+@pytest.fixture(params=[(150.0,), (150.0, 110.0, 190.0, 130.0)], ids=["one lens", "four lenses"])
+def halves(tmp_path, request):
     """A street's model, and its two ends as models of their own frames that share photographs."""
-    database, images = walked(tmp_path, street(COUNT))
+    database, images = walked(tmp_path, street(COUNT), request.param)
     whole = mapped(database, images, frames(COUNT), 90).models[0]
     ids = sorted(whole.reg_image_ids())
     assert len(ids) == COUNT
@@ -21,6 +21,8 @@ def halves(tmp_path):
         model = first if k >= (COUNT + SHARED) // 2 + 1 else second
         if not (COUNT - SHARED) // 2 <= k < (COUNT + SHARED) // 2 + 1:
             model.deregister_frame(model.image(image_id).frame_id)
+    for model in (first, second):
+        model.tear_down()  # what no image of a model uses is not in it, as after a mapping
     turn = pycolmap.Rotation3d(np.array([0.3, -0.2, 0.5]))
     second.transform(pycolmap.Sim3d(2.5, turn, np.array([1.0, -4.0, 2.0])))
     return database, whole, [first, second]
