@@ -43,7 +43,8 @@ class CameraPosesConfig:
     """How photographs become poses.
 
     Args:
-        poses: `solved` leaves poses aside that came with the photographs.
+        poses: Those that came with the photographs are adjusted where these say so (`auto`), stay
+            as they are (`given`), or are left aside (`solved`).
         max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
         max_features: SIFT features kept of one photograph.
         video_features: SIFT features kept of one frame of a video.
@@ -61,7 +62,7 @@ class CameraPosesConfig:
         seed: Of RANSAC and the mappers.
     """
 
-    poses: Literal["auto", "solved"] = "auto"
+    poses: Literal["auto", "given", "solved"] = "auto"
     max_image_long_side: int = 1600
     max_features: int = 4096
     video_features: int = 1536
@@ -110,7 +111,7 @@ def solve_camera_poses(
     with TemporaryDirectory(
         prefix="colmap-", dir=scratch_dir, ignore_cleanup_errors=True
     ) as scratch:
-        given = given_views(capture_dir) if config.poses == "auto" else None
+        given = given_views(capture_dir) if config.poses != "solved" else None
         lenses = "each" if given else config.lenses
         folder, long_side = Path(scratch) / "images", config.max_image_long_side
         images = prepare_images(capture_dir, capture, folder, long_side, lenses, progress)
@@ -118,7 +119,8 @@ def solve_camera_poses(
         if given:
             views, most = [given[1][name] for name in names], config.max_features
             of = database, images, views, given[0], most, config.seed, progress
-            mapping, doubts = map_known_poses(*of), []
+            may_adjust = config.poses == "auto"
+            mapping, doubts = map_known_poses(*of, may_adjust=may_adjust), []
         else:
             mapping = _solve(database, images, capture, config, progress)
             doubts = doubts_about(mapping, flat_share(database))

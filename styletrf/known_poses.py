@@ -1,22 +1,25 @@
 """Sparse points of photographs whose poses are known: described, matched and triangulated.
 
-The poses stay as they are given; what COLMAP would have to find out about them is skipped.
+What COLMAP would have to find out about the poses is skipped. They may be adjusted, see
+`styletrf.pose_adjustment`.
 """
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from styletrf.colmap import pycolmap
-from styletrf.colmap_images import ColmapImages
+from styletrf.colmap_images import ColmapImages, LensSetting
 from styletrf.colmap_mapping import extract_features, match_pairs
 from styletrf.errors import InputError
 from styletrf.given_poses import GIVEN_BY, GivenView, Lens
 from styletrf.image_pairs import Pairs, all_pairs
 from styletrf.mapping import Mapping as Mapped
 from styletrf.mapping import explained_share
+from styletrf.pose_adjustment import adjusted_poses, triangulated
 from styletrf.progress import Progress
 
 NEIGHBOURS = 20  # with which each photograph is matched, where there are more
@@ -33,8 +36,10 @@ def map_known_poses(
     max_features: int,
     seed: int,
     progress: Progress,
+    *,
+    may_adjust: bool = True,
 ) -> Mapped:
-    """Returns the model of images at the given poses.
+    """Returns the model of images at the given poses, or near them.
 
     Args:
         database: COLMAP's, to be filled.
@@ -44,6 +49,7 @@ def map_known_poses(
         max_features: SIFT features kept of one image.
         seed: Of the verification of matches.
         progress: Called for the images described, then for the pairs matched.
+        may_adjust: Whether poses and lenses may become better ones than those given.
 
     Raises:
         InputError: The photographs do not fit the poses, or have lenses of several models.
@@ -53,11 +59,16 @@ def map_known_poses(
         problem = f"has lenses of several models: {', '.join(sorted(lens_models))}"
         raise InputError(source, problem, "Export all views with one of them")
     (lens,) = lens_models
+    images = replace(images, lenses=_given_lenses(images.files, views))
     extract_features(database, images, lens, max_features, progress)
     pairs = neighbouring_pairs(views)
     verified = match_pairs(database, images, pairs, seed, progress)
     posed = _posed(database, images, views)
-    model = pycolmap.triangulate_points(posed, database, images.folder, database.parent)
+    model = triangulated(posed, database, images.folder, seed)
+    reason = "the poses came with the photographs"
+    if may_adjust:
+        found = adjusted_poses(model, database, images.folder, images.long_side, seed)
+        model, reason = found.model, found.reason
     share = model.compute_num_observations() / max(_matched_features(database), 1)
     if model.num_points3D() < _FEWEST_POINTS or share < _LEAST_SHARE:
         raise InputError(
@@ -67,7 +78,6 @@ def map_known_poses(
             "Check its axes and the photographs' names, or have the poses solved with"
             """ --CameraPoses-settings '{"poses": "solved"}'""",
         )
-    reason = "the poses came with the photographs"
     explained = explained_share(database, [model])
     return Mapped([model], "neighbours", verified, f"{GIVEN_BY}{source}", reason, explained)
 
@@ -94,6 +104,14 @@ def neighbouring_pairs(views: Sequence[GivenView]) -> Pairs:
     return sorted(pairs)
 
 
+def _given_lenses(files: Sequence[str], views: Sequence[GivenView]) -> tuple[LensSetting, ...]:
+    """Returns which files were taken with the same lens."""
+    of_lenses: dict[Lens, list[str]] = {}
+    for file, view in zip(files, views, strict=True):
+        of_lenses.setdefault(view.lens, []).append(file)
+    return tuple(LensSetting(tuple(same), None) for same in of_lenses.values())
+
+
 def _matched_features(database: Path) -> int:
     """Returns how many features have a verified match."""
     with closing(pycolmap.Database.open(database)) as opened:
@@ -116,16 +134,17 @@ def _posed(
     with closing(pycolmap.Database.open(database)) as opened:
         for image in opened.read_all_images():
             view = by_file[image.name]
-            camera = _told(opened.read_camera(image.camera_id), view.lens)
-            opened.update_camera(camera)
-            model.add_camera_with_trivial_rig(camera)
+            if image.camera_id not in model.cameras:
+                camera = _with_lens(opened.read_camera(image.camera_id), view.lens)
+                opened.update_camera(camera)
+                model.add_camera_with_trivial_rig(camera)
             rotation = pycolmap.Rotation3d(view.world_from_camera[:, :3])
             world_from_camera = pycolmap.Rigid3d(rotation, view.world_from_camera[:, 3])
             model.add_image_with_trivial_frame(image, world_from_camera.inverse())
     return model
 
 
-def _told(camera: pycolmap.Camera, lens: Lens) -> pycolmap.Camera:
+def _with_lens(camera: pycolmap.Camera, lens: Lens) -> pycolmap.Camera:
     """Returns the camera with a lens, brought to its size."""
     width, height = camera.width, camera.height
     camera.width, camera.height, camera.params = lens.width, lens.height, list(lens.params)
