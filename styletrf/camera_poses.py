@@ -150,7 +150,7 @@ def _solve(
     """Returns a mapping of at least three photographs."""
     is_video = all(photograph.clip is not None for photograph in capture.photographs)
     most = config.video_features if is_video else config.max_features
-    octave = config.video_octave if is_video else -1
+    octave = config.video_octave if is_video else None
 
     def describe(path: Path, *, stronger: bool = False) -> None:
         extract_features(

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from contextlib import closing
 from itertools import groupby
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
@@ -17,6 +18,7 @@ from styletrf.image_pairs import Pairs
 from styletrf.progress import Progress
 
 _IMAGES_A_BLOCK = 8
+_SAMPLED = 4  # images whose features are counted before the others
 
 
 def log_to(folder: Path) -> None:
@@ -37,7 +39,7 @@ def extract_features(
     camera_model: str,
     max_features: int,
     progress: Progress,
-    first_octave: int = -1,
+    first_octave: int | None = None,
     *,
     stronger: bool = False,
 ) -> None:
@@ -45,12 +47,16 @@ def extract_features(
 
     A camera starts from its setting's focal prior, or from COLMAP's guess where there is none.
     Features of octave 0 on have the size of pixels and more; those of octave -1, found in the
-    image at twice its size, half of that.
+    image at twice its size, half of that. They are looked for where no octave is named, unless
+    images have as many features as are kept without them: the largest are kept.
     Features that are `stronger` take several times as long: twice as many, fainter ones too,
     their shape estimated up to an affinity and described at several sizes (Dong and Soatto 2015).
     """
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features = 2 * max_features if stronger else max_features
+    if first_octave is None:
+        has_enough = not stronger and _fewest_coarse_features(images, max_features) >= max_features
+        first_octave = 0 if has_enough else -1
     options.sift.first_octave = first_octave
     if stronger:
         options.sift.peak_threshold /= 2
@@ -74,6 +80,21 @@ def extract_features(
         if setting.focal_prior_px is not None:
             _set_focal(database, setting.files[0], setting.focal_prior_px)
     progress(total, total)
+
+
+def _fewest_coarse_features(images: ColmapImages, max_features: int) -> int:
+    """Returns the fewest features of octave 0 on that a few images of the capture have."""
+    options = pycolmap.FeatureExtractionOptions(use_gpu=False)
+    options.sift.max_num_features, options.sift.first_octave = max_features, 0
+    few = list(images.files[:: max(1, len(images.files) // _SAMPLED)][:_SAMPLED])
+    with TemporaryDirectory(dir=images.folder.parent) as folder:
+        database = Path(folder) / "sample.db"
+        pycolmap.extract_features(
+            database, images.folder, few, extraction_options=options, device=pycolmap.Device.cpu
+        )
+        with closing(pycolmap.Database.open(database)) as opened:
+            sampled = opened.read_all_images()
+            return min(opened.num_keypoints_for_image(image.image_id) for image in sampled)
 
 
 def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
