@@ -28,10 +28,10 @@ from pipeline.errors import TaskFailure
 from pipeline.settings import data_root
 from pipeline.task import artifact
 from styletrf.camera_table import read_cameras
-from styletrf.colmap_images import write_png
 from styletrf.courtyard import CourtyardConfig
 from styletrf.courtyard.folder import write_courtyard
 from styletrf.given_poses import GivenView, Lens
+from styletrf.images import write_png
 from styletrf.pose_formats import find_given_poses
 from styletrf.procedural_images import procedural_image
 from tasks.metrics import QualityMetrics

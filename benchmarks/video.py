@@ -29,10 +29,10 @@ from truth import agreement
 from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
 from styletrf.camera_table import read_cameras, write_cameras
 from styletrf.cameras import Camera
-from styletrf.colmap_images import write_png
+from styletrf.capture_file import Capture, Photograph, write_capture
 from styletrf.courtyard import CourtyardConfig, render_view
 from styletrf.courtyard.paths import walk_poses
-from styletrf.scene_capture import Capture, Photograph, write_capture
+from styletrf.images import write_png
 from styletrf.video import timed_frames, write_video
 
 SHUTTER_S = 1 / 60

@@ -18,10 +18,12 @@ from tempfile import TemporaryDirectory
 from typing import Literal
 
 from styletrf.camera_table import write_cameras
+from styletrf.capture_file import Capture, read_capture
 from styletrf.colmap import pycolmap
-from styletrf.colmap_images import ColmapImages, Lenses, prepare_images, write_png
+from styletrf.colmap_images import ColmapImages, Lenses, prepare_images
 from styletrf.colmap_mapping import extract_features, log_to
 from styletrf.errors import InputError
+from styletrf.images import write_png
 from styletrf.known_poses import map_known_poses
 from styletrf.mapping import Mapping, flat_share
 from styletrf.mapping_choice import MappingTask, map_images
@@ -31,7 +33,7 @@ from styletrf.point_table import write_points
 from styletrf.poses_report import BETTER_PHOTOGRAPHS, PosesReport, doubts_about, poses_report
 from styletrf.progress import Progress, silent
 from styletrf.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
-from styletrf.scene_capture import Capture, given_views, read_capture
+from styletrf.scene_capture import given_views
 from styletrf.undistortion import undistorted_image
 from styletrf.views import held_out_names
 
@@ -130,7 +132,8 @@ def solve_camera_poses(
         _write_undistorted(out_dir, images, placed, progress)
     report = poses_report(images, names, mapping, placed, doubts)
     cameras = [one.camera for one in placed]
-    held_out = held_out_names(cameras, given[1] if given else {})
+    panoramas = {one.name: one.panorama for one in capture.photographs if one.panorama}
+    held_out = held_out_names(cameras, given[1] if given else {}, panoramas)
     write_cameras(out_dir / "cameras.parquet", cameras, report.unregistered, held_out)
     write_points(out_dir / "points.parquet", sparse_points(mapping.models[0], placed))
     text = json.dumps(asdict(report), sort_keys=True, indent=1, ensure_ascii=False)

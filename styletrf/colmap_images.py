@@ -11,12 +11,14 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from styletrf.capture_file import Capture, Photograph
 from styletrf.colmap import pycolmap
 from styletrf.heif_images import HEIF_SUFFIXES, heif_focal_px
+from styletrf.images import write_png
 from styletrf.masks import MASKS
+from styletrf.panorama_views import view_focal_px
 from styletrf.photographs import read_photograph
 from styletrf.progress import Progress
-from styletrf.scene_capture import Capture
 
 Image = UInt8[np.ndarray, "height width 3"]
 Lenses = Literal["auto", "one", "each"]
@@ -27,7 +29,8 @@ _ONE_SETTING = 1.03  # ratio of focal lengths, up to which they are one
 class ColmapImages:
     """A folder of PNGs, the longest side of them all, and with which lens each was taken.
 
-    Where some have masks, these are in a folder of their own.
+    Where some have masks, these are in a folder of their own. `panoramas` are the files that are
+    views of one panorama, for each.
     """
 
     folder: Path
@@ -35,6 +38,12 @@ class ColmapImages:
     long_side: int
     lenses: tuple["LensSetting", ...]
     masks: Path | None = None
+    panoramas: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def lenses_are_known(self) -> bool:
+        """Whether all are views of panoramas, whose lenses are pinholes of known focal length."""
+        return all(setting.direction is not None for setting in self.lenses)
 
     def mask_of(self, file: str) -> Path | None:
         """The mask of one of the files, or None; features are sought where it is white."""
@@ -44,10 +53,14 @@ class ColmapImages:
 
 @dataclass(frozen=True, slots=True)
 class LensSetting:
-    """Photographs of one size taken with one focal length, which is known or not."""
+    """Photographs of one size taken with one focal length, which is known or not.
+
+    Views of panoramas are told apart by their `direction`, and have no distortion.
+    """
 
     files: tuple[str, ...]
     focal_prior_px: float | None
+    direction: str | None = None
 
 
 def prepare_images(
@@ -62,7 +75,8 @@ def prepare_images(
 
     Photographs of different sizes were taken with different lens settings. With `auto` lenses, so
     were photographs of one size whose EXIF names focal lengths more than 3 % apart; those that
-    name none are of the commonest. Masks go into a folder beside, named as COLMAP seeks them.
+    name none are of the commonest. Views of panoramas have a setting for each size and direction,
+    of exact focal length. Masks go into a folder beside, named as COLMAP seeks them.
     """
     folder.mkdir(parents=True)
     masks = folder.with_name(MASKS)
@@ -74,8 +88,9 @@ def prepare_images(
         progress(index, total)
         path = capture_dir / "images" / photograph.file
         image = _at_most(read_photograph(path), max_long_side)
-        if photograph.clip is not None and image.shape[1] == photograph.width:
-            copyfile(path, folder / file)  # a frame is an upright PNG already
+        is_written = photograph.clip is not None or photograph.panorama is not None
+        if is_written and image.shape[1] == photograph.width:
+            copyfile(path, folder / file)  # a frame or a view is an upright PNG already
         else:
             write_png(folder / file, image, compression=1)
         mask = capture_dir / MASKS / f"{photograph.name}.png"
@@ -83,11 +98,25 @@ def prepare_images(
             reduced = _at_most(read_photograph(mask), max_long_side)
             write_png(masks / f"{file}.png", reduced, compression=1)
         sizes.append((image.shape[1], image.shape[0]))
-        focals_px.append(_focal_from_exif(path, max(image.shape)))
+        is_view = photograph.panorama is not None
+        known_px = view_focal_px(image.shape[1]) if is_view else None
+        focals_px.append(known_px or _focal_from_exif(path, max(image.shape)))
     progress(total, total)
-    settings = lens_settings(files, sizes, focals_px, lenses)
+    directions = [photograph.direction for photograph in capture.photographs]
+    settings = lens_settings(files, sizes, focals_px, lenses, directions)
     some_masks = masks if any(masks.iterdir()) else None
-    return ColmapImages(folder, files, max(map(max, sizes)), settings, some_masks)
+    panoramas = _views_of_panoramas(files, capture.photographs)
+    return ColmapImages(folder, files, max(map(max, sizes)), settings, some_masks, panoramas)
+
+
+def _views_of_panoramas(
+    files: Sequence[str], photographs: Sequence[Photograph]
+) -> tuple[tuple[str, ...], ...]:
+    found: dict[str, list[str]] = {}
+    for file, photograph in zip(files, photographs, strict=True):
+        if photograph.panorama is not None:
+            found.setdefault(photograph.panorama, []).append(file)
+    return tuple(map(tuple, found.values()))
 
 
 def _at_most(
@@ -107,17 +136,20 @@ def lens_settings(
     sizes: Sequence[tuple[int, int]],
     focals_px: Sequence[float | None],
     lenses: Lenses,
+    directions: Sequence[str | None],
 ) -> tuple[LensSetting, ...]:
     """Returns which photographs share a lens setting, and each setting's median focal length."""
-    if lenses == "each":
-        groups = [[k] for k in range(len(files))]
-    else:
-        of_sizes = [[k for k, s in enumerate(sizes) if s == size] for size in sorted({*sizes})]
-        groups = [g for same in of_sizes for g in _of_one_size(same, focals_px, lenses)]
+    kinds = [(direction or "", size) for direction, size in zip(directions, sizes, strict=True)]
+    groups = []
+    for kind in sorted(set(kinds)):
+        alike = [k for k, other in enumerate(kinds) if other == kind]
+        is_view = directions[alike[0]] is not None
+        groups += [alike] if is_view else _of_one_size(alike, focals_px, lenses)
     return tuple(
         LensSetting(
             tuple(files[k] for k in sorted(group)),
             _median([f for k in group if (f := focals_px[k]) is not None]),
+            directions[group[0]],
         )
         for group in sorted(groups, key=min)
     )
@@ -127,6 +159,8 @@ def _of_one_size(
     photographs: Sequence[int], focals_px: Sequence[float | None], lenses: Lenses
 ) -> list[list[int]]:
     """Returns the photographs, all of one size, in groups of one focal length."""
+    if lenses == "each":
+        return [[k] for k in photographs]
     known = sorted((f, k) for k in photographs if (f := focals_px[k]) is not None)
     groups = [[k for _, k in run] for run in _runs(known)] if lenses == "auto" else []
     groups = groups if len(groups) > 1 else [[k for _, k in known]]
@@ -158,10 +192,3 @@ def _focal_from_exif(path: Path, long_side: int) -> float | None:
         if lens.has_prior_focal_length:
             return float(lens.mean_focal_length() * long_side / max(lens.width, lens.height))
     return heif_focal_px(path, long_side) if path.suffix.lower() in HEIF_SUFFIXES else None
-
-
-def write_png(path: Path, image: Image, compression: int) -> None:
-    """Writes an RGB image; zlib's `compression` from 0 to 9. The same image, the same bytes."""
-    bgr = np.ascontiguousarray(image[..., ::-1])
-    _, encoded = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, compression])
-    path.write_bytes(encoded.tobytes())

@@ -13,7 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from styletrf.colmap import pycolmap
-from styletrf.colmap_images import ColmapImages
+from styletrf.colmap_images import ColmapImages, LensSetting
+from styletrf.colmap_rigs import tie_views
 from styletrf.image_pairs import Pairs
 from styletrf.progress import Progress
 
@@ -65,6 +66,7 @@ def extract_features(
     if images.masks is not None:
         reader.mask_path = images.masks
     _register(database, images, camera_model)
+    tie_views(database, images)
     portion, total = 2 * (os.cpu_count() or 1), len(images.files)
     for start in range(0, total, portion):
         progress(start, total)
@@ -104,13 +106,13 @@ def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
     samples first, which pair begins) would differ from run to run.
     """
     pycolmap.Database.open(database).close()
-    reader = pycolmap.ImageReaderOptions(camera_model=camera_model)
-    modes = pycolmap.CameraMode
-    each = all(len(setting.files) == 1 for setting in images.lenses)
-    runs = [images.files] if each else [setting.files for setting in images.lenses]
-    for run in runs:
-        mode = modes.PER_IMAGE if each else modes.SINGLE
-        pycolmap.import_images(database, images.folder, mode, list(run), reader)
+    modes, settings = pycolmap.CameraMode, images.lenses
+    each = all(len(setting.files) == 1 and setting.direction is None for setting in settings)
+    mode = modes.PER_IMAGE if each else modes.SINGLE
+    for setting in [LensSetting(images.files, None)] if each else settings:
+        model = camera_model if setting.direction is None else "SIMPLE_PINHOLE"
+        reader = pycolmap.ImageReaderOptions(camera_model=model)
+        pycolmap.import_images(database, images.folder, mode, list(setting.files), reader)
 
 
 def _set_focal(database: Path, file: str, focal_px: float) -> None:
@@ -141,7 +143,9 @@ def match_pairs(
     Where matching is `guided`, it is then repeated along that geometry. A pair that the database
     holds already stays as it is.
     """
-    matching = pycolmap.FeatureMatchingOptions(use_gpu=False, guided_matching=guided)
+    matching = pycolmap.FeatureMatchingOptions(
+        use_gpu=False, guided_matching=guided, skip_image_pairs_in_same_frame=True
+    )
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
     listed = database.with_suffix(".pairs.txt")
@@ -208,6 +212,15 @@ def map_globally(
     options.mapper.global_positioning.min_num_view_per_track = fewest_views
     options.mapper.bundle_adjustment.min_track_length = fewest_views
     options.mapper.retriangulation.ignore_two_view_tracks = fewest_views > 2
+    for part in (
+        options.mapper,
+        options.mapper.rotation_averaging,
+        options.mapper.global_positioning,
+        options.mapper.bundle_adjustment,
+    ):
+        part.refine_sensor_from_rig = False
+    if images.lenses_are_known:
+        options.mapper.bundle_adjustment.refine_focal_length = False
     progress(0, len(images.files))
     models = pycolmap.global_mapping(database, images.folder, _output(database), options)
     progress(len(images.files), len(images.files))
@@ -231,6 +244,9 @@ def map_incrementally(
     """
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3, num_threads=1)
     options.triangulation.ignore_two_view_tracks = fewest_views > 2
+    options.ba_refine_sensor_from_rig = False
+    if images.lenses_are_known:
+        options.ba_refine_focal_length = options.mapper.abs_pose_refine_focal_length = False
     if eager:
         options.mapper.init_min_tri_angle /= 4
         options.mapper.init_min_num_inliers //= 2

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations, pairwise
 
-from styletrf.scene_capture import Photograph
+from styletrf.capture_file import Photograph
 
 Pairs = list[tuple[int, int]]
 Sequences = list[list[int]]
@@ -13,11 +13,15 @@ Sequences = list[list[int]]
 
 
 def shots(photographs: Sequence[Photograph]) -> Sequences:
-    """Returns the frames of each shot of a video, in time; other photographs are in none."""
-    found: dict[tuple[str, int], list[tuple[float, int]]] = {}
+    """Returns the frames of each shot of a video, in time; other photographs are in none.
+
+    Of panoramas each direction has a sequence of its own.
+    """
+    found: dict[tuple[str, int, str | None], list[tuple[float, int]]] = {}
     for index, one in enumerate(photographs):
         if one.clip is not None and one.time_s is not None:
-            found.setdefault((one.clip, one.shot), []).append((one.time_s, index))
+            sequence = one.clip, one.shot, one.direction
+            found.setdefault(sequence, []).append((one.time_s, index))
     return [[index for _, index in sorted(frames)] for frames in found.values()]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from styletrf.capture_file import Photograph
 from styletrf.colmap import pycolmap
 from styletrf.colmap_images import ColmapImages
 from styletrf.colmap_mapping import (
@@ -33,7 +34,6 @@ from styletrf.model_support import supported
 from styletrf.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.progress import Progress
 from styletrf.retrieval import Descriptors, similar_pairs
-from styletrf.scene_capture import Photograph
 
 # A share placed with which a capture does: below it a warning is due, and time well spent.
 ENOUGH_PLACED = 0.8

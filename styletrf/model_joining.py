@@ -21,9 +21,10 @@ _LARGEST_ERROR_PX, _LEAST_ANGLE_DEG = 4.0, 1.5  # of a point, as COLMAP's mapper
 def joined(database: Path, mapping: Mapped, fewest_views: int, seed: int) -> Mapped:
     """Returns the mapping with the models that share photographs with the first joined to it.
 
-    Where none does, or none agrees with the first, it is the mapping as it was.
+    Where none does, or none agrees with the first, it is the mapping as it was; also where there
+    are panoramas, whose views would come apart.
     """
-    if len(mapping.models) < 2:
+    if len(mapping.models) < 2 or _has_panoramas(mapping.models[0]):
         return mapping
     pycolmap.set_random_seed(seed)  # the similarities' RANSAC takes no seed of its own
     poses = dict(_poses(mapping.models[0]))
@@ -43,6 +44,11 @@ def joined(database: Path, mapping: Mapped, fewest_views: int, seed: int) -> Map
     explained = explained_share(database, models)
     mapper = f"{mapping.mapper}, {len(mapping.models) - len(apart)} models joined"
     return replace(mapping, models=models, mapper=mapper, explained=explained)
+
+
+def _has_panoramas(model: pycolmap.Reconstruction) -> bool:
+    """Returns whether some images share a frame, as views of a panorama do."""
+    return any(rig.num_sensors() > 1 for rig in model.rigs.values())
 
 
 def _poses(model: pycolmap.Reconstruction) -> Iterator[tuple[int, pycolmap.Rigid3d]]:

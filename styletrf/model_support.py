@@ -1,8 +1,11 @@
 """Which photographs of a model hang together by points that three of them see.
 
 A point that two photographs share tells how one lies to the other, but not how far: a model held
-together by such points alone may be bent at will, and still explains all matches.
+together by such points alone may be bent at will, and still explains all matches. Views of one
+panorama, which is a frame of COLMAP's, count as one photograph.
 """
+
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Bool
@@ -16,8 +19,9 @@ def supported(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
     """Returns the model without the photographs that `supported_images` leaves out."""
     images = supported_images(model)
     kept = pycolmap.Reconstruction(model)
-    for image_id in sorted(set(model.reg_image_ids()) - images):
-        kept.deregister_frame(kept.image(image_id).frame_id)
+    left_out = set(model.reg_image_ids()) - images
+    for frame_id in sorted({kept.image(image_id).frame_id for image_id in left_out}):
+        kept.deregister_frame(frame_id)
     return kept
 
 
@@ -27,12 +31,14 @@ def supported_images(model: pycolmap.Reconstruction) -> set[int]:
     It begins with the two that share most points of three images or more; then comes whichever
     sees most points that two of those before see, at least 15.
     """
-    ids = sorted(model.reg_image_ids())
-    sees = _seen_by_three(model, ids)
+    frame_of = {i: model.image(i).frame_id for i in model.reg_image_ids()}
+    frames = sorted(set(frame_of.values()))
+    columns = {image_id: frames.index(frame_id) for image_id, frame_id in frame_of.items()}
+    sees = _seen_by_three(model, columns, len(frames))
     shared = np.triu(sees.T.astype(np.int64) @ sees, k=1)
     if shared.size == 0 or shared.max() < _FEWEST_POINTS:
         return set()
-    placed = np.zeros(len(ids), dtype=bool)
+    placed = np.zeros(len(frames), dtype=bool)
     placed[list(np.unravel_index(int(shared.argmax()), shared.shape))] = True
     while not placed.all():
         known = sees[sees[:, placed].sum(axis=1) >= 2]
@@ -40,17 +46,22 @@ def supported_images(model: pycolmap.Reconstruction) -> set[int]:
         if counts.max() < _FEWEST_POINTS:
             break
         placed[int(counts.argmax())] = True
-    return {image_id for image_id, is_placed in zip(ids, placed, strict=True) if is_placed}
+    return {image_id for image_id, column in columns.items() if placed[column]}
 
 
 def _seen_by_three(
-    model: pycolmap.Reconstruction, ids: list[int]
-) -> Bool[np.ndarray, "points images"]:
-    """Returns which images see which of the points that at least three see."""
-    column = {image_id: k for k, image_id in enumerate(ids)}
+    model: pycolmap.Reconstruction, columns: Mapping[int, int], count: int
+) -> Bool[np.ndarray, "points frames"]:
+    """Returns which frames see which of the points that at least three see.
+
+    Args:
+        model: The reconstruction.
+        columns: The positions of the images' frames.
+        count: Of the frames.
+    """
     points = model.points3D.values()
-    sees = np.zeros((len(points), len(ids)), dtype=bool)
+    sees = np.zeros((len(points), count), dtype=bool)
     for row, point in enumerate(points):
-        sees[row, [column[element.image_id] for element in point.track.elements]] = True
-    seen: Bool[np.ndarray, "points images"] = sees[sees.sum(axis=1) >= 3]
+        sees[row, [columns[element.image_id] for element in point.track.elements]] = True
+    seen: Bool[np.ndarray, "points frames"] = sees[sees.sum(axis=1) >= 3]
     return seen

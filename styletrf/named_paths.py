@@ -14,9 +14,9 @@ from styletrf.lenses import focal_of
 from styletrf.placement import mean_view
 from styletrf.rotations import quaternions_of
 from styletrf.scene_model import SceneModel
-from styletrf.trajectories import TrajectoryConfig, ellipse, looking, orbit
+from styletrf.trajectories import TrajectoryConfig, ellipse, facing, looking, orbit
 from styletrf.typical_view import typical_view
-from styletrf.walk import gaussian_weights, is_closed
+from styletrf.walk import gaussian_weights, is_closed, looks_all_around, onwards
 
 PathName = Literal["orbit", "spiral", "dolly", "photographs"]
 
@@ -42,7 +42,8 @@ def named_path(
     - spiral: before a forward-facing scene an ellipse of two turns or more, once to and fro;
       around another as many turns up and down.
     - dolly: straight ahead from the photograph that looks most as all do, towards the focus.
-    - photographs: the way of the photographs in their own order, smoothed.
+    - photographs: the way of the photographs in their own order, smoothed. Of panoramas, whose
+      views look all around, the way looks ahead.
 
     Args:
         name: Of the path.
@@ -52,6 +53,8 @@ def named_path(
     """
     shares = np.arange(_KEYS) / _KEYS
     if name == "photographs":
+        if looks_all_around(cameras):
+            cameras = facing(*onwards(cameras), typical_view(cameras))
         return _through_photographs(cameras, config.stabilization)
     if name == "dolly":
         return NamedPath(_dolly(cameras, model, config.spread), closed=False)

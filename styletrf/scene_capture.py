@@ -4,19 +4,21 @@ A photograph that is damaged is left out with a warning while enough of them are
 """
 
 import hashlib
-import json
-import logging
 import os
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from styletrf.capture_file import Capture, Photograph, write_capture
 from styletrf.errors import InputError
 from styletrf.given_poses import GivenPoses, GivenView, read_given_poses, write_given_poses
 from styletrf.masks import MASKS, find_masks, require_mask_of
+from styletrf.panorama_capture import cut_photographs
+from styletrf.panorama_views import DIRECTIONS
+from styletrf.panoramas import Choice, find_panoramas
 from styletrf.photographs import (
     CAMERA_SUFFIXES,
     FEWEST_PHOTOGRAPHS,
@@ -27,7 +29,6 @@ from styletrf.photographs import (
 )
 from styletrf.progress import Progress, silent
 
-_LOGGER = logging.getLogger(__name__)
 _NAMES_TOLD = 10
 
 GIVEN_POSES = "given_poses.json"
@@ -41,37 +42,13 @@ class CaptureConfig:
     Args:
         video_frames: Of the videos of a scene together, at most so many frames.
         leave_out: Names of photographs, or patterns such as `IMG_00*`, that are not taken.
+        panoramas: Whether photographs and videos are equirectangular, of all directions, and cut
+            into views; `auto` decides from what they say and show.
     """
 
     video_frames: int = 60
     leave_out: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Photograph:
-    """One photograph of a capture; `width` and `height` are those of its upright pixels.
-
-    A frame of a video knows its `clip`, how many cuts lie before it there (`shot`), and its time in
-    seconds since the clip's first frame.
-    """
-
-    name: str
-    file: str
-    width: int
-    height: int
-    size_bytes: int
-    sha256: str
-    clip: str | None = None
-    shot: int = 0
-    time_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Capture:
-    """A scene's photographs in natural order, and what is odd about them."""
-
-    photographs: tuple[Photograph, ...]
-    warnings: tuple[str, ...]
+    panoramas: Choice = "auto"
 
 
 def capture_photographs(
@@ -80,6 +57,7 @@ def capture_photographs(
     progress: Progress = silent,
     given: GivenPoses | None = None,
     leave_out: Sequence[str] = (),
+    panoramas: Choice = "auto",
 ) -> Capture:
     """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
 
@@ -87,13 +65,18 @@ def capture_photographs(
     `styletrf.masks`), and, last, `capture.json` (see `read_capture`). A
     photograph's `name` is its file name without the suffix, or with it where any two would clash.
     What is odd about them is logged as a warning, too. With poses that are `given`, their
-    photographs alone are taken, and `given_poses.json` is written.
+    photographs alone are taken, and `given_poses.json` is written; their lenses are given, too, so
+    that none is looked at as a panorama. Other panoramas are replaced by views cut from them.
 
     Raises:
         InputError: One for all that is wrong: too few photographs, or fewer than half of them
             that can be read, a mask that is none, or nothing to leave out by such a name. Nothing
             is written then.
     """
+    if given and panoramas == "yes":
+        problem = "are to be panoramas, but the poses that came with them name their lenses"
+        remedy = f"Take {given.source.name} away, or leave the setting panoramas at auto"
+        raise InputError(str(folder), problem, remedy)
     files = [view.file for view in given.views] if given else list_photographs(folder)
     files = _without(files, leave_out)
     stored = _stored_names(files)
@@ -106,37 +89,43 @@ def capture_photographs(
     masks = find_masks(folder, files)
     for file in masks.keys() & examined.keys():
         require_mask_of(masks[file], examined[file].width, examined[file].height)
-    (out_dir / "images").mkdir(parents=True, exist_ok=True)
-    (out_dir / MASKS).mkdir(exist_ok=True)
-    for file, photograph in examined.items():
-        shutil.copyfile(file, out_dir / "images" / photograph.file)
-        if file in masks:
-            shutil.copyfile(masks[file], out_dir / MASKS / f"{photograph.name}.png")
+    sizes = {file: (one.width, one.height) for file, one in examined.items()}
+    cut = find_panoramas(sizes, "no" if given else panoramas)
+    kept = _stored(examined, masks, cut, out_dir)
     warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder, photographs)
+    if cut:
+        of_them = f"{len(cut)} of {len(photographs)} photographs"
+        warnings.append(f"{of_them} are panoramas: {len(DIRECTIONS)} views are cut from each")
     if given:
         views = {view.file: view for view in given.views}
         named = {photograph.name: views[file] for file, photograph in examined.items()}
         write_given_poses(out_dir / GIVEN_POSES, given.source.name, named)
         warnings += _warnings_of_poses(folder, given)
-    capture = Capture(tuple(photographs), tuple(warnings))
+    capture = Capture(tuple(kept), tuple(warnings))
     write_capture(out_dir, capture)
     return capture
 
 
-def write_capture(out_dir: Path, capture: Capture) -> None:
-    """Writes `capture.json`, and tells the warnings."""
-    text = json.dumps(asdict(capture), sort_keys=True, indent=1, ensure_ascii=False)
-    (out_dir / "capture.json").write_text(text + "\n", encoding="utf-8")
-    for warning in capture.warnings:
-        _LOGGER.warning(warning)
-
-
-def read_capture(capture_dir: Path) -> Capture:
-    """Returns what `capture_photographs` wrote."""
-    text = (capture_dir / "capture.json").read_text(encoding="utf-8")
-    content = json.loads(text)
-    photographs = tuple(Photograph(**row) for row in content["photographs"])
-    return Capture(photographs, tuple(content["warnings"]))
+def _stored(
+    examined: Mapping[Path, Photograph],
+    masks: Mapping[Path, Path],
+    panoramas: Set[Path],
+    out_dir: Path,
+) -> list[Photograph]:
+    """Copies photographs and their masks, cuts panoramas and theirs; returns what there is then."""
+    (out_dir / "images").mkdir(parents=True, exist_ok=True)
+    (out_dir / MASKS).mkdir(exist_ok=True)
+    kept: list[Photograph] = []
+    for file, photograph in examined.items():
+        if file in panoramas:
+            mask = read_photograph(masks[file]) if file in masks else None
+            kept += cut_photographs(photograph, read_photograph(file), out_dir, mask)
+            continue
+        kept.append(photograph)
+        shutil.copyfile(file, out_dir / "images" / photograph.file)
+        if file in masks:
+            shutil.copyfile(masks[file], out_dir / MASKS / f"{photograph.name}.png")
+    return kept
 
 
 def _stored_names(files: Sequence[Path]) -> list[str]:

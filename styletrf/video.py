@@ -14,6 +14,7 @@ from typing import cast
 
 import av
 import numpy as np
+from av.buffer import Buffer
 from av.video.reformatter import (
     ColorPrimaries,
     ColorRange,
@@ -76,10 +77,14 @@ def write_video(path: Path, frames: Iterable[Frame], frames_per_second: float | 
 
 @dataclass(frozen=True, slots=True)
 class TimedFrame:
-    """A decoded frame, and when it is shown, in seconds since the first."""
+    """A decoded frame, and when it is shown, in seconds since the first.
+
+    It is equirectangular where the file has spherical metadata that say so.
+    """
 
     time_s: float
     pixels: Frame
+    is_equirectangular: bool = False
 
 
 def video_info(path: Path) -> VideoInfo:
@@ -126,7 +131,13 @@ def timed_frames(path: Path) -> Iterator[TimedFrame]:
             start_s = shown_s if start_s is None else start_s
             pixels = frame.to_ndarray(format="rgb24")
             upright = np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
-            yield TimedFrame(shown_s - start_s, upright)
+            yield TimedFrame(shown_s - start_s, upright, _is_equirectangular(frame))
+
+
+def _is_equirectangular(frame: av.VideoFrame) -> bool:
+    """Returns what FFmpeg's `AVSphericalMapping`, which begins with the projection, says."""
+    spherical = frame.side_data.get("SPHERICAL")
+    return isinstance(spherical, Buffer) and bytes(spherical)[:4] == bytes(4)
 
 
 def declared_duration_s(path: Path) -> float | None:

@@ -6,28 +6,46 @@ See `frame_choice`. Several clips share the frames by the length of the way that
 import hashlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
+from styletrf.capture_file import Capture, Photograph, write_capture
 from styletrf.clip_survey import clip_warnings
-from styletrf.colmap_images import write_png
 from styletrf.errors import InputError
 from styletrf.frame_choice import chosen_frames
 from styletrf.frame_motion import FrameMotion, frame_motion, joined_motion
+from styletrf.images import write_png
+from styletrf.panorama_capture import cut_photographs
+from styletrf.panorama_views import DIRECTIONS
+from styletrf.panoramas import (
+    Choice,
+    has_panorama_shape,
+    panorama_mismatch,
+    require_all_directions,
+    show_panoramas,
+)
 from styletrf.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.progress import Progress, silent
-from styletrf.scene_capture import Capture, Photograph, write_capture
 from styletrf.video import Frame, TimedFrame, declared_duration_s, timed_frames, video_info
+
+_LOOKED_AT, _EVERY = 10, 30  # frames that tell whether a clip is of panoramas
 
 
 def capture_videos(
-    videos: Sequence[Path], out_dir: Path, count: int, progress: Progress = silent
+    videos: Sequence[Path],
+    out_dir: Path,
+    count: int,
+    progress: Progress = silent,
+    panoramas: Choice = "auto",
 ) -> Capture:
     """Writes at most `count` frames of a scene's videos as `images/*.png`, and `capture.json`.
 
     Frames of a single video are named `0001` and so on, those of several `NAME_0001`. Each knows
-    its clip, its time there and how many cuts lie before it.
+    its clip, its time there and how many cuts lie before it. Frames that are panoramas are replaced
+    by views cut from them, and each view counts.
 
     Raises:
         InputError: A file is no video, the pictures keep still, or there are fewer than three
@@ -35,6 +53,8 @@ def capture_videos(
     """
     motions = [frame_motion(_followed(video, progress)) for video in videos]
     _require_frames(videos, motions)
+    cut = {video for video in videos if _is_panorama(video, panoramas)}
+    count = count // len(DIRECTIONS) if cut else count
     chosen = _chosen_of_each(motions, count)
     total = sum(len(frames) for frames in chosen)
     if total < FEWEST_PHOTOGRAPHS:
@@ -43,13 +63,20 @@ def capture_videos(
         raise InputError(subject, problem, "Film longer, or ask for more frames")
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
     photographs = [
-        photograph
+        kept
         for video, motion, frames, prefix in zip(
             videos, motions, chosen, _prefixes(videos), strict=True
         )
-        for photograph in _photographs(video, motion, frames, out_dir / "images", prefix, progress)
+        for frame, photograph in _photographs(video, motion, frames, prefix, progress)
+        for kept in _kept(photograph, frame, out_dir, is_panorama=video in cut)
     ]
-    capture = Capture(tuple(photographs), tuple(_warnings(videos, motions, total, count)))
+    warnings = [
+        f"{video.name} shows all directions: {len(DIRECTIONS)} views are cut from each frame"
+        for video in videos
+        if video in cut
+    ]
+    warnings += _warnings(videos, motions, total, count)
+    capture = Capture(tuple(photographs), tuple(warnings))
     write_capture(out_dir, capture)
     return capture
 
@@ -77,39 +104,48 @@ def _chosen_of_each(motions: Sequence[FrameMotion], count: int) -> list[list[int
     return [(chosen[clip == k] - starts[k]).tolist() for k in range(len(motions))]
 
 
+def _is_panorama(video: Path, choice: Choice) -> bool:
+    """Returns whether a clip is one of panoramas, as its metadata say or its frames show.
+
+    Raises:
+        InputError: It should be one, and its frames do not show all directions.
+    """
+    first = next(timed_frames(video))
+    height, width = first.pixels.shape[:2]
+    if choice == "yes" or (choice == "auto" and first.is_equirectangular):
+        require_all_directions(video.name, width, height)
+        return True
+    if choice == "no" or not has_panorama_shape(width, height):
+        return False
+    frames = islice(timed_frames(video), 0, _LOOKED_AT * _EVERY, _EVERY)
+    return show_panoramas([panorama_mismatch(frame.pixels) for frame in frames])
+
+
 def _photographs(
-    video: Path,
-    motion: FrameMotion,
-    frames: Sequence[int],
-    folder: Path,
-    prefix: str,
-    progress: Progress,
-) -> Iterator[Photograph]:
-    """Writes the frames of a clip and yields what `capture.json` says of them."""
+    video: Path, motion: FrameMotion, frames: Sequence[int], prefix: str, progress: Progress
+) -> Iterator[tuple[Frame, Photograph]]:
+    """Yields the frames of a clip and what is known of each before it is a file."""
     wanted = dict(zip(frames, range(1, len(frames) + 1), strict=True))
     for index, frame in enumerate(_followed(video, progress)):
         if index in wanted:
-            path = folder / f"{prefix}{wanted[index]:04d}.png"
-            size_bytes, sha256 = _written(frame.pixels, path)
+            name = f"{prefix}{wanted[index]:04d}"
             height, width = frame.pixels.shape[:2]
             shot = int(motion.shot[index])
-            yield Photograph(
-                path.stem,
-                path.name,
-                width,
-                height,
-                size_bytes,
-                sha256,
-                clip=video.name,
-                shot=shot,
-                time_s=frame.time_s,
-            )
+            of_clip = video.name, shot, frame.time_s
+            yield frame.pixels, Photograph(name, f"{name}.png", width, height, 0, "", *of_clip)
 
 
-def _written(frame: Frame, path: Path) -> tuple[int, str]:
+def _kept(
+    photograph: Photograph, frame: Frame, out_dir: Path, *, is_panorama: bool
+) -> Iterator[Photograph]:
+    """Writes a frame, or the views cut from it, and yields what `capture.json` says of them."""
+    if is_panorama:
+        yield from cut_photographs(photograph, frame, out_dir)
+        return
+    path = out_dir / "images" / photograph.file
     write_png(path, frame, compression=3)
     data = path.read_bytes()
-    return len(data), hashlib.sha256(data).hexdigest()
+    yield replace(photograph, size_bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
 
 
 def _prefixes(videos: Sequence[Path]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -42,11 +43,28 @@ def _sized(image: np.ndarray, camera: Camera) -> np.ndarray:
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
-def held_out_names(cameras: Sequence[Camera], given: Mapping[str, GivenView]) -> set[str]:
-    """Returns the names of the views to measure by: those of a published split, or every eighth."""
+def held_out_names(
+    cameras: Sequence[Camera],
+    given: Mapping[str, GivenView],
+    panoramas: Mapping[str, str] = MappingProxyType({}),
+) -> set[str]:
+    """Returns the names of the views to measure by: those of a published split, or every eighth.
+
+    Views of one panorama count as one, and are held out together: each shares its place, and what
+    its margins show, with the others.
+
+    Args:
+        cameras: Of all views.
+        given: The views whose poses came with them, by their names.
+        panoramas: The names of the panoramas that views were cut from, by the names of the views.
+    """
     if any(view.held_out for view in given.values()):
         return {camera.name for camera in cameras if given[camera.name].held_out}
-    return {cameras[k].name for k in split_views(len(cameras))[1]}
+    sources = [panoramas.get(camera.name, camera.name) for camera in cameras]
+    distinct = list(dict.fromkeys(sources))
+    held_out = {distinct[k] for k in split_views(len(distinct))[1]}
+    pairs = zip(cameras, sources, strict=True)
+    return {camera.name for camera, source in pairs if source in held_out}
 
 
 def split_views(n_views: int) -> tuple[list[int], list[int]]:

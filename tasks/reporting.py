@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.record import ActionRecord
+from styletrf.capture_file import read_capture
 from styletrf.curve_chart import Curve
 from styletrf.report import ReportContent, StageCost
-from styletrf.scene_capture import read_capture
 from styletrf.tables import read_rows, read_summary
 from tasks.command import main_command
 from tasks.measures import metric_tables, term

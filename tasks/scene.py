@@ -39,10 +39,10 @@ class SceneCapture(TunedStage):
         found = find_scene(data_root(), self.scene)
         config = configured(CaptureConfig, self.values())
         if videos := scene_videos(found):
-            capture_videos(videos, out, config.video_frames, run.progress)
+            capture_videos(videos, out, config.video_frames, run.progress, config.panoramas)
         else:
             given = find_given_poses(scene_folder(found))
-            capture_photographs(found, out, run.progress, given, config.leave_out)
+            capture_photographs(found, out, run.progress, given, config.leave_out, config.panoramas)
 
 
 class CameraPoses(TunedStage):

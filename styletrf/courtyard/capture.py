@@ -76,18 +76,19 @@ def render_view(
 
     The size is the camera's; of the configuration only what is there to be seen matters.
     """
-    light, depth = render_linear(_lit(config), camera)
+    light, depth = render_linear(lit_scene(config), camera)
     return developed(light), depth.astype(np.float32)
 
 
-def _lit(config: CourtyardConfig) -> Surfaces:
+def lit_scene(config: CourtyardConfig) -> Surfaces:
+    """Returns the configured courtyard with its daylight, ready for rays."""
     return lit_courtyard(config.seed, glossy=config.glossy, surround=config.kind == "walk")
 
 
 def capture_courtyard(config: CourtyardConfig, progress: Progress = silent) -> Capture:
     """Returns the photographs of a capture, the same for the same configuration."""
     cameras = courtyard_cameras(config)
-    _lit(config)
+    lit_scene(config)
     views = []
     for view in in_threads(lambda camera: render_view(camera, config), cameras):
         views.append(view)

@@ -10,8 +10,8 @@ from styletrf.courtyard.rays import kernel, new_stack
 from styletrf.courtyard.shading import Surfaces, seen_color
 
 # Five rays a pixel, each in a row and a column of its own; the first is through the centre.
-_RAYS = np.array([[0.5, 0.5], [0.1, 0.3], [0.3, 0.9], [0.7, 0.1], [0.9, 0.7]])
-_BRIGHTEST = 3.0  # a ray's linear light is cut here, so that no glint outshines its pixel
+RAYS = np.array([[0.5, 0.5], [0.1, 0.3], [0.3, 0.9], [0.7, 0.1], [0.9, 0.7]])
+BRIGHTEST = 3.0  # a ray's linear light is cut here, so that no glint outshines its pixel
 _EXPOSURE = 0.8
 
 
@@ -25,7 +25,7 @@ def render_linear(
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     light = np.zeros((camera.height, camera.width, 3))
     depth = np.empty((camera.height, camera.width))
-    _trace(scene, camera.world_from_camera, intrinsics, _RAYS, light, depth)
+    _trace(scene, camera.world_from_camera, intrinsics, RAYS, light, depth)
     return light, depth
 
 
@@ -54,8 +54,8 @@ def _trace(scene, world_from_camera, intrinsics, offsets, light, depth):
                 dy = R[1, 0] * x + R[1, 1] * y + R[1, 2]
                 dz = R[2, 0] * x + R[2, 1] * y + R[2, 2]
                 r, g, b, z = seen_color(scene, stack, ox, oy, oz, dx, dy, dz)
-                light[row, column, 0] += min(r, _BRIGHTEST) / len(offsets)
-                light[row, column, 1] += min(g, _BRIGHTEST) / len(offsets)
-                light[row, column, 2] += min(b, _BRIGHTEST) / len(offsets)
+                light[row, column, 0] += min(r, BRIGHTEST) / len(offsets)
+                light[row, column, 1] += min(g, BRIGHTEST) / len(offsets)
+                light[row, column, 2] += min(b, BRIGHTEST) / len(offsets)
                 if i == 0:
                     depth[row, column] = z

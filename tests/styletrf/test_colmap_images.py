@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from made_photographs import encoded, texture, with_exif
 
-from styletrf.colmap_images import lens_settings, prepare_images, write_png
+from styletrf.colmap_images import lens_settings, prepare_images
+from styletrf.images import write_png
 from styletrf.photographs import read_photograph
 from styletrf.progress import silent
 from styletrf.scene_capture import capture_photographs

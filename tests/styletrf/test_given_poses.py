@@ -11,12 +11,13 @@ from made_photographs import encoded, room_poses, room_view
 from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
 from styletrf.camera_table import read_cameras, read_fitted_rows, read_split
 from styletrf.cameras import project
+from styletrf.capture_file import read_capture
 from styletrf.errors import InputError
 from styletrf.given_poses import GivenView, Lens
 from styletrf.known_poses import neighbouring_pairs
 from styletrf.point_table import read_points
 from styletrf.pose_formats import find_given_poses
-from styletrf.scene_capture import capture_photographs, read_capture
+from styletrf.scene_capture import capture_photographs
 
 VIEWS = 8
 WIDTH, HEIGHT, FOCAL = 320, 240, 260.0

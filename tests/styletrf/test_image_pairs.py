@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from styletrf.capture_file import Photograph
 from styletrf.image_pairs import (
     all_pairs,
     is_sequence,
@@ -12,7 +13,6 @@ from styletrf.image_pairs import (
     sequence_pairs,
     shots,
 )
-from styletrf.scene_capture import Photograph
 
 counts = st.integers(0, 120)
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pycolmap
 
+from styletrf.capture_file import Photograph
 from styletrf.colmap_images import ColmapImages, LensSetting
 from styletrf.mapping import explained_share
 from styletrf.mapping_choice import MappingTask, map_images
 from styletrf.progress import silent
-from styletrf.scene_capture import Photograph
 
 PATH, OVERLAP = 36, 3
 

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from made_photographs import encoded, texture, with_exif
 
+from styletrf.capture_file import read_capture
 from styletrf.errors import InputError
 from styletrf.masks import read_mask
-from styletrf.scene_capture import capture_photographs, read_capture
+from styletrf.scene_capture import capture_photographs
 
 
 def photograph(seed, width=24, height=16):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from styletrf.cameras import Camera
+from styletrf.capture_file import read_capture
 from styletrf.courtyard.capture import CourtyardConfig, render_view
 from styletrf.courtyard.paths import _looking_at
 from styletrf.errors import InputError
 from styletrf.images import read_rgb
-from styletrf.scene_capture import read_capture
 from styletrf.video import timed_frames, video_frames, write_video
 from styletrf.video_capture import capture_videos
 
