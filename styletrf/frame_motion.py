@@ -125,7 +125,7 @@ def _cuts(lost: Bool[np.ndarray, " frames"], change: PerFrame) -> Bool[np.ndarra
     return np.asarray(lost & (change > _CUT_CHANGE) & (change > _CUT_CONTRAST * usual))
 
 
-def _looked_at(frame: UInt8[np.ndarray, "height width 3"]) -> Gray:
+def _looked_at(frame: UInt8[np.ndarray, "_ _ 3"]) -> UInt8[np.ndarray, "_ _"]:
     gray = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
     scale = min(1.0, _LONG_SIDE / max(gray.shape))
     size = (max(1, round(gray.shape[1] * scale)), max(1, round(gray.shape[0] * scale)))

@@ -8,9 +8,10 @@ largest of four ratios:
     difference of the two edges / difference of any two columns, / variation along the edges,
     variation along the top row, along the bottom row / variation along any row
 
-Of 900 crops 2:1 of photographs the least mismatch is 0.51; of panoramas of the courtyard it is 0.06
-to 0.18, and more (0.44, 0.52) where a near edge runs through the seam or a joint of the pavement
-through a pole. So photographs of one size, which one camera took, are decided together.
+Of 1,023 crops 2:1 of photographs the least mismatch is 0.51, the next 0.83; of panoramas of the
+courtyard, 2048 pixels wide, it is 0.03 to 0.11, and 0.27 where a near edge runs through the seam or
+a joint of the pavement through a pole. Photographs of one size, which one camera took, are decided
+together, so that one of them does not count.
 """
 
 import re
@@ -18,7 +19,6 @@ from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import Literal
 
-import cv2
 import numpy as np
 from jaxtyping import UInt8
 
@@ -29,10 +29,9 @@ Image = UInt8[np.ndarray, "height width 3"]
 Choice = Literal["auto", "yes", "no"]
 
 _ASPECT, _TOLERANCE = 2.0, 0.01
-_MOST_MISMATCH = 0.3
+_MOST_MISMATCH = 0.4
 _LEAST_LEVELS = 4.0  # of 255, by which a picture has to vary to show anything
-_WIDTH = 1024  # at which pictures are looked at
-_EVERY = 16  # columns between those that are compared with each other
+_ROWS, _COLUMNS = 512, 64  # of a picture that are looked at
 
 _EQUIRECTANGULAR = re.compile(rb"GPano:ProjectionType\W{1,4}equirectangular")
 _SIDE = rb"GPano:%bWidthPixels\W{1,4}(\d+)"
@@ -86,17 +85,17 @@ def panorama_mismatch(image: Image) -> float:
     """
     if not has_panorama_shape(image.shape[1], image.shape[0]):
         return float("inf")
-    size = (_WIDTH, _WIDTH // 2)
-    pixels = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    columns = pixels[:, ::_EVERY]
-    apart = np.abs(columns[:, :, None] - columns[:, None]).mean(axis=(0, 3))
-    edges = pixels[:, [0, -1]].std(axis=0).mean(axis=-1)
-    rows = pixels.std(axis=1).mean(axis=-1)
-    usual = np.array([np.median(apart), edges.min(), np.median(rows), np.median(rows)])
+    rows = image[:: max(1, image.shape[0] // _ROWS)].astype(np.float32)
+    sampled = rows[:, :: max(1, image.shape[1] // _COLUMNS)]
+    apart = np.abs(sampled[:, :, None] - sampled[:, None]).mean(axis=(0, 3))
+    edges = rows[:, [0, -1]].std(axis=0).mean(axis=-1)
+    along = rows.std(axis=1).mean(axis=-1)
+    poles = image[[0, -1]].astype(np.float32).std(axis=1).mean(axis=-1)
+    usual = np.array([np.median(apart), edges.min(), np.median(along), np.median(along)])
     if usual.min() < _LEAST_LEVELS:
         return float("inf")
-    seam = np.abs(pixels[:, 0] - pixels[:, -1]).mean()
-    return float((np.array([seam, seam, rows[0], rows[-1]]) / usual).max())
+    seam = np.abs(rows[:, 0] - rows[:, -1]).mean()
+    return float((np.array([seam, seam, *poles]) / usual).max())
 
 
 def _declares_panorama(file: Path, width: int, height: int) -> bool:

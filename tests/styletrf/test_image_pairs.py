@@ -92,3 +92,12 @@ def test_pairs_with_members_miss_only_pairs_of_others(count, members):
     left_out = set(all_pairs(count)) - set(pairs_with(count, sorted(members)))
     others = sorted(set(range(count)) - members)
     assert left_out == {(i, j) for i in others for j in others if i < j}
+
+
+def test_views_of_panoramas_follow_those_of_their_direction():
+    views = [
+        Photograph(f"{k}_{way}", "", 4, 3, 1, "", "a.mp4", 0, float(k), str(k), way)
+        for k in range(3)
+        for way in ("front", "up")
+    ]
+    assert shots(views) == [[0, 2, 4], [1, 3, 5]]
