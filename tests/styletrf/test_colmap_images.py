@@ -75,7 +75,7 @@ def test_the_same_image_gives_the_same_bytes(tmp_path):
 )
 def test_photographs_are_grouped_by_the_focal_lengths_that_exif_names(focals, how, groups):
     files = [str(k) for k in range(len(focals))]
-    settings = lens_settings(files, [(64, 48)] * len(files), focals, how)
+    settings = lens_settings(files, [(64, 48)] * len(files), focals, how, [None] * len(files))
     assert [[int(file) for file in setting.files] for setting in settings] == groups
     for group, setting in zip(groups, settings, strict=True):
         told = [focals[k] for k in group if focals[k]]
@@ -85,7 +85,7 @@ def test_photographs_are_grouped_by_the_focal_lengths_that_exif_names(focals, ho
 @pytest.mark.parametrize("how", ["auto", "one"])
 def test_photographs_of_different_sizes_never_share_a_lens(how):
     sizes = [(64, 48), (48, 64), (64, 48), (32, 24)]
-    settings = lens_settings([*"abcd"], sizes, [None, 50.0, None, None], how)
+    settings = lens_settings([*"abcd"], sizes, [None, 50.0, None, None], how, [None] * 4)
     assert sorted(setting.files for setting in settings) == [("a", "c"), ("b",), ("d",)]
 
 
@@ -101,3 +101,14 @@ def test_the_focal_length_of_a_telephones_photographs_is_read(tmp_path):
     """28 mm by the diagonal of film, 43.3 mm, for a diagonal of 80 pixels."""
     images = prepared(tmp_path, {f"{k}.heic": PHONE.read_bytes() for k in range(3)})
     assert images.lenses[0].focal_prior_px == pytest.approx(28 / np.hypot(36, 24) * 80)
+
+
+@pytest.mark.parametrize("how", ["auto", "one", "each"])
+def test_views_of_panoramas_have_a_setting_for_each_direction(how):
+    directions = ["front", "up", "front", "up", None]
+    settings = lens_settings([*"abcde"], [(64, 48)] * 5, [30.0] * 4 + [31.0], how, directions)
+    assert [(s.files, s.focal_prior_px, s.direction) for s in settings] == [
+        (("a", "c"), 30.0, "front"),
+        (("b", "d"), 30.0, "up"),
+        (("e",), 31.0, None),
+    ]
