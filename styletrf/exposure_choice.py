@@ -1,17 +1,20 @@
 """Whether photographs are exposed so differently that each needs an exposure of its own.
 
-The points are parted into two halves like the fields of a chessboard of blocks, and the exposures
-are estimated from each half alone. An exposure changes both halves alike; noise, and shading that
-depends on the view, change each its own way. So with d the change of a log color in a view,
+The points are parted into two halves, and the exposures are estimated from each half alone. An
+exposure changes both halves alike; noise, and shading that depends on the view, change each its own
+way. So with d the change of a log color in a view,
 
     spread^2 = mean of d_first d_second        over views, channels and levels of brightness
 
 is free of what the halves do not agree on, which half the mean of (d_first - d_second)^2 measures.
+The halves are the fields of a chessboard of blocks, or lie on either side of the middle along one
+of the three principal axes: sheen on a table is in both halves of some of these, but not of all,
+and those that agree least count.
 From d the mean of the views that share the most points is taken: what changes slowly along the way,
 as the sheen of surfaces does, a field shows by colors that depend on the view (decision 20).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +28,8 @@ LEAST_SPREAD = 0.05  # of log colors: 2 % of the range at mid-grey, an error of 
 LEAST_RATIO = 2.0  # of the spread to the disagreement
 _NEIGHBORS = 4  # of a view, that predict its exposure
 _BLOCKS = 2  # along each axis
+_NEAR = 5.0  # median distances from the middle, within which points tell the principal axes
+_NO_SPREAD = 1e-9
 _LEVELS = 0.1, 0.5, 0.9  # quantiles of the brightness at which changes are compared
 
 
@@ -60,16 +65,20 @@ def exposure_evidence(
     known = log_color[~np.isnan(log_color)]
     if not len(known) or views < 2:
         return ExposureEvidence(0.0, 0.0, named)
-    levels, first, beside = np.quantile(known, _LEVELS), _first_half(points), _beside(points, views)
-    changes = (
-        estimate_exposures(
-            points, np.where(half[points.observed_point][:, None], log_color, np.nan), views
-        ).log_change(levels)
-        for half in (first, ~first)
-    )
-    a, b = (change - change[beside].mean(axis=1) for change in changes)
-    shared, apart = float((a * b).mean()), float(((a - b) ** 2).mean()) / 2
-    return ExposureEvidence(max(shared, 0.0) ** 0.5, apart**0.5, named)
+    levels, beside = np.quantile(known, _LEVELS), _beside(points, views)
+    found = []
+    for first in _halves(points):
+        changes = (
+            estimate_exposures(
+                points, np.where(half[points.observed_point][:, None], log_color, np.nan), views
+            ).log_change(levels)
+            for half in (first, ~first)
+        )
+        a, b = (change - change[beside].mean(axis=1) for change in changes)
+        shared, apart = float((a * b).mean()), float(((a - b) ** 2).mean()) / 2
+        found.append((max(shared, 0.0) ** 0.5, apart**0.5))
+    spread, disagreement = min(found, key=lambda one: one[0] / max(one[1], _NO_SPREAD))
+    return ExposureEvidence(spread, disagreement, named)
 
 
 def _named(cameras: Sequence[Camera], exposures: Exposures) -> dict[str, Exposure]:
@@ -89,8 +98,15 @@ def _beside(points: SparsePoints, views: int) -> Int[np.ndarray, "views neighbor
     return np.stack(rows)
 
 
-def _first_half(points: SparsePoints) -> Bool[np.ndarray, " points"]:
-    """Returns which points lie in blocks of one color of the chessboard; blocks by rank."""
-    rank = points.xyz_world.argsort(axis=0).argsort(axis=0)
+def _halves(points: SparsePoints) -> Iterator[Bool[np.ndarray, " points"]]:
+    """Yields which points are in the first half: of blocks by rank, then along principal axes."""
+    xyz = points.xyz_world
+    rank = xyz.argsort(axis=0).argsort(axis=0)
     block = rank * _BLOCKS // max(len(rank), 1)
-    return np.asarray(block.sum(axis=1) % 2 == 0)
+    yield np.asarray(block.sum(axis=1) % 2 == 0)
+    from_middle = xyz - np.median(xyz, axis=0)
+    distance = np.linalg.norm(from_middle, axis=1)
+    near = from_middle[distance <= _NEAR * np.median(distance)]
+    for axis in np.linalg.eigh(near.T @ near)[1].T:
+        along = from_middle @ axis
+        yield np.asarray(along < np.median(along))

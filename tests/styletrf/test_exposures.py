@@ -1,6 +1,7 @@
 """Exposures are found from what views share, and nothing is found where nothing differs."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -147,6 +148,17 @@ def test_light_from_a_side_that_changes_from_view_to_view_is_no_exposure():
     is_left = points.xyz_world[points.observed_point, :1] < 0
     shading = np.random.default_rng(7).uniform(-0.3, 0.3, VIEWS)[points.observed_image, None]
     found = evidence(points, log_color + np.where(is_left, shading, -shading))
+    assert not found.needed, found
+
+
+def test_the_sheen_of_a_table_is_no_exposure_of_what_stands_on_it():
+    """It changes from view to view, in both halves of a chessboard alike."""
+    points = seen_by_half_of_the_views()
+    points = replace(points, xyz_world=points.xyz_world * [4, 2, 1])
+    log_color = seen(points, true_exposures(0.0, powers=False), noise=0.02)
+    is_table = points.xyz_world[points.observed_point, :1] < 0
+    sheen = np.random.default_rng(7).uniform(-0.3, 0.3, VIEWS)[points.observed_image, None]
+    found = evidence(points, log_color + np.where(is_table, sheen, 0.0))
     assert not found.needed, found
 
 
