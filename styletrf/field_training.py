@@ -174,10 +174,9 @@ class FieldTrainer:
 
     def _curve_point(self, samples: Samples) -> CurvePoint:
         colored = int((samples.weights > self.config.min_weight).sum())
-        return CurvePoint(
-            self.iteration, self.seconds, self.psnr(), math.prod(self.field.resolution),
-            len(samples.ray) / self.batch, colored / self.batch,
-        )  # fmt: skip
+        voxels, counts = math.prod(self.field.resolution), (len(samples.ray), colored)
+        means = (count / self.batch for count in counts)
+        return CurvePoint(self.iteration, self.seconds, self.psnr(), voxels, *means)
 
     def _batch_of(self, samples_a_ray: float) -> int:
         least, wanted = self.config.batch, self.config.batch_samples / max(samples_a_ray, 1.0)
@@ -237,6 +236,7 @@ class FieldTrainer:
         fading = every * decay(config.rate_decay, self.iteration, config.iterations)
         density, appearance = self.field.density.factors, self.field.appearance.factors
         density.add_l1_gradient(every * config.l1_weight)
+        fading *= max(1.0, config.tv_views / len(self.cameras))  # smoothness fills what few see
         density.add_total_variation_gradient(fading * config.tv_density)
         appearance.add_total_variation_gradient(fading * config.tv_appearance)
 

@@ -22,6 +22,7 @@ class FieldTrainingConfig:
     l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
     tv_density: float = 0.01  # [TV_weight_density]
     tv_appearance: float = 0.003  # [TV_weight_app]
+    tv_views: int = 100  # so many views have these two weights; fewer have more, in proportion
     tv_every: int = 4  # iterations between steps of L1 and total variation, weighted up to match
     distortion_weight: float = 0.0  # see `styletrf.distortion`
     depth_weight: float = 0.1  # for every iteration, see `styletrf.sparse_depth`

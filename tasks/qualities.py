@@ -24,6 +24,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
             [2 / 15, 3 / 15, 4 / 15, 5 / 15],
         ),
         "initial_voxels": (80**3, 96**3, 128**3),
+        "tv_views": (100, 100, 1),
         "occupancy_alpha": (0.02, 0.02, 5e-3),
         "factor_rate": (0.03, 0.03, 0.02),
         "network_rate": (3e-3, 3e-3, 1e-3),

@@ -44,6 +44,17 @@ def test_a_fit_of_any_length_reaches_the_final_resolution(scene, iterations):
     assert field.resolution == (scene.model.resolution if iterations > 1 else field.resolution)
 
 
+@pytest.mark.parametrize(("views", "factor"), [(2.0, 2.0), (1.0, 1.0), (0.5, 1.0)])
+def test_total_variation_weighs_more_where_there_are_fewer_views(scene, views, factor):
+    """In proportion to the views that its weights are meant for; more views do not lower it."""
+    usual = replace(CONFIG, iterations=20, tv_density=0.1, tv_appearance=0.1)
+    usual = replace(usual, tv_views=len(scene.cameras))
+    heavy = replace(usual, tv_density=0.1 * factor, tv_appearance=0.1 * factor)
+    few = replace(usual, tv_views=round(views * len(scene.cameras)))
+    found, expected = (parameters(fit(scene, config)) for config in (few, heavy))
+    torch.testing.assert_close(found, expected, rtol=0, atol=0)
+
+
 @pytest.mark.parametrize("share", [200.0, 1.0, 0.0, -0.1, float("nan")])
 def test_growth_is_told_in_shares_of_the_iterations(share):
     with pytest.raises(ValueError, match="shares of the iterations"):
