@@ -4,10 +4,11 @@ Each photograph is cut into tiles. A box explains a tile that shows more points 
 outside it, or shows none while a tile beside it does. It also explains flat tiles of the one color
 that those of all photographs have in the median, as the white around a cut-out object: behind a box
 there is one color. Textured ground, clouds and rooms without points are neither, and need a space
-that reaches to them.
+that reaches to them. Masked pixels do not count: a tile counts as much as is left of it.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from styletrf.point_table import SparsePoints
 from styletrf.surroundings import surroundings
 
 Image = Float[np.ndarray, "height width 3"]
+Mask = Bool[np.ndarray, "height width"]
 
 LONG_SIDE_PX = 504  # of the views that the scene is surveyed with
 TILES = 16  # along an image's longer side
@@ -29,15 +31,18 @@ def explained_pixels(
     images: Iterable[Image],
     cameras: Sequence[Camera],
     points: SparsePoints,
+    masks: Iterable[Mask | None],
 ) -> float:
-    """Returns the share of the tiles of all photographs that the box explains, from 0 to 1.
+    """Returns the share of the pixels of all photographs that the box explains, from 0 to 1.
 
-    The box is the one that the scene would get, `styletrf.box.whole_box`.
+    The box is the one that the scene would get, `styletrf.box.whole_box`. Where no pixel counts,
+    none speaks against it, and the share is 1.
 
     Args:
         images: Of the cameras, RGB in [0, 1], at their size.
         cameras: In the order in which `points` counts images.
         points: With their tracks.
+        masks: Which pixels count, in the order of the images; None where all of an image do.
 
     Raises:
         InputError: No photograph sees any of the points.
@@ -45,25 +50,28 @@ def explained_pixels(
     scene = surroundings(cameras, points.xyz_world, LONG_SIDE_PX)
     box = whole_box(scene)
     inside = (np.abs(scene.points - box.center) <= box.half).all(axis=1)
-    shown, flat, colors = [], [], []
-    for k, (camera, image) in enumerate(zip(cameras, images, strict=True)):
+    shown, tiles = [], []
+    for k, (camera, image, mask) in enumerate(zip(cameras, images, masks, strict=True)):
         of_image = points.observed_image == k
         pixels = points.observed_pixel[of_image]
         shown.append(_shows(camera, pixels, inside[points.observed_point[of_image]]))
-        mean, deviation = _tiled(image, shown[-1].shape)
-        colors.append(mean)
-        flat.append(deviation < _FLAT)
-    all_shown, all_flat = _joined(shown), _joined(flat)
-    all_colors = np.concatenate([color.reshape(-1, 3) for color in colors])
-    ground = all_flat & ~all_shown
-    if ground.any():
-        middle = np.median(all_colors[ground], axis=0)
-        ground &= np.abs(all_colors - middle).max(axis=1) < _FLAT
-    return float((all_shown | ground).mean())
+        tiles.append(_tiled(image, mask, shown[-1].shape))
+    is_shown = np.concatenate([part.ravel() for part in shown])
+    color = np.concatenate([part.color.reshape(-1, 3) for part in tiles])
+    deviation = np.concatenate([part.deviation.ravel() for part in tiles])
+    counted = np.concatenate([part.counted.ravel() for part in tiles])
+    explained = is_shown | _is_ground(color, (deviation < _FLAT) & ~is_shown & (counted > 0))
+    return float(np.average(explained, weights=counted)) if counted.any() else 1.0
 
 
-def _joined(parts: Sequence[Bool[np.ndarray, "rows columns"]]) -> Bool[np.ndarray, " tiles"]:
-    return np.concatenate([part.ravel() for part in parts])
+def _is_ground(
+    color: Float[np.ndarray, "tiles 3"], flat: Bool[np.ndarray, " tiles"]
+) -> Bool[np.ndarray, " tiles"]:
+    """Returns which of the flat tiles have their median color."""
+    if not flat.any():
+        return flat
+    away = np.abs(color - np.median(color[flat], axis=0)).max(axis=1)
+    return np.asarray(flat & (away < _FLAT))
 
 
 def _shows(
@@ -81,12 +89,25 @@ def _shows(
     return np.asarray(np.where(votes == 0, beside > 0, votes > 0))
 
 
-def _tiled(
-    image: Image, shape: tuple[int, ...]
-) -> tuple[Float[np.ndarray, "rows columns 3"], Float[np.ndarray, "rows columns"]]:
-    """Returns the mean color of each tile, and the largest deviation of its channels."""
-    size = (shape[1], shape[0])
-    mean = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    square = cv2.resize(image**2, size, interpolation=cv2.INTER_AREA)
-    deviation = np.sqrt(np.maximum(square - mean**2, 0)).max(axis=2)
-    return mean, deviation
+@dataclass(frozen=True, slots=True)
+class _Tiles:
+    """Of each tile: the mean color, the largest deviation of a channel, the share that counts."""
+
+    color: Float[np.ndarray, "rows columns 3"]
+    deviation: Float[np.ndarray, "rows columns"]
+    counted: Float[np.ndarray, "rows columns"]
+
+
+def _tiled(image: Image, mask: Mask | None, shape: tuple[int, ...]) -> _Tiles:
+    """Returns the tiles of an image, by the pixels that count; all do without a mask."""
+    counts = np.ones(image.shape[:2], np.float32) if mask is None else mask.astype(np.float32)
+
+    def area_mean(values: np.ndarray) -> np.ndarray:
+        return np.asarray(cv2.resize(values, shape[::-1], interpolation=cv2.INTER_AREA))
+
+    counted = area_mean(counts)
+    parts = np.maximum(counted, 1e-6)[..., None]
+    color = area_mean(image * counts[..., None]) / parts
+    square = area_mean(image**2 * counts[..., None]) / parts
+    deviation = np.sqrt(np.maximum(square - color**2, 0)).max(axis=2)
+    return _Tiles(color, deviation, counted)

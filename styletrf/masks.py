@@ -46,6 +46,17 @@ def read_mask(path: Path) -> Bool[np.ndarray, "height width"]:
     return counts
 
 
+def mask_of_view(images: Path, name: str) -> Bool[np.ndarray, "height width"] | None:
+    """Returns which pixels of a view count; None where all do.
+
+    Args:
+        images: The folder of the views, beside which that of their masks lies.
+        name: Of the view.
+    """
+    mask = images.parent / MASKS / f"{name}.png"
+    return read_mask(mask) if mask.exists() else None
+
+
 def require_mask_of(path: Path, width: int, height: int) -> None:
     """Refuses what is no mask of a photograph of that size.
 

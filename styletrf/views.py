@@ -11,7 +11,7 @@ import torch
 from styletrf.cameras import Camera
 from styletrf.given_poses import GivenView
 from styletrf.images import read_rgb, to_integers
-from styletrf.masks import MASKS, read_mask
+from styletrf.masks import mask_of_view
 from styletrf.view_images import Image
 
 CPU = torch.device("cpu")
@@ -28,9 +28,9 @@ def load_views(folder: Path, cameras: Sequence[Camera], device: torch.device = C
     views = []
     for camera in cameras:
         image = to_integers(_sized(read_rgb(folder / f"{camera.name}.png"), camera))
-        mask = folder.parent / MASKS / f"{camera.name}.png"
-        if mask.exists():
-            counts = _sized(read_mask(mask).astype(np.float32), camera) > _ALL_OF_A_PIXEL
+        mask = mask_of_view(folder, camera.name)
+        if mask is not None:
+            counts = _sized(mask.astype(np.float32), camera) > _ALL_OF_A_PIXEL
             image = np.dstack([image, np.where(counts, 255, 0).astype(np.uint8)])
         views.append(torch.from_numpy(image).to(device))
     return views

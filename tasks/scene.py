@@ -94,6 +94,7 @@ class SceneModel(TunedStage):
         from styletrf.explained_pixels import explained_pixels
         from styletrf.exposure_choice import exposure_evidence
         from styletrf.images import read_rgb
+        from styletrf.masks import mask_of_view
         from styletrf.observed_colors import observed_colors
         from styletrf.point_table import read_points
         from styletrf.scene_model import SceneModelConfig, decide_scene_model, write_scene_model
@@ -102,6 +103,7 @@ class SceneModel(TunedStage):
         cameras = read_cameras(inputs["poses"] / "cameras.parquet")
         points = read_points(inputs["poses"] / "points.parquet")
         images = [inputs["poses"] / "images" / f"{camera.name}.png" for camera in cameras]
+        masks = (mask_of_view(inputs["poses"] / "images", camera.name) for camera in cameras)
         observed = observed_colors(map(read_rgb, images), points)
         fitted = read_fitted_rows(inputs["poses"] / "cameras.parquet")
         model = decide_scene_model(
@@ -109,7 +111,7 @@ class SceneModel(TunedStage):
             points.xyz_world,
             configured(SceneModelConfig, self.values()),
             view_dependence(observed, points, cameras),
-            explained_pixels(map(read_rgb, images), cameras, points),
+            explained_pixels(map(read_rgb, images), cameras, points, masks),
             exposure_evidence(
                 points.of_images(fitted),
                 observed.of(np.isin(points.observed_image, fitted)).log_color,

@@ -26,8 +26,9 @@ def cut_out(camera, points, ground: float) -> np.ndarray:
     return image
 
 
-def explained(images, points) -> float:
-    return explained_pixels(iter(images), CAMERAS, seen(CAMERAS, points))
+def explained(images, points, masks=None) -> float:
+    masks = masks or [None] * len(CAMERAS)
+    return explained_pixels(iter(images), CAMERAS, seen(CAMERAS, points), iter(masks))
 
 
 def test_box_explains_photographs_that_are_full_of_its_points():
@@ -46,6 +47,49 @@ def test_grounds_of_different_colors_are_not_one():
     grounds = np.linspace(0.1, 0.9, len(CAMERAS))
     images = [cut_out(c, OBJECT, g) for c, g in zip(CAMERAS, grounds, strict=True)]
     assert explained(images, OBJECT) < 0.7
+
+
+def shown_by(camera, points) -> np.ndarray:
+    """Which pixels lie in a tile that shows points."""
+    pixels = seen([camera], points).observed_pixel
+    tiles = np.zeros((12, 16), bool)
+    tiles[(pixels[:, 1] * 12 // 45).astype(int), (pixels[:, 0] * 16 // 60).astype(int)] = True
+    return np.asarray(tiles[np.arange(45)[:, None] * 12 // 45, np.arange(60) * 16 // 60])
+
+
+def test_masked_pixels_that_a_box_does_not_explain_do_not_count():
+    images = [textured() for _ in CAMERAS]
+    assert explained(images, OBJECT) < 0.6
+    assert explained(images, OBJECT, [shown_by(c, OBJECT) for c in CAMERAS]) > 0.97
+
+
+def test_masked_pixels_that_a_box_explains_do_not_count_either():
+    images = [textured() for _ in CAMERAS]
+    assert explained(images, OBJECT, [~shown_by(c, OBJECT) for c in CAMERAS]) < 0.3
+
+
+def test_a_view_that_is_masked_all_over_is_left_out():
+    images = [cut_out(c, OBJECT, 1.0) for c in CAMERAS]
+    others = [None] * (len(CAMERAS) - 1)
+    black = [np.zeros((45, 60), bool), *others]
+    rest = seen(CAMERAS, OBJECT).of_images(range(1, len(CAMERAS)))
+    alone = explained_pixels(images[1:], CAMERAS[1:], rest, others)
+    for first in (images[0], textured(), np.zeros((45, 60, 3), np.float32)):
+        assert explained([first, *images[1:]], OBJECT, black) == pytest.approx(alone, abs=0.01)
+
+
+def test_nothing_speaks_against_a_box_where_no_pixel_counts():
+    black = [np.zeros((45, 60), bool) for _ in CAMERAS]
+    assert explained([textured() for _ in CAMERAS], OBJECT, black) == 1.0
+
+
+def test_a_masked_part_of_a_tile_does_not_change_its_color():
+    """A white ground beside which people walk: half of every tile is masked texture."""
+    stripes = np.broadcast_to(np.arange(60) % 2 == 0, (45, 60))
+    images = [cut_out(c, OBJECT, 1.0) for c in CAMERAS]
+    spoiled = [np.where(stripes[..., None], image, textured()) for image in images]
+    assert explained(spoiled, OBJECT) < 0.7
+    assert explained(spoiled, OBJECT, [stripes] * len(CAMERAS)) > 0.97
 
 
 @pytest.mark.parametrize(("share", "kind"), [(BOX_EXPLAINS - 0.01, "unbounded"), (1.0, "box")])
