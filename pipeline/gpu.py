@@ -33,9 +33,18 @@ def leased(say_so: Callable[[], object], most: int = 1) -> Iterator[Lease]:
     Raises:
         StoreError: When the cards cannot be told, or the folder of leases cannot be used.
     """
-    with units("gpu", visible(_cards(), os.environ.get(VISIBLE))) as files:
+    with units("gpu", visible_cards()) as files:
         taken = take_in_time(files, 1, most, say_so) if files else []
         yield ({VISIBLE: ",".join(taken)} if taken else {}), tuple(files[c] for c in taken)
+
+
+def visible_cards() -> list[str]:
+    """The cards of this host that CUDA_VISIBLE_DEVICES does not hide, by their UUIDs.
+
+    Raises:
+        StoreError: When they cannot be told.
+    """
+    return visible(_cards(), os.environ.get(VISIBLE))
 
 
 def visible(cards: Sequence[str], wanted: str | None) -> list[str]:

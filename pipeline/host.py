@@ -101,6 +101,21 @@ def memory_bytes() -> int:
     return int(0.9 * min([total, *_limits_of_memory()]))
 
 
+def available_memory_bytes() -> int:
+    """Returns what a build may take now: what the host, or this container's group, has left.
+
+    A group's use counts files that lie in memory; those that gave way to nothing yet
+    (`inactive_file`) do so for a build.
+    """
+    left = int(psutil.virtual_memory().available)
+    if not (limits := _limits_of_memory()):
+        return left
+    used = [*_words("memory.current"), *_words("memory/memory.usage_in_bytes"), "0"][0]
+    words = [*_words("memory.stat"), *_words("memory/memory.stat")]
+    files = dict(zip(words[::2], words[1::2], strict=False)).get("inactive_file", "0")
+    return max(0, min(left, min(limits) - int(used) + int(files)))
+
+
 def _limits_of_memory() -> list[int]:
     """Of this container's control group, where they are lower than what the host has."""
     words = [*_words("memory.max"), *_words("memory/memory.limit_in_bytes")]

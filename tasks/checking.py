@@ -4,6 +4,7 @@ Whether settings have names and kinds that exist, and whether there is a GPU, on
 tell that Luigi's process does not load: `python -m tasks.checking` asks them, where need be.
 """
 
+import dataclasses
 import functools
 import json
 import os
@@ -18,12 +19,14 @@ import luigi
 from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.board import board_of_command
+from pipeline.host import available_memory_bytes
 from pipeline.settings import current_store, data_root
 from styletrf.errors import InputError
 from tasks.field import TrajectoryFrames
 from tasks.graph import graph
+from tasks.memory import Demand, demands_of, photographs_of, require_memory
 from tasks.plan import seconds_ahead
-from tasks.sources import sources_of
+from tasks.sources import may_stop, sources_of
 from tasks.stage import Stage, TunedStage
 
 LEAST_ROOM_BYTES = 64 << 20  # of the disk, for a command to begin
@@ -44,6 +47,7 @@ def check_command(command: CmdlineParser) -> None:
             if hasattr(stage, "require_sound"):  # not of Luigi's own
                 stage.require_sound()
         require_room(current_store().root)
+        demands = demands_of(stages) if may_stop(root) else []
     except InputError as error:
         raise SystemExit(str(error)) from error
     tuned = [s for s in stages if isinstance(s, TunedStage) and (s.settings or s.tuning)]
@@ -53,6 +57,7 @@ def check_command(command: CmdlineParser) -> None:
         "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
         "settings": sorted(settings),
         "paths": sorted({file for stage in stages if (file := _path_of(stage))}),
+        "memory": [dataclasses.asdict(demand) for demand in demands],
     }
     if any(asked.values()) and (refusal := _refusal(asked)):
         raise SystemExit(refusal)
@@ -151,7 +156,7 @@ def _check(asked: dict[str, Any]) -> None:
 
     if asked["cuda"]:
         device_named("cuda")
-    if unknown := set(asked["tuned"]) - set(configurations()):
+    if asked["tuned"] and (unknown := set(asked["tuned"]) - set(configurations())):
         remedy = f"Give some of {sorted(configurations())}"
         raise InputError(f"--tuning {sorted(unknown)}", "are no stages that take settings", remedy)
     for file, scene in asked["paths"]:
@@ -162,6 +167,10 @@ def _check(asked: dict[str, Any]) -> None:
         except InputError as error:
             subject = f"settings of {family}, {error.subject}"
             raise InputError(subject, error.problem, error.remedy) from error
+    demands = [Demand(**demand) for demand in asked["memory"]]
+    scenes = {demand.scene: photographs_of(demand.scene, demand.video_frames) for demand in demands}
+    known = {scene: found for scene, found in scenes.items() if found}
+    require_memory(demands, available_memory_bytes(), known)
 
 
 if __name__ == "__main__":

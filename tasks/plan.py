@@ -34,11 +34,12 @@ def seconds_to_the_end(root: luigi.Task) -> Mapping[str, float]:
 
 def seconds_ahead(stages: Iterable[luigi.Task]) -> float:
     """Returns how long those of the stages will take together that are not made yet."""
-    made = [s for s in stages if isinstance(s, StoredTask) and not _is_made(s)]
+    made = [s for s in stages if isinstance(s, StoredTask) and not is_made(s)]
     return sum(_seconds(made).values())
 
 
-def _is_made(stage: StoredTask) -> bool:
+def is_made(stage: StoredTask) -> bool:
+    """Whether the stage's artifact is recorded."""
     try:
         return stage.record() is not None
     except Exception:  # noqa: BLE001  what it is its run tells

@@ -46,8 +46,7 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
     Raises:
         TaskFailure: A source failed since the command began, and `--keep-going` was not given.
     """
-    may_stop = root is not None and not getattr(root, "keep_going", True)
-    if root is None or not may_stop or not _is_alone() or is_source(stage):
+    if root is None or not may_stop(root) or is_source(stage):
         return
     begun = begin_of_command()
     for source in sources_of(root):
@@ -55,6 +54,14 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
         if problem and not problem.is_under_way and not problem.reason.startswith(NOT_BEGUN):
             reason = f"not begun, for {problem.task} failed. --keep-going begins it all the same."
             raise TaskFailure("user", str(stage), reason)
+
+
+def may_stop(root: luigi.Task) -> bool:
+    """Whether a command stops where what it needs is not there.
+
+    It does if it has a `keep_going` that was not given, and no luigid hands its stages to others.
+    """
+    return not getattr(root, "keep_going", True) and _is_alone()
 
 
 def _is_alone() -> bool:
