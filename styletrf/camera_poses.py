@@ -28,9 +28,10 @@ from styletrf.known_poses import map_known_poses
 from styletrf.mapping import Mapping, flat_share
 from styletrf.mapping_choice import MappingTask, map_images
 from styletrf.masks import MASKS
+from styletrf.parallax import LEAST_PARALLAX, parallax_share
 from styletrf.photographs import FEWEST_PHOTOGRAPHS, read_photograph
 from styletrf.point_table import write_points
-from styletrf.poses_report import BETTER_PHOTOGRAPHS, PosesReport, doubts_about, poses_report
+from styletrf.poses_report import BETTER_PHOTOGRAPHS, FLAT, PosesReport, poses_report
 from styletrf.progress import Progress, silent
 from styletrf.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
 from styletrf.scene_capture import given_views
@@ -122,20 +123,23 @@ def solve_camera_poses(
             views, most = [given[1][name] for name in names], config.max_features
             of = database, images, views, given[0], most, config.seed, progress
             may_adjust = config.poses == "auto"
-            mapping, doubts = map_known_poses(*of, may_adjust=may_adjust), []
+            mapping, flat = map_known_poses(*of, may_adjust=may_adjust), 0.0
         else:
             mapping = _solve(database, images, capture, config, progress)
-            doubts = doubts_about(mapping, flat_share(database))
+            flat = flat_share(database)
         mapping.models[0].extract_colors_for_all_images(images.folder)
         files = dict(zip(images.files, names, strict=True))
         placed = placed_photographs(mapping.models[0], files)
         _write_undistorted(out_dir, images, placed, progress)
-    report = poses_report(images, names, mapping, placed, doubts)
-    cameras = [one.camera for one in placed]
+    cameras, points = [one.camera for one in placed], sparse_points(mapping.models[0], placed)
+    tells_depth = flat < FLAT or parallax_share(points, cameras) >= LEAST_PARALLAX
+    report = poses_report(
+        images, names, mapping, placed, flat, tells_depth=tells_depth, is_given=given is not None
+    )
     panoramas = {one.name: one.panorama for one in capture.photographs if one.panorama}
     held_out = held_out_names(cameras, given[1] if given else {}, panoramas)
     write_cameras(out_dir / "cameras.parquet", cameras, report.unregistered, held_out)
-    write_points(out_dir / "points.parquet", sparse_points(mapping.models[0], placed))
+    write_points(out_dir / "points.parquet", points)
     text = json.dumps(asdict(report), sort_keys=True, indent=1, ensure_ascii=False)
     (out_dir / "poses.json").write_text(text + "\n", encoding="utf-8")
     for warning in report.warnings:

@@ -1,6 +1,7 @@
-"""The frames' cameras along a path that is chosen by its name or given in a file."""
+"""The frames' cameras along the default path, one chosen by its name, or one given in a file."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import cast, get_args
 
@@ -11,7 +12,42 @@ from styletrf.lenses import at_size
 from styletrf.named_paths import PathName, named_path
 from styletrf.path_files import placed_key_frames, read_path
 from styletrf.scene_model import SceneModel
+from styletrf.stills import stills
+from styletrf.support import Support
+from styletrf.supported_path import SupportedPath, supported_fly_through
 from styletrf.typical_view import typical_view
+
+
+def default_path(
+    cameras: Sequence[Camera], model: SceneModel, config: FramesConfig,
+    measure: Callable[[Sequence[Camera]], Support], *, tells_depth: bool,
+) -> SupportedPath:  # fmt: skip
+    """Returns the fly-through, as wide as photographs support it; or stills where there is none.
+
+    There is none of photographs that tell no depth, and none whose unsupported pixels stay above
+    the limit, however narrow it is; unless the user asked for its angle of view.
+
+    Args:
+        cameras: The photographs', in the normalised world.
+        model: Of the scene.
+        config: Length, spread, angle of view, and the limit.
+        measure: Returns the support of a path.
+        tells_depth: Whether there is parallax between the photographs.
+    """
+    n_frames = config.trajectory.count(config.frames_per_second)
+    trajectory, most = replace(config.trajectory, frames=n_frames), config.support.most_unsupported
+    reason, found = "the photographs tell no depth", None
+    if tells_depth:
+        found = supported_fly_through(cameras, model, trajectory, measure, most)
+        if found.support.share < most or trajectory.fov_deg:
+            return found
+        reason = (
+            f"of any fly-through at least {found.support.share:.1%} of the pixels are seen by too"
+            " few photographs"
+        )
+    views, shown = stills(cameras, n_frames, config.frames_per_second)
+    views = [at_size(camera, 0, trajectory.fov_deg) for camera in views]
+    return SupportedPath(views, measure(views), found.trials if found else (), shown, reason)
 
 
 def chosen_path(

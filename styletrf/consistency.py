@@ -115,6 +115,7 @@ def measure_consistency(
     perception: Perception,
     config: ConsistencyConfig,
     progress: Progress = silent,
+    cuts: Sequence[int] = (),
 ) -> Consistency:
     """Returns the consistency of the stylised frames by pairs spread over the trajectory.
 
@@ -127,13 +128,14 @@ def measure_consistency(
         perception: What looks at them.
         config: What is compared.
         progress: Told after every pair.
+        cuts: The frames at which another still begins; no pair goes across one.
 
     Raises:
         InputError: A frame differs in size, or there are too few for any of the deltas.
         NotFiniteError: A frame is not, the flow between two, or a figure that every pair has.
     """
-    _require_pairs(n_frames, config.deltas)
-    planned = planned_pairs(n_frames, config)
+    planned = planned_pairs(n_frames, config, cuts)
+    _require_pairs(planned, n_frames, config.deltas)
     comparison = _Comparison(perception, grams(perception.features(painting)), config)
     rows: list[dict[str, Any]] = []
     for pair, a, b in paired(frames, planned):
@@ -149,16 +151,20 @@ def measure_consistency(
     return Consistency(rows, {f"delta_{d}": _summary(rows, planned, d) for d in deltas})
 
 
-def planned_pairs(n_frames: int, config: ConsistencyConfig) -> list[Pair]:
+def planned_pairs(n_frames: int, config: ConsistencyConfig, cuts: Sequence[int] = ()) -> list[Pair]:
     """Returns the pairs to compare, in the order of their second frames.
 
     Of each delta `config.pairs`, spread evenly from the first to the last frame, or all; of these
-    in turn `config.perceptual_pairs` go through the perceptual network.
+    in turn `config.perceptual_pairs` go through the perceptual network. Frames before and after
+    one of the `cuts`, at which another still begins, are no pair.
     """
     planned = []
     for delta in {*config.deltas, *config.depth_deltas}:
         has_flow = delta in config.deltas
-        firsts = _spread(range(n_frames - delta), config.pairs)
+        within = [
+            k for k in range(n_frames - delta) if not any(k < cut <= k + delta for cut in cuts)
+        ]
+        firsts = _spread(within, config.pairs)
         looked_at = _spread(firsts, config.perceptual_pairs) if has_flow else []
         planned += [Pair(k, k + delta, delta, has_flow, k in looked_at) for k in firsts]
     return sorted(planned, key=lambda pair: (pair.second, pair.delta))
@@ -237,8 +243,8 @@ def _mean(values: Sequence[float]) -> float | None:
     return float(np.mean(defined)) if defined else None
 
 
-def _require_pairs(n_frames: int, deltas: Sequence[int]) -> None:
-    if n_frames <= min(deltas):
+def _require_pairs(planned: Collection[Pair], n_frames: int, deltas: Sequence[int]) -> None:
+    if not any(pair.has_flow for pair in planned):
         raise InputError(
             f"trajectory of {n_frames} frames",
             f"has no pair of frames {' or '.join(map(str, deltas))} apart",

@@ -8,7 +8,8 @@ from styletrf.mapping import Mapping, is_explained
 from styletrf.reconstruction import PlacedPhotograph
 
 _LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
-_FLAT = 0.95  # of the pairs; captures with depth have up to 0.83
+FLAT = 0.95
+"""Share of flat pairs up to which photographs tell depth; others have it where points show it."""
 BETTER_PHOTOGRAPHS = (
     "Take photographs from different places, each sharing most of what it shows with its "
     "neighbours, of things that have texture and keep still, in focus; 20 or more are better"
@@ -18,7 +19,11 @@ BETTER_PHOTOGRAPHS = (
 
 @dataclass(frozen=True, slots=True)
 class PosesReport:
-    """What `poses.json` says; the lens is the first before undistortion, in pixels of `width`."""
+    """What `poses.json` says; the lens is the first before undistortion, in pixels of `width`.
+
+    `flat_pairs` is the share of the pairs most of whose matches fit one homography. Where nearly
+    all do, and nearly all points, too, the photographs tell no depth (`tells_depth`).
+    """
 
     registered: int
     total: int
@@ -30,6 +35,8 @@ class PosesReport:
     mapper: str
     mapper_reason: str
     matches_explained: float
+    flat_pairs: float
+    tells_depth: bool
     pieces: tuple[int, ...]
     camera_model: str
     camera_params: tuple[float, ...]
@@ -46,9 +53,22 @@ def poses_report(
     names: Sequence[str],
     mapping: Mapping,
     placed: Sequence[PlacedPhotograph],
-    doubts: Sequence[str],
+    flat: float,
+    *,
+    tells_depth: bool,
+    is_given: bool,
 ) -> PosesReport:
-    """Returns what `poses.json` says of a mapping whose photographs are placed."""
+    """Returns what `poses.json` says of a mapping whose photographs are placed.
+
+    Args:
+        images: The photographs as COLMAP saw them.
+        names: Of all photographs.
+        mapping: What was found.
+        placed: Those that have a camera.
+        flat: The share of flat pairs; 0 of poses that were given.
+        tells_depth: Whether there is parallax between the photographs.
+        is_given: Whether the poses came with the photographs, and are not doubted.
+    """
     model, lens = mapping.models[0], placed[0].lens
     registered = {one.camera.name for one in placed}
     unregistered = tuple(name for name in names if name not in registered)
@@ -65,6 +85,8 @@ def poses_report(
         mapper=mapping.mapper,
         mapper_reason=mapping.mapper_reason,
         matches_explained=mapping.explained,
+        flat_pairs=flat,
+        tells_depth=tells_depth,
         pieces=pieces,
         camera_model=str(lens.model_name),
         camera_params=tuple(float(value) for value in lens.params),
@@ -75,7 +97,7 @@ def poses_report(
         height=int(lens.height),
         warnings=(
             *_warnings(len(names), unregistered, pieces, error_share),
-            *doubts,
+            *(() if is_given else _doubts(mapping, tells_depth=tells_depth)),
         ),
     )
 
@@ -103,7 +125,7 @@ def _warnings(
     return warnings
 
 
-def doubts_about(mapping: Mapping, flat: float) -> list[str]:
+def _doubts(mapping: Mapping, *, tells_depth: bool) -> list[str]:
     """Returns warnings where the poses contradict matches, or these tell no depth."""
     doubts = []
     if not is_explained(mapping):
@@ -111,7 +133,7 @@ def doubts_about(mapping: Mapping, flat: float) -> list[str]:
             f"only {mapping.explained:.0%} of what the photographs share agrees with their poses:"
             " some may be in wrong places, as where things repeat. " + BETTER_PHOTOGRAPHS
         )
-    if flat >= _FLAT:
+    if not tells_depth:
         doubts.append(
             "the photographs were taken from one spot, or show nothing but a flat wall: they tell"
             " no depth. " + BETTER_PHOTOGRAPHS

@@ -3,8 +3,8 @@
 Its spread is reduced step by step until less than 2 % of its pixels are seen by fewer than three of
 the photographs that the field was fitted to. Where no spread is enough, as where few photographs
 surround a scene and hardly any two show the same background, the best one gets a narrower angle of
-view, step by step. A path that the user asks for is left as it is, and what is unsupported of it is
-a warning.
+view, step by step. Where that is not enough either, stills take its place (`styletrf.stills`). A
+path that the user asks for is left as it is, and what is unsupported of it is a warning.
 """
 
 import logging
@@ -15,6 +15,7 @@ from pathlib import Path
 from styletrf.cameras import Camera
 from styletrf.lenses import at_size, focal_of, with_focal
 from styletrf.scene_model import SceneModel
+from styletrf.stills import Still
 from styletrf.support import Support
 from styletrf.support_config import SupportConfig
 from styletrf.survey import ENOUGH_VIEWS
@@ -40,11 +41,16 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class SupportedPath:
-    """A path, its support, and what was tried for it."""
+    """A path, its support, and what was tried for it.
+
+    Where it is made of `stills`, `reason` says why.
+    """
 
     cameras: list[Camera]
     support: Support
     trials: tuple[Trial, ...] = ()
+    stills: tuple[Still, ...] = ()
+    reason: str = ""
 
 
 def supported_fly_through(
@@ -90,8 +96,8 @@ def supported_fly_through(
 def write_support(file: Path, name: str, path: SupportedPath, config: SupportConfig) -> None:
     """Writes how well a path is supported, and warns where it is not.
 
-    The file has the share of the pixels (`unsupported`), that of each frame looked at, and the
-    spreads and focal lengths that were tried.
+    The file has the share of the pixels (`unsupported`), that of each frame looked at, the spreads
+    and focal lengths that were tried, and the stills that there are instead, with the reason.
     """
     support = path.support
     summary = {
@@ -102,9 +108,14 @@ def write_support(file: Path, name: str, path: SupportedPath, config: SupportCon
         "worst": support.worst(),
         "frames": support.unsupported,
         "tried": [asdict(trial) for trial in path.trials],
+        "stills": [asdict(still) for still in path.stills],
+        "reason": path.reason,
     }
     write_summary(file, summary)
-    if support.share >= config.most_unsupported:
+    if path.stills:
+        told = f"the path {name}: stills of {len(path.stills)} photographs, since {path.reason}"
+        _LOGGER.warning(told)
+    elif support.share >= config.most_unsupported:
         warning = (
             f"the path {name}: fewer than {ENOUGH_VIEWS} photographs see {support.share:.1%} of its"
             f" pixels; worst are the frames {', '.join(support.worst())}"

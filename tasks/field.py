@@ -2,7 +2,6 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -224,22 +223,23 @@ class TrajectoryFrames(PathRenders):
     ) -> list[Any]:
         """The fly-through, as wide as photographs support it; or the path that is asked for."""
         from styletrf.camera_table import read_split
-        from styletrf.chosen_path import chosen_path
+        from styletrf.chosen_path import chosen_path, default_path
         from styletrf.devices import device_named
         from styletrf.field import load_field
         from styletrf.given_poses import poses_are_given
         from styletrf.lenses import at_size
         from styletrf.support import SupportMeter
-        from styletrf.supported_path import SupportedPath, supported_fly_through, write_support
+        from styletrf.supported_path import SupportedPath, write_support
+        from styletrf.tables import read_summary
 
         fitted = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[0])
         field, device = load_field(inputs["field"]), device_named(self.device)
         meter = SupportMeter(fitted, field, model.space, config.support, device)
         if self.path == "auto":
-            length = config.trajectory.count(config.frames_per_second)
-            trajectory = replace(config.trajectory, frames=length)
-            most = config.support.most_unsupported
-            found = supported_fly_through(photographed, model, trajectory, meter.measure, most)
+            tells_depth = read_summary(inputs["poses"] / "poses.json")["tells_depth"]
+            found = default_path(
+                photographed, model, config, meter.measure, tells_depth=tells_depth
+            )
         else:
             are_given = poses_are_given(inputs["poses"])
             path = chosen_path(self.path, photographed, model, config, are_given=are_given)

@@ -147,7 +147,8 @@ class ConsistencyMetrics(FrameMetrics):
         from styletrf.frame_pairs import read_frame
         from styletrf.images import read_rgb
         from styletrf.perceptual_distance import Perception
-        from styletrf.tables import write_rows, write_summary
+        from styletrf.stills import cuts_of
+        from styletrf.tables import read_summary, write_rows, write_summary
         from styletrf.vgg import load_vgg
 
         config = configured(ConsistencyConfig, self.values())
@@ -160,6 +161,7 @@ class ConsistencyMetrics(FrameMetrics):
             Perception(vgg, config.perceptual_px),
             config,
             run.progress,
+            cuts_of(read_summary(inputs["unstylized"] / "support.json")),
         )
         write_rows(out / "pairs.parquet", consistency.pairs)
         write_summary(out / "summary.json", consistency.summary)

@@ -95,9 +95,16 @@ def supported(support: Mapping[str, Any]) -> str:
         f"The path {support['path']}: fewer than {support['enough_photographs']} photographs see"
         f" {support['unsupported']:.1%} of its pixels"
     )
-    if support["unsupported"] >= support["most_unsupported"]:
+    if stills := support["stills"]:
+        text = (
+            f"The path {support['path']} are stills of {len(stills)} photographs, since"
+            f" {support['reason']}. What is compared from frame to frame is so within a still;"
+            f" fewer than {support['enough_photographs']} photographs see"
+            f" {support['unsupported']:.1%} of their pixels"
+        )
+    elif support["unsupported"] >= support["most_unsupported"]:
         text += f"; worst are the frames {', '.join(support['worst'])}"
-    if len(tried := support["tried"]) > 1:
+    if len(tried := support["tried"]) > 1 and not stills:
         best = min(tried, key=lambda one: float(one["unsupported"]))
         text += f". It was narrowed from {tried[0]['unsupported']:.1%}: spread {best['spread']:.2g}"
         text += f", focal length {best['zoom']:g} times" if best["zoom"] > 1 else ""

@@ -244,3 +244,22 @@ def test_photographs_from_one_spot_are_warned_of(tmp_path, solved):
     report = solve_camera_poses(capture, out, CameraPosesConfig())
     assert any("from one spot" in warning for warning in report.warnings)
     assert not any("from one spot" in warning for warning in solved[1].warnings)
+    assert (report.tells_depth, solved[1].tells_depth) == (False, True)
+
+
+@pytest.mark.parametrize(("look_down", "tells_depth"), [(0.0, False), (1.6, True)])
+def test_a_facade_with_parallax_tells_depth_and_a_flat_wall_does_not(
+    tmp_path, look_down, tells_depth
+):
+    """Seen from several places; before the facade is some ground, and every pair is flat."""
+    photographs = {}
+    for k, y in enumerate(np.linspace(3.0, 5.0, 7)):
+        center = np.array([3.0, y, 2.5])
+        forward = np.array([-3.0, 0.0, -look_down])
+        forward /= np.linalg.norm(forward)
+        pose = np.column_stack([[0, 1, 0], np.cross(forward, [0, 1, 0]), forward, center])
+        photographs[f"{k}.png"] = room_view(pose)
+    capture, out = captured(tmp_path, photographs)
+    report = solve_camera_poses(capture, out, CameraPosesConfig())
+    assert (report.flat_pairs, report.tells_depth) == (1.0, tells_depth)
+    assert any("tell no depth" in warning for warning in report.warnings) != tells_depth

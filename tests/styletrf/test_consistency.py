@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,13 +23,13 @@ from styletrf.rendering import Rendering
 
 @pytest.fixture
 def measure(vgg):
-    def measured(plain, painted, *, painting=None, cameras=None, progress=None, **options):
+    def measured(plain, painted, *, painting=None, cameras=None, progress=None, cuts=(), **options):
         frames = shown(plain, painted, cameras)
         config = ConsistencyConfig(**{"perceptual_px": 32} | options)
         told = {"progress": progress} if progress else {}
         look = Perception(vgg, config.perceptual_px)
         painting = texture(1) if painting is None else painting
-        return measure_consistency(frames, len(plain), painting, look, config, **told)
+        return measure_consistency(frames, len(plain), painting, look, config, **told, cuts=cuts)
 
     return measured
 
@@ -171,6 +172,43 @@ def test_along_the_depth_alone_nothing_else_is_measured(measure):
     assert not {"error", "flow", "perceptual_error", "style_distance"} & set(far)
     alone = [pair for pair in result.pairs if pair["delta"] == 7]
     assert all(math.isnan(p["error"]) and math.isnan(p["perceptual_error"]) for p in alone)
+
+
+def test_a_cut_does_not_count_where_it_is_told(measure):
+    """Two walls, one after the other: each is consistent, whatever lies between."""
+    plain = pan(texture(0)) + pan(texture(5))
+    painted = pan(texture(1)) + pan(texture(6))
+    cameras = [replace(camera(k % FRAMES), name=f"{k}") for k in range(2 * FRAMES)]
+    cut, told = (
+        measure(plain, painted, cameras=cameras, cuts=cuts, pairs=99) for cuts in ((), (FRAMES,))
+    )
+    assert told.summary["delta_1"]["pairs"] == 2 * (FRAMES - 1)
+    assert told.summary["delta_7"]["pairs"] == 2 * (FRAMES - 7)
+    assert told.summary["delta_1"]["geometric_error"] < 1e-9
+    assert cut.summary["delta_1"]["geometric_error"] > 1e-4
+
+
+def test_stills_without_motion_are_measured_and_are_steady(measure):
+    held = FRAMES // 2
+    plain = [texture(0, WIDTH)] * held + [texture(5, WIDTH)] * held
+    painted = [texture(1, WIDTH)] * held + [texture(6, WIDTH)] * held
+    cameras = [replace(camera(10 * (k // held)), name=f"{k}") for k in range(FRAMES)]
+    told = measure(plain, painted, cameras=cameras, cuts=(held,)).summary
+    assert told["delta_1"]["error"] == pytest.approx(0, abs=1e-6)
+    assert told["delta_1"]["geometric_fraction"] == pytest.approx(1)
+    assert told["delta_5"]["pairs"] == 0
+    assert told["delta_5"]["error"] is None
+
+
+def test_stills_too_short_for_any_pair_are_refused(measure):
+    with pytest.raises(InputError, match="no pair of frames"):
+        measure(pan(texture(0)), pan(texture(1)), cuts=range(1, FRAMES))
+
+
+@given(st.integers(2, 90), st.lists(st.integers(1, 89), max_size=5))
+def test_no_pair_goes_across_a_cut(n_frames, cuts):
+    planned = planned_pairs(n_frames, ConsistencyConfig(pairs=99), cuts)
+    assert not any(pair.first < cut <= pair.second for pair in planned for cut in cuts)
 
 
 @given(st.integers(2, 90), st.integers(1, 20), st.integers(1, 9))

@@ -27,7 +27,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "field.hidden": 8,
     },
     "PriorRenders": {"trajectory.frames": 3, "coverage.count": 3},
-    "TrajectoryFrames": {"trajectory.frames": 7},
+    "TrajectoryFrames": {"trajectory.frames": 7, "support.most_unsupported": 0.5},
     "StyleNetwork": {
         "iterations": 2,
         "batch": 1,
@@ -82,7 +82,7 @@ def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # fmt: skip
     write_points(folder / "points.parquet", points)
     report = {"registered": 4, "total": 4, "unregistered": [], "pieces": [4]}
-    report |= {"mapper": "global", "mapper_reason": "they overlap"}
+    report |= {"mapper": "global", "mapper_reason": "they overlap", "tells_depth": True}
     (folder / "poses.json").write_text(json.dumps(report))
     return folder
 

@@ -75,6 +75,21 @@ def test_frames_say_how_well_photographs_support_them(mini: Mini):
     assert [trial["unsupported"] for trial in support["tried"]][-1] >= support["unsupported"]
 
 
+def test_a_path_that_no_photographs_support_is_made_of_stills(mini: Mini):
+    settings = {"trajectory.frames": 24, "support.most_unsupported": 0.0}
+    folder = mini("TrajectoryFrames", settings=settings)
+    support, frames = (
+        read_summary(folder / "support.json"),
+        read_cameras(folder / "cameras.parquet"),
+    )
+    assert [still["first_frame"] for still in support["stills"]] == [0, 12]
+    assert min(trial["unsupported"] for trial in support["tried"]) >= 0
+    assert support["reason"]
+    poses = [frame.world_from_camera for frame in frames]
+    assert np.unique(poses, axis=0).shape[0] == 2
+    assert video_info(folder / "video.mp4").frames == 24
+
+
 def test_another_path_has_its_own_frames(mini: Mini):
     folder = mini("TrajectoryFrames", path="dolly", seconds=0.5, frame_rate=30, frame_size=32)
     cameras = read_cameras(folder / "cameras.parquet")
