@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,23 @@ class RadianceField(TunedStage):
         write_curve(out / "curve.parquet", curve)
 
 
+@dataclass(frozen=True, slots=True)
+class PathSource:
+    """What a path is chosen from.
+
+    Attributes:
+        inputs: The artifacts of the stage.
+        photographed: The photographs' cameras in the normalised world, at the size of the renders.
+        model: Of the scene.
+        config: Of path and renders.
+    """
+
+    inputs: Mapping[str, Path]
+    photographed: list[Any]
+    model: Any
+    config: Any
+
+
 class PathRenders(ShardedStage, PathControls):
     """Float renders of the field along a path.
 
@@ -96,15 +114,8 @@ class PathRenders(ShardedStage, PathControls):
         """The configuration of path and renders from the settings."""
 
     @abstractmethod
-    def cameras(
-        self,
-        inputs: Mapping[str, Path],
-        out: Path,
-        photographed: list[Any],
-        model: Any,
-        config: Any,
-    ) -> list[Any]:
-        """The cameras to render, from those of the photographs; may add to the artifact."""
+    def cameras(self, given: PathSource, out: Path) -> list[Any]:
+        """The cameras to render; may add to the artifact in `out`."""
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the path, or put its parts together."""
@@ -128,7 +139,7 @@ class PathRenders(ShardedStage, PathControls):
         model = read_scene_model(inputs["model"] / "scene.json")
         posed = read_cameras(inputs["poses"] / "cameras.parquet")
         photographed = model.normalized(posed, config.long_side_px)
-        path = self.cameras(inputs, out, photographed, model, config)
+        path = self.cameras(PathSource(inputs, photographed, model, config), out)
         cameras = self.of_part(path)
         renders = rendered(
             load_field(inputs["field"]),
@@ -155,25 +166,21 @@ class PriorRenders(PathRenders):
 
         return configured(PriorsConfig, values)
 
-    def cameras(
-        self,
-        inputs: Mapping[str, Path],
-        out: Path,
-        photographed: list[Any],
-        model: Any,
-        config: Any,
-    ) -> list[Any]:
+    def cameras(self, given: PathSource, out: Path) -> list[Any]:
         """The viewpoints, of those that fill what the fly-through goes around, that are needed."""
         from styletrf.devices import device_named
         from styletrf.field import load_field
         from styletrf.priors import needed_views
         from styletrf.trajectories import prior_views
 
-        candidates = prior_views(photographed, model, config.trajectory)
-        field = load_field(inputs["field"])
-        device = device_named(self.device)
+        candidates = prior_views(given.photographed, given.model, given.config.trajectory)
         return needed_views(
-            candidates, inputs["trajectory"], field, model.space, config.coverage, device
+            candidates,
+            given.inputs["trajectory"],
+            load_field(given.inputs["field"]),
+            given.model.space,
+            given.config.coverage,
+            device_named(self.device),
         )
 
 
@@ -213,14 +220,7 @@ class TrajectoryFrames(PathRenders):
 
         return configured(FramesConfig, values)
 
-    def cameras(
-        self,
-        inputs: Mapping[str, Path],
-        out: Path,
-        photographed: list[Any],
-        model: Any,
-        config: Any,
-    ) -> list[Any]:
+    def cameras(self, given: PathSource, out: Path) -> list[Any]:
         """The fly-through, as wide as photographs support it; or the path that is asked for."""
         from styletrf.camera_table import read_split
         from styletrf.chosen_path import chosen_path, default_path
@@ -232,17 +232,16 @@ class TrajectoryFrames(PathRenders):
         from styletrf.supported_path import SupportedPath, write_support
         from styletrf.tables import read_summary
 
-        fitted = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[0])
-        field, device = load_field(inputs["field"]), device_named(self.device)
+        poses, model, config = given.inputs["poses"], given.model, given.config
+        fitted = model.normalized(read_split(poses / "cameras.parquet")[0])
+        field, device = load_field(given.inputs["field"]), device_named(self.device)
         meter = SupportMeter(fitted, field, model.space, config.support, device)
+        of = given.photographed, model, config
         if self.path == "auto":
-            tells_depth = read_summary(inputs["poses"] / "poses.json")["tells_depth"]
-            found = default_path(
-                photographed, model, config, meter.measure, tells_depth=tells_depth
-            )
+            tells_depth = read_summary(poses / "poses.json")["tells_depth"]
+            found = default_path(*of, meter.measure, tells_depth=tells_depth)
         else:
-            are_given = poses_are_given(inputs["poses"])
-            path = chosen_path(self.path, photographed, model, config, are_given=are_given)
+            path = chosen_path(self.path, *of, are_given=poses_are_given(poses))
             found = SupportedPath(path, meter.measure(path))
         name = self.path if self.path_file() is None else "of the file"
         write_support(out / "support.json", name, found, config.support)
