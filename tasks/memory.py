@@ -139,7 +139,12 @@ def require_memory(
 
 
 def photographs_of(scene: str, video_frames: int) -> Photographs | None:
-    """Returns the photographs of a scene; None where they cannot be read, as its stage reports."""
+    """Returns the photographs of a scene; None where they cannot be read, as its stage reports.
+
+    All count as alike: as large as the first, or, where that is a panorama, cut into square views.
+    """
+    from styletrf.panorama_views import DIRECTIONS
+    from styletrf.panoramas import find_panoramas
     from styletrf.photographs import list_photographs, read_photograph
     from styletrf.pose_formats import find_given_poses
     from styletrf.user_folders import find_scene, scene_folder, scene_videos
@@ -153,6 +158,8 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
         given = find_given_poses(scene_folder(found))
         files = given.files if given else list_photographs(found)
         height, width, _ = read_photograph(files[0]).shape
+        if not given and find_panoramas({files[0]: (width, height)}, "auto"):
+            return Photographs(len(DIRECTIONS) * len(files), _LONGEST_PX, _LONGEST_PX)
         return Photographs(len(files), width, height)
     return None
 
