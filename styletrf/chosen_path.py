@@ -24,8 +24,8 @@ def default_path(
 ) -> SupportedPath:  # fmt: skip
     """Returns the fly-through, as wide as photographs support it; or stills where there is none.
 
-    There is none of photographs that tell no depth, and none whose unsupported pixels stay above
-    the limit, however narrow it is; unless the user asked for its angle of view.
+    There is none of photographs that tell no depth, and none of which much stays unsupported,
+    however narrow it is; unless the user asked for its angle of view.
 
     Args:
         cameras: The photographs', in the normalised world.
@@ -39,7 +39,7 @@ def default_path(
     reason, found = "the photographs tell no depth", None
     if tells_depth:
         found = supported_fly_through(cameras, model, trajectory, measure, most)
-        if found.support.share < most or trajectory.fov_deg:
+        if found.support.share < config.support.least_for_stills or trajectory.fov_deg:
             return found
         reason = (
             f"of any fly-through at least {found.support.share:.1%} of the pixels are seen by too"

@@ -3,8 +3,8 @@
 Its spread is reduced step by step until less than 2 % of its pixels are seen by fewer than three of
 the photographs that the field was fitted to. Where no spread is enough, as where few photographs
 surround a scene and hardly any two show the same background, the best one gets a narrower angle of
-view, step by step. Where that is not enough either, stills take its place (`styletrf.stills`). A
-path that the user asks for is left as it is, and what is unsupported of it is a warning.
+view, step by step. What is still unsupported is a warning; where that is a fifth or more, stills
+take the path's place (`styletrf.stills`). A path that the user asks for is left as it is.
 """
 
 import logging

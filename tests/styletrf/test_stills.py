@@ -30,6 +30,10 @@ def unsupported(path) -> Support:
     return Support({camera.name: 0.3 for camera in path})
 
 
+def partly_supported(path) -> Support:
+    return Support({camera.name: 0.1 for camera in path})
+
+
 def path(measure, config=CONFIG, *, tells_depth=True):
     return default_path(PHOTOGRAPHS, MODEL, config, measure, tells_depth=tells_depth)
 
@@ -76,6 +80,15 @@ def test_a_supported_scene_with_parallax_gets_its_fly_through():
         [c.center_world for c in found.cameras], [c.center_world for c in expected]
     )
     assert (found.stills, found.reason) == ((), "")
+
+
+def test_a_path_of_which_a_tenth_is_unsupported_stays_a_fly_through_with_a_warning(
+    tmp_path, caplog
+):
+    found = path(partly_supported)
+    assert (found.stills, found.reason) == ((), "")
+    write_support(tmp_path / "support.json", "auto", found, CONFIG.support)
+    assert "10.0%" in caplog.text
 
 
 @pytest.mark.parametrize("measure", [supported, unsupported])

@@ -27,7 +27,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "field.hidden": 8,
     },
     "PriorRenders": {"trajectory.frames": 3, "coverage.count": 3},
-    "TrajectoryFrames": {"trajectory.frames": 7, "support.most_unsupported": 0.5},
+    "TrajectoryFrames": {"trajectory.frames": 7},
     "StyleNetwork": {
         "iterations": 2,
         "batch": 1,
