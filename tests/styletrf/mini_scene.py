@@ -14,6 +14,7 @@ from styletrf.trajectories import look_at
 
 SIZE = 20
 MINI_FIT = FieldTrainingConfig(
+    tv_views=1,
     field=FieldConfig((4, 2, 2), (4, 2, 2), features=8, hidden=16),
     iterations=120,
     batch=256,

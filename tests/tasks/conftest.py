@@ -16,6 +16,7 @@ import pytest
 SETTINGS: dict[str, dict[str, Any]] = {
     "SceneModel": {"image_long_side": 16, "max_voxels": 16**3},
     "RadianceField": {
+        "tv_views": 1,
         "iterations": 30,
         "batch": 64,
         "initial_voxels": 8**3,

@@ -76,7 +76,8 @@ def test_frames_say_how_well_photographs_support_them(mini: Mini):
 
 
 def test_a_path_that_no_photographs_support_is_made_of_stills(mini: Mini):
-    settings = {"trajectory.frames": 24, "support.most_unsupported": 0.0}
+    limits = {"support.most_unsupported": 0.0, "support.least_for_stills": 0.0}
+    settings = {"trajectory.frames": 24, **limits}
     folder = mini("TrajectoryFrames", settings=settings)
     support, frames = (
         read_summary(folder / "support.json"),
