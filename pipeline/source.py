@@ -53,11 +53,14 @@ def source_file(module: str) -> Path | None:
 
 
 def data_files(package: str) -> dict[str, Path]:
-    """The files of a package that are no code, by name."""
+    """The files of a package that are no code, source or compiled, by name."""
     file = source_file(package)
-    found = file.parent.rglob("*") if file and file.name == "__init__.py" else ()
-    files = [path for path in found if path.suffix not in (".py", ".pyc") and path.is_file()]
-    return {f"{package}/{path.relative_to(file.parent)}": path for path in files if file}
+    if file is None or file.name != "__init__.py":
+        return {}
+    paths = [path for path in file.parent.rglob("*") if path.suffix not in (".py", ".pyc")]
+    names = {path.relative_to(file.parent): path for path in paths if path.is_file()}
+    kept = {name: path for name, path in names.items() if "__pycache__" not in name.parts}
+    return {f"{package}/{name}": path for name, path in kept.items()}
 
 
 def imports_in(node: ast.AST, package: str) -> Imports:

@@ -37,7 +37,7 @@ class NetworkControls(GradedStage):
         default="",
         description="a checkpoint of PyTorch's fast-neural-style example, instead of training",
     )
-    tools: ClassVar[tuple[str, ...]] = ("torch",)
+    tools: ClassVar[tuple[str, ...]] = ("opencv-contrib-python-headless", "torch")
 
     def require_sound(self) -> None:
         """Refuses factors that are none.

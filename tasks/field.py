@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import luigi
 
@@ -23,7 +23,7 @@ class RadianceField(TunedStage):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
-    tools = ("torch",)
+    tools = ("numba", "opencv-contrib-python-headless", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
@@ -97,7 +97,7 @@ class PathRenders(ShardedStage, PathControls):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
-    tools = ("torch",)
+    tools: ClassVar[tuple[str, ...]] = ("av", "numba", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
@@ -189,6 +189,8 @@ class TrajectoryFrames(PathRenders):
 
     Also leaves `support.json`: the share of their pixels that fewer than three photographs see.
     """
+
+    tools = ("av", "numba", "opencv-contrib-python-headless", "pycolmap", "torch")
 
     def values(self) -> dict[str, Any]:
         """The settings, those of the command's own words among them."""

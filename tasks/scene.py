@@ -19,6 +19,7 @@ class SceneCapture(TunedStage):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
+    tools = ("av", "opencv-contrib-python-headless", "pycolmap")
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of each photograph and file of poses, or of each video."""
@@ -53,7 +54,7 @@ class CameraPoses(TunedStage):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
-    tools = ("pycolmap",)
+    tools = ("opencv-contrib-python-headless", "pycolmap")
 
     def requires(self) -> Mapping[str, Stage]:
         """The photographs."""
@@ -80,6 +81,7 @@ class SceneModel(TunedStage):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
+    tools = ("numba", "opencv-contrib-python-headless")
 
     def requires(self) -> Mapping[str, Stage]:
         """The cameras and the points."""

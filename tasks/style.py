@@ -25,6 +25,7 @@ class StyleImage(Stage):
     """The user's painting, checked: `style.png`."""
 
     style = luigi.Parameter(description="an image in data/styles")
+    tools = ("opencv-contrib-python-headless",)
 
     def identity_parameters(self) -> Mapping[str, object]:
         """Nothing but the painting."""
@@ -104,6 +105,7 @@ class ContentImages(TunedStage):
 
     content = luigi.Parameter(default="auto", description="where the content images come from")
     scene = luigi.Parameter(description="a folder in data/scenes; its photographs if embedded")
+    tools = ("opencv-contrib-python-headless",)
 
     def requires(self) -> Mapping[str, Stage]:
         """The scene's photographs, if they are the content."""

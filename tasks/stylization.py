@@ -24,6 +24,7 @@ class StylizedPriors(ShardedStage, StyleControls):
     was adapted to the round before (as SNeRF, Nguyen-Phuoc et al. 2022, goes to and fro).
     """
 
+    tools = ("numba", "opencv-contrib-python-headless", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
@@ -118,6 +119,7 @@ class StylizedField(TunedStage, StyleControls):
     the RadianceField whose density it shares; with the strategies s1 and s2 `density.safetensors`.
     """
 
+    tools = ("numba", "opencv-contrib-python-headless", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
@@ -201,6 +203,7 @@ class StylizedFrames(ShardedStage, FrameControls):
     Path and frame rate are those of TrajectoryFrames.
     """
 
+    tools = ("av", "numba", "opencv-contrib-python-headless", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:

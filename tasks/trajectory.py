@@ -63,7 +63,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
         description="makes what it can where a painting, photographs or weights cannot be used,"
         " instead of stopping",
     )
-    tools = ()
+    tools = ("av", "opencv-contrib-python-headless")
     _is_told = False
 
     @property

@@ -12,14 +12,14 @@ import numba
 import numpy as np
 from jaxtyping import Float, Int
 
+from styletrf.compiled import compiled
+
 _TRIANGLES_PER_LEAF = 6
 _STACK = 64
 EPSILON = 1e-9
 
 # No kernel meets a NaN, and infinities are kept; sums may be reordered.
-kernel = numba.njit(
-    cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz", "arcp", "contract"}
-)
+kernel = compiled(nogil=True, error_model="numpy", fastmath={"nnan", "nsz", "arcp", "contract"})
 
 
 @no_type_check

@@ -5,11 +5,12 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from styletrf.compiled import compiled
 from styletrf.kernels.vm_numba import FAST
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _heaviest_of_haze(weight, first, last, threshold):
     """Returns the first heaviest of a ray's light samples if it is opaque by them, else -1."""
     opacity, heaviest = np.float32(0), first
@@ -21,14 +22,14 @@ def _heaviest_of_haze(weight, first, last, threshold):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _is_heavy(weight, threshold):
     """Returns whether a weight is above the threshold, or NaN, so that NaN is seen."""
     return not weight <= threshold
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True)
+@compiled(parallel=True)
 def heavy_samples(offsets, weight, threshold):
     """Returns where each ray's kept samples begin, and which samples those are."""
     n_rays = offsets.shape[0] - 1
@@ -59,7 +60,7 @@ def heavy_samples(offsets, weight, threshold):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def composite_forward(offsets, weight, values):
     """Returns the weighted sum of the values of each ray's samples, `rays x c`."""
     n_channels = values.shape[1]
@@ -72,7 +73,7 @@ def composite_forward(offsets, weight, values):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def composite_backward(ray, weight, values, grad):
     """Returns the gradients of the weights and of the values from that of the sums."""
     n, n_channels = values.shape

@@ -11,12 +11,13 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from styletrf.compiled import compiled
 from styletrf.kernels.trace_numba import sigmoid
 from styletrf.kernels.vm_numba import BANDS, FAST
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _hidden(components, i0, i1, of_view, r0, r1, matrix, out, k, width):
     """Writes relu(components[i] @ matrix + of_view[r]) of two samples to out[k] and out[k + 1].
 
@@ -47,7 +48,7 @@ def _hidden(components, i0, i1, of_view, r0, r1, matrix, out, k, width):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _colors(components, pair, of_view, ray, layers, hidden, colors, width):
     """Writes the colours of two samples."""
     i0, i1 = pair
@@ -62,7 +63,7 @@ def _colors(components, pair, of_view, ray, layers, hidden, colors, width):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def decode_forward(components, of_view, ray, matrix, output, bias):
     """Returns the colours of samples in [0, 1], `n x 3`.
 
@@ -90,7 +91,7 @@ def decode_forward(components, of_view, ray, matrix, output, bias):
 
 
 @no_type_check
-@numba.njit(cache=True)
+@compiled()
 def _band_ends(samples, ray):
     """Returns where each band begins, about equally many samples each, a ray's within one band."""
     n = samples.shape[0]
@@ -105,7 +106,7 @@ def _band_ends(samples, ray):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _hidden_gradient(output, logit_gradient, hidden, k, out):
     """Writes the gradient of block entry k's hidden values before their rectification."""
     g0, g1, g2 = logit_gradient[k, 0], logit_gradient[k, 1], logit_gradient[k, 2]
@@ -115,7 +116,7 @@ def _hidden_gradient(output, logit_gradient, hidden, k, out):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _add_outer_products(left, right, rows, target):
     """Adds left[k].T right[rows[k]] over a block to the target, `left columns x right columns`."""
     i0, i1, i2, i3 = rows
@@ -128,7 +129,7 @@ def _add_outer_products(left, right, rows, target):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _multiply_row(left, k, matrix, out, i):
     """Writes left[k] @ matrix to out[i]."""
     n, width = matrix.shape
@@ -148,7 +149,7 @@ def _multiply_row(left, k, matrix, out, i):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def decode_backward(components, of_view, ray, matrix, matrix_t, output, colors, grad, samples):
     """Returns the gradients of components, of_view, matrix_t (`hidden inputs`), output and bias.
 

@@ -15,11 +15,12 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from styletrf.compiled import compiled
 from styletrf.kernels.vm_numba import FAST, ONE, ZERO, vm_sum
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _voxel(x, n):
     """Returns the index of the voxel that holds coordinate x, clamped to the grid."""
     position = max(ZERO, (x + ONE) * np.float32(0.5 * n))  # in this order NaN gives 0
@@ -27,14 +28,14 @@ def _voxel(x, n):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always")
+@compiled(inline="always")
 def softplus(x):
     """Returns log(1 + exp(x)) without overflow."""
     return max(x, np.float32(0)) + np.float32(math.log1p(math.exp(-abs(x))))
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always")
+@compiled(inline="always")
 def sigmoid(x):
     """Returns the derivative of softplus, without overflow."""
     e = np.float32(math.exp(-abs(x)))
@@ -42,7 +43,7 @@ def sigmoid(x):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def density_feature(planes, lines, x, y, z):
     """Returns the raw density: the sum over the three axis pairs and their components."""
     return (
@@ -53,7 +54,7 @@ def density_feature(planes, lines, x, y, z):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def density_features(positions, planes, lines):
     """Returns the raw density at positions, `n`."""
     out = np.empty(positions.shape[0], np.float32)
@@ -63,7 +64,7 @@ def density_features(positions, planes, lines):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def trace_forward(
     origins, directions, ends, thickness, n_steps, jitter, occupancy, planes, lines, shift,
     termination,
@@ -122,7 +123,7 @@ def trace_forward(
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True)
+@compiled(parallel=True)
 def pack(origins, directions, ends, count, along, argument, weight):
     """Returns padded samples packed ray after ray: offsets, ray, s, position, weight, argument."""
     n_rays = count.shape[0]
@@ -152,7 +153,7 @@ def pack(origins, directions, ends, count, along, argument, weight):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def trace_backward(offsets, weight, argument, thickness, grad):
     """Returns the gradient of the raw densities from that of the weights.
 

@@ -15,6 +15,8 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from styletrf.compiled import compiled
+
 BANDS = 16
 BLOCK = 64  # samples whose gradients are fetched together
 # Reordering sums is allowed; ignoring NaN and infinity is not.
@@ -23,7 +25,7 @@ ZERO, ONE = np.float32(0), np.float32(1)
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def cell(x, n):
     """Returns the two lattice indices around coordinate x on n points, and the fraction."""
     # Where one is NaN, min and max return their first argument: x stays NaN, its cell is 0.
@@ -33,14 +35,14 @@ def cell(x, n):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def bilinear(fu, fv):
     """Returns the weights of the cell corners (v, u) = 00, 01, 10, 11."""
     return (ONE - fv) * (ONE - fu), (ONE - fv) * fu, fv * (ONE - fu), fv * fu
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def vm_sum(plane, line, u, v, w):
     """Returns the sum over components of plane(u, v) x line(w)."""
     u0, u1, fu = cell(u, plane.shape[1])
@@ -58,7 +60,7 @@ def vm_sum(plane, line, u, v, w):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _sum_of_products(plane, line, corners, weights, rank):
     u0, u1, v0, v1, w0, w1 = corners
     w00, w01, w10, w11, fw = weights
@@ -75,7 +77,7 @@ def _sum_of_products(plane, line, corners, weights, rank):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _vm_products(plane, line, u, v, w, out, i, offset):
     """Writes plane(u, v) x line(w) of every component to `out[i, offset:]`."""
     u0, u1, fu = cell(u, plane.shape[1])
@@ -93,7 +95,7 @@ def _vm_products(plane, line, u, v, w, out, i, offset):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def features_forward(positions, plane0, plane1, plane2, line0, line1, line2):
     """Returns the products of all components of the three axis pairs, `n x (c0 + c1 + c2)`."""
     c0 = plane0.shape[2]
@@ -108,7 +110,7 @@ def features_forward(positions, plane0, plane1, plane2, line0, line1, line2):
 
 
 @no_type_check
-@numba.njit(cache=True)
+@compiled()
 def touching(grad):
     """Returns the samples whose gradient is not zero: the others touch no factor."""
     n, count = grad.shape[0], 0
@@ -123,7 +125,7 @@ def touching(grad):
 
 
 @no_type_check
-@numba.njit(cache=True)
+@compiled()
 def _bands(positions, samples, axis, n_rows):
     """Returns each band's first row and, band after band in their order, the samples of its rows.
 
@@ -152,14 +154,14 @@ def _bands(positions, samples, axis, n_rows):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _add_to_plane(grad_plane, v, u, scale, values, row):
     for c in range(grad_plane.shape[2]):
         grad_plane[v, u, c] += scale * values[row, c]
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _component_gradients(grad, order, first, last, offset, out):
     """Copies the upstream gradients of some samples; one number stands for all summed components.
 
@@ -171,7 +173,7 @@ def _component_gradients(grad, order, first, last, offset, out):
 
 
 @no_type_check
-@numba.njit(cache=True, inline="always", fastmath=FAST)
+@compiled(inline="always", fastmath=FAST)
 def _factor_gradients(plane, line, corners, weights, upstream, k, buffer):
     """Fills buffer[0] with the gradient of the plane's value, buffer[1] with the line's."""
     u0, u1, v0, v1, w0, w1 = corners
@@ -190,7 +192,7 @@ def _factor_gradients(plane, line, corners, weights, upstream, k, buffer):
 
 
 @no_type_check
-@numba.njit(cache=True, parallel=True, fastmath=FAST)
+@compiled(parallel=True, fastmath=FAST)
 def scatter_gradients(positions, samples, axes, grad, offset, plane, line):
     """Returns the gradients of one axis pair's plane and line.
 

@@ -246,3 +246,13 @@ def test_fast_on_the_project():
     started = time.perf_counter()
     closure(type("NoSuchClass", (), {"__module__": "styletrf.cameras"}))
     assert time.perf_counter() - started < 1.0
+
+
+def test_compiled_files_are_no_data(package, tmp_path):
+    """What numba leaves below `__pycache__` is part of no code, even where a string names it."""
+    package.edit("numbers_of.py", "POWER = 2", 'POWER = len("kernels") - 5')
+    before = package.digest()
+    folder = tmp_path / package.name / "__pycache__" / "kernels"
+    folder.mkdir(parents=True)
+    (folder / "square.nbi").write_bytes(b"compiled")
+    assert package.digest() == before

@@ -17,6 +17,7 @@ from pipeline.code_commands import families
 from pipeline.code_identity import closure
 from pipeline.settings import current_store
 from pipeline.snapshot import Snapshot
+from pipeline.source import dotted_names, imports_in, read
 
 ROOT = Path(__file__).parents[2]
 SERVER = """
@@ -217,6 +218,39 @@ assert time.perf_counter() - started < 5, "usually 1.3 s"
     assert states.keys() == set(tasks.__all__) - others
     assert "the first of its family" in states["StyleImage"]
     assert "waits for " in states["StylizedTrajectory"]
+
+
+DISTRIBUTIONS = {
+    "av": "av",
+    "cv2": "opencv-contrib-python-headless",
+    "numba": "numba",
+    "pycolmap": "pycolmap",
+}
+"""What decodes and computes, and whose version decides bytes."""
+
+
+def _packages(module: str, name: str) -> set[str]:
+    """The packages outside the project that a piece of its code names, through re-exports too."""
+    source = read(module)
+    first, *rest = name.split(".")
+    pieces = source.members.get(first, {}) if rest else source.bindings
+    code = ast.Module(pieces.get(rest[0] if rest else first, []), [])
+    imports = {**source.imports, **imports_in(code, source.package)}
+    found = [each for path in dotted_names(code) for each in imports.get(path[0], [])]
+    outside = {target[0].split(".")[0] for target in found}
+    for target in found:
+        if target[0] == "styletrf.colmap":
+            outside |= {each[0] for each in read(target[0]).imports[target[1]]}
+    return outside
+
+
+def test_the_versions_of_what_computes_are_in_the_key():
+    """A new PyAV, OpenCV, numba or pycolmap makes anew what it decodes or computes."""
+    for stage in families("tasks"):
+        members = [name.partition(":") for name in closure(stage) if ":" in name]
+        packages = {p for module, _, name in members for p in _packages(module, name)}
+        needed = {DISTRIBUTIONS[package] for package in packages & DISTRIBUTIONS.keys()}
+        assert needed <= set(stage.tools), stage.task_family
 
 
 COMMANDS = {"Grid", "StylizedTrajectory", "TradeOff"}
