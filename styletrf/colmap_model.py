@@ -6,7 +6,7 @@ import numpy as np
 
 from styletrf.colmap import pycolmap
 from styletrf.errors import InputError
-from styletrf.given_poses import GivenPoses, GivenView, Lens, given_poses
+from styletrf.given_poses import GivenPoses, GivenView, Lens, given_poses, require_inside
 
 _PLACES = ("sparse/0", "sparse", "colmap/sparse/0")
 
@@ -17,11 +17,17 @@ def read_colmap_model(folder: Path) -> GivenPoses | None:
     Photographs lie in `images`, under the names that the model has for them.
 
     Raises:
-        InputError: The model cannot be read, or hardly a photograph is there.
+        InputError: The model cannot be read, names a photograph outside `images`, or hardly one
+            is there.
     """
     places = [folder / place for place in _PLACES]
     source = next((place for place in places if any(place.glob("cameras.*"))), None)
-    return given_poses(source, colmap_views(source, folder / "images")) if source else None
+    if source is None:
+        return None
+    views = colmap_views(source, folder / "images")
+    for view in views:
+        require_inside(source, folder / "images", view.file.parent)
+    return given_poses(source, views)
 
 
 def colmap_views(source: Path, photographs: Path) -> list[GivenView]:

@@ -62,13 +62,37 @@ def rigid(name: str, source: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]
     """
     remedy = "Export the poses again"
     if pose.shape not in ((3, 4), (4, 4)) or not np.isfinite(pose).all():
-        raise InputError(str(source), f"the pose of {name} is not 4x4 finite numbers", remedy)
+        raise InputError(
+            str(source), f"the pose of {name} is not 3x4 or 4x4 finite numbers", remedy
+        )
     linear, center = pose[:3, :3].astype(np.float64), pose[:3, 3].astype(np.float64)
     u, singular, vt = np.linalg.svd(linear)
     if singular[2] < (1 - NEAR_ROTATION) * singular[0] or np.linalg.det(linear) <= 0:
         problem = f"the pose of {name} is no rotation: its matrix is singular, skewed or mirrored"
         raise InputError(str(source), problem, remedy)
     return np.column_stack([u @ vt, center])
+
+
+def require_inside(source: Path, folder: Path, place: Path) -> None:
+    """Refuses a photograph, or its folder, that lies elsewhere than the scene, by links too.
+
+    What lies elsewhere is in no key, and would be copied into a store that others may share.
+
+    Args:
+        source: The file that names it.
+        folder: Where the scene's photographs are.
+        place: Whether or not it is there.
+
+    Raises:
+        InputError: It is outside the folder, or no path at all.
+    """
+    try:
+        is_inside = place.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a loop of links, a name with a NUL
+        is_inside = False
+    if not is_inside:
+        problem = f"names a photograph outside {folder}: {str(place)!r}"
+        raise InputError(str(source), problem, "Copy the photographs into the scene's folder")
 
 
 def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:

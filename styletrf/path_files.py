@@ -25,7 +25,7 @@ from styletrf.named_paths import poses_of
 from styletrf.rotations import matrices_of, quaternions_of
 from styletrf.scene_model import SceneModel
 from styletrf.trajectories import look_at
-from styletrf.transforms import transforms_views
+from styletrf.transforms import transforms_cameras
 from styletrf.typical_view import typical_view
 
 ANIMATION_RATE = 24.0  # frames a second of Blender's cameras
@@ -51,7 +51,7 @@ def read_path(path: Path) -> KeyFrames:
     if isinstance(values, dict) and "key_frames" in values:
         return key_frames_of(path, values)
     if isinstance(values, dict) and "frames" in values:
-        return _of_views(path, transforms_views(path), timed=True)
+        return _of_views(path, transforms_cameras(path), timed=True)
     problem = "has neither key_frames nor, as Blender's transforms.json, frames"
     raise InputError(str(path), problem, "See docs/paths.md")
 

@@ -18,6 +18,7 @@ from styletrf.photographs import (
     natural_order,
     require_readable_name,
 )
+from styletrf.transforms import transforms_photographs
 
 _POSES = ("poses_bounds.npy", "transforms*.json", "sparse/**/*.*", "colmap/sparse/**/*.*")
 """Files of the formats that `pose_formats` reads."""
@@ -84,14 +85,15 @@ def scene_files(found: Path) -> list[Path]:
     """Returns all files that what `find_scene` found may be read from: photographs, masks, poses.
 
     Raises:
-        InputError: There are too few photographs.
+        InputError: There are too few photographs, or poses name one outside the scene's folder.
     """
     if videos := scene_videos(found):
         return videos
     folder = scene_folder(found)
     poses = [path for pattern in _POSES for path in sorted(folder.glob(pattern))]
     if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
-        return [*sorted(_of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES)), *poses]
+        images = sorted(_of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES))
+        return list(dict.fromkeys([*images, *transforms_photographs(folder), *poses]))
     files = list_photographs(found)
     return [*files, *find_masks(found, files).values(), *poses]
 

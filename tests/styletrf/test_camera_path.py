@@ -15,6 +15,7 @@ from styletrf.colmap import pycolmap
 from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.frames import FramesConfig
+from styletrf.images import write_rgb
 from styletrf.lenses import at_size, focal_from, focal_of
 from styletrf.named_paths import named_path, poses_of
 from styletrf.path_files import read_path
@@ -237,6 +238,22 @@ def write_blender(folder, scene):
     fov = 2 * np.arctan(0.5 / focal_of(scene.cameras[0]))
     (folder / "transforms.json").write_text(json.dumps({"camera_angle_x": fov, "frames": frames}))
     return folder / "transforms.json"
+
+
+def test_cameras_of_a_path_need_no_photographs(scene, tmp_path):
+    """They lie in no key, so that not even their size counts: the file tells it, or is refused."""
+    file = write_blender(tmp_path, scene)
+    before = read_path(file)
+    write_rgb(tmp_path / "0000.png", np.zeros((20, 10, 3), np.float32))
+    assert read_path(file) == before
+    told = json.loads(file.read_text())
+    angle = told.pop("camera_angle_x")
+    focal = 0.5 * 40 / np.tan(angle / 2)
+    file.write_text(json.dumps({**told, "fl_x": focal, "w": 40, "h": 30}))
+    assert np.isclose(read_path(file).frames[0].fov_deg, before.frames[0].fov_deg)
+    file.write_text(json.dumps({**told, "fl_x": focal}))
+    with pytest.raises(InputError, match="tells no lens"):
+        read_path(file)
 
 
 def write_colmap(folder, scene):
