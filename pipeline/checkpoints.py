@@ -1,9 +1,9 @@
 """Checkpoints in the shared store, so that another machine goes on where a lost one was.
 
-    resume/<key>/<when it was written>-<digest>-<bytes>-<files>.tar
+    resume/<key>/<when it was written>-<digest>-<bytes>-<files>[-<signature>].tar
 
-Like everything there they are believed only with the digest that their name tells. Whoever builds
-the key removes them.
+Like everything there they are believed only with the digest that their name tells; where there is a
+key (`pipeline.signatures`), only with a name that is signed. Whoever builds the key removes them.
 """
 
 import contextlib
@@ -20,6 +20,7 @@ from pipeline.archive import pack, unpack
 from pipeline.digest import Tree, tree_digest
 from pipeline.remote import Remote
 from pipeline.settings import current_remote, setting
+from pipeline.signatures import is_signed, signature
 
 _TIME = "%Y%m%dT%H%M%S.%f"  # in UTC
 screen = logging.getLogger("pipeline")
@@ -109,7 +110,8 @@ class _Keeper:
             tree = tree_digest(still)
             pack(still, archive)
             written = _written(_checkpoints(still))
-            name = f"{written}-{tree.digest}-{tree.size}-{tree.files}.tar"
+            told = f"{written}-{tree.digest}-{tree.size}-{tree.files}"
+            name = "-".join(filter(None, [told, _signature(remote, self._key, told)])) + ".tar"
             remote.create(f"{_at(self._key)}/{name}", archive)
             older = [other for other in remote.names(_at(self._key)) if other < name]
             _remove(remote, self._key, older)
@@ -129,9 +131,12 @@ def _bring(key: str, resume: Path, remote: Remote) -> None:
     for name in sorted(remote.names(_at(key)), reverse=True):
         if name.partition("-")[0] <= here:
             return
+        if not _is_believed(remote, key, name):
+            remote.distrust("checkpoint", "unsigned, or signed by another key")
+            continue
         archive, unpacked = (resume.with_name(f"{resume.name}.{end}") for end in ("tar", "new"))
         try:
-            written, digest, size, files = name.removesuffix(".tar").split("-")
+            written, digest, size, files = name.removesuffix(".tar").split("-")[:4]
             written_s = datetime.strptime(f"{written}+0000", f"{_TIME}%z").timestamp()
             remote.download(f"{_at(key)}/{name}", archive)
             unpack(archive, unpacked, Tree(digest, int(size), int(files)))
@@ -148,6 +153,21 @@ def _bring(key: str, resume: Path, remote: Remote) -> None:
         finally:
             archive.unlink(missing_ok=True)
             shutil.rmtree(unpacked, ignore_errors=True)
+
+
+def _signature(remote: Remote, key: str, told: str) -> str:
+    """Of what a checkpoint's name tells; empty where nothing is signed."""
+    return signature(remote.key, *_signed(key, told)) if remote.key else ""
+
+
+def _is_believed(remote: Remote, key: str, name: str) -> bool:
+    """Whether the name is signed, where it has to be."""
+    told, _, mark = name.removesuffix(".tar").rpartition("-")
+    return not remote.key or is_signed(mark, remote.key, *_signed(key, told))
+
+
+def _signed(key: str, told: str) -> tuple[str, bytes, bytes]:
+    return "pipeline-signed-checkpoint-v1", key.encode(), told.encode()
 
 
 def _remove(remote: Remote, key: str, names: list[str]) -> None:

@@ -46,14 +46,17 @@ class Remote:
         url: Where it is; "" for none.
         options: JSON for the fsspec file system, beside the environment's AWS_ENDPOINT_URL etc.
         patience_seconds: How long `attempt` tries again what may pass, such as a lost connection.
+        key: What records and checkpoints there are signed by, and have to be; none: they are not.
         reached: Called with the name of each point that an upload reaches; tests kill there.
     """
 
     url: str
     options: str = "{}"
     patience_seconds: float = 0.0
+    key: bytes = field(default=b"", repr=False)
     reached: Callable[[str], None] = nothing
     _silent_until: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
+    _distrusted: set[str] = field(default_factory=set, compare=False, repr=False)
 
     def attempt(self, kind: str, call: Callable[["Remote"], Answer]) -> Answer | None:
         """What `call` answers; None where there is no remote or, after a warning, it fails.
@@ -75,6 +78,13 @@ class Remote:
         """Whether a failure is so recent that nothing of the kind is called."""
         silent_until = max(self._silent_until.get(each, 0) for each in ("reading", kind))
         return time.monotonic() < silent_until
+
+    def distrust(self, sort: str, why: str) -> None:
+        """Say, once a process, that a sort of what is there is not signed as it has to be."""
+        if sort not in self._distrusted:
+            text = "A %s in %s is %s: it counts as absent, and so does every other such %s."
+            screen.warning(text, sort, self.url, why, sort)
+        self._distrusted.add(sort)
 
     def _patiently(self, call: Callable[["Remote"], Answer]) -> Answer:
         """What `call` answers, called again while its failure may pass and patience lasts."""

@@ -10,6 +10,7 @@ from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.errors import StoreError
 from pipeline.remote import Remote, open_remote
+from pipeline.signatures import SHORTEST_KEY
 from pipeline.store import Store, open_store
 
 PATIENCE = "STYLETRF_PATIENCE"
@@ -20,6 +21,7 @@ _DEFAULTS = {
     ("store", "remote"): "",  # the shared store's path or URL, if any; STYLETRF_REMOTE wins
     ("store", "remote_options"): "{}",  # JSON, for fsspec's file system
     ("store", "patience_seconds"): "0",  # for a shared store that fails; STYLETRF_PATIENCE wins
+    ("store", "signing_key"): "",  # a file; what is shared is signed by it, and has to be
     ("store", "push"): "true",  # whether what a run builds is uploaded to the shared store
     ("store", "identity"): "tasks/identity.json",  # the snapshot of the code, with adoptions
     ("store", "checkpoint_seconds"): "60",  # between uploads of checkpoints; 0: none are shared
@@ -61,7 +63,29 @@ def current_remote() -> Remote:
     """The shared store in STYLETRF_REMOTE, or in [store] remote of `luigi.cfg`; or none."""
     url = os.environ.get("STYLETRF_REMOTE", setting("store", "remote"))
     patience_seconds = os.environ.get(PATIENCE, setting("store", "patience_seconds"))
-    return open_remote(url, setting("store", "remote_options"), float(patience_seconds))
+    options = setting("store", "remote_options")
+    return open_remote(url, options, float(patience_seconds), signing_key() if url else b"")
+
+
+def signing_key() -> bytes:
+    """The key in the file that [store] signing_key of `luigi.cfg` names; empty where none is named.
+
+    Raises:
+        StoreError: The file cannot be read, or holds too little.
+    """
+    if not setting("store", "signing_key"):
+        return b""
+    path = _configured_path("store", "signing_key").expanduser()
+    remedy = f"Make one for all machines: (umask 077; openssl rand -hex 32 > {path})"
+    try:
+        key = path.read_bytes().strip()
+    except OSError as error:
+        problem = f"[store] signing_key: {path} cannot be read ({error.strerror})"
+        raise StoreError(f"{problem}. {remedy}.") from error
+    if len(key) < SHORTEST_KEY:
+        problem = f"[store] signing_key: {path} holds {len(key)} bytes, fewer than {SHORTEST_KEY}"
+        raise StoreError(f"{problem}. {remedy}.")
+    return key
 
 
 def data_root() -> Path:

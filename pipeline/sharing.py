@@ -6,7 +6,8 @@
     nights/<name>.keys          the keys that a batch resolved, a line each
 
 Nothing from there is believed: an object comes in by the same way as a build's result, `publish`,
-and only with the digest that its record tells.
+and only with the digest that its record tells. Who writes there decides what a record tells; with
+a key (`pipeline.signatures`) only what a holder of it wrote counts.
 """
 
 import contextlib
@@ -24,6 +25,7 @@ from pipeline.publication import commit, publish
 from pipeline.record import ActionRecord
 from pipeline.remote import Remote
 from pipeline.settings import current_remote, setting
+from pipeline.signatures import SignatureError, sealed, unsealed
 from pipeline.store import Store
 
 SECONDS_OF_DISTRUST = 600.0
@@ -91,7 +93,7 @@ def give(store: Store, record: ActionRecord) -> None:
 
 def shared_record(remote: Remote, key: str) -> ActionRecord | None:
     """The shared store's record of the key, if its object is there, too."""
-    record = _parsed(remote.read(_action(key)) or b"")
+    record = _parsed(remote.read(_action(key)) or b"", remote)
     is_whole = record and record.action.key == key and remote.has(_object(record))
     return record if is_whole else None
 
@@ -134,7 +136,7 @@ def push(store: Store, record: ActionRecord, remote: Remote) -> str:
         code = str(record.provenance.get("closure", ""))
         if code and kept(code, store) is not None:
             remote.create(_code(code), store.code(code))
-        (workspace / "record.json").write_bytes(record.to_json())
+        (workspace / "record.json").write_bytes(sealed(record, remote.key))
         if not remote.create(_action(key), workspace / "record.json"):
             if shared_record(remote, key):
                 return "is there"
@@ -146,7 +148,7 @@ def push(store: Store, record: ActionRecord, remote: Remote) -> str:
 
 def shared_records(remote: Remote) -> list[ActionRecord]:
     """Every readable record of the shared store."""
-    return [record for text in remote.read_all("actions") if (record := _parsed(text))]
+    return [record for text in remote.read_all("actions") if (record := _parsed(text, remote))]
 
 
 def list_night(store: Store, name: str, keys: Sequence[str]) -> None:
@@ -183,11 +185,15 @@ def records_of_night(remote: Remote, name: str) -> list[ActionRecord]:
     return [record for record in found if record]
 
 
-def _parsed(text: bytes) -> ActionRecord | None:
+def _parsed(text: bytes, remote: Remote) -> ActionRecord | None:
+    """The record in a text; None where it is none, or not signed by the key of the remote."""
     try:
-        return ActionRecord.from_json(text)
+        return unsealed(text, remote.key)
+    except SignatureError as error:
+        remote.distrust("record", str(error))
     except ValueError:
-        return None
+        pass
+    return None
 
 
 def _failure(store: Store, record: ActionRecord) -> Path:
