@@ -22,6 +22,9 @@ from styletrf.whole_files import whole_file
 _ATTEMPTS = 4
 _TIMEOUT_S = 30.0
 _FIRST_PAUSE_S = 1.0  # doubled after every failure
+LARGEST_BYTES = 64 * 2**20
+"""Of one image; the largest photographs of COCO have less than one MiB."""
+_CHUNK_BYTES = 1 << 16
 
 
 def coco_source(
@@ -41,6 +44,8 @@ def coco_source(
     Raises:
         InputError: The file is no such JSON.
         NetworkError: While reading: the network or the server fails.
+        InputError: While reading: an image is larger than `LARGEST_BYTES`, so that its rest is not
+            fetched.
     """
     try:
         entries = json.loads(annotations.read_text(encoding="utf-8"))["images"]
@@ -99,8 +104,16 @@ def _fetch(address: str, pause: Callable[[float], None]) -> bytes:
 
 
 def _download(address: str) -> bytes:
+    """The bytes at an address, of which no more are read than an image may have."""
+    content = bytearray()
     with urllib.request.urlopen(address, timeout=_TIMEOUT_S) as response:  # noqa: S310 only http(s)
-        return bytes(response.read())
+        while chunk := response.read(_CHUNK_BYTES):
+            content += chunk
+            if len(content) > LARGEST_BYTES:
+                problem = f"has more than {LARGEST_BYTES / 2**20:g} MiB, too much for a photograph"
+                remedy = "Check the address, or take the image out of the annotations"
+                raise InputError(address, problem, remedy)
+    return bytes(content)
 
 
 def _decodes(content: bytes) -> bool:

@@ -1,5 +1,6 @@
 """What became of a grid: its cells, what they cost, and why some are missing."""
 
+import errno
 import json
 import logging
 import os
@@ -10,7 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from http.client import HTTPException
+from ssl import SSLError
 from typing import Any, Literal
+from urllib.error import HTTPError, URLError
 
 import luigi
 
@@ -205,12 +208,34 @@ def _began(record: ActionRecord) -> datetime:
 
 
 def _post(address: str, night: Night) -> None:
-    """Sends the night as JSON; that nobody answers is told, and costs nothing else."""
+    """Sends the night as JSON; that nobody answers is told, and costs nothing else.
+
+    The address is a secret: who has it can post. It is told nowhere, and neither is the text of an
+    error, which may quote it.
+    """
     told = {name: value for name, value in asdict(night).items() if name != "keys"}
     body = json.dumps({"text": "\n".join(in_words(night)), **told}).encode()
-    asked = urllib.request.Request(address, body, {"Content-Type": "application/json"})  # noqa: S310
+    kind = {"Content-Type": "application/json"}
     try:
-        with urllib.request.urlopen(asked, timeout=20):  # noqa: S310  the user's own address
+        asked = urllib.request.Request(address, body, kind)  # noqa: S310  the user's own address
+        with urllib.request.urlopen(asked, timeout=20):  # noqa: S310
             pass
     except (OSError, ValueError, HTTPException) as error:
-        screen.warning("[night] webhook %s: %s", address, error)
+        problem = f"nothing was posted to [night] webhook: {_without_address(error)}"
+        screen.warning("%s. Check the address in luigi.cfg.", problem)
+
+
+def _without_address(error: Exception) -> str:
+    """Returns what went wrong by status, number or sort: no text that came from elsewhere."""
+    match error:
+        case HTTPError(code=code):
+            return f"the server answered {code}"
+        case URLError(reason=Exception() as reason):
+            return _without_address(reason)
+        case SSLError():
+            return f"no secure connection ({type(error).__name__})"
+        case OSError(errno=int(number)) if number in errno.errorcode:
+            return os.strerror(number)
+        case ValueError() | URLError():
+            return "it is no web address"
+    return f"the server did not answer as one does ({type(error).__name__})"

@@ -1,3 +1,4 @@
+import contextlib
 import json
 import threading
 from collections.abc import Iterator
@@ -98,6 +99,49 @@ def test_an_image_the_server_does_not_have_is_skipped(server: Server, tmp_path: 
     source = coco_source(file, tmp_path / "cache")
     summary = write_content_images(source, tmp_path / "out", ContentConfig())
     assert (summary.count, summary.skipped) == (8, ("gone.jpg",))
+
+
+class Endless(BaseHTTPRequestHandler):
+    """Sends until nobody listens any more."""
+
+    sent = 0
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.end_headers()
+        with contextlib.suppress(OSError):
+            while True:
+                type(self).sent += self.wfile.write(b"x" * 65536)
+
+    def log_message(self, *args: object) -> None:
+        pass
+
+
+def test_an_image_without_end_is_refused_and_no_more_of_it_fetched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """It would fill the memory: a server, or who answers in its place, decides how much comes."""
+    monkeypatch.setattr("styletrf.coco_fetch.LARGEST_BYTES", 1 << 20)
+    pauses: list[float] = []
+    with ThreadingHTTPServer(("127.0.0.1", 0), Endless) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_port}/1.jpg"
+        file = annotations(tmp_path, {"1.jpg": address})
+        with pytest.raises(InputError, match="has more than 1 MiB") as caught:
+            coco_source(file, tmp_path / "cache", pause=pauses.append).read("1.jpg")
+        server.shutdown()
+    assert caught.value.subject == address
+    assert pauses == [], "and it is not asked for again"
+    assert Endless.sent < 64 << 20, "the connection is closed; buffers hold a few MiB"
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_an_image_as_large_as_allowed_is_taken(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("styletrf.coco_fetch.LARGEST_BYTES", len(JPEG))
+    file = serve(server, tmp_path, {"1.jpg": [(200, JPEG)]})
+    assert coco_source(file, tmp_path / "cache").read("1.jpg") == JPEG
 
 
 def test_offline_is_a_clear_error_after_a_bounded_time(tmp_path: Path):

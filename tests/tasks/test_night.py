@@ -181,4 +181,45 @@ def test_a_webhook_that_does_not_answer_is_a_warning(out, address, caplog, is_th
             threading.Thread(target=answer, daemon=True).start()
         luigi.configuration.get_config().set("night", "webhook", hook)
         tell(night("made"))
-    assert f"[night] webhook {hook}" in caplog.text
+    assert "nothing was posted to [night] webhook" in caplog.text
+    assert hook not in caplog.text
+
+
+class Refusing(Listener):
+    """Answers with an error that quotes what it was asked."""
+
+    def do_POST(self) -> None:
+        self.send_error(404, f"no {self.path}")
+
+
+@pytest.mark.parametrize(
+    ("hook", "told"),
+    [
+        ("HERE/S3CRET", "the server answered 404"),
+        ("http://127.0.0.1:9/S3CRET", "Connection refused"),
+        ("http://S3CRET.invalid/", "[night] webhook"),
+        ("http://127.0.0.1:S3CRET/", "did not answer as one does (InvalidURL)"),
+        ("http://127.0.0.1:9/S3CRET with spaces", "did not answer as one does (InvalidURL)"),
+        ("HERES/S3CRET", "no secure connection (SSLError)"),
+        ("S3CRET", "it is no web address"),
+        ("S3CRET://127.0.0.1/", "it is no web address"),
+        ("http:///S3CRET", "it is no web address"),
+        ("http://[S3CRET", "it is no web address"),
+    ],
+)
+def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, told):
+    """Who has it can post. Errors of the library, and answers of a server, quote it."""
+    with HTTPServer(("127.0.0.1", 0), Refusing) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        here = f"://127.0.0.1:{server.server_port}"
+        hook = hook.replace("HERES", f"https{here}").replace("HERE", f"http{here}")
+        luigi.configuration.get_config().set("night", "webhook", hook)
+        try:
+            tell(night("made"))
+        finally:
+            luigi.configuration.get_config().remove_section("night")
+            server.shutdown()
+    assert told in caplog.text
+    said = capfd.readouterr()
+    for text in (caplog.text, said.out, said.err, (out / "night.json").read_text()):
+        assert "s3cret" not in text.lower()
