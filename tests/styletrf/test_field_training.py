@@ -19,6 +19,7 @@ from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
 from styletrf.space import Space, ViewRays
 from styletrf.sparse_depth import SparseDepths, depth_loss
+from styletrf.training_schedule import stage_resolution
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -40,8 +41,11 @@ def fit(scene: MiniScene, config=CONFIG, kernels=KERNELS, **more) -> RadianceFie
 
 @pytest.mark.parametrize("iterations", [1, 2, 5, 37])
 def test_a_fit_of_any_length_reaches_the_final_resolution(scene, iterations):
+    """But for one iteration, after which nothing would be fitted on a finer grid."""
     field = fit(scene, replace(CONFIG, iterations=iterations, upsample_at=(0.06, 0.12, 0.2, 0.3)))
-    assert field.resolution == (scene.model.resolution if iterations > 1 else field.resolution)
+    first = stage_resolution(scene.model.resolution, CONFIG.initial_voxels, stage=0, stages=4)
+    assert first != scene.model.resolution
+    assert field.resolution == (scene.model.resolution if iterations > 1 else first)
 
 
 @pytest.mark.parametrize(("views", "factor"), [(2.0, 2.0), (1.0, 1.0), (0.5, 1.0)])
@@ -74,15 +78,25 @@ def test_the_field_shows_what_it_was_shown(scene):
     assert render.opacity.mean() > 0.9
 
 
-def test_thinned_gradients_fit_as_well(scene):
+def test_thinned_gradients_fit_about_as_well(scene):
+    """On a real scene within 0.03 dB (decision 6); here, where seeds differ by 3 dB, within 1 dB.
+
+    Rows that are always left out cost 14 dB here, and rows not made larger for the others 10 dB.
+    That the mean of thinned gradients is the gradient, `test_thinning` holds exactly.
+    """
     rays = ViewRays(scene.cameras, scene.model.space, 0.01, CPU)
+    truths = (scene.images.float() / 255).numpy()
 
     def reached(threshold: float) -> float:
         config = replace(CONFIG, gradient_threshold=threshold, color_threshold=threshold)
-        render = render_view(fit(scene, config), KERNELS, rays, 2, scene.cameras[2], RenderConfig())
-        return psnr(render.color.numpy(), (scene.images[2].float() / 255).numpy())
+        field = fit(scene, config)
+        renders = [
+            render_view(field, KERNELS, rays, k, camera, RenderConfig()).color.numpy()
+            for k, camera in enumerate(scene.cameras)
+        ]
+        return float(np.mean([psnr(*pair) for pair in zip(renders, truths, strict=True)]))
 
-    assert reached(2.0) > reached(0.0) - 1.5
+    assert reached(2.0) > reached(0.0) - 1.0
 
 
 @pytest.mark.parametrize(("kind", "ranks"), [("ndc", (16, 4, 4)), ("box", (16, 16, 16))])

@@ -1,13 +1,13 @@
 """The graph: who needs whom, what a parameter changes, and what importing costs."""
 
-import inspect
-import re
 import subprocess
 import sys
 
 import pytest
 
 import tasks
+from pipeline.code_identity import closure
+from pipeline.source import dotted_names, read
 from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.perceptual_loss import PerceptualLossConfig
@@ -44,19 +44,10 @@ def test_importing_tasks_loads_no_torch_and_starts_no_thread():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def source(stage):
-    """The text of a stage's build and of what it calls of its own."""
-    names = ["build", "render", *(name for name in dir(stage) if re.match(r"_[a-z]", name))]
-    found = (getattr(stage, name, None) for name in names)
-    ours = (f for f in found if getattr(f, "__module__", "").startswith("tasks."))
-    return "".join(inspect.getsource(function) for function in ours)
-
-
 def test_a_stage_leases_a_gpu_exactly_if_its_build_asks_for_a_device():
     for name in set(tasks.__all__) - {"Grid"}:
         stage = getattr(tasks, name)
-        asks = re.search(r"device_named\(self\.device\)|device=self\.device", source(stage))
-        assert stage.computes == bool(asks), name
+        assert stage.computes == ("styletrf.devices:device_named" in closure(stage)), name
     stage = tasks.RadianceField(scene="s")
     assert stage.needs_gpu
     assert not tasks.RadianceField(scene="s", device="cpu").needs_gpu
@@ -104,11 +95,22 @@ def test_settings_replace_those_of_the_quality():
     )
 
 
+def names_in_methods(stage):
+    """The dotted names in those methods of a stage that its build can reach, as they are parsed."""
+    found = set()
+    for member in closure(stage):
+        module, _, name = member.partition(":")
+        kind, _, method = name.partition(".")
+        pieces = read(module).members.get(kind, {}) if method else {}
+        found |= {path for piece in pieces.get(method, []) for path in dotted_names(piece)}
+    return found
+
+
 def test_settings_are_taken_where_they_are_used():
     """A setting that a stage takes and its build ignores would change the key and nothing else."""
     for name in set(tasks.__all__) - {"Grid"}:
         stage = getattr(tasks, name)
-        is_used = "self.values()" in source(stage)
+        is_used = ("self", "values") in names_in_methods(stage)
         assert ("settings" in stage.get_param_names()) == is_used, name
 
 
