@@ -116,7 +116,9 @@ def test_settings_of_a_stage_and_a_wish_are_refused():
         command.get_task_obj().require_sound()
 
 
-def test_a_budget_needs_the_kind_of_scene_and_the_sources():
+def test_a_budget_needs_the_kind_of_scene_and_the_sources(tmp_path, monkeypatch):
+    """Content is a source only where there is some."""
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
     task = StylizedTrajectory(scene="s", style="p", budget="5min")
     sources = {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
     assert set(task.requires()) == {"model"} | sources
