@@ -14,6 +14,7 @@ from styletrf.cameras import Camera
 from styletrf.explained_pixels import explained_pixels
 from styletrf.free_space import free_space
 from styletrf.images import read_rgb
+from styletrf.masks import mask_of_view
 from styletrf.point_table import read_points
 from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from styletrf.sparse_depth import SparseDepths, sparse_depths
@@ -49,7 +50,8 @@ def load_given_scene(name: str, config: SceneModelConfig) -> GivenScene:
     table = folder / "cameras.parquet"
     cameras, points = read_cameras(table), read_points(folder / "points.parquet")
     images = (read_rgb(folder / "images" / f"{camera.name}.png") for camera in cameras)
-    explained = explained_pixels(images, cameras, points)
+    masks = (mask_of_view(folder / "images", camera.name) for camera in cameras)
+    explained = explained_pixels(images, cameras, points, masks)
     model = decide_scene_model(cameras, points.xyz_world, config, explained=explained)
     fitted = read_split(table)[0]
     train, test = (_views(model, folder, part) for part in read_split(table))

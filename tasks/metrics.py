@@ -10,7 +10,7 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
-from tasks.scene import CameraPoses, SceneModel
+from tasks.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.stage import Stage, TunedStage
 from tasks.style import PerceptualWeights, StyleImage
 from tasks.stylization import StylizedFrames, StylizedPriors
@@ -20,6 +20,7 @@ class QualityMetrics(TunedStage):
     """PSNR, SSIM and a perceptual distance on the photographs held out, every eighth.
 
     Leaves `views.parquet`, `summary.json`, and each render beside its photograph in `views/`.
+    Photographs without a camera are placed against the field: `placed.json`.
     Where photographs have exposures of their own, PSNR is also measured in the photograph's.
     """
 
@@ -31,6 +32,7 @@ class QualityMetrics(TunedStage):
     def requires(self) -> Mapping[str, Stage]:
         """The field, the photographs, and what looks at both."""
         return {
+            "capture": self.need(SceneCapture),
             "field": self.need(RadianceField),
             "perceptual": self.need(PerceptualWeights),
             "poses": self.need(CameraPoses),
@@ -75,6 +77,38 @@ class QualityMetrics(TunedStage):
         )
         write_rows(out / "views.parquet", rows)
         write_summary(out / "summary.json", means)
+        self._place(inputs, out, model, radiance, config.render)
+
+    def _place(
+        self, inputs: Mapping[str, Path], out: Path, model: Any, radiance: Any, config: Any
+    ) -> None:
+        """Look for the photographs without a camera in the field."""
+        import numpy as np
+
+        from styletrf.camera_table import read_split
+        from styletrf.devices import device_named
+        from styletrf.frames import rendered
+        from styletrf.images import from_integers
+        from styletrf.photograph_placement import (
+            place_photographs,
+            unplaced_photographs,
+            write_placements,
+        )
+        from styletrf.views import load_views
+
+        def render(camera: Any) -> Any:
+            device = device_named(self.device)
+            return next(rendered(radiance, model.space, [camera], config, device))
+
+        unplaced = list(unplaced_photographs(inputs["capture"], inputs["poses"]))
+        known = []
+        if unplaced:
+            cameras = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[0])
+            images = load_views(inputs["poses"] / "images", cameras)
+            pixels = (np.ascontiguousarray(image[..., :3].numpy()) for image in images)
+            known = list(zip(cameras, map(from_integers, pixels), strict=True))
+        placements = place_photographs(unplaced, known, render)
+        write_placements(out / "placed.json", placements, model.normalized_from_world)
 
 
 class FrameMetrics(TunedStage, FrameControls):

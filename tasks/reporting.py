@@ -54,7 +54,7 @@ def report_content(
         quality=words["quality"],
         summary=" ".join(
             [
-                placed(inputs["poses"], inputs["capture"]),
+                placed(inputs["poses"], inputs["capture"], inputs["quality"]),
                 supported(read_summary(inputs["trajectory"] / "support.json")),
             ]
         ),
@@ -77,12 +77,18 @@ def report_content(
     )
 
 
-def placed(poses_dir: Path, capture_dir: Path) -> str:
-    """Returns how many photographs have a camera, which have none, how, and what is odd of them."""
+def placed(poses_dir: Path, capture_dir: Path, quality_dir: Path | None = None) -> str:
+    """Returns how many photographs have a camera, which have none, how, and what is odd of them.
+
+    With the artifact of QualityMetrics also which of those without were placed against the field.
+    """
     poses = read_summary(poses_dir / "poses.json")
     text = f"{poses['registered']} of {poses['total']} photographs placed"
     if poses["unregistered"]:
         text += f"; without a camera: {', '.join(poses['unregistered'])}"
+    against = read_summary(quality_dir / "placed.json") if quality_dir else {}
+    if found := [name for name, row in against.items() if "world_from_camera" in row]:
+        text += f"; placed against the field, and not fitted to: {', '.join(found)}"
     if len(poses["pieces"]) > 1:
         text += f"; they fall into {len(poses['pieces'])} pieces, of which the largest is used"
     how = f"Poses: {poses['mapper']}, since {poses['mapper_reason']}"

@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,14 +12,15 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from styletrf.camera_table import read_cameras
+from styletrf.camera_table import read_cameras, read_split, write_cameras
+from styletrf.capture_file import Capture, Photograph, write_capture
 from styletrf.exposures import Exposure
 from styletrf.field import load_field
 from styletrf.float_images import read_float_image
 from styletrf.images import read_rgb
 from styletrf.scene_model import read_scene_model, write_scene_model
 from styletrf.style_network import load_style_network, stylize
-from styletrf.tables import read_rows, read_summary
+from styletrf.tables import read_rows, read_summary, write_summary
 from styletrf.transfer_weights import load_style_transfer
 from styletrf.video import video_info
 
@@ -170,6 +172,7 @@ def test_quality_is_measured_on_the_view_held_out(mini: Mini):
     rows = read_rows(mini("QualityMetrics") / "views.parquet")
     assert [row["view"] for row in rows] == ["0"]
     summary = read_summary(mini("QualityMetrics") / "summary.json")
+    assert read_summary(mini("QualityMetrics") / "placed.json") == {}, "all have a camera"
     assert summary["psnr"] == pytest.approx(rows[0]["psnr"])
     assert math.isfinite(summary["ssim"])
 
@@ -188,6 +191,26 @@ def test_exposures_of_the_model_are_taken_out_of_the_fit_and_given_back_to_measu
     summary = read_summary(folder / "summary.json")
     assert summary["psnr_exposed"] > summary["psnr"] + 1
     assert "psnr_exposed" not in read_summary(build(judge, **judged) / "summary.json")
+
+
+def test_a_photograph_without_a_camera_is_looked_for_in_the_field(stage_of, build, tmp_path: Path):
+    judge, inputs = stage_of("QualityMetrics")
+    shutil.copytree(inputs["poses"], tmp_path / "poses")
+    table = tmp_path / "poses" / "cameras.parquet"
+    cameras, held_out = read_cameras(table), read_split(table)[1]
+    names = {camera.name for camera in held_out}
+    lost = next(camera for camera in cameras if camera.name not in names)
+    others = [camera for camera in cameras if camera is not lost]
+    write_cameras(table, others, [lost.name], names)
+    lens = {"camera_model": "PINHOLE", "camera_params": [lost.fx, lost.fy, lost.cx, lost.cy]}
+    size = {"width": lost.width, "height": lost.height}
+    write_summary(tmp_path / "poses" / "poses.json", lens | size)
+    photograph = Photograph(lost.name, f"{lost.name}.png", lost.width, lost.height, 0, "")
+    write_capture(tmp_path / "poses", Capture((photograph,), ()))
+    folder = build(judge, **{**inputs, "poses": tmp_path / "poses", "capture": tmp_path / "poses"})
+    found = read_summary(folder / "placed.json")[lost.name]
+    assert -1 <= found["detail"] <= 1
+    assert ("world_from_camera" in found) == (found["detail"] >= found["needed"] >= 0.5)
 
 
 def test_consistency_has_a_row_a_pair(mini: Mini):
