@@ -35,9 +35,9 @@ from styletrf.metrics import psnr
 from styletrf.painting import network_painter, painted
 from styletrf.ray_cache import RayBatch, march_once
 from styletrf.rendering import RenderConfig, Rendering
-from styletrf.space import ViewRays
 from styletrf.stylization import Stylization, StylizationConfig, load_stylization, stylized
 from styletrf.view_images import view_images
+from styletrf.view_rays import ViewRays
 from tasks.qualities import settings_for
 from tasks.stylization import StylizedField
 

@@ -32,9 +32,10 @@ from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.kernels import Kernels
 from styletrf.progress import Progress, silent
 from styletrf.ray_cache import RayBatch, march_once
-from styletrf.space import Space, ViewRays
+from styletrf.space import Space
 from styletrf.training_guard import batch_stages
 from styletrf.view_images import view_images
+from styletrf.view_rays import ViewRays
 
 PARTS = ("factors", "basis", "network", "background")
 """What an appearance consists of."""

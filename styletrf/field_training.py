@@ -29,12 +29,13 @@ from styletrf.pixel_rays import pixel_rays
 from styletrf.progress import Progress, silent
 from styletrf.rendering import RenderConfig, render_color, render_rays
 from styletrf.shrinking import shrink
-from styletrf.space import Space, ViewRays
+from styletrf.space import Space
 from styletrf.sparse_depth import SparseDepths, depth_loss
 from styletrf.training_guard import iteration_stages
 from styletrf.training_schedule import decay, march_step, stage_resolution
 from styletrf.view_exposures import ViewExposures
 from styletrf.view_images import Image, view_images
+from styletrf.view_rays import ViewRays
 
 _LOGGER = logging.getLogger(__name__)
 

@@ -22,10 +22,11 @@ from styletrf.images import to_integers, write_rgb
 from styletrf.kernels import kernels_for
 from styletrf.progress import Progress, silent
 from styletrf.rendering import RenderConfig, Rendering, render_view
-from styletrf.space import Space, ViewRays
+from styletrf.space import Space
 from styletrf.support_config import SupportConfig
 from styletrf.trajectories import TrajectoryConfig
 from styletrf.video import write_video
+from styletrf.view_rays import ViewRays
 
 
 @dataclass(frozen=True, slots=True)

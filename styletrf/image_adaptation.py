@@ -25,9 +25,10 @@ from styletrf.kernels import Kernels
 from styletrf.perceptual_loss import relative_difference
 from styletrf.progress import Progress, silent
 from styletrf.ray_cache import RayCache, march_once
-from styletrf.space import Space, ViewRays
+from styletrf.space import Space
 from styletrf.training_guard import batch_stages
 from styletrf.view_images import ViewImages, view_images
+from styletrf.view_rays import ViewRays
 
 ImageLoss = Callable[[Tensor, Tensor], Tensor]
 """From a render and the unpainted render, `1 3 height width`, to a loss."""

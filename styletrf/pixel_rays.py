@@ -4,8 +4,8 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.kernels import Segments
-from styletrf.space import ViewRays
 from styletrf.view_images import ViewImages
+from styletrf.view_rays import ViewRays
 
 
 def pixel_rays(

@@ -11,8 +11,8 @@ from styletrf.appearance import Coloring
 from styletrf.field import RadianceField
 from styletrf.kernels import Kernels, Samples
 from styletrf.pixel_rays import pixel_rays
-from styletrf.space import ViewRays
 from styletrf.view_images import ViewImages
+from styletrf.view_rays import ViewRays
 from styletrf.weight_sharpening import sharpened
 
 _MARCHED_AT_ONCE = 1 << 15

@@ -15,7 +15,7 @@ from styletrf.appearance import Coloring
 from styletrf.cameras import Camera, pixel_centers
 from styletrf.field import RadianceField
 from styletrf.kernels import Kernels, Samples, Segments, Thinning, thin_gradient
-from styletrf.space import ViewRays
+from styletrf.view_rays import ViewRays
 from styletrf.weight_sharpening import sharpened
 
 LEAST_OPACITY = 1e-3  # of a ray that hits something

@@ -11,8 +11,8 @@ from styletrf.adaptation import AdaptationConfig, adapt_appearance
 from styletrf.kernels import kernels_for
 from styletrf.ray_cache import march_once
 from styletrf.rendering import RenderConfig, render_rays
-from styletrf.space import ViewRays
 from styletrf.view_images import view_images
+from styletrf.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)

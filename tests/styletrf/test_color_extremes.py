@@ -13,8 +13,8 @@ from styletrf.field import FieldConfig, RadianceField
 from styletrf.kernels import kernels_for
 from styletrf.mixed_appearance import MixedAppearance
 from styletrf.ray_cache import march_once
-from styletrf.space import ViewRays
 from styletrf.view_images import view_images
+from styletrf.view_rays import ViewRays
 
 SHADING = pytest.mark.extremes("Shading")
 MIXTURES = pytest.mark.extremes("Mixed appearances")

@@ -15,7 +15,7 @@ from styletrf.flow import FlowEstimator, agreement
 from styletrf.kernels import kernels_for
 from styletrf.rendering import RenderConfig, render_view
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
-from styletrf.space import ViewRays
+from styletrf.view_rays import ViewRays
 
 
 def test_optical_flow_is_the_flow_of_the_surfaces():

@@ -11,8 +11,8 @@ from styletrf.field_training import train_field
 from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
-from styletrf.space import ViewRays
 from styletrf.view_exposures import ViewExposures
+from styletrf.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 CONFIG = replace(

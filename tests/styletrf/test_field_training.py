@@ -17,9 +17,10 @@ from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import kernels_for
 from styletrf.metrics import psnr
 from styletrf.rendering import RenderConfig, render_view
-from styletrf.space import Space, ViewRays
+from styletrf.space import Space
 from styletrf.sparse_depth import SparseDepths, depth_loss
 from styletrf.training_schedule import stage_resolution
+from styletrf.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)

@@ -20,9 +20,9 @@ from styletrf.image_adaptation import (
 from styletrf.kernels import kernels_for
 from styletrf.ray_cache import march_once
 from styletrf.rendering import RenderConfig
-from styletrf.space import ViewRays
 from styletrf.stylization import StylizationConfig
 from styletrf.view_images import view_images
+from styletrf.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)

@@ -13,7 +13,7 @@ from styletrf.kernels import kernels_for
 from styletrf.mixed_appearance import MixedAppearance
 from styletrf.region import Box, Masked
 from styletrf.rendering import RenderConfig, render_view
-from styletrf.space import ViewRays
+from styletrf.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)

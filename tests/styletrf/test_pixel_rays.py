@@ -6,8 +6,8 @@ from mini_scene import SIZE, painted_plane
 
 from styletrf.cameras import pixel_centers
 from styletrf.pixel_rays import pixel_rays
-from styletrf.space import ViewRays
 from styletrf.view_images import view_images
+from styletrf.view_rays import ViewRays
 
 
 def test_pixels_are_counted_row_by_row_and_view_after_view():

@@ -16,7 +16,8 @@ from styletrf.field_training import train_field
 from styletrf.kernels import kernels_for
 from styletrf.occupancy import occupied_voxels
 from styletrf.rendering import LEAST_OPACITY, RenderConfig, render_color, render_rays, render_view
-from styletrf.space import Space, ViewRays
+from styletrf.space import Space
+from styletrf.view_rays import ViewRays
 
 pytestmark = pytest.mark.extremes("Rendering: colour, opacity, depth")
 

@@ -11,7 +11,7 @@ from test_field_training import CONFIG, fit
 from styletrf.field import Appearance, FieldConfig, set_occupancy
 from styletrf.kernels import Samples, kernels_for
 from styletrf.rendering import LEAST_OPACITY, RenderConfig, median_depth, render_color, render_view
-from styletrf.space import ViewRays
+from styletrf.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)

@@ -12,8 +12,9 @@ from styletrf.kernels import kernels_for
 from styletrf.occupancy import occupied_voxels
 from styletrf.rendering import RenderConfig, render_view
 from styletrf.shrinking import crop_to_occupied, decomposed, shrink
-from styletrf.space import Bounds, ViewRays
+from styletrf.space import Bounds
 from styletrf.tensor_vm import TensorVM
+from styletrf.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 

@@ -8,8 +8,9 @@ import torch
 
 from styletrf.cameras import Camera, project
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
-from styletrf.space import Space, ViewRays
+from styletrf.space import Space
 from styletrf.trajectories import look_at
+from styletrf.view_rays import ViewRays
 
 DOWN = np.array([0.0, 1.0, 0.0])
 

@@ -9,8 +9,9 @@ import torch
 from styletrf.cameras import Camera, in_view, moved, pixel_centers, project, rays_through
 from styletrf.contraction import contraction
 from styletrf.exact_flow import exact_flow
-from styletrf.space import Space, ViewRays
+from styletrf.space import Space
 from styletrf.trajectories import look_at
+from styletrf.view_rays import ViewRays
 
 CAMERAS = pytest.mark.extremes("Cameras: lenses, projection, similarities")
 SPACES = pytest.mark.extremes("Spaces: box, NDC, contraction")

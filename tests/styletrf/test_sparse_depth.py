@@ -10,8 +10,8 @@ from test_space import forward_cameras, points_before
 from styletrf.cameras import project
 from styletrf.kernels import Samples
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
-from styletrf.space import ViewRays
 from styletrf.sparse_depth import DEPTH_WINDOW, depth_loss, sparse_depths
+from styletrf.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 
