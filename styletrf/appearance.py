@@ -7,18 +7,15 @@ The density is a module of its own (`styletrf.field`): several appearances can s
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float, Int64
 from torch import Tensor, nn
 
+from styletrf.field_config import FieldConfig
 from styletrf.kernels import Kernels
 from styletrf.shading import ColorNetwork, PlainColor, Shading
 from styletrf.tensor_vm import TensorVM
-
-if TYPE_CHECKING:
-    from styletrf.field import FieldConfig
 
 
 class Coloring(nn.Module, ABC):
@@ -65,7 +62,7 @@ class Appearance(Coloring):
 
     def __init__(
         self,
-        config: "FieldConfig",
+        config: FieldConfig,
         resolution: Sequence[int],
         generator: torch.Generator | None = None,
     ) -> None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from styletrf.field import FieldConfig
+from styletrf.field_config import FieldConfig
 
 
 @dataclass(frozen=True, slots=True)
