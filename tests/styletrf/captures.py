@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from styletrf.cameras import Camera
+from styletrf.cameras import Camera, project
+from styletrf.point_table import SparsePoints
 from styletrf.trajectories import look_at
 
 GRAVITY = np.array([0.0, 1.0, 0.0])
@@ -62,3 +63,50 @@ def points_of(kind: str) -> np.ndarray:
     if kind == "plain":
         return rng.uniform([-0.5, -0.2, -0.5], [4.5, 0, 4.5], (600, 3))
     return rng.uniform(-1, 1, (600, 3))
+
+
+def forward_cameras(n: int = 9, scale: float = 1.0) -> list[Camera]:
+    """Looking at one place, from near each other."""
+    rng = np.random.default_rng(0)
+    centers = scale * np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)), rng.uniform(-0.1, 0.1, n)])
+    target = scale * np.array([0.0, 0.0, 4.0])
+    return [
+        Camera(f"{k}", 60, 40, 50.0, 50.0, 30.0, 20.0, look_at(center, target, GRAVITY))
+        for k, center in enumerate(centers)
+    ]
+
+
+def orbit_cameras(n: int = 12, scale: float = 1.0) -> list[Camera]:
+    """Around the origin, from above it."""
+    angles = 2 * np.pi * np.arange(n) / n
+    centers = scale * np.column_stack([3 * np.sin(angles), -np.ones(n), 3 * np.cos(angles)])
+    return [
+        Camera(f"{k}", 60, 40, 50.0, 50.0, 30.0, 20.0, look_at(center, np.zeros(3), GRAVITY))
+        for k, center in enumerate(centers)
+    ]
+
+
+def points_before(cameras, scale=1.0):
+    """Sparse points of what such cameras see."""
+    rng = np.random.default_rng(1)
+    forward = (
+        cameras[0].forward_world[2] > 0.5 and len({c.forward_world[2] > 0 for c in cameras}) == 1
+    )
+    if forward:
+        return scale * np.column_stack([rng.uniform(-2, 2, (300, 2)), rng.uniform(2, 8, 300)])
+    return scale * rng.uniform(-1, 1, (300, 3))
+
+
+def seen(cameras, points: np.ndarray) -> SparsePoints:
+    """Every point in every view that has it in its image."""
+    rows = []
+    for k, camera in enumerate(cameras):
+        pixels, depth = project(camera, points)
+        inside = (depth > 0) & (pixels > 0).all(1) & (pixels < [camera.width, camera.height]).all(1)
+        rows += [(p, k, *pixels[p]) for p in np.flatnonzero(inside)]
+    table = np.array(sorted(rows))
+    of = table[:, :2].astype(np.int64)
+    n = len(points)
+    return SparsePoints(
+        points, np.zeros((n, 3), np.uint8), np.zeros(n), of[:, 0], of[:, 1], table[:, 2:]
+    )

@@ -7,11 +7,15 @@ import torch
 from torch import Tensor
 
 from styletrf.cameras import Camera, pixel_centers
-from styletrf.field import FieldConfig
+from styletrf.field import RadianceField
+from styletrf.field_config import FieldConfig
+from styletrf.field_training import train_field
 from styletrf.field_training_config import FieldTrainingConfig
+from styletrf.kernels import kernels_for
 from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from styletrf.trajectories import look_at
 
+KERNELS = kernels_for(torch.device("cpu"))
 SIZE = 20
 MINI_FIT = FieldTrainingConfig(
     tv_views=1,
@@ -53,3 +57,12 @@ def painted_plane(n_views: int = 6) -> MiniScene:
     config = SceneModelConfig(image_long_side=SIZE, max_voxels=20**3)
     model = decide_scene_model(cameras, points, config)
     return MiniScene(model.normalized(cameras), torch.from_numpy(np.stack(images)), model)
+
+
+def fit(scene: MiniScene, config=MINI_FIT, kernels=KERNELS, **more) -> RadianceField:
+    """The field of the scene, by the CPU's kernels; `more` goes to `train_field`."""
+    model = scene.model
+    field, _ = train_field(
+        scene.cameras, scene.images, model.space, model.resolution, config, kernels, **more
+    )
+    return field

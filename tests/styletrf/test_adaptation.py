@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 import torch
-from mini_scene import painted_plane
-from test_field_training import CONFIG, fit
+from mini_scene import MINI_FIT as CONFIG
+from mini_scene import fit, painted_plane
 
 from styletrf.adaptation import AdaptationConfig, adapt_appearance
 from styletrf.kernels import kernels_for

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_rotations import about, any_quaternions
+from quaternions import about, any_quaternions
 
 from styletrf.camera_curve import TURN, CameraCurve, Poses, curve_through, eased, ways_between
 from styletrf.rotations import angles_between, matrices_of

@@ -7,18 +7,18 @@ import pytest
 @pytest.mark.parametrize(
     "module",
     [
-        "colmap",
-        "camera_poses",
-        "colmap_images",
-        "colmap_mapping",
-        "mapping_choice",
-        "reconstruction",
+        "styletrf.colmap",
+        "styletrf.camera_poses",
+        "styletrf.colmap_images",
+        "styletrf.colmap_mapping",
+        "styletrf.mapping_choice",
+        "styletrf.reconstruction",
     ],
 )
 def test_opencv_still_writes_png_after_pycolmap_is_loaded(module):
     """Two copies of zlib in one process, bound crosswise, would end it (see styletrf.colmap)."""
     code = (
-        f"import styletrf.{module}, cv2, numpy as np;"
+        f"import {module}, cv2, numpy as np;"
         "image = np.random.default_rng(0).integers(0, 256, (99, 99, 3), dtype=np.uint8);"
         "assert (cv2.imdecode(cv2.imencode('.png', image)[1], 1) == image).all()"
     )

@@ -9,7 +9,8 @@ from kernel_cases import REFERENCE, generator
 from mini_scene import painted_plane
 
 from styletrf.appearance import Appearance
-from styletrf.field import FieldConfig, RadianceField
+from styletrf.field import RadianceField
+from styletrf.field_config import FieldConfig
 from styletrf.kernels import kernels_for
 from styletrf.mixed_appearance import MixedAppearance
 from styletrf.ray_cache import march_once

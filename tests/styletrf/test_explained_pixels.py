@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from captures import arc
-from test_free_space import seen
+from captures import arc, seen
 
 from styletrf.explained_pixels import explained_pixels
 from styletrf.scene_model import BOX_EXPLAINS, SceneModelConfig, decide_scene_model

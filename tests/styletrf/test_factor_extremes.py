@@ -6,7 +6,8 @@ import pytest
 import torch
 from kernel_cases import REFERENCE, constant_factors, generator
 
-from styletrf.field import FieldConfig, RadianceField, load_field, save_field
+from styletrf.field import RadianceField, load_field, save_field
+from styletrf.field_config import FieldConfig
 from styletrf.kernels import kernels_for
 from styletrf.occupancy import occupied_voxels
 from styletrf.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM

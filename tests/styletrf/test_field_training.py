@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from mini_scene import MINI_FIT, MiniScene, painted_plane
+from mini_scene import MINI_FIT, MiniScene, fit, painted_plane
 
 from styletrf.checkpoints import load_checkpoint
 from styletrf.errors import NotFiniteError
-from styletrf.field import FieldConfig, RadianceField, load_field, save_field, set_occupancy
+from styletrf.field import RadianceField, load_field, save_field, set_occupancy
+from styletrf.field_config import FieldConfig
 from styletrf.field_training import FieldTrainer, train_field
 from styletrf.field_training_config import FieldTrainingConfig
 from styletrf.kernels import kernels_for
@@ -30,14 +31,6 @@ CONFIG = MINI_FIT
 @pytest.fixture(scope="module")
 def scene() -> MiniScene:
     return painted_plane()
-
-
-def fit(scene: MiniScene, config=CONFIG, kernels=KERNELS, **more) -> RadianceField:
-    model = scene.model
-    field, _ = train_field(
-        scene.cameras, scene.images, model.space, model.resolution, config, kernels, **more
-    )
-    return field
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 5, 37])

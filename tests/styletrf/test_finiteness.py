@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from mini_scene import MINI_FIT as CONFIG
 from mini_scene import painted_plane
-from test_field_training import CONFIG
 
 from styletrf.adaptation import AdaptationConfig, adapt_appearance
 from styletrf.camera_table import read_cameras, write_cameras

@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from captures import points_of, room, walk
-from test_space import forward_cameras, orbit_cameras, points_before
+from captures import forward_cameras, orbit_cameras, points_before, points_of, room, seen, walk
 
-from styletrf.cameras import project
 from styletrf.free_space import CELLS, free_space
-from styletrf.point_table import SparsePoints
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
 
 CAPTURES = {
@@ -15,21 +12,6 @@ CAPTURES = {
     "unbounded": lambda: (walk(), 6 * points_of("block")),
     "room": lambda: (room(0), points_of("room")),
 }
-
-
-def seen(cameras, points: np.ndarray) -> SparsePoints:
-    """Every point in every view that has it in its image."""
-    rows = []
-    for k, camera in enumerate(cameras):
-        pixels, depth = project(camera, points)
-        inside = (depth > 0) & (pixels > 0).all(1) & (pixels < [camera.width, camera.height]).all(1)
-        rows += [(p, k, *pixels[p]) for p in np.flatnonzero(inside)]
-    table = np.array(sorted(rows))
-    of = table[:, :2].astype(np.int64)
-    n = len(points)
-    return SparsePoints(
-        points, np.zeros((n, 3), np.uint8), np.zeros(n), of[:, 0], of[:, 1], table[:, 2:]
-    )
 
 
 def cells_of(model, points: np.ndarray) -> np.ndarray:

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from captures import arc, points_of
-from test_space import forward_cameras, points_before
+from captures import arc, forward_cameras, points_before, points_of
 
 from styletrf.configuration import configured
 from styletrf.errors import InputError

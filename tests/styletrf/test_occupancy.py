@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from styletrf.field import Density, FieldConfig
+from styletrf.field import Density
+from styletrf.field_config import FieldConfig
 from styletrf.kernels import kernels_for
 from styletrf.occupancy import occupied_voxels
 

@@ -8,7 +8,7 @@ from kernel_cases import generator
 
 from styletrf.adaptation import AdaptationConfig, optimizer_of, take_step
 from styletrf.appearance import Appearance
-from styletrf.field import FieldConfig
+from styletrf.field_config import FieldConfig
 from styletrf.kernels.thinning import Thinning, thinned
 
 pytestmark = pytest.mark.extremes("Optimiser and gradients")

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from captures import arc, looking
-from test_free_space import seen
+from captures import arc, looking, seen
 
 from styletrf.parallax import LEAST_PARALLAX, parallax_share
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from mini_scene import painted_plane
-from test_field_training import CONFIG, fit
+from mini_scene import MINI_FIT as CONFIG
+from mini_scene import fit, painted_plane
 
 from styletrf.frames import rendered
 from styletrf.power_choice import PowerChoiceConfig, choose_weight_power

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import torch
 from kernel_cases import REFERENCE, doubled, generator, segments_between
+from mini_scene import MINI_FIT as CONFIG
 from mini_scene import painted_plane
-from test_field_training import CONFIG
 
 from styletrf.cameras import Camera
-from styletrf.field import FieldConfig, RadianceField, set_occupancy
+from styletrf.field import RadianceField, set_occupancy
+from styletrf.field_config import FieldConfig
 from styletrf.field_training import train_field
 from styletrf.kernels import kernels_for
 from styletrf.occupancy import occupied_voxels

@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 from kernel_cases import segments_between
-from mini_scene import painted_plane
-from test_field_training import CONFIG, fit
+from mini_scene import MINI_FIT as CONFIG
+from mini_scene import fit, painted_plane
 
-from styletrf.field import Appearance, FieldConfig, set_occupancy
+from styletrf.field import Appearance, set_occupancy
+from styletrf.field_config import FieldConfig
 from styletrf.kernels import Samples, kernels_for
 from styletrf.rendering import LEAST_OPACITY, RenderConfig, median_depth, render_color, render_view
 from styletrf.view_rays import ViewRays

@@ -2,19 +2,9 @@
 
 import numpy as np
 import pytest
+from quaternions import about, any_quaternions
 
 from styletrf.rotations import aligned, angles_between, matrices_of, quaternions_of, slerp
-
-
-def any_quaternions(n: int = 200, seed: int = 0) -> np.ndarray:
-    values = np.random.default_rng(seed).normal(size=(n, 4))
-    return values / np.linalg.norm(values, axis=1, keepdims=True)
-
-
-def about(axis: int, angle_rad: float) -> np.ndarray:
-    quaternion = np.zeros(4)
-    quaternion[0], quaternion[1 + axis] = np.cos(angle_rad / 2), np.sin(angle_rad / 2)
-    return quaternion[None]
 
 
 def test_matrices_and_back_are_the_same_rotation():

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from captures import points_of, walk
-from test_space import forward_cameras, orbit_cameras, points_before
+from captures import forward_cameras, orbit_cameras, points_before, points_of, walk
 
 from styletrf.errors import InputError
 from styletrf.exposure_choice import ExposureEvidence

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import pytest
 import torch
-from mini_scene import painted_plane
-from test_field_training import CONFIG, fit
+from mini_scene import MINI_FIT as CONFIG
+from mini_scene import fit, painted_plane
 
-from styletrf.field import FieldConfig, RadianceField, load_field, save_field, set_occupancy
+from styletrf.field import RadianceField, load_field, save_field, set_occupancy
+from styletrf.field_config import FieldConfig
 from styletrf.kernels import kernels_for
 from styletrf.occupancy import occupied_voxels
 from styletrf.rendering import RenderConfig, render_view

@@ -5,43 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from captures import forward_cameras, orbit_cameras, points_before
 
 from styletrf.cameras import Camera, project
 from styletrf.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.space import Space
-from styletrf.trajectories import look_at
 from styletrf.view_rays import ViewRays
-
-DOWN = np.array([0.0, 1.0, 0.0])
-
-
-def forward_cameras(n: int = 9, scale: float = 1.0) -> list[Camera]:
-    rng = np.random.default_rng(0)
-    centers = scale * np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)), rng.uniform(-0.1, 0.1, n)])
-    target = scale * np.array([0.0, 0.0, 4.0])
-    return [
-        Camera(f"{k}", 60, 40, 50.0, 50.0, 30.0, 20.0, look_at(center, target, DOWN))
-        for k, center in enumerate(centers)
-    ]
-
-
-def orbit_cameras(n: int = 12, scale: float = 1.0) -> list[Camera]:
-    angles = 2 * np.pi * np.arange(n) / n
-    centers = scale * np.column_stack([3 * np.sin(angles), -np.ones(n), 3 * np.cos(angles)])
-    return [
-        Camera(f"{k}", 60, 40, 50.0, 50.0, 30.0, 20.0, look_at(center, np.zeros(3), DOWN))
-        for k, center in enumerate(centers)
-    ]
-
-
-def points_before(cameras, scale=1.0):
-    rng = np.random.default_rng(1)
-    forward = (
-        cameras[0].forward_world[2] > 0.5 and len({c.forward_world[2] > 0 for c in cameras}) == 1
-    )
-    if forward:
-        return scale * np.column_stack([rng.uniform(-2, 2, (300, 2)), rng.uniform(2, 8, 300)])
-    return scale * rng.uniform(-1, 1, (300, 3))
 
 
 @pytest.mark.extremes("Spaces: box, NDC, contraction")

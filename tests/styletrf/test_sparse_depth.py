@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from captures import points_of, room
-from test_free_space import seen
-from test_space import forward_cameras, points_before
+from captures import forward_cameras, points_before, points_of, room, seen
 
 from styletrf.cameras import project
 from styletrf.kernels import Samples

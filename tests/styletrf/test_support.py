@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from mini_scene import painted_plane
-from test_field_training import CONFIG as FIT
-from test_field_training import fit
+from mini_scene import MINI_FIT as FIT
+from mini_scene import fit, painted_plane
 from test_trajectories import modelled
 
 from styletrf.cameras import Camera, pixel_centers, points_at_depth, project

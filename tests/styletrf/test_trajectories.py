@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 import torch
-from captures import arc, nadir, points_of, room, walk
-from test_space import forward_cameras, orbit_cameras, points_before
+from captures import (
+    arc,
+    forward_cameras,
+    nadir,
+    orbit_cameras,
+    points_before,
+    points_of,
+    room,
+    walk,
+)
 
 from styletrf.configuration import configured
 from styletrf.courtyard.capture import CourtyardConfig, courtyard_cameras

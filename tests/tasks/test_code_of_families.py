@@ -166,7 +166,7 @@ def test_an_edit_changes_exactly_what_depends_on_it(
 
 def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
     users = {"RadianceField", "QualityMetrics", "SceneReport", "TrajectoryFrames"}
-    for path in project.folder.glob("*/*.py"):
+    for path in project.folder.rglob("*.py"):
         if "read_split" in path.read_text():
             project.edit(path.relative_to(project.folder), r"\bread_split\b", "split_read")
     assert project.changed() == users
