@@ -1,4 +1,4 @@
-"""`python -m styletrf.courtyard DIR`: writes the embedded scene as a folder of photographs."""
+"""`python -m styletrf.courtyard DIR`: writes the embedded scene as photographs."""
 
 import argparse
 import sys
