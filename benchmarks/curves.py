@@ -18,7 +18,7 @@ from typing import Any
 from field import settings_of, timed_steps, trainer_of
 from given_scenes import load_given_scene
 
-from styletrf.field_training import CURVE_EVERY
+from styletrf.field.training.trainer import CURVE_EVERY
 
 CURVES: dict[str, list[Any]] = {
     "training.steps_per_voxel": [0.175, 0.35, 0.7, 1.4],

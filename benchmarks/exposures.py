@@ -23,28 +23,28 @@ import numpy as np
 import torch
 
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras, read_fitted_rows
-from styletrf.cameras import Camera
-from styletrf.exposed_image import psnr_exposed
-from styletrf.exposure_choice import ExposureEvidence, exposure_evidence
-from styletrf.exposures import MIDDLE
-from styletrf.field import RadianceField
-from styletrf.field_training import train_field
-from styletrf.field_training_config import FieldTrainingConfig
-from styletrf.frames import rendered
-from styletrf.free_space import free_space
-from styletrf.geometric_consistency import corresponding, geometric_errors
-from styletrf.images import from_integers, read_rgb, to_integers
-from styletrf.kernels import kernels_for
-from styletrf.metrics import Image, psnr
-from styletrf.observed_colors import observed_colors
-from styletrf.point_table import SparsePoints, read_points
-from styletrf.rendering import RenderConfig
-from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
-from styletrf.sparse_depth import sparse_depths
-from styletrf.trajectories import TrajectoryConfig, fly_through
-from styletrf.view_dependence import ViewDependence, view_dependence
-from styletrf.view_exposures import view_exposures
+from styletrf.evaluation.exposed_image import psnr_exposed
+from styletrf.evaluation.geometric_consistency import corresponding, geometric_errors
+from styletrf.evaluation.metrics import Image, psnr
+from styletrf.field.kernels import kernels_for
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.rendering import RenderConfig
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.sparse_depth import sparse_depths
+from styletrf.field.training.trainer import train_field
+from styletrf.field.training.view_exposures import view_exposures
+from styletrf.files.images import from_integers, read_rgb, to_integers
+from styletrf.geometry.camera_table import read_cameras, read_fitted_rows
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.point_table import SparsePoints, read_points
+from styletrf.scene.exposure_choice import ExposureEvidence, exposure_evidence
+from styletrf.scene.exposures import MIDDLE
+from styletrf.scene.free_space import free_space
+from styletrf.scene.observed_colors import observed_colors
+from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
+from styletrf.scene.view_dependence import ViewDependence, view_dependence
+from styletrf.trajectory.frames import rendered
+from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
 from tasks.scene import CameraPoses
 
 CPU = torch.device("cpu")

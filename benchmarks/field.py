@@ -22,18 +22,18 @@ import numpy as np
 import torch
 from given_scenes import GivenScene, load_given_scene
 
-from styletrf.cameras import resized
 from styletrf.configuration import configured
-from styletrf.field import RadianceField, load_field, save_field
-from styletrf.field_training import FieldTrainer
-from styletrf.field_training_config import FieldTrainingConfig
-from styletrf.frames import rendered
-from styletrf.images import from_integers, write_rgb
-from styletrf.kernels import kernels_for
-from styletrf.metrics import psnr
-from styletrf.rendering import RenderConfig
-from styletrf.scene_model import SceneModelConfig
-from styletrf.shrinking import shrink
+from styletrf.evaluation.metrics import psnr
+from styletrf.field.kernels import kernels_for
+from styletrf.field.radiance_field import RadianceField, load_field, save_field
+from styletrf.field.rendering import RenderConfig
+from styletrf.field.shrinking import shrink
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.trainer import FieldTrainer
+from styletrf.files.images import from_integers, write_rgb
+from styletrf.geometry.cameras import resized
+from styletrf.scene.scene_model import SceneModelConfig
+from styletrf.trajectory.frames import rendered
 from tasks.qualities import QUALITIES, settings_for
 
 EXHAUSTIVE = RenderConfig(termination=1e-4, min_weight=0.0)

@@ -9,16 +9,16 @@ import torch
 from torch import Tensor
 
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras, read_fitted_rows, read_split
-from styletrf.cameras import Camera
-from styletrf.explained_pixels import explained_pixels
-from styletrf.free_space import free_space
-from styletrf.images import read_rgb
-from styletrf.masks import mask_of_view
-from styletrf.point_table import read_points
-from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
-from styletrf.sparse_depth import SparseDepths, sparse_depths
-from styletrf.views import load_views
+from styletrf.capture.masks import mask_of_view
+from styletrf.capture.views import load_views
+from styletrf.field.training.sparse_depth import SparseDepths, sparse_depths
+from styletrf.files.images import read_rgb
+from styletrf.geometry.camera_table import read_cameras, read_fitted_rows, read_split
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.point_table import read_points
+from styletrf.scene.explained_pixels import explained_pixels
+from styletrf.scene.free_space import free_space
+from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from tasks.scene import CameraPoses
 
 

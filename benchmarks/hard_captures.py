@@ -27,13 +27,13 @@ from hard_photographs import FOREIGN, MAKERS, Source, photographs_of
 from pipeline.errors import TaskFailure
 from pipeline.settings import data_root
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras
-from styletrf.courtyard import CourtyardConfig
-from styletrf.courtyard.folder import write_courtyard
-from styletrf.given_poses import GivenView, Lens
-from styletrf.images import write_png
-from styletrf.pose_formats import find_given_poses
-from styletrf.procedural_images import procedural_image
+from styletrf.capture.poses.given_poses import GivenView, Lens
+from styletrf.capture.poses.pose_formats import find_given_poses
+from styletrf.content.procedural_images import procedural_image
+from styletrf.files.images import write_png
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.synthetic.courtyard import CourtyardConfig
+from styletrf.synthetic.courtyard.folder import write_courtyard
 from tasks.metrics import QualityMetrics
 from tasks.scene import CameraPoses, SceneCapture
 from tasks.stage import Stage

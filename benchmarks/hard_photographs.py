@@ -13,9 +13,9 @@ from shutil import copyfile
 import cv2
 import numpy as np
 
-from styletrf.given_poses import GivenView
-from styletrf.photographs import list_photographs, read_photograph
-from styletrf.video import write_video
+from styletrf.capture.photographs import list_photographs, read_photograph
+from styletrf.capture.poses.given_poses import GivenView
+from styletrf.files.video import write_video
 
 JPEG_QUALITY = 95
 FOREIGN = 5

@@ -8,15 +8,20 @@ from typing import Any
 import numpy as np
 
 from pipeline.settings import data_root
-from styletrf.efficientnet_lite import load_efficientnet
-from styletrf.float_images import read_float_image
-from styletrf.images import read_rgb
-from styletrf.metrics import Image
-from styletrf.photographs import PHOTOGRAPH_SUFFIXES
-from styletrf.picture_traits import Judge, PictureTraits, nearest_painting
-from styletrf.resemblance import ResemblanceConfig, chosen_views, frame_resemblance, summary
-from styletrf.style_image import read_style_image
-from styletrf.vgg import load_vgg
+from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES
+from styletrf.evaluation.metrics import Image
+from styletrf.evaluation.resemblance.efficientnet_lite import load_efficientnet
+from styletrf.evaluation.resemblance.frame_resemblance import (
+    ResemblanceConfig,
+    chosen_views,
+    frame_resemblance,
+    summary,
+)
+from styletrf.evaluation.resemblance.picture_traits import Judge, PictureTraits, nearest_painting
+from styletrf.files.float_images import read_float_image
+from styletrf.files.images import read_rgb
+from styletrf.style.perceptual.vgg import load_vgg
+from styletrf.style.style_image import read_style_image
 
 EMBEDDED = Path(__file__).parents[1] / "data" / "styles"
 _ROTATIONS, _KNOTS, _SAMPLES = 20, 257, 20000  # of `with_colors_of`

@@ -19,8 +19,8 @@ from typing import Any
 from field import EXHAUSTIVE, colors, frame_row, measurements, settings_of
 from given_scenes import GivenScene, load_given_scene
 
-from styletrf.field import RadianceField, load_field
-from styletrf.rendering import RenderConfig
+from styletrf.field.radiance_field import RadianceField, load_field
+from styletrf.field.rendering import RenderConfig
 
 FIT = {
     "model.max_voxels": [128**3, 320**3],

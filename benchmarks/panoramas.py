@@ -3,7 +3,7 @@
     panoramas.py make FOLDER [--count 12] [--width 2048]
     panoramas.py poses FOLDER [--untied]
 
-`make` renders equirectangular panoramas along the walk of `styletrf.courtyard` into
+`make` renders equirectangular panoramas along the walk of `styletrf.synthetic.courtyard` into
 `FOLDER/images`; `FOLDER/poses.npy` holds world_from_panorama (count, 3, 4). `poses` cuts them,
 solves the poses of the views and compares these with the true ones; untied, each view is a
 photograph of its own for COLMAP.
@@ -20,15 +20,15 @@ import numpy as np
 from tqdm import tqdm
 from truth import agreement
 
-from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
-from styletrf.camera_table import read_cameras
-from styletrf.cameras import Camera
-from styletrf.courtyard import CourtyardConfig
-from styletrf.courtyard.panorama import render_panorama
-from styletrf.courtyard.paths import walk_poses
-from styletrf.images import write_png
-from styletrf.panorama_views import panorama_from_view
-from styletrf.scene_capture import capture_photographs
+from styletrf.capture.panorama.panorama_views import panorama_from_view
+from styletrf.capture.scene_capture import capture_photographs
+from styletrf.files.images import write_png
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.geometry.cameras import Camera
+from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
+from styletrf.synthetic.courtyard import CourtyardConfig
+from styletrf.synthetic.courtyard.panorama import render_panorama
+from styletrf.synthetic.courtyard.paths import walk_poses
 
 
 def make(folder: Path, count: int, width: int) -> None:
@@ -80,7 +80,7 @@ def main() -> None:
     if options.what == "make":
         make(options.folder, options.count, options.width)
     elif options.untied:
-        with patch("styletrf.colmap_mapping.tie_views"):
+        with patch("styletrf.sfm.colmap_mapping.tie_views"):
             poses(options.folder)
     else:
         poses(options.folder)

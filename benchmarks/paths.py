@@ -13,13 +13,13 @@ import luigi
 import torch
 
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras, read_split
-from styletrf.chosen_path import chosen_path
-from styletrf.field import load_field
-from styletrf.frames import FramesConfig
-from styletrf.scene_model import read_scene_model
-from styletrf.support import Support, SupportMeter
-from styletrf.supported_path import supported_fly_through
+from styletrf.field.radiance_field import load_field
+from styletrf.geometry.camera_table import read_cameras, read_split
+from styletrf.scene.scene_model import read_scene_model
+from styletrf.trajectory.chosen_path import chosen_path
+from styletrf.trajectory.frames import FramesConfig
+from styletrf.trajectory.support import Support, SupportMeter
+from styletrf.trajectory.supported_path import supported_fly_through
 from tasks.field import RadianceField
 
 NAMES = ("orbit", "spiral", "dolly", "photographs")

@@ -30,11 +30,11 @@ from jury import Jury, Result
 
 from pipeline.settings import data_root
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras
-from styletrf.images import read_rgb
+from styletrf.capture.user_folders import find_style
+from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig, chosen_views
+from styletrf.files.images import read_rgb
+from styletrf.geometry.camera_table import read_cameras
 from styletrf.progress import silent
-from styletrf.resemblance import ResemblanceConfig, chosen_views
-from styletrf.user_folders import find_style
 from tasks.style import PerceptualWeights
 from tasks.stylization import StylizedFrames
 

@@ -24,28 +24,28 @@ import cv2
 import torch
 
 from pipeline.settings import data_root
+from styletrf.capture.user_folders import find_style
 from styletrf.configuration import configured
-from styletrf.content_batches import content_batches, read_content
-from styletrf.content_images import ContentConfig, write_content_images
-from styletrf.content_sources import ContentSource, folder_source
-from styletrf.images import read_rgb, write_rgb
-from styletrf.perceptual_loss import perceptual_loss, shrunk, style_grams
-from styletrf.steadiness import SteadinessConfig, disturbed, steadiness
-from styletrf.style_image import read_style_image
-from styletrf.style_network import (
+from styletrf.content.content_batches import content_batches, read_content
+from styletrf.content.content_images import ContentConfig, write_content_images
+from styletrf.content.content_sources import ContentSource, folder_source
+from styletrf.files.images import read_rgb, write_rgb
+from styletrf.style.perceptual.perceptual_loss import perceptual_loss, shrunk, style_grams
+from styletrf.style.perceptual.vgg import VGG16, load_vgg
+from styletrf.style.style_image import read_style_image
+from styletrf.style.style_network import (
     PaintingNetwork,
     StyleNetwork,
     StyleNetworkConfig,
     save_style_network,
     stylize,
 )
-from styletrf.style_step import StyleStep
-from styletrf.style_training import begin
-from styletrf.style_training_config import StyleTrainingConfig
-from styletrf.transfer_network import TransferNetwork, TransferNetworkConfig
-from styletrf.transfer_weights import load_style_transfer
-from styletrf.user_folders import find_style
-from styletrf.vgg import VGG16, load_vgg
+from styletrf.style.training.config import StyleTrainingConfig
+from styletrf.style.training.step import StyleStep
+from styletrf.style.training.temporal_loss import SteadinessConfig, disturbed, steadiness
+from styletrf.style.training.trainer import begin
+from styletrf.style.transfer.network import TransferNetwork, TransferNetworkConfig
+from styletrf.style.transfer.weights import load_style_transfer
 from tasks.qualities import QUALITIES, settings_for
 
 HOLD_OUT_EVERY, HELD_OUT_PX = 8, 256

@@ -23,21 +23,26 @@ import luigi
 import torch
 
 from pipeline.task import artifact
-from styletrf.adaptation import AdaptationConfig, fit_appearance
-from styletrf.camera_table import read_cameras
-from styletrf.color_transfer import in_colors
+from styletrf.capture.view_images import view_images
 from styletrf.configuration import configured
-from styletrf.field import RadianceField, load_stylized_field
-from styletrf.float_images import read_float_image
-from styletrf.frames import rendered
-from styletrf.images import read_rgb
-from styletrf.metrics import psnr
-from styletrf.painting import network_painter, painted
-from styletrf.ray_cache import RayBatch, march_once
-from styletrf.rendering import RenderConfig, Rendering
-from styletrf.stylization import Stylization, StylizationConfig, load_stylization, stylized
-from styletrf.view_images import view_images
-from styletrf.view_rays import ViewRays
+from styletrf.evaluation.metrics import psnr
+from styletrf.field.radiance_field import RadianceField, load_stylized_field
+from styletrf.field.ray_cache import RayBatch, march_once
+from styletrf.field.rendering import RenderConfig, Rendering
+from styletrf.field.view_rays import ViewRays
+from styletrf.files.float_images import read_float_image
+from styletrf.files.images import read_rgb
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.stylization.adaptation import AdaptationConfig, fit_appearance
+from styletrf.stylization.color_transfer import in_colors
+from styletrf.stylization.painters import network_painter, painted
+from styletrf.stylization.strategies import (
+    Stylization,
+    StylizationConfig,
+    load_stylization,
+    stylized,
+)
+from styletrf.trajectory.frames import rendered
 from tasks.qualities import settings_for
 from tasks.stylization import StylizedField
 

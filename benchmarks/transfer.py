@@ -19,12 +19,12 @@ import numpy as np
 import onnxruntime
 import torch
 
-from styletrf.images import read_rgb
-from styletrf.packaged_weights import read_packaged
-from styletrf.style_network import stylize
-from styletrf.style_predictor import style_embedding
-from styletrf.transfer_network import conditioned
-from styletrf.transfer_weights import (
+from styletrf.files.images import read_rgb
+from styletrf.files.packaged_weights import read_packaged
+from styletrf.style.style_network import stylize
+from styletrf.style.transfer.network import conditioned
+from styletrf.style.transfer.style_predictor import style_embedding
+from styletrf.style.transfer.weights import (
     PACKAGE,
     PREDICT,
     TRANSFORM,

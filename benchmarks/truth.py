@@ -6,7 +6,7 @@
 
 `poses` solves the poses of a scene that came with some, and compares the two after the similarity
 that fits the centres best. `depth` compares a field's median depth at held-out views of a courtyard
-(`python -m styletrf.courtyard`) with the exact one, in units of the scene's median depth.
+(`python -m styletrf.synthetic.courtyard`) with the exact one, in units of the scene's median depth.
 `flow` fits a field to a courtyard with its exact cameras, and compares the flow between nearby
 views by the field's depth with the exact one, where both say that the other view sees the place.
 """
@@ -26,16 +26,16 @@ from field import settings_of
 from given_scenes import load_given_scene
 
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras
-from styletrf.cameras import Camera, fitted_to, pixel_centers
-from styletrf.courtyard import CourtyardConfig, capture_courtyard
-from styletrf.courtyard import render_view as photographed
-from styletrf.exact_flow import exact_flow
-from styletrf.field import load_field
-from styletrf.field_training import train_field
-from styletrf.frames import rendered
-from styletrf.kernels import kernels_for
-from styletrf.scene_model import decide_scene_model
+from styletrf.field.kernels import kernels_for
+from styletrf.field.radiance_field import load_field
+from styletrf.field.training.trainer import train_field
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
+from styletrf.geometry.exact_flow import exact_flow
+from styletrf.scene.scene_model import decide_scene_model
+from styletrf.synthetic.courtyard import CourtyardConfig, capture_courtyard
+from styletrf.synthetic.courtyard import render_view as photographed
+from styletrf.trajectory.frames import rendered
 from tasks.scene import CameraPoses
 
 

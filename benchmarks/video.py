@@ -4,11 +4,11 @@
     video.py poses walk.mp4 [--every 2] [--photographs] [--set video_octave=-1]
 
 `film` writes the clip and, beside it, the true cameras of its frames: the walk of
-`styletrf.courtyard` at an even pace, once around, with a rest of five seconds after a third and a
-swing aside after two thirds. The hand shakes by about half a degree; while the shutter is open for
-1/60 s the view turns, which blurs the picture; the sensor adds noise. `poses` solves the poses of
-all frames and compares them with the true ones; as photographs, the frames do not know their times.
-The seconds are of the processor.
+`styletrf.synthetic.courtyard` at an even pace, once around, with a rest of five seconds after a
+third and a swing aside after two thirds. The hand shakes by about half a degree; while the shutter
+is open for 1/60 s the view turns, which blurs the picture; the sensor adds noise. `poses` solves
+the poses of all frames and compares them with the true ones; as photographs, the frames do not know
+their times. The seconds are of the processor.
 """
 
 import argparse
@@ -26,14 +26,14 @@ import numpy as np
 from tqdm import tqdm
 from truth import agreement
 
-from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
-from styletrf.camera_table import read_cameras, write_cameras
-from styletrf.cameras import Camera
-from styletrf.capture_file import Capture, Photograph, write_capture
-from styletrf.courtyard import CourtyardConfig, render_view
-from styletrf.courtyard.paths import walk_poses
-from styletrf.images import write_png
-from styletrf.video import timed_frames, write_video
+from styletrf.capture.capture_file import Capture, Photograph, write_capture
+from styletrf.files.images import write_png
+from styletrf.files.video import timed_frames, write_video
+from styletrf.geometry.camera_table import read_cameras, write_cameras
+from styletrf.geometry.cameras import Camera
+from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
+from styletrf.synthetic.courtyard import CourtyardConfig, render_view
+from styletrf.synthetic.courtyard.paths import walk_poses
 
 SHUTTER_S = 1 / 60
 REST_S, SWING_S = 5.0, 2.0

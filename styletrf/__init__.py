@@ -1,12 +1,14 @@
-"""The numerics of StyleTRF, as plain functions and small structs.
+"""The numerics of StyleTRF (Goel et al., ICVGIP 2022), as plain functions and small structs.
 
-A scene is photographs (`photographs`), their cameras (`camera_poses`, `cameras`) and the model it
-needs (`scene_model`). A radiance field (`field`, `field_training`) is fitted with the kernels in
-`kernels`, rendered (`rendering`), painted by a style network (`style_network`, `style_training`) on
-a few priors, and its appearance adapted to them (`adaptation`). `metrics` and `consistency`
-measure.
+Photographs (`capture`) get cameras and sparse points (`sfm`) and the model that they ask for
+(`scene`). A TensoRF (`field`) is fitted to them and rendered along a path (`trajectory`). A
+network learns a painting (`style`) from photographs (`content`); the field's appearance
+takes the style of a few stylised renders (`stylization`). `evaluation` measures and `reports`
+shows. `geometry` and `files` are what all of these share, `synthetic` makes test data.
 
-Importing this package loads no torch. Conventions stand in `docs/conventions.md`.
+Each package's docstring tells what enters, what leaves, and where to begin. Importing this
+package loads no torch. Conventions stand in `docs/conventions.md`, the order of the packages
+in `docs/architecture.md`.
 """
 
 __version__ = "0.1.0"

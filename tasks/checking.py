@@ -82,21 +82,21 @@ def require_room(root: Path) -> None:
 
 def configurations() -> dict[str, type]:
     """Returns the configuration of each stage that takes settings, by family."""
-    from styletrf.camera_poses import CameraPosesConfig
-    from styletrf.consistency import ConsistencyConfig
-    from styletrf.content_images import ContentConfig
-    from styletrf.field_training_config import FieldTrainingConfig
-    from styletrf.frames import FramesConfig
-    from styletrf.gatys import GatysConfig
-    from styletrf.priors import PriorsConfig
-    from styletrf.quality import QualityConfig
-    from styletrf.rendering import RenderConfig
-    from styletrf.resemblance import ResemblanceConfig
-    from styletrf.scene_capture import CaptureConfig
-    from styletrf.scene_model import SceneModelConfig
-    from styletrf.style_training_config import StyleTrainingConfig
-    from styletrf.stylization import StylizationConfig
-    from styletrf.stylization_loss import StylizationLossConfig
+    from styletrf.capture.scene_capture import CaptureConfig
+    from styletrf.content.content_images import ContentConfig
+    from styletrf.evaluation.consistency import ConsistencyConfig
+    from styletrf.evaluation.quality import QualityConfig
+    from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig
+    from styletrf.evaluation.stylization_loss import StylizationLossConfig
+    from styletrf.field.rendering import RenderConfig
+    from styletrf.field.training.config import FieldTrainingConfig
+    from styletrf.scene.scene_model import SceneModelConfig
+    from styletrf.sfm.camera_poses import CameraPosesConfig
+    from styletrf.style.gatys import GatysConfig
+    from styletrf.style.training.config import StyleTrainingConfig
+    from styletrf.stylization.priors import PriorsConfig
+    from styletrf.stylization.strategies import StylizationConfig
+    from styletrf.trajectory.frames import FramesConfig
 
     return {
         "CameraPoses": CameraPosesConfig,
@@ -126,9 +126,9 @@ def _path_of(stage: luigi.Task) -> tuple[str, str] | None:
 
 def _require_path(file: str, scene: str) -> None:
     """Refuses a file that is no path, or that cannot be placed in a scene."""
-    from styletrf.path_files import read_path, require_common_world, require_photographs
-    from styletrf.photographs import PHOTOGRAPH_SUFFIXES
-    from styletrf.user_folders import find_scene, scene_files
+    from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES
+    from styletrf.capture.user_folders import find_scene, scene_files
+    from styletrf.trajectory.path_files import read_path, require_common_world, require_photographs
 
     keys, files = read_path(Path(file)), list[Path]()
     with suppress(InputError):  # which the scene's own stage reports

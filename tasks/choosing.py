@@ -13,8 +13,8 @@ from typing import Any
 
 from pipeline.parameters import ChoiceParameter
 from styletrf.errors import InputError
-from styletrf.pareto_front import best_in, fastest_within
-from styletrf.trade_off import Combination
+from styletrf.evaluation.pareto_front import best_in, fastest_within
+from styletrf.evaluation.trade_off import Combination
 
 SHIPPED = Path(__file__).with_name("fronts")
 _WITHIN = re.compile(r"within\s+(\d+(?:\.\d+)?)\s*dB", re.IGNORECASE)

@@ -34,20 +34,20 @@ class RadianceField(TunedStage):
         """Fit the field."""
         import torch
 
-        from styletrf.camera_table import read_fitted_rows, read_split
+        from styletrf.capture.views import load_views
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.field import save_field
-        from styletrf.field_training import train_field
-        from styletrf.field_training_config import FieldTrainingConfig
-        from styletrf.free_space import free_space
-        from styletrf.kernels import kernels_for
-        from styletrf.point_table import read_points
-        from styletrf.scene_model import read_scene_model
-        from styletrf.sparse_depth import sparse_depths
-        from styletrf.tables import write_curve
-        from styletrf.view_exposures import view_exposures
-        from styletrf.views import load_views
+        from styletrf.field.kernels import kernels_for
+        from styletrf.field.radiance_field import save_field
+        from styletrf.field.training.config import FieldTrainingConfig
+        from styletrf.field.training.sparse_depth import sparse_depths
+        from styletrf.field.training.trainer import train_field
+        from styletrf.field.training.view_exposures import view_exposures
+        from styletrf.files.tables import write_curve
+        from styletrf.geometry.camera_table import read_fitted_rows, read_split
+        from styletrf.geometry.point_table import read_points
+        from styletrf.scene.free_space import free_space
+        from styletrf.scene.scene_model import read_scene_model
 
         device = device_named(self.device)
         model = read_scene_model(inputs["model"] / "scene.json")
@@ -119,7 +119,7 @@ class PathRenders(ShardedStage, PathControls):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the path, or put its parts together."""
-        from styletrf.frames import float_frames, join_float_frames, write_clip
+        from styletrf.trajectory.frames import float_frames, join_float_frames, write_clip
 
         config = self.config(self.values())
         if parts := parts_in(inputs):
@@ -130,11 +130,11 @@ class PathRenders(ShardedStage, PathControls):
             write_clip(out / "video.mp4", float_frames(out), config.frames_per_second)
 
     def _render(self, inputs: Mapping[str, Path], out: Path, config: Any, run: RunContext) -> None:
-        from styletrf.camera_table import read_cameras
         from styletrf.devices import device_named
-        from styletrf.field import load_field
-        from styletrf.frames import rendered, write_float_frames
-        from styletrf.scene_model import read_scene_model
+        from styletrf.field.radiance_field import load_field
+        from styletrf.geometry.camera_table import read_cameras
+        from styletrf.scene.scene_model import read_scene_model
+        from styletrf.trajectory.frames import rendered, write_float_frames
 
         model = read_scene_model(inputs["model"] / "scene.json")
         posed = read_cameras(inputs["poses"] / "cameras.parquet")
@@ -162,16 +162,16 @@ class PriorRenders(PathRenders):
     def config(self, values: Mapping[str, Any]) -> Any:
         """Candidates, choice and renders."""
         from styletrf.configuration import configured
-        from styletrf.priors import PriorsConfig
+        from styletrf.stylization.priors import PriorsConfig
 
         return configured(PriorsConfig, values)
 
     def cameras(self, given: PathSource, out: Path) -> list[Any]:
         """The viewpoints, of those that fill what the fly-through goes around, that are needed."""
         from styletrf.devices import device_named
-        from styletrf.field import load_field
-        from styletrf.priors import needed_views
-        from styletrf.trajectories import prior_views
+        from styletrf.field.radiance_field import load_field
+        from styletrf.stylization.priors import needed_views
+        from styletrf.trajectory.trajectories import prior_views
 
         candidates = prior_views(given.photographed, given.model, given.config.trajectory)
         return needed_views(
@@ -218,21 +218,21 @@ class TrajectoryFrames(PathRenders):
     def config(self, values: Mapping[str, Any]) -> Any:
         """Path and renders."""
         from styletrf.configuration import configured
-        from styletrf.frames import FramesConfig
+        from styletrf.trajectory.frames import FramesConfig
 
         return configured(FramesConfig, values)
 
     def cameras(self, given: PathSource, out: Path) -> list[Any]:
         """The fly-through, as wide as photographs support it; or the path that is asked for."""
-        from styletrf.camera_table import read_split
-        from styletrf.chosen_path import chosen_path, default_path
+        from styletrf.capture.poses.given_poses import poses_are_given
         from styletrf.devices import device_named
-        from styletrf.field import load_field
-        from styletrf.given_poses import poses_are_given
-        from styletrf.lenses import at_size
-        from styletrf.support import SupportMeter
-        from styletrf.supported_path import SupportedPath, write_support
-        from styletrf.tables import read_summary
+        from styletrf.field.radiance_field import load_field
+        from styletrf.files.tables import read_summary
+        from styletrf.geometry.camera_table import read_split
+        from styletrf.geometry.lenses import at_size
+        from styletrf.trajectory.chosen_path import chosen_path, default_path
+        from styletrf.trajectory.support import SupportMeter
+        from styletrf.trajectory.supported_path import SupportedPath, write_support
 
         poses, model, config = given.inputs["poses"], given.model, given.config
         fitted = model.normalized(read_split(poses / "cameras.parquet")[0])

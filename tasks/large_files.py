@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.digest import file_digest
 from pipeline.settings import current_store
-from styletrf.whole_files import whole_file
+from styletrf.files.whole_files import whole_file
 
 _TICK_S = 2.0  # of the coarsest clock of a file system: what changes twice within it looks the same
 

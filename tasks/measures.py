@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from styletrf.metric_table import Figure, Metric, MetricTable
+from styletrf.reports.metric_table import Figure, Metric, MetricTable
 
 NOT_MEASURED = "not measured"
 

@@ -11,7 +11,7 @@ from statistics import fmean
 from typing import Any, TypeVar
 
 from pipeline.record import ActionRecord
-from styletrf.trade_off import Measurement, Part
+from styletrf.evaluation.trade_off import Measurement, Part
 from tasks.sweep import Variant
 
 Amount = TypeVar("Amount", int, float)

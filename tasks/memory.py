@@ -143,12 +143,12 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
 
     All count as alike: as large as the first, or, where that is a panorama, cut into square views.
     """
-    from styletrf.panorama_views import DIRECTIONS
-    from styletrf.panoramas import find_panoramas
-    from styletrf.photographs import list_photographs, read_photograph
-    from styletrf.pose_formats import find_given_poses
-    from styletrf.user_folders import find_scene, scene_folder, scene_videos
-    from styletrf.video import video_frames as frames_in
+    from styletrf.capture.panorama.panorama_views import DIRECTIONS
+    from styletrf.capture.panorama.panoramas import find_panoramas
+    from styletrf.capture.photographs import list_photographs, read_photograph
+    from styletrf.capture.poses.pose_formats import find_given_poses
+    from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
+    from styletrf.files.video import video_frames as frames_in
 
     with suppress(InputError):
         found = find_scene(data_root(), scene)

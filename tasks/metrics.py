@@ -47,16 +47,16 @@ class QualityMetrics(TunedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the views held out and compare."""
-        from styletrf.camera_table import read_split
+        from styletrf.capture.views import load_views
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.exposed_image import psnr_exposed
-        from styletrf.field import load_field
-        from styletrf.frames import rendered
-        from styletrf.quality import QualityConfig, judges_named, measure_quality
-        from styletrf.scene_model import read_scene_model
-        from styletrf.tables import write_rows, write_summary
-        from styletrf.views import load_views
+        from styletrf.evaluation.exposed_image import psnr_exposed
+        from styletrf.evaluation.quality import QualityConfig, judges_named, measure_quality
+        from styletrf.field.radiance_field import load_field
+        from styletrf.files.tables import write_rows, write_summary
+        from styletrf.geometry.camera_table import read_split
+        from styletrf.scene.scene_model import read_scene_model
+        from styletrf.trajectory.frames import rendered
 
         model = read_scene_model(inputs["model"] / "scene.json")
         config, device = configured(QualityConfig, self.values()), device_named(self.device)
@@ -85,16 +85,16 @@ class QualityMetrics(TunedStage):
         """Look for the photographs without a camera in the field."""
         import numpy as np
 
-        from styletrf.camera_table import read_split
+        from styletrf.capture.views import load_views
         from styletrf.devices import device_named
-        from styletrf.frames import rendered
-        from styletrf.images import from_integers
-        from styletrf.photograph_placement import (
+        from styletrf.evaluation.alignment.photograph_placement import (
             place_photographs,
             unplaced_photographs,
             write_placements,
         )
-        from styletrf.views import load_views
+        from styletrf.files.images import from_integers
+        from styletrf.geometry.camera_table import read_split
+        from styletrf.trajectory.frames import rendered
 
         def render(camera: Any) -> Any:
             device = device_named(self.device)
@@ -128,8 +128,8 @@ class FrameMetrics(TunedStage, FrameControls):
     @staticmethod
     def frames(inputs: Mapping[str, Path]) -> tuple[list[str], Callable[[str], tuple[Any, Any]]]:
         """Returns the names of the views, and what reads one without and with style."""
-        from styletrf.camera_table import read_cameras
-        from styletrf.frame_pairs import read_frame
+        from styletrf.evaluation.frame_pairs import read_frame
+        from styletrf.geometry.camera_table import read_cameras
 
         cameras = {c.name: c for c in read_cameras(inputs["unstylized"] / "cameras.parquet")}
 
@@ -174,16 +174,16 @@ class ConsistencyMetrics(FrameMetrics):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Warp and compare."""
-        from styletrf.camera_table import read_cameras
         from styletrf.configuration import configured
-        from styletrf.consistency import ConsistencyConfig, measure_consistency
         from styletrf.devices import device_named
-        from styletrf.frame_pairs import read_frame
-        from styletrf.images import read_rgb
-        from styletrf.perceptual_distance import Perception
-        from styletrf.stills import cuts_of
-        from styletrf.tables import read_summary, write_rows, write_summary
-        from styletrf.vgg import load_vgg
+        from styletrf.evaluation.consistency import ConsistencyConfig, measure_consistency
+        from styletrf.evaluation.frame_pairs import read_frame
+        from styletrf.evaluation.perceptual_distance import Perception
+        from styletrf.files.images import read_rgb
+        from styletrf.files.tables import read_summary, write_rows, write_summary
+        from styletrf.geometry.camera_table import read_cameras
+        from styletrf.style.perceptual.vgg import load_vgg
+        from styletrf.trajectory.stills import cuts_of
 
         config = configured(ConsistencyConfig, self.values())
         cameras = read_cameras(inputs["unstylized"] / "cameras.parquet")
@@ -211,10 +211,10 @@ class StylizationMetrics(FrameMetrics):
         """Look at some of the frames."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.images import read_rgb
-        from styletrf.stylization_loss import StylizationLossConfig, measure_stylization
-        from styletrf.tables import write_rows, write_summary
-        from styletrf.vgg import load_vgg
+        from styletrf.evaluation.stylization_loss import StylizationLossConfig, measure_stylization
+        from styletrf.files.images import read_rgb
+        from styletrf.files.tables import write_rows, write_summary
+        from styletrf.style.perceptual.vgg import load_vgg
 
         rows, means = measure_stylization(
             *self.frames(inputs),
@@ -246,12 +246,15 @@ class StyleMetrics(FrameMetrics):
         """Look at some of the frames."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.efficientnet_lite import load_efficientnet
-        from styletrf.images import read_rgb
-        from styletrf.picture_traits import Judge
-        from styletrf.resemblance import ResemblanceConfig, measure_resemblance
-        from styletrf.tables import write_rows, write_summary
-        from styletrf.vgg import load_vgg
+        from styletrf.evaluation.resemblance.efficientnet_lite import load_efficientnet
+        from styletrf.evaluation.resemblance.frame_resemblance import (
+            ResemblanceConfig,
+            measure_resemblance,
+        )
+        from styletrf.evaluation.resemblance.picture_traits import Judge
+        from styletrf.files.images import read_rgb
+        from styletrf.files.tables import write_rows, write_summary
+        from styletrf.style.perceptual.vgg import load_vgg
 
         config, device = configured(ResemblanceConfig, self.values()), device_named(self.device)
         vgg = load_vgg(inputs["perceptual"] / "vgg16.safetensors", device)

@@ -74,7 +74,7 @@ def _require_mask(mask: Any) -> None:
 @functools.cache
 def _read_mask(mask: str, _changed_ns: int) -> None:
     """Reads a mask whole, once for all stages of a command."""
-    from styletrf.photographs import read_photograph
+    from styletrf.capture.photographs import read_photograph
 
     read_photograph(Path(mask))
 
@@ -95,9 +95,9 @@ def frames_by_network(
     progress: Any,
 ) -> Iterator[Any]:  # fmt: skip
     """Yields every frame painted by itself, mixed with what it was by the strength."""
-    from styletrf.empty_ground import after_painting, before_painting, empty_ground
-    from styletrf.frames import float_images
-    from styletrf.painting import each_painted, network_painter
+    from styletrf.stylization.background import after_painting, before_painting, empty_ground
+    from styletrf.stylization.painters import each_painted, network_painter
+    from styletrf.trajectory.frames import float_images
 
     ground = empty_ground(float_images(inputs["trajectory"]))
     plain, again = (float_images(inputs["trajectory"], cameras) for _ in range(2))
@@ -114,9 +114,9 @@ def frames_of_field(
     device: Any, progress: Any,
 ) -> Iterator[Any]:  # fmt: skip
     """Yields the frames of the stylised field, or of the mixture that is asked for."""
-    from styletrf.field import load_stylized_field
-    from styletrf.frames import rendered
-    from styletrf.scene_model import read_scene_model
+    from styletrf.field.radiance_field import load_stylized_field
+    from styletrf.scene.scene_model import read_scene_model
+    from styletrf.trajectory.frames import rendered
 
     space = read_scene_model(inputs["model"] / "scene.json").space
     field = load_stylized_field(inputs["field"], inputs["stylized"])
@@ -129,8 +129,8 @@ def frames_of_field(
 
 def _mixed(mixture: Mixture, inputs: Mapping[str, Path], field: Any, space: Any) -> Any:
     """Returns photograph, style and the others by their shares."""
-    from styletrf.field import load_field
-    from styletrf.mixed_appearance import MixedAppearance
+    from styletrf.field.radiance_field import load_field
+    from styletrf.stylization.mixed_appearance import MixedAppearance
 
     others = [load_field(inputs["field"], inputs[f"blend {style}"]) for style in mixture.blend]
     shares = [mixture.strength * share for share in mixture.blend.values()]
@@ -142,7 +142,7 @@ def _mixed(mixture: Mixture, inputs: Mapping[str, Path], field: Any, space: Any)
 
 
 def _region(mixture: Mixture, inputs: Mapping[str, Path]) -> Any:
-    from styletrf.region import Box, masked_on
+    from styletrf.stylization.region import Box, masked_on
 
     if "box" in mixture.region:
         corners = [[float(value) for value in corner] for corner in mixture.region["box"]]

@@ -89,16 +89,16 @@ def train_here(asked: Asked, display: Display) -> None:
     import torch
 
     from styletrf.configuration import configured
-    from styletrf.data_parallel import joined
     from styletrf.devices import device_named
-    from styletrf.images import read_rgb
-    from styletrf.render_pairs import RenderPairs
-    from styletrf.style_network import save_style_network
-    from styletrf.style_training import train_style_network
-    from styletrf.style_training_config import StyleTrainingConfig, steered
-    from styletrf.tables import write_curve
-    from styletrf.transfer_weights import load_style_transfer
-    from styletrf.vgg import load_vgg
+    from styletrf.files.images import read_rgb
+    from styletrf.files.tables import write_curve
+    from styletrf.style.perceptual.vgg import load_vgg
+    from styletrf.style.style_network import save_style_network
+    from styletrf.style.training.config import StyleTrainingConfig, steered
+    from styletrf.style.training.data_parallel import joined
+    from styletrf.style.training.render_pairs import RenderPairs
+    from styletrf.style.training.trainer import train_style_network
+    from styletrf.style.transfer.weights import load_style_transfer
 
     inputs, device = {n: Path(path) for n, path in asked.inputs.items()}, device_named(asked.device)
     ranks = joined(device)
@@ -134,7 +134,7 @@ def train_here(asked: Asked, display: Display) -> None:
 def batch_of(settings: Mapping[str, Any]) -> int:
     """Returns how many photographs a step of a training with these settings takes."""
     from styletrf.configuration import configured
-    from styletrf.style_training_config import StyleTrainingConfig
+    from styletrf.style.training.config import StyleTrainingConfig
 
     return configured(StyleTrainingConfig, settings).batch
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pipeline.digest import file_digest
 from styletrf.errors import InputError
-from styletrf.published_weights import ALEXNET, RAFT
+from styletrf.files.published_weights import ALEXNET, RAFT
 
 
 def lpips_digests() -> dict[str, str]:

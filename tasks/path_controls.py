@@ -13,7 +13,7 @@ import luigi
 from pipeline.digest import file_digest
 from pipeline.parameters import FloatParameter, IntParameter
 from styletrf.errors import InputError
-from styletrf.frame_limits import FASTEST_RATE, LARGEST_PX, SLOWEST_RATE, SMALLEST_PX
+from styletrf.files.frame_limits import FASTEST_RATE, LARGEST_PX, SLOWEST_RATE, SMALLEST_PX
 from tasks.stage import GradedStage
 
 NAMED_PATHS = ("auto", "orbit", "spiral", "dolly", "photographs")

@@ -41,9 +41,9 @@ class SceneReport(ShownStage, GradedStage):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Survey the photographs, time a few iterations, write the page."""
         from styletrf.devices import device_named
-        from styletrf.scene_model import read_scene_model
-        from styletrf.scene_report import advice, write_scene_report
-        from styletrf.tables import write_summary
+        from styletrf.files.tables import write_summary
+        from styletrf.reports.scene_report import advice, write_scene_report
+        from styletrf.scene.scene_model import read_scene_model
 
         model = read_scene_model(inputs["model"] / "scene.json")
         costs = _costs(inputs["poses"], model, device_named(self.device), run)
@@ -58,14 +58,14 @@ class SceneReport(ShownStage, GradedStage):
         write_scene_report(out / "report.html", content)
 
     def _content(self, inputs: Mapping[str, Path], costs: dict[str, Any]) -> Any:
-        from styletrf.camera_table import read_cameras, read_unregistered
-        from styletrf.images import read_rgb, to_integers
-        from styletrf.placement import transformed
-        from styletrf.point_table import read_points
-        from styletrf.scene_model import read_scene_model
-        from styletrf.scene_report import SceneReportContent
-        from styletrf.survey import survey_scene
-        from styletrf.survey_drawing import drawings
+        from styletrf.files.images import read_rgb, to_integers
+        from styletrf.geometry.camera_table import read_cameras, read_unregistered
+        from styletrf.geometry.point_table import read_points
+        from styletrf.reports.scene_report import SceneReportContent
+        from styletrf.reports.survey_drawing import drawings
+        from styletrf.scene.placement import transformed
+        from styletrf.scene.scene_model import read_scene_model
+        from styletrf.scene.survey import survey_scene
         from tasks.reporting import placed
 
         cameras = read_cameras(inputs["poses"] / "cameras.parquet")
@@ -110,15 +110,15 @@ class SceneReport(ShownStage, GradedStage):
 
 
 def _costs(poses: Path, decided: Any, device: Any, run: RunContext) -> dict[str, Any]:
-    from styletrf.camera_table import read_cameras, read_split
+    from styletrf.capture.views import load_views
     from styletrf.configuration import configured
-    from styletrf.field_cost import field_cost
-    from styletrf.field_training_config import FieldTrainingConfig
-    from styletrf.kernels import kernels_for
-    from styletrf.placement import transformed
-    from styletrf.point_table import read_points
-    from styletrf.scene_model import SceneModelConfig, decide_scene_model
-    from styletrf.views import load_views
+    from styletrf.field.kernels import kernels_for
+    from styletrf.field.training.config import FieldTrainingConfig
+    from styletrf.field.training.cost import field_cost
+    from styletrf.geometry.camera_table import read_cameras, read_split
+    from styletrf.geometry.point_table import read_points
+    from styletrf.scene.placement import transformed
+    from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 
     costs = {}
     every = read_cameras(poses / "cameras.parquet")

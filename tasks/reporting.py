@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.record import ActionRecord
-from styletrf.capture_file import read_capture
-from styletrf.curve_chart import Curve
-from styletrf.report import ReportContent, StageCost
-from styletrf.tables import read_rows, read_summary
+from styletrf.capture.capture_file import read_capture
+from styletrf.files.tables import read_rows, read_summary
+from styletrf.reports.curve_chart import Curve
+from styletrf.reports.report import ReportContent, StageCost
 from tasks.command import main_command
 from tasks.measures import metric_tables, term
 from tasks.qualities import settings_for

@@ -23,7 +23,7 @@ class SceneCapture(TunedStage):
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of each photograph and file of poses, or of each video."""
-        from styletrf.user_folders import find_scene, scene_files, scene_folder
+        from styletrf.capture.user_folders import find_scene, scene_files, scene_folder
 
         found = find_scene(data_root(), self.scene)
         below = scene_folder(found)
@@ -31,11 +31,11 @@ class SceneCapture(TunedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Check and copy the photographs, or choose frames."""
+        from styletrf.capture.clips.video_capture import capture_videos
+        from styletrf.capture.poses.pose_formats import find_given_poses
+        from styletrf.capture.scene_capture import CaptureConfig, capture_photographs
+        from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
         from styletrf.configuration import configured
-        from styletrf.pose_formats import find_given_poses
-        from styletrf.scene_capture import CaptureConfig, capture_photographs
-        from styletrf.user_folders import find_scene, scene_folder, scene_videos
-        from styletrf.video_capture import capture_videos
 
         found = find_scene(data_root(), self.scene)
         config = configured(CaptureConfig, self.values())
@@ -62,8 +62,8 @@ class CameraPoses(TunedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Solve for the cameras."""
-        from styletrf.camera_poses import CameraPosesConfig, solve_camera_poses
         from styletrf.configuration import configured
+        from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
 
         config = configured(CameraPosesConfig, self.values())
         work = run.resume / "colmap"
@@ -91,16 +91,20 @@ class SceneModel(TunedStage):
         """Decide."""
         import numpy as np
 
-        from styletrf.camera_table import read_cameras, read_fitted_rows
+        from styletrf.capture.masks import mask_of_view
         from styletrf.configuration import configured
-        from styletrf.explained_pixels import explained_pixels
-        from styletrf.exposure_choice import exposure_evidence
-        from styletrf.images import read_rgb
-        from styletrf.masks import mask_of_view
-        from styletrf.observed_colors import observed_colors
-        from styletrf.point_table import read_points
-        from styletrf.scene_model import SceneModelConfig, decide_scene_model, write_scene_model
-        from styletrf.view_dependence import view_dependence
+        from styletrf.files.images import read_rgb
+        from styletrf.geometry.camera_table import read_cameras, read_fitted_rows
+        from styletrf.geometry.point_table import read_points
+        from styletrf.scene.explained_pixels import explained_pixels
+        from styletrf.scene.exposure_choice import exposure_evidence
+        from styletrf.scene.observed_colors import observed_colors
+        from styletrf.scene.scene_model import (
+            SceneModelConfig,
+            decide_scene_model,
+            write_scene_model,
+        )
+        from styletrf.scene.view_dependence import view_dependence
 
         cameras = read_cameras(inputs["poses"] / "cameras.parquet")
         points = read_points(inputs["poses"] / "points.parquet")

@@ -33,15 +33,15 @@ class StyleImage(Stage):
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of the painting."""
-        from styletrf.user_folders import find_style
+        from styletrf.capture.user_folders import find_style
 
         return {"style": file_digest(find_style(data_root(), self.style))}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Read the painting whole."""
-        from styletrf.images import write_rgb
-        from styletrf.style_image import read_style_image
-        from styletrf.user_folders import find_style
+        from styletrf.capture.user_folders import find_style
+        from styletrf.files.images import write_rgb
+        from styletrf.style.style_image import read_style_image
 
         write_rgb(out / "style.png", read_style_image(find_style(data_root(), self.style)))
 
@@ -62,7 +62,7 @@ class PerceptualWeights(Stage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Fetch, check and convert the weights."""
-        from styletrf.perceptual_weights import build_perceptual_weights
+        from styletrf.style.perceptual.perceptual_weights import build_perceptual_weights
 
         build_perceptual_weights(self.perceptual, out)
 
@@ -89,7 +89,7 @@ class TransferWeights(Stage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Fetch, check and convert the weights."""
-        from styletrf.transfer_weights import build_transfer_weights
+        from styletrf.style.transfer.weights import build_transfer_weights
 
         build_transfer_weights(self.transfer, out)
 
@@ -116,7 +116,7 @@ class ContentImages(TunedStage):
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of the source's files."""
-        from styletrf.photographs import require_readable_name
+        from styletrf.capture.photographs import require_readable_name
 
         source = self._source()
         if source is None:
@@ -132,9 +132,9 @@ class ContentImages(TunedStage):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Reduce the images and write the shards."""
         from styletrf.configuration import configured
-        from styletrf.content_choice import content_source
-        from styletrf.content_images import ContentConfig, write_content_images
-        from styletrf.content_sources import embedded_source
+        from styletrf.content.content_choice import content_source
+        from styletrf.content.content_images import ContentConfig, write_content_images
+        from styletrf.content.content_sources import embedded_source
 
         config = configured(ContentConfig, self.values())
         source = self._source()
@@ -159,7 +159,7 @@ class ContentImages(TunedStage):
 
     def _source(self) -> Path | None:
         """Returns the user's content, or None for the embedded set."""
-        from styletrf.user_folders import find_content
+        from styletrf.capture.user_folders import find_content
 
         return find_content(data_root(), self.content)
 
@@ -263,8 +263,8 @@ class StyleNetwork(TunedStage, NetworkControls):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Train the network, or convert the one that is given."""
-        from styletrf.interchange import from_fast_neural_style
-        from styletrf.style_network import save_style_network
+        from styletrf.style.interchange import from_fast_neural_style
+        from styletrf.style.style_network import save_style_network
         from tasks.network_training import Asked, train
 
         if self.network:
@@ -289,8 +289,8 @@ class StyleNetwork(TunedStage, NetworkControls):
         """Returns the network of arbitrary style transfer as it paints after this painting."""
         import torch
 
-        from styletrf.images import read_rgb
-        from styletrf.transfer_weights import load_style_transfer
+        from styletrf.files.images import read_rgb
+        from styletrf.style.transfer.weights import load_style_transfer
 
         painting = torch.from_numpy(read_rgb(inputs["style"] / "style.png"))
         return load_style_transfer(inputs["transfer"]).network_for(painting)

@@ -64,12 +64,12 @@ class StylizedPriors(ShardedStage, StyleControls):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Paint every prior, or those of a part; colours are those of all of them together."""
-        from styletrf.camera_table import read_cameras
-        from styletrf.color_transfer import Colors, in_colors
-        from styletrf.empty_ground import after_painting, before_painting, empty_ground
-        from styletrf.frames import float_images, write_pictures
-        from styletrf.images import read_rgb
-        from styletrf.painting import load_painted, save_painted
+        from styletrf.files.images import read_rgb
+        from styletrf.geometry.camera_table import read_cameras
+        from styletrf.stylization.background import after_painting, before_painting, empty_ground
+        from styletrf.stylization.color_transfer import Colors, in_colors
+        from styletrf.stylization.painters import load_painted, save_painted
+        from styletrf.trajectory.frames import float_images, write_pictures
 
         cameras = read_cameras(inputs["priors"] / "cameras.parquet")
         plain = list(float_images(inputs["priors"]))
@@ -91,12 +91,12 @@ class StylizedPriors(ShardedStage, StyleControls):
     ) -> list[Any]:
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.empty_ground import before_painting
-        from styletrf.frames import float_images
-        from styletrf.gatys import GatysConfig
-        from styletrf.painting import network_painter, optimizing_painter, painted
-        from styletrf.restyling import halfway_to
-        from styletrf.style_training_config import steered
+        from styletrf.style.gatys import GatysConfig
+        from styletrf.style.training.config import steered
+        from styletrf.stylization.alternation import halfway_to
+        from styletrf.stylization.background import before_painting
+        from styletrf.stylization.painters import network_painter, optimizing_painter, painted
+        from styletrf.trajectory.frames import float_images
 
         device = device_named(self.device)
         views = list(float_images(inputs["priors"], cameras))
@@ -171,15 +171,15 @@ class StylizedField(TunedStage, StyleControls):
         """Adapt the appearance, or all of the field, or fit a new one."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.field import save_appearance, save_field
-        from styletrf.stylization import (
+        from styletrf.field.radiance_field import save_appearance, save_field
+        from styletrf.files.tables import write_curve
+        from styletrf.stylization.strategies import (
             Match,
             StylizationConfig,
             freely_stylized,
             load_stylization,
             stylized,
         )
-        from styletrf.tables import write_curve
 
         config = configured(StylizationConfig, self.values())
         config = config.steered(self.stroke_scale, self.content_weight)
@@ -249,10 +249,10 @@ class StylizedFrames(ShardedStage, FrameControls):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Render the path in style, or put its parts together."""
-        from styletrf.camera_table import read_cameras, write_cameras
-        from styletrf.frames import join_pictures, write_clip
-        from styletrf.images import read_rgb
-        from styletrf.video import video_info
+        from styletrf.files.images import read_rgb
+        from styletrf.files.video import video_info
+        from styletrf.geometry.camera_table import read_cameras, write_cameras
+        from styletrf.trajectory.frames import join_pictures, write_clip
 
         cameras = read_cameras(inputs["trajectory"] / "cameras.parquet")
         if parts := parts_in(inputs):
@@ -272,8 +272,8 @@ class StylizedFrames(ShardedStage, FrameControls):
         """Writes `frames/NAME.png` of some of the path's cameras."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.frames import write_pictures
-        from styletrf.rendering import RenderConfig
+        from styletrf.field.rendering import RenderConfig
+        from styletrf.trajectory.frames import write_pictures
         from tasks.mixing import Mixture, frames_by_network, frames_of_field
 
         mixture = Mixture(self.strength, self.blend, self.region)

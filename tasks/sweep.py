@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from styletrf.errors import InputError
-from styletrf.trade_off import merged
+from styletrf.evaluation.trade_off import merged
 from tasks.qualities import settings_for
 
 Values = Mapping[str, Mapping[str, Any]]

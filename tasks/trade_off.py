@@ -13,7 +13,7 @@ from pipeline.record import ActionRecord
 from pipeline.settings import data_root, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
-from styletrf.trade_off import Measurement, Tuning, merged
+from styletrf.evaluation.trade_off import Measurement, Tuning, merged
 from tasks.command import main_command
 from tasks.field import TrajectoryFrames
 from tasks.graph import graph
@@ -91,7 +91,7 @@ class TradeOff(ShownStage, GradedStage):
     @property
     def painting(self) -> str:
         """The style's name."""
-        from styletrf.user_folders import first_style
+        from styletrf.capture.user_folders import first_style
 
         return self.style or first_style(data_root())
 
@@ -102,10 +102,10 @@ class TradeOff(ShownStage, GradedStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Gather what the stages took and achieved, and find the front."""
-        from styletrf.pareto_front import pareto_front
-        from styletrf.tables import write_rows, write_summary
-        from styletrf.trade_off import combinations
-        from styletrf.trade_off_page import TradeOffContent, write_trade_off_page
+        from styletrf.evaluation.pareto_front import pareto_front
+        from styletrf.evaluation.trade_off import combinations
+        from styletrf.files.tables import write_rows, write_summary
+        from styletrf.reports.trade_off_page import TradeOffContent, write_trade_off_page
         from tasks.measuring import machine, measured_on
 
         measured = self._measurements(inputs, run.lineage)

@@ -122,8 +122,8 @@ class StylizedTrajectory(ShownStage, FrameControls):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Write the report."""
-        from styletrf.report import write_report
-        from styletrf.tables import write_summary
+        from styletrf.files.tables import write_summary
+        from styletrf.reports.report import write_report
         from tasks.reporting import report_content, summary_of
 
         words, poster = self.identity_parameters(), out / "poster.png"

@@ -11,8 +11,8 @@ import luigi
 
 from pipeline.attempts import obstacle
 from pipeline.settings import current_store, out_root
-from styletrf.page import duration
-from styletrf.wall import Cell, Score, write_wall
+from styletrf.reports.page import duration
+from styletrf.reports.wall import Cell, Score, write_wall
 from tasks.measures import NOT_MEASURED, by_delta, term
 from tasks.showing import show_all
 

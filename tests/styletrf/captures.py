@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from styletrf.cameras import Camera, project
-from styletrf.point_table import SparsePoints
-from styletrf.trajectories import look_at
+from styletrf.geometry.cameras import Camera, project
+from styletrf.geometry.point_table import SparsePoints
+from styletrf.trajectory.trajectories import look_at
 
 GRAVITY = np.array([0.0, 1.0, 0.0])
 

@@ -16,8 +16,8 @@ from triton.backends.compiler import GPUTarget
 from triton.runtime import driver
 from triton.runtime.jit import JITFunction
 
-from styletrf.kernels import March, kernels_for
-from styletrf.tensor_vm import TensorVM
+from styletrf.field.kernels import March, kernels_for
+from styletrf.field.tensor_vm import TensorVM
 
 COMPILED = set()
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 
-from styletrf.vgg import VGG16
+from styletrf.style.perceptual.vgg import VGG16
 
 HAS_GPU = torch.cuda.is_available()
 if not HAS_GPU:
@@ -22,7 +22,7 @@ if not HAS_GPU:
 @pytest.fixture(params=["reference", "fused", "triton"])
 def form(request: pytest.FixtureRequest) -> Iterator[Any]:
     """Each form in turn; within the test new tensors are made on the device it runs on."""
-    from styletrf.kernels import kernels_for  # not before its shapes are checked
+    from styletrf.field.kernels import kernels_for  # not before its shapes are checked
 
     if request.param == "triton":
         pytest.importorskip("triton", reason="Triton is not installed (extra gpu)")
@@ -47,7 +47,7 @@ def transfer(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     from onnx_files import write_transfer_files
     from published_models import published_model
 
-    from styletrf.transfer_weights import PACKAGE, build_transfer_weights, load_style_transfer
+    from styletrf.style.transfer.weights import PACKAGE, build_transfer_weights, load_style_transfer
 
     folder, source = tmp_path_factory.mktemp("transfer"), PACKAGE
     if request.param == "published":

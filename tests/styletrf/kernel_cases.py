@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 import torch
 from torch import Tensor
 
-from styletrf.kernels import March, Samples, Segments, kernels_for
-from styletrf.tensor_vm import TensorVM
+from styletrf.field.kernels import March, Samples, Segments, kernels_for
+from styletrf.field.tensor_vm import TensorVM
 
 REFERENCE = kernels_for(torch.device("cpu"), "reference")
 

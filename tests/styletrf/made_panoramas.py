@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 
-from styletrf.courtyard import CourtyardConfig
-from styletrf.courtyard.panorama import render_panorama
-from styletrf.courtyard.paths import walk_poses
+from styletrf.synthetic.courtyard import CourtyardConfig
+from styletrf.synthetic.courtyard.panorama import render_panorama
+from styletrf.synthetic.courtyard.paths import walk_poses
 
 _SPHERICAL_UUID = bytes.fromhex("ffcc8263f8554a938814587a02521fdd")  # Spherical Video V1
 _SPHERICAL_XML = (

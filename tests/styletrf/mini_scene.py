@@ -6,14 +6,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from styletrf.cameras import Camera, pixel_centers
-from styletrf.field import RadianceField
-from styletrf.field_config import FieldConfig
-from styletrf.field_training import train_field
-from styletrf.field_training_config import FieldTrainingConfig
-from styletrf.kernels import kernels_for
-from styletrf.scene_model import SceneModel, SceneModelConfig, decide_scene_model
-from styletrf.trajectories import look_at
+from styletrf.field.field_config import FieldConfig
+from styletrf.field.kernels import kernels_for
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.trainer import train_field
+from styletrf.geometry.cameras import Camera, pixel_centers
+from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
+from styletrf.trajectory.trajectories import look_at
 
 KERNELS = kernels_for(torch.device("cpu"))
 SIZE = 20

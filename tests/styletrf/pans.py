@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 
-from styletrf.cameras import Camera
-from styletrf.float_images import FloatImage
-from styletrf.frame_pairs import Frame
+from styletrf.evaluation.frame_pairs import Frame
+from styletrf.files.float_images import FloatImage
+from styletrf.geometry.cameras import Camera
 
 FRAMES, HEIGHT, WIDTH = 8, 72, 96
 STEP = 2  # pixels a frame

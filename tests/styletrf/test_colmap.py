@@ -8,11 +8,11 @@ import pytest
     "module",
     [
         "styletrf.colmap",
-        "styletrf.camera_poses",
-        "styletrf.colmap_images",
-        "styletrf.colmap_mapping",
-        "styletrf.mapping_choice",
-        "styletrf.reconstruction",
+        "styletrf.sfm.camera_poses",
+        "styletrf.sfm.colmap_images",
+        "styletrf.sfm.colmap_mapping",
+        "styletrf.sfm.mapping_choice",
+        "styletrf.sfm.reconstruction",
     ],
 )
 def test_opencv_still_writes_png_after_pycolmap_is_loaded(module):

@@ -120,7 +120,7 @@ def _compiled_functions(tree: ast.Module) -> list[ast.FunctionDef]:
     return [f for f in functions if any(ast.unparse(d).startswith(marks) for d in f.decorator_list)]
 
 
-@pytest.mark.parametrize("package", ["styletrf.kernels", "styletrf.courtyard"])
+@pytest.mark.parametrize("package", ["styletrf.field.kernels", "styletrf.synthetic.courtyard"])
 def test_what_is_compiled_uses_only_its_own_package(package: str):
     """The folder's name covers one package, so nothing else may be compiled into its functions."""
     n_functions = 0

@@ -9,17 +9,17 @@ import torch
 from mini_scene import MINI_FIT as CONFIG
 from mini_scene import painted_plane
 
-from styletrf.adaptation import AdaptationConfig, adapt_appearance
-from styletrf.camera_table import read_cameras, write_cameras
 from styletrf.errors import NotFiniteError
-from styletrf.field import RadianceField
-from styletrf.field_training import FieldTrainer
+from styletrf.field.kernels import kernels_for
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.rendering import RenderConfig
+from styletrf.field.training.trainer import FieldTrainer
 from styletrf.finiteness import parameter_stages, require_finite
-from styletrf.frames import rendered
-from styletrf.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
-from styletrf.kernels import kernels_for
-from styletrf.rendering import RenderConfig
-from styletrf.scene_model import SceneModelConfig, decide_scene_model
+from styletrf.geometry.camera_table import read_cameras, write_cameras
+from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
+from styletrf.stylization.adaptation import AdaptationConfig, adapt_appearance
+from styletrf.stylization.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
+from styletrf.trajectory.frames import rendered
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)

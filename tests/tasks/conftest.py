@@ -54,11 +54,11 @@ def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What CameraPoses leaves: four views of a plane painted with a smooth pattern."""
     import numpy as np
 
-    from styletrf.camera_table import write_cameras
-    from styletrf.cameras import Camera, pixel_centers
-    from styletrf.images import write_rgb
-    from styletrf.point_table import SparsePoints, write_points
-    from styletrf.trajectories import look_at
+    from styletrf.files.images import write_rgb
+    from styletrf.geometry.camera_table import write_cameras
+    from styletrf.geometry.cameras import Camera, pixel_centers
+    from styletrf.geometry.point_table import SparsePoints, write_points
+    from styletrf.trajectory.trajectories import look_at
 
     folder = tmp_path_factory.mktemp("poses")
     (folder / "images").mkdir()
@@ -94,7 +94,7 @@ def perceptual_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     import torch
     from safetensors.torch import save_file
 
-    from styletrf.vgg import VGG16
+    from styletrf.style.perceptual.vgg import VGG16
 
     path = tmp_path_factory.mktemp("weights") / "random.safetensors"
     torch.manual_seed(0)
@@ -115,7 +115,7 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data root with one scene of eight larger photographs and two paintings."""
     import numpy as np
 
-    from styletrf.images import write_rgb
+    from styletrf.files.images import write_rgb
 
     root = tmp_path_factory.mktemp("data")
     rng = np.random.default_rng(0)

@@ -12,17 +12,17 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from styletrf.camera_table import read_cameras, read_split, write_cameras
-from styletrf.capture_file import Capture, Photograph, write_capture
-from styletrf.exposures import Exposure
-from styletrf.field import load_field
-from styletrf.float_images import read_float_image
-from styletrf.images import read_rgb
-from styletrf.scene_model import read_scene_model, write_scene_model
-from styletrf.style_network import load_style_network, stylize
-from styletrf.tables import read_rows, read_summary, write_summary
-from styletrf.transfer_weights import load_style_transfer
-from styletrf.video import video_info
+from styletrf.capture.capture_file import Capture, Photograph, write_capture
+from styletrf.field.radiance_field import load_field
+from styletrf.files.float_images import read_float_image
+from styletrf.files.images import read_rgb
+from styletrf.files.tables import read_rows, read_summary, write_summary
+from styletrf.files.video import video_info
+from styletrf.geometry.camera_table import read_cameras, read_split, write_cameras
+from styletrf.scene.exposures import Exposure
+from styletrf.scene.scene_model import read_scene_model, write_scene_model
+from styletrf.style.style_network import load_style_network, stylize
+from styletrf.style.transfer.weights import load_style_transfer
 
 Mini = Callable[[str], Path]
 

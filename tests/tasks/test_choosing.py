@@ -8,7 +8,7 @@ from luigi.cmdline_parser import CmdlineParser
 
 from styletrf.configuration import configured
 from styletrf.errors import InputError
-from styletrf.trade_off import Combination
+from styletrf.evaluation.trade_off import Combination
 from tasks import StylizedTrajectory
 from tasks.checking import configurations
 from tasks.choosing import SHIPPED, choose, wish_of

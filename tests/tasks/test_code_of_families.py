@@ -118,30 +118,40 @@ def test_comments_docstrings_and_formatting_change_no_code(project: Workbench):
 
 CLIPS = "PathRenders PriorRenders TrajectoryFrames StylizedFrames"
 EDITS = {  # file, what is replaced by what, and the families whose results may change
-    "a constant": ("styletrf/views.py", "EVERY = 8", "EVERY = 9", "CameraPoses"),
+    "a constant": ("styletrf/capture/views.py", "EVERY = 8", "EVERY = 9", "CameraPoses"),
     "two imports away": (
-        "styletrf/occupancy.py",
+        "styletrf/field/occupancy.py",
         "POINT = 0.5",
         "POINT = 0.6",
         "RadianceField SceneReport StylizedField",
     ),
-    "three imports away": ("styletrf/video.py", "_ENCODERS = {", "_ENCODERS = {**{},", CLIPS),
+    "three imports away": ("styletrf/files/video.py", "_ENCODERS = {", "_ENCODERS = {**{},", CLIPS),
     "of the network": (
-        "styletrf/style_network.py",
+        "styletrf/style/style_network.py",
         "SCALE = 0.1",
         "SCALE = 0.2",
         "StyleNetwork StylizedPriors StylizedFrames",
     ),
-    "of a measure": ("styletrf/metrics.py", "_WINDOW = 11", "_WINDOW = 13", "QualityMetrics"),
-    "of the flow": ("styletrf/flow.py", "_SIDE = 12", "_SIDE = 13", "ConsistencyMetrics"),
+    "of a measure": (
+        "styletrf/evaluation/metrics.py",
+        "_WINDOW = 11",
+        "_WINDOW = 13",
+        "QualityMetrics",
+    ),
+    "of the flow": (
+        "styletrf/evaluation/flow.py",
+        "_SIDE = 12",
+        "_SIDE = 13",
+        "ConsistencyMetrics",
+    ),
     "a default": (
-        "styletrf/adaptation.py",
+        "styletrf/stylization/adaptation.py",
         "Config:",
         "Config:\n    more: int = 3",
         "StylizedField",
     ),
     "a template": (
-        "styletrf/page_template.html",
+        "styletrf/reports/page_template.html",
         "<title>",
         "<title>A ",
         "StylizedTrajectory SceneReport TradeOff",
@@ -152,7 +162,7 @@ EDITS = {  # file, what is replaced by what, and the families whose results may 
         "1537, 3072",
         "StylizedTrajectory SceneReport TradeOff",
     ),
-    "what no stage uses": ("styletrf/courtyard/lighting.py", "2.7, 2.3", "2.8, 2.3", ""),
+    "what no stage uses": ("styletrf/synthetic/courtyard/lighting.py", "2.7, 2.3", "2.8, 2.3", ""),
 }
 
 
@@ -175,14 +185,14 @@ def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
     assert project.changed() == others, "a declaration speaks of its family only"
     project.pipeline("adopt", *others, "--reason", "a rename")
     assert project.changed() == set()
-    project.edit("styletrf/camera_table.py", "split_read", "parted")
+    project.edit("styletrf/geometry/camera_table.py", "split_read", "parted")
     project.edit("tasks/field.py", "split_read", "parted")
     project.edit("tasks/metrics.py", "split_read", "parted")
     project.edit("tasks/preflight.py", "split_read", "parted")
     assert project.changed() == users
     project.pipeline("adopt", *users, "--reason", "another rename")
     assert project.changed() == set(), "adoptions form a chain"
-    project.edit("styletrf/camera_table.py", "parts.held_out", "parts[not held_out")
+    project.edit("styletrf/geometry/camera_table.py", "parts.held_out", "parts[not held_out")
     assert project.changed() == users
 
 

@@ -18,11 +18,11 @@ import tasks
 from pipeline.collection import collect
 from pipeline.store import Store
 from pipeline.task import artifact
-from styletrf.camera_table import read_cameras
-from styletrf.courtyard.capture import CourtyardConfig
-from styletrf.courtyard.folder import write_courtyard
-from styletrf.images import write_rgb
-from styletrf.video import video_info
+from styletrf.files.images import write_rgb
+from styletrf.files.video import video_info
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.synthetic.courtyard.capture import CourtyardConfig
+from styletrf.synthetic.courtyard.folder import write_courtyard
 
 pytestmark = pytest.mark.slow
 

@@ -10,9 +10,9 @@ from pipeline.code_identity import closure
 from pipeline.source import dotted_names, read
 from styletrf.configuration import configured
 from styletrf.errors import InputError
-from styletrf.perceptual_loss import PerceptualLossConfig
-from styletrf.rendering import RenderConfig
-from styletrf.style_training_config import StyleTrainingConfig
+from styletrf.field.rendering import RenderConfig
+from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
+from styletrf.style.training.config import StyleTrainingConfig
 from tasks.checking import configurations
 from tasks.qualities import QUALITIES, settings_for
 

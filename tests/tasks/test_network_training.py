@@ -3,8 +3,8 @@
 import pytest
 
 from styletrf.errors import InputError
-from styletrf.style_network import load_style_network
-from styletrf.tables import read_rows
+from styletrf.files.tables import read_rows
+from styletrf.style.style_network import load_style_network
 from tasks.network_training import Asked, processes_for, train_here, train_together
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from styletrf.camera_table import read_cameras
-from styletrf.field import load_field, load_stylized_field
-from styletrf.images import read_rgb, write_rgb
-from styletrf.interchange import to_fast_neural_style
-from styletrf.style_network import load_style_network
+from styletrf.field.radiance_field import load_field, load_stylized_field
+from styletrf.files.images import read_rgb, write_rgb
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.style.interchange import to_fast_neural_style
+from styletrf.style.style_network import load_style_network
 
 Mini = Callable[..., Path]
 
@@ -49,7 +49,7 @@ def test_a_region_keeps_the_rest_as_it_was(mini: Mini, tmp_path_factory: pytest.
 
 @pytest.mark.parametrize("colors", ["photograph", "luminance"])
 def test_colors_of_the_photographs_come_back(mini: Mini, colors: str):
-    from styletrf.frames import float_frames
+    from styletrf.trajectory.frames import float_frames
 
     plain = np.stack(list(float_frames(mini("PriorRenders"))))
     painted, recolored = (pictures(mini("StylizedPriors", **w)) for w in ({}, {"colors": colors}))
@@ -116,8 +116,8 @@ def test_every_surface_point_can_learn_from_all_priors(mini: Mini):
 
 
 def test_per_frame_paints_what_the_network_paints(mini: Mini):
-    from styletrf.frames import float_frames
-    from styletrf.style_network import stylize
+    from styletrf.style.style_network import stylize
+    from styletrf.trajectory.frames import float_frames
 
     network = load_style_network(mini("StyleNetwork"))
     first = next(iter(float_frames(mini("TrajectoryFrames"))))

@@ -1,0 +1,172 @@
+"""What the frames of a video show: how sharp each is, how the camera moved, and where it was cut.
+
+From a frame on some corners are followed (Lucas and Kanade 1981), there and back, until the picture
+has moved by 3 % of its width, then others from there. Their displacement tells how the picture
+moved; what of it no homography explains is parallax, which a turning or resting camera has none of.
+
+Where hardly a corner comes back to its place, the camera swung too fast, or the video was cut. At a
+cut the colors change at once, and much more than from frame to frame before and after; in a swing
+they change through several frames.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int64, UInt8
+
+from styletrf.files.video import TimedFrame
+
+_LONG_SIDE = 480  # at which frames are looked at
+_STRIDE = 0.03  # after which other corners are followed
+_SHARE_OF_PARALLAX = 0.05  # of the displacement, by which a camera that went places is known
+_FEWEST_CORNERS = 8
+_LEAST_FOLLOWED = 0.1  # of the corners
+_LOST_DISPLACEMENT = 1.0  # of a swing too fast to follow
+_CUT_CHANGE = 0.1  # of the colors, at least, and
+_CUT_CONTRAST = 2.0  # times as much as from frame to frame before and after
+
+Gray = UInt8[np.ndarray, "height width"]
+Colors = Float[np.ndarray, " bins"]
+PerFrame = Float[np.ndarray, " frames"]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameMotion:
+    """What a video's frames show; motions in widths of the picture, added up since the first.
+
+    `sharpness` is the variance of the Laplacian over that of the picture: texture alone makes no
+    frame sharp. `shot` counts the cuts so far.
+    """
+
+    time_s: PerFrame
+    sharpness: PerFrame
+    displacement: PerFrame
+    parallax: PerFrame
+    shot: Int64[np.ndarray, " frames"]
+
+    @property
+    def has_parallax(self) -> bool:
+        """Whether the camera went places, rather than turned on the spot."""
+        return bool(self.parallax[-1] > _SHARE_OF_PARALLAX * self.displacement[-1])
+
+    @property
+    def cuts_s(self) -> list[float]:
+        """The time of the first frame after each cut."""
+        return [float(time) for time in self.time_s[1:][np.diff(self.shot) > 0]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """A frame as it is looked at, and what the camera has moved until then."""
+
+    gray: Gray
+    colors: Colors
+    so_far: Float[np.ndarray, "2"]
+
+
+def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
+    """Returns what the frames of a video show; holds three of them at a time."""
+    rows: list[tuple[float, ...]] = []
+    reference = before = None
+    for frame in frames:
+        gray, colors = _looked_at(frame.pixels), _color_shares(frame.pixels)
+        so_far, lost, change = np.zeros(2), False, 0.0
+        if reference is not None and before is not None:
+            so_far, lost = _moved(reference, before, gray)
+            change = 1 - float(np.minimum(colors, before.colors).sum())
+        before = _Look(gray, colors, so_far)
+        if reference is None or lost or so_far[0] - reference.so_far[0] > _STRIDE:
+            reference = before
+        rows.append((frame.time_s, _sharpness(gray), *so_far, lost, change))
+    time_s, sharp, displacement, parallax, lost_at, changes = np.array(rows).reshape(-1, 6).T
+    cuts = _cuts(lost_at > 0, changes)
+    shot = np.cumsum(cuts, dtype=np.int64)
+    return FrameMotion(time_s, sharp, displacement - _LOST_DISPLACEMENT * shot, parallax, shot)
+
+
+def joined_motion(motions: Sequence[FrameMotion]) -> FrameMotion:
+    """Returns the frames of clips one after another, as if cut together; each keeps its times.
+
+    Every clip has a frame.
+    """
+    return reduce(_continued, motions)
+
+
+def _continued(first: FrameMotion, then: FrameMotion) -> FrameMotion:
+    return FrameMotion(
+        np.append(first.time_s, then.time_s),
+        np.append(first.sharpness, then.sharpness),
+        np.append(first.displacement, first.displacement[-1] + then.displacement),
+        np.append(first.parallax, first.parallax[-1] + then.parallax),
+        np.append(first.shot, first.shot[-1] + 1 + then.shot),
+    )
+
+
+def sharpness(image: UInt8[np.ndarray, "height width 3"]) -> float:
+    """Returns the variance of the image's Laplacian over its own, at most 480 pixels a side."""
+    return _sharpness(_looked_at(image))
+
+
+def _moved(reference: _Look, before: _Look, gray: Gray) -> tuple[Float[np.ndarray, "2"], bool]:
+    """Returns the motion since the first frame, and whether the corners were lost."""
+    for look in (reference, before):
+        motion = _motion(look.gray, gray)
+        if motion is not None:
+            return look.so_far + motion, False
+    return before.so_far + np.array([_LOST_DISPLACEMENT, 0.0]), True
+
+
+def _cuts(lost: Bool[np.ndarray, " frames"], change: PerFrame) -> Bool[np.ndarray, " frames"]:
+    beside = np.pad(change, 1)
+    usual = np.maximum(beside[:-2], beside[2:])
+    return np.asarray(lost & (change > _CUT_CHANGE) & (change > _CUT_CONTRAST * usual))
+
+
+def _looked_at(frame: UInt8[np.ndarray, "_ _ 3"]) -> UInt8[np.ndarray, "_ _"]:
+    gray = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
+    scale = min(1.0, _LONG_SIDE / max(gray.shape))
+    size = (max(1, round(gray.shape[1] * scale)), max(1, round(gray.shape[0] * scale)))
+    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA))
+
+
+def _color_shares(frame: UInt8[np.ndarray, "height width 3"]) -> Colors:
+    """Returns the share of the pixels in each of 8 x 8 x 8 cells of RGB."""
+    small = cv2.resize(frame, (96, 96), interpolation=cv2.INTER_AREA).astype(np.int64) // 32
+    cells = np.bincount(small.reshape(-1, 3) @ [64, 8, 1], minlength=512)
+    return np.asarray(cells / cells.sum())
+
+
+def _sharpness(gray: Gray) -> float:
+    return float(cv2.Laplacian(gray, cv2.CV_64F).var() / max(gray.astype(np.float64).var(), 1.0))
+
+
+def _motion(before: Gray, after: Gray) -> Float[np.ndarray, "2"] | None:
+    """Returns the median displacement of corners, and the mean that no homography explains.
+
+    None where hardly any corner is found again, and from there its way back.
+    """
+    corners = _corners(before)
+    if len(corners) < _FEWEST_CORNERS:
+        return None if len(_corners(after)) >= _FEWEST_CORNERS else np.zeros(2)
+    there, is_there, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, corners.copy())
+    back, is_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, there.copy())
+    returned = np.linalg.norm(back - corners, axis=-1)[:, 0] < 1.0
+    kept = returned & (is_there[:, 0] == 1) & (is_back[:, 0] == 1)
+    old, new = corners[kept, 0], there[kept, 0]
+    if len(old) < max(_FEWEST_CORNERS, _LEAST_FOLLOWED * len(corners)):
+        return None
+    displacement = float(np.median(np.linalg.norm(new - old, axis=1)))
+    homography, _ = cv2.findHomography(old, new, cv2.RANSAC, 1.0)
+    unexplained = 0.0
+    if homography is not None:
+        explained = cv2.perspectiveTransform(old[:, None], homography)[:, 0]
+        unexplained = float(np.mean(np.linalg.norm(new - explained, axis=1)))
+    return np.asarray([displacement, unexplained]) / np.float64(before.shape[1])
+
+
+def _corners(gray: Gray) -> Float[np.ndarray, "corners 1 2"]:
+    found = cv2.goodFeaturesToTrack(gray, maxCorners=400, qualityLevel=0.01, minDistance=6)
+    return np.zeros((0, 1, 2), np.float32) if np.ndim(found) == 0 else found  # None for none

@@ -1,0 +1,168 @@
+"""Videos of one scene as a capture: the frames that serve best as photographs.
+
+See `frame_choice`. Several clips share the frames by the length of the way that each goes.
+"""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from styletrf.capture.capture_file import Capture, Photograph, write_capture
+from styletrf.capture.clips.clip_survey import clip_warnings
+from styletrf.capture.clips.frame_choice import chosen_frames
+from styletrf.capture.clips.frame_motion import FrameMotion, frame_motion, joined_motion
+from styletrf.capture.panorama.panorama_capture import cut_photographs
+from styletrf.capture.panorama.panorama_views import DIRECTIONS
+from styletrf.capture.panorama.panoramas import (
+    Choice,
+    has_panorama_shape,
+    panorama_mismatch,
+    require_all_directions,
+    show_panoramas,
+)
+from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
+from styletrf.errors import InputError
+from styletrf.files.images import write_png
+from styletrf.files.video import Frame, TimedFrame, declared_duration_s, timed_frames, video_info
+from styletrf.progress import Progress, silent
+
+_LOOKED_AT, _EVERY = 10, 30  # frames that tell whether a clip is of panoramas
+
+
+def capture_videos(
+    videos: Sequence[Path],
+    out_dir: Path,
+    count: int,
+    progress: Progress = silent,
+    panoramas: Choice = "auto",
+) -> Capture:
+    """Writes at most `count` frames of a scene's videos as `images/*.png`, and `capture.json`.
+
+    Frames of a single video are named `0001` and so on, those of several `NAME_0001`. Each knows
+    its clip, its time there and how many cuts lie before it. Frames that are panoramas are replaced
+    by views cut from them, and each view counts.
+
+    Raises:
+        InputError: A file is no video, the pictures keep still, or there are fewer than three
+            frames to choose from.
+    """
+    motions = [frame_motion(_followed(video, progress)) for video in videos]
+    _require_frames(videos, motions)
+    cut = {video for video in videos if _is_panorama(video, panoramas)}
+    count = count // len(DIRECTIONS) if cut else count
+    chosen = _chosen_of_each(motions, count)
+    total = sum(len(frames) for frames in chosen)
+    if total < FEWEST_PHOTOGRAPHS:
+        subject = ", ".join(str(video) for video in videos)
+        problem = f"gives {total} frames, and {FEWEST_PHOTOGRAPHS} are needed"
+        raise InputError(subject, problem, "Film longer, or ask for more frames")
+    (out_dir / "images").mkdir(parents=True, exist_ok=True)
+    photographs = [
+        kept
+        for video, motion, frames, prefix in zip(
+            videos, motions, chosen, _prefixes(videos), strict=True
+        )
+        for frame, photograph in _photographs(video, motion, frames, prefix, progress)
+        for kept in _kept(photograph, frame, out_dir, is_panorama=video in cut)
+    ]
+    warnings = [
+        f"{video.name} shows all directions: {len(DIRECTIONS)} views are cut from each frame"
+        for video in videos
+        if video in cut
+    ]
+    warnings += _warnings(videos, motions, total, count)
+    capture = Capture(tuple(photographs), tuple(warnings))
+    write_capture(out_dir, capture)
+    return capture
+
+
+def _require_frames(videos: Sequence[Path], motions: Sequence[FrameMotion]) -> None:
+    for video, motion in zip(videos, motions, strict=True):
+        if len(motion.time_s) == 0:
+            raise InputError(str(video), "holds no frame that can be decoded", "Copy it again")
+
+
+def _followed(video: Path, progress: Progress) -> Iterator[TimedFrame]:
+    total = video_info(video).frames
+    for done, frame in enumerate(timed_frames(video)):
+        progress(min(done, total), total)
+        yield frame
+    progress(total, total)
+
+
+def _chosen_of_each(motions: Sequence[FrameMotion], count: int) -> list[list[int]]:
+    """Returns the indices of the frames to take of each clip, which may be none."""
+    chosen = chosen_frames(joined_motion(motions), count)
+    ends = np.cumsum([len(motion.time_s) for motion in motions])
+    clip = np.searchsorted(ends, chosen, side="right")
+    starts = ends - [len(motion.time_s) for motion in motions]
+    return [(chosen[clip == k] - starts[k]).tolist() for k in range(len(motions))]
+
+
+def _is_panorama(video: Path, choice: Choice) -> bool:
+    """Returns whether a clip is one of panoramas, as its metadata say or its frames show.
+
+    Raises:
+        InputError: It should be one, and its frames do not show all directions.
+    """
+    first = next(timed_frames(video))
+    height, width = first.pixels.shape[:2]
+    if choice == "yes" or (choice == "auto" and first.is_equirectangular):
+        require_all_directions(video.name, width, height)
+        return True
+    if choice == "no" or not has_panorama_shape(width, height):
+        return False
+    frames = islice(timed_frames(video), 0, _LOOKED_AT * _EVERY, _EVERY)
+    return show_panoramas([panorama_mismatch(frame.pixels) for frame in frames])
+
+
+def _photographs(
+    video: Path, motion: FrameMotion, frames: Sequence[int], prefix: str, progress: Progress
+) -> Iterator[tuple[Frame, Photograph]]:
+    """Yields the frames of a clip and what is known of each before it is a file."""
+    wanted = dict(zip(frames, range(1, len(frames) + 1), strict=True))
+    for index, frame in enumerate(_followed(video, progress)):
+        if index in wanted:
+            name = f"{prefix}{wanted[index]:04d}"
+            height, width = frame.pixels.shape[:2]
+            shot = int(motion.shot[index])
+            of_clip = video.name, shot, frame.time_s
+            yield frame.pixels, Photograph(name, f"{name}.png", width, height, 0, "", *of_clip)
+
+
+def _kept(
+    photograph: Photograph, frame: Frame, out_dir: Path, *, is_panorama: bool
+) -> Iterator[Photograph]:
+    """Writes a frame, or the views cut from it, and yields what `capture.json` says of them."""
+    if is_panorama:
+        yield from cut_photographs(photograph, frame, out_dir)
+        return
+    path = out_dir / "images" / photograph.file
+    write_png(path, frame, compression=3)
+    data = path.read_bytes()
+    yield replace(photograph, size_bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
+
+
+def _prefixes(videos: Sequence[Path]) -> list[str]:
+    """Returns what goes before the numbers of each clip's frames: nothing where there is one."""
+    if len(videos) == 1:
+        return [""]
+    times = Counter(video.stem.casefold() for video in videos)
+    unique = max(times.values()) == 1
+    return [f"{video.stem if unique else video.name.replace('.', '_')}_" for video in videos]
+
+
+def _warnings(
+    videos: Sequence[Path], motions: Sequence[FrameMotion], chosen: int, count: int
+) -> Iterator[str]:
+    for video, motion in zip(videos, motions, strict=True):
+        yield from clip_warnings(video.name, motion, declared_duration_s(video))
+    if chosen < count:
+        names = ", ".join(video.name for video in videos)
+        gives = "gives" if len(videos) == 1 else "give"
+        yield f"{names} {gives} {chosen} frames that differ, not {count}"

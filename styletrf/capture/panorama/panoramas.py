@@ -1,0 +1,131 @@
+"""Which photographs are equirectangular panoramas: those that say so, and those that show it.
+
+A panorama is twice as wide as high. Its metadata say what it is (Google's Photo Sphere XMP). Or its
+picture shows it: the left and the right edge continue each other, and the top and the bottom row,
+each a pole, have hardly more than one color. How far a picture is from that is its `mismatch`, the
+largest of four ratios:
+
+    difference of the two edges / difference of any two columns, / variation along the edges,
+    variation along the top row, along the bottom row / variation along any row
+
+Of 1,023 crops 2:1 of photographs the least mismatch is 0.51, the next 0.83; of panoramas of the
+courtyard, 2048 pixels wide, it is 0.03 to 0.11, and 0.27 where a near edge runs through the seam or
+a joint of the pavement through a pole. Photographs of one size, which one camera took, are decided
+together, so that one of them does not count.
+"""
+
+import re
+from collections.abc import Mapping, Sequence, Set
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import UInt8
+
+from styletrf.capture.photographs import read_photograph
+from styletrf.errors import InputError
+
+Image = UInt8[np.ndarray, "height width 3"]
+Choice = Literal["auto", "yes", "no"]
+
+_ASPECT, _TOLERANCE = 2.0, 0.01
+_MOST_MISMATCH = 0.4
+_LEAST_LEVELS = 4.0  # of 255, by which a picture has to vary to show anything
+_ROWS, _COLUMNS = 512, 64  # of a picture that are looked at
+
+_EQUIRECTANGULAR = re.compile(rb"GPano:ProjectionType\W{1,4}equirectangular")
+_SIDE = rb"GPano:%bWidthPixels\W{1,4}(\d+)"
+_SETTING = """--SceneCapture-settings '{"panoramas": "no"}'"""
+
+
+def find_panoramas(sizes: Mapping[Path, tuple[int, int]], choice: Choice) -> set[Path]:
+    """Returns the photographs that are panoramas, all of them where the choice is yes.
+
+    Args:
+        sizes: Width and height of the upright photographs, by their files.
+        choice: `auto` decides from the photographs.
+
+    Raises:
+        InputError: A panorama does not show all directions.
+    """
+    if choice == "no":
+        return set()
+    if choice == "yes":
+        for file, size in sizes.items():
+            require_all_directions(file.name, *size)
+        return set(sizes)
+    declared = {file for file, size in sizes.items() if _declares_panorama(file, *size)}
+    found = set(declared)
+    for size in set(sizes.values()):
+        files = [file for file in sizes if sizes[file] == size]
+        if has_panorama_shape(*size) and show_panoramas(_mismatches(files, declared)):
+            found |= set(files)
+    return found
+
+
+def show_panoramas(mismatches: Sequence[float]) -> bool:
+    """Returns whether at least half of the pictures of one camera are panoramas."""
+    return 2 * sum(mismatch < _MOST_MISMATCH for mismatch in mismatches) >= len(mismatches)
+
+
+def _mismatches(files: Sequence[Path], declared: Set[Path]) -> list[float]:
+    """Returns how far photographs are from panoramas; those that say that they are one are none."""
+    return [0.0 if file in declared else panorama_mismatch(read_photograph(file)) for file in files]
+
+
+def has_panorama_shape(width: int, height: int) -> bool:
+    """Returns whether a picture is twice as wide as high, within 1 %."""
+    return abs(width / height / _ASPECT - 1) <= _TOLERANCE
+
+
+def panorama_mismatch(image: Image) -> float:
+    """Returns how far a picture is from a panorama; infinite where it has no such shape.
+
+    A picture that varies by less than 4 levels in a way that would tell shows nothing.
+    """
+    if not has_panorama_shape(image.shape[1], image.shape[0]):
+        return float("inf")
+    rows = image[:: max(1, image.shape[0] // _ROWS)].astype(np.float32)
+    sampled = rows[:, :: max(1, image.shape[1] // _COLUMNS)]
+    apart = np.abs(sampled[:, :, None] - sampled[:, None]).mean(axis=(0, 3))
+    edges = rows[:, [0, -1]].std(axis=0).mean(axis=-1)
+    along = rows.std(axis=1).mean(axis=-1)
+    poles = image[[0, -1]].astype(np.float32).std(axis=1).mean(axis=-1)
+    usual = np.array([np.median(apart), edges.min(), np.median(along), np.median(along)])
+    if usual.min() < _LEAST_LEVELS:
+        return float("inf")
+    seam = np.abs(rows[:, 0] - rows[:, -1]).mean()
+    return float((np.array([seam, seam, *poles]) / usual).max())
+
+
+def _declares_panorama(file: Path, width: int, height: int) -> bool:
+    """Returns whether the XMP of a photograph, which is plain text in any format, says so.
+
+    Raises:
+        InputError: It says so of a part of a panorama.
+    """
+    data = file.read_bytes()
+    if not _EQUIRECTANGULAR.search(data):
+        return False
+    found = [re.search(_SIDE % side, data) for side in (b"CroppedAreaImage", b"FullPano")]
+    cropped, full = (int(one.group(1)) if one else 0 for one in found)
+    if cropped and full and cropped < full:
+        shown = f"shows {cropped / full:.0%} of the way around"
+        raise InputError(file.name, f"is a panorama that {shown}", _remedy())
+    require_all_directions(file.name, width, height)
+    return True
+
+
+def require_all_directions(name: str, width: int, height: int) -> None:
+    """Refuses what has not the shape of a panorama.
+
+    Raises:
+        InputError: It is not twice as wide as high.
+    """
+    if not has_panorama_shape(width, height):
+        problem = f"is {width}x{height}, and a panorama of all directions is twice as wide as high"
+        raise InputError(name, problem, _remedy())
+
+
+def _remedy() -> str:
+    return f"Leave it out, or have it taken as a photograph with {_SETTING}"

@@ -1,0 +1,203 @@
+"""Photographs as users keep them: which files of a folder they are, and their upright pixels."""
+
+import os
+import re
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from styletrf.errors import InputError
+from styletrf.files.heif_images import HEIF_SUFFIXES, heif_pixels
+
+PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
+    [
+        ".bmp",
+        ".jp2",
+        ".jpe",
+        ".jpeg",
+        ".jpg",
+        ".pbm",
+        ".pgm",
+        ".png",
+        ".pnm",
+        ".ppm",
+        ".tif",
+        ".tiff",
+        ".webp",
+    ]
+)
+"""What OpenCV decodes faithfully, and what phones write. (OpenCV's AVIF loses 10 and 12 bits.)"""
+
+CAMERA_SUFFIXES = frozenset([".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2"])
+"""Photographs too, but ones that have to be converted first."""
+
+VIDEO_SUFFIXES = frozenset([".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm"])
+"""Videos, whose frames may serve as photographs."""
+
+FEWEST_PHOTOGRAPHS = 3
+
+# What libjpeg says of damaged data. It also warns of harmless things: padding before the last
+# marker, the scan parameters that some phones write.
+_JPEG_DAMAGE = re.compile(r"premature end|bad Huffman|extraneous bytes before marker 0xd[0-7]")
+_JPEG_START = b"\xff\xd8"
+_JPEG_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]", re.DOTALL)  # not one within a scan
+_STANDARD_ERROR = threading.Lock()
+
+
+def list_photographs(folder: Path) -> list[Path]:
+    """Returns the photographs below a folder by suffix, in natural order (`2.jpg` before `10.jpg`).
+
+    Hidden files and folders, files that are no images, masks (`masks`) and the reduced copies that
+    published scenes have (`images_4`) are passed over.
+
+    Raises:
+        InputError: The folder is missing, or holds fewer than three photographs, or one whose
+            name is not in UTF-8.
+    """
+    if not folder.is_dir():
+        raise InputError(str(folder), "there is no such folder", "Put the photographs there")
+    files = [path for path in folder.rglob("*") if path.is_file() and _counts(path, folder)]
+    photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    if len(photographs) < FEWEST_PHOTOGRAPHS:
+        raise InputError(str(folder), _too_few(len(photographs), files), _MORE_PHOTOGRAPHS)
+    for path in photographs:
+        require_readable_name(path.name)
+    return sorted(photographs, key=lambda path: natural_order(str(path.relative_to(folder))))
+
+
+def _counts(path: Path, folder: Path) -> bool:
+    """Returns whether a file below the folder is neither hidden nor in a folder of other images."""
+    *folders, name = path.relative_to(folder).parts
+    return not any(part[0] == "." for part in [*folders, name]) and not any(
+        _OTHER_IMAGES.fullmatch(part) for part in folders
+    )
+
+
+def require_readable_name(name: str) -> None:
+    """Refuses the name of a file that, not being in UTF-8, no text can tell.
+
+    Raises:
+        InputError: The name is such a one.
+    """
+    try:
+        name.encode()
+    except UnicodeEncodeError as error:
+        told = os.fsencode(name).decode(errors="replace")
+        raise InputError(told, "its name is not in UTF-8", "Rename it") from error
+
+
+_OTHER_IMAGES = re.compile(r"masks|images_\d+", re.IGNORECASE)
+_MORE_PHOTOGRAPHS = (
+    f"At least {FEWEST_PHOTOGRAPHS} overlapping photographs of the place are needed, better 20 "
+    "or more, as JPEG or PNG files"
+)
+
+
+def _too_few(count: int, files: list[Path]) -> str:
+    found = f"{count or 'no'} photograph{'' if count == 1 else 's'} found"
+    foreign = sorted({path.suffix.lower() for path in files} & CAMERA_SUFFIXES)
+    return found + (f" ({', '.join(foreign)} files must be converted first)" if foreign else "")
+
+
+def natural_order(name: str) -> tuple[list[str | int], str]:
+    """Returns a sorting key that compares runs of digits as numbers, the rest caselessly."""
+    parts = re.split(r"([0-9]+)", name)
+    return [int(part) if i % 2 else part.casefold() for i, part in enumerate(parts)], name
+
+
+def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
+    """Returns a photograph's upright RGB pixels: EXIF orientation applied, grey made RGB.
+
+    16 bits are rounded to 8. Transparent pixels are composited on white, as the published
+    synthetic scenes want it; the orientation tag of an image with transparency is not heeded.
+
+    Raises:
+        InputError: The file cannot be read, is no image, or is cut short or damaged.
+    """
+    try:
+        encoded = path.read_bytes()
+    except OSError as error:
+        problem = f"cannot be read ({error.strerror})"
+        raise InputError(str(path), problem, "Check the file and its permissions") from error
+    if path.suffix.lower() in HEIF_SUFFIXES:
+        rgb = heif_pixels(encoded)
+        pixels = None if rgb is None else rgb[..., [2, 1, 0, 3][: rgb.shape[2]]]
+    else:
+        pixels = _decoded(encoded)
+    if pixels is None:
+        problem = "is empty" if not encoded else "is cut short, damaged, or no image"
+        raise InputError(str(path), problem, "Copy it again from where it came, or remove it")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
+    return _eight_bits_on_white(pixels)
+
+
+def _decoded(file: bytes) -> np.ndarray | None:
+    """Returns pixels BGR or BGRA of any depth, or None where there is any sign of damage."""
+    if file.startswith(_JPEG_START) and not _jpeg_ends(file):
+        return None
+    encoded = np.frombuffer(file, np.uint8)
+    with _native_complaints() as complaints:
+        try:
+            pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
+            if pixels is None:
+                return None
+            if pixels.ndim == 2 or pixels.shape[2] != 4:
+                # IMREAD_UNCHANGED leaves a photograph lying on its side. (BGR: OpenCV 5.0 garbles
+                # 16-bit TIFF under IMREAD_COLOR_RGB.)
+                pixels = cv2.imdecode(encoded, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+        except cv2.error:
+            return None
+    return None if _JPEG_DAMAGE.search("".join(complaints)) else pixels
+
+
+def _jpeg_ends(file: bytes) -> bool:
+    """Returns whether the segments of a JPEG lead to its end-of-image marker.
+
+    Thumbnails, which have one of their own, lie within segments; phones append data after it.
+    """
+    position = len(_JPEG_START)
+    while marker := _JPEG_MARKER.search(file, position):
+        if marker.group() == b"\xff\xd9":
+            return True
+        position = marker.end() + int.from_bytes(file[marker.end() : marker.end() + 2])
+    return False
+
+
+def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:
+    """Returns RGB from BGR or BGRA of 8 or 16 bits, rounded once."""
+    white = np.iinfo(pixels.dtype).max
+    if pixels.shape[2] == 3 and white == 255:
+        return np.ascontiguousarray(pixels[..., ::-1])
+    color = pixels[..., 2::-1].astype(np.float64) / white
+    if pixels.shape[2] == 4:
+        alpha = pixels[..., 3:].astype(np.float64) / white
+        color = color * alpha + (1 - alpha)
+    return np.rint(color * 255).astype(np.uint8)
+
+
+@contextmanager
+def _native_complaints() -> Iterator[list[str]]:
+    """Collects what C libraries write to standard error, once the block is left.
+
+    libjpeg replaces missing data by grey and tells nobody but standard error.
+    """
+    complaints: list[str] = []
+    with _STANDARD_ERROR, tempfile.TemporaryFile() as log:
+        sys.stderr.flush()
+        standard_error = os.dup(2)
+        os.dup2(log.fileno(), 2)
+        try:
+            yield complaints
+        finally:
+            os.dup2(standard_error, 2)
+            os.close(standard_error)
+            log.seek(0)
+            complaints.append(log.read().decode(errors="replace"))

@@ -1,0 +1,59 @@
+"""Poses as COLMAP keeps them: `sparse/0` with cameras, images and points, binary or text."""
+
+from pathlib import Path
+
+import numpy as np
+
+from styletrf.capture.poses.given_poses import (
+    GivenPoses,
+    GivenView,
+    Lens,
+    given_poses,
+    require_inside,
+)
+from styletrf.colmap import pycolmap
+from styletrf.errors import InputError
+
+_PLACES = ("sparse/0", "sparse", "colmap/sparse/0")
+
+
+def read_colmap_model(folder: Path) -> GivenPoses | None:
+    """Returns the registered photographs of a model below the folder; None where there is none.
+
+    Photographs lie in `images`, under the names that the model has for them.
+
+    Raises:
+        InputError: The model cannot be read, names a photograph outside `images`, or hardly one
+            is there.
+    """
+    places = [folder / place for place in _PLACES]
+    source = next((place for place in places if any(place.glob("cameras.*"))), None)
+    if source is None:
+        return None
+    views = colmap_views(source, folder / "images")
+    for view in views:
+        require_inside(source, folder / "images", view.file.parent)
+    return given_poses(source, views)
+
+
+def colmap_views(source: Path, photographs: Path) -> list[GivenView]:
+    """Returns the views of a model by their names, whether or not their photographs are there.
+
+    Raises:
+        InputError: The model cannot be read.
+    """
+    try:
+        model = pycolmap.Reconstruction(source)
+        images = sorted((model.image(i) for i in model.reg_image_ids()), key=lambda i: i.name)
+        return [_view(photographs, one, model.camera(one.camera_id)) for one in images]
+    except (ValueError, RuntimeError, IndexError) as error:
+        reason = str(error).strip().split("\n")[0]
+        problem = f"cannot be read as a COLMAP model ({reason})"
+        raise InputError(str(source), problem, "Export it again, or remove it") from error
+
+
+def _view(folder: Path, image: pycolmap.Image, lens: pycolmap.Camera) -> GivenView:
+    params = tuple(float(value) for value in lens.params)
+    pose = np.asarray(image.cam_from_world().inverse().matrix(), dtype=np.float64)
+    told = Lens(str(lens.model_name), params, int(lens.width), int(lens.height))
+    return GivenView(folder / image.name, told, pose)

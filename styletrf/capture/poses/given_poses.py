@@ -1,0 +1,146 @@
+"""Poses that a scene already has, whatever format they came in, and their way through a capture."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
+from styletrf.errors import InputError
+
+GIVEN_BY = "given by "  # begins the name of the mapper where no mapping was needed
+NEAR_ROTATION = 1e-2  # by which the columns of a pose may miss being orthonormal
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """A lens as COLMAP describes it: its name of the model, and the parameters, in pixels."""
+
+    model: str
+    params: tuple[float, ...]
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class GivenView:
+    """A photograph with its lens and its pose, in this project's axes (x right, y down, z ahead).
+
+    `held_out` tells to which side of a published split it belongs; None where there is no split.
+    """
+
+    file: Path
+    lens: Lens
+    world_from_camera: Float[np.ndarray, "3 4"]
+    held_out: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GivenPoses:
+    """Views with a pose, the file or folder that told them, and photographs it names in vain."""
+
+    source: Path
+    views: tuple[GivenView, ...]
+    missing: tuple[str, ...] = ()
+
+    @property
+    def files(self) -> list[Path]:
+        """The photographs, and whatever else was read."""
+        told = [self.source] if self.source.is_file() else sorted(self.source.iterdir())
+        return [*(view.file for view in self.views), *told]
+
+
+def rigid(name: str, source: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:
+    """Returns a pose as a rotation and a centre, its rotation the nearest to what is given.
+
+    Raises:
+        InputError: It is not finite, singular, mirrored or far from a rotation times a scale.
+    """
+    remedy = "Export the poses again"
+    if pose.shape not in ((3, 4), (4, 4)) or not np.isfinite(pose).all():
+        raise InputError(
+            str(source), f"the pose of {name} is not 3x4 or 4x4 finite numbers", remedy
+        )
+    linear, center = pose[:3, :3].astype(np.float64), pose[:3, 3].astype(np.float64)
+    u, singular, vt = np.linalg.svd(linear)
+    if singular[2] < (1 - NEAR_ROTATION) * singular[0] or np.linalg.det(linear) <= 0:
+        problem = f"the pose of {name} is no rotation: its matrix is singular, skewed or mirrored"
+        raise InputError(str(source), problem, remedy)
+    return np.column_stack([u @ vt, center])
+
+
+def require_inside(source: Path, folder: Path, place: Path) -> None:
+    """Refuses a photograph, or its folder, that lies elsewhere than the scene, by links too.
+
+    What lies elsewhere is in no key, and would be copied into a store that others may share.
+
+    Args:
+        source: The file that names it.
+        folder: Where the scene's photographs are.
+        place: Whether or not it is there.
+
+    Raises:
+        InputError: It is outside the folder, or no path at all.
+    """
+    try:
+        is_inside = place.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a loop of links, a name with a NUL
+        is_inside = False
+    if not is_inside:
+        problem = f"names a photograph outside {folder}: {str(place)!r}"
+        raise InputError(str(source), problem, "Copy the photographs into the scene's folder")
+
+
+def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
+    """Returns the views whose photographs are there.
+
+    Raises:
+        InputError: There are fewer than three; names what is missing.
+    """
+    present = tuple(view for view in views if view.file.is_file())
+    missing = tuple(view.file.name for view in views if not view.file.is_file())
+    if len(present) < FEWEST_PHOTOGRAPHS:
+        problem = f"has poses of {len(present)} photographs that are there"
+        told = f"; missing: {', '.join(missing[:10])}" if missing else ""
+        raise InputError(str(source), problem + told, "Put the photographs where it says")
+    return GivenPoses(source, present, missing)
+
+
+def write_given_poses(path: Path, source: str, views: Mapping[str, GivenView]) -> None:
+    """Writes poses by the names of their photographs, as JSON."""
+    rows = [
+        {
+            "name": name,
+            "lens": {
+                "model": view.lens.model,
+                "params": view.lens.params,
+                "width": view.lens.width,
+                "height": view.lens.height,
+            },
+            "world_from_camera": view.world_from_camera.tolist(),
+            "held_out": view.held_out,
+        }
+        for name, view in views.items()
+    ]
+    path.write_text(json.dumps({"source": source, "views": rows}, indent=1) + "\n")
+
+
+def poses_are_given(poses: Path) -> bool:
+    """Whether the poses in a folder that `solve_camera_poses` wrote came with the photographs."""
+    report: dict[str, Any] = json.loads((poses / "poses.json").read_text())
+    return str(report.get("mapper", "")).startswith(GIVEN_BY)
+
+
+def read_given_poses(path: Path) -> tuple[str, dict[str, GivenView]]:
+    """Returns what `write_given_poses` wrote: the source's name, and the views by name."""
+    values: dict[str, Any] = json.loads(path.read_text())
+    views = {}
+    for row in values["views"]:
+        lens = Lens(**{**row["lens"], "params": tuple(row["lens"]["params"])})
+        pose = np.array(row["world_from_camera"])
+        views[row["name"]] = GivenView(Path(row["name"]), lens, pose, row["held_out"])
+    return values["source"], views

@@ -1,0 +1,76 @@
+"""Poses as LLFF keeps them: `poses_bounds.npy`, one row a photograph in the order of their names.
+
+A row is the 3x5 matrix [rotation | centre | height, width, focal] and the depths of the nearest and
+the farthest points. The columns of the rotation are the camera's down, right and backwards axes in
+the world; the optical axis goes through the middle of the image (Mildenhall et al. 2019).
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.capture.photographs import list_photographs, read_photograph
+from styletrf.capture.poses.given_poses import GivenPoses, GivenView, Lens, given_poses, rigid
+from styletrf.errors import InputError
+from styletrf.geometry.cameras import Camera, resized
+
+_REMEDY = "Write it anew with the photographs that are there"
+
+
+def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -> list[Camera]:
+    """Returns the cameras of photographs of `width` x `height`, whatever size they were posed at.
+
+    Args:
+        path: The `poses_bounds.npy`.
+        names: Of the photographs, sorted as the rows are.
+        width: Of the photographs, in pixels.
+        height: Likewise.
+
+    Raises:
+        InputError: The file is no such table, or not of so many photographs, or not finite.
+    """
+    try:
+        rows = np.load(path, allow_pickle=False).astype(np.float64)
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), "is no table of numbers", _REMEDY) from error
+    if rows.shape != (len(names), 17) or not np.isfinite(rows).all():
+        problem = f"is not 17 finite numbers for each of {len(names)} photographs"
+        raise InputError(str(path), problem, _REMEDY)
+    return [
+        resized(_camera(name, row[:15].reshape(3, 5)), width, height)
+        for name, row in zip(names, rows, strict=True)
+    ]
+
+
+def read_llff_folder(folder: Path) -> GivenPoses | None:
+    """Returns the views of `poses_bounds.npy` and `images` in a folder; None without the former.
+
+    Raises:
+        InputError: As `read_llff_poses`.
+    """
+    path = folder / "poses_bounds.npy"
+    if not path.exists():
+        return None
+    files = sorted(list_photographs(folder / "images"))
+    height, width, _ = read_photograph(files[0]).shape
+    cameras = read_llff_poses(path, [file.stem for file in files], width, height)
+    views = [
+        GivenView(
+            file,
+            Lens(
+                "PINHOLE", (float(camera.fx), float(camera.fy), camera.cx, camera.cy), width, height
+            ),
+            rigid(file.name, path, camera.world_from_camera),
+        )
+        for file, camera in zip(files, cameras, strict=True)
+    ]
+    return given_poses(path, views)
+
+
+def _camera(name: str, matrix: Float[np.ndarray, "3 5"]) -> Camera:
+    down, right, backwards, center = matrix[:, :4].T
+    height, width, focal = matrix[:, 4]
+    pose = np.column_stack([right, down, -backwards, center])
+    return Camera(name, round(width), round(height), focal, focal, width / 2, height / 2, pose)

@@ -1,0 +1,26 @@
+"""The formats in which a scene may already have its poses, beside its photographs.
+
+    sparse/0                                        COLMAP, binary or text
+    transforms.json, or transforms_train.json and _test.json    instant-ngp, Blender
+    poses_bounds.npy                                LLFF
+
+Each has a reader of its own; what comes out is the same.
+"""
+
+from pathlib import Path
+
+from styletrf.capture.poses.colmap_model import read_colmap_model
+from styletrf.capture.poses.given_poses import GivenPoses
+from styletrf.capture.poses.llff_poses import read_llff_folder
+from styletrf.capture.poses.transforms_json import read_transforms
+
+_READERS = (read_colmap_model, read_transforms, read_llff_folder)
+
+
+def find_given_poses(folder: Path) -> GivenPoses | None:
+    """Returns the poses that lie in the folder of a scene; of several formats the first above.
+
+    Raises:
+        InputError: What is there cannot be used, or names photographs that are missing.
+    """
+    return next((given for read in _READERS if (given := read(folder))), None)

@@ -1,0 +1,148 @@
+"""Poses as Blender's exporters and instant-ngp keep them: `transforms*.json`.
+
+Per frame a `file_path` and `transform_matrix`, world from camera with OpenGL's axes: x right, y up,
+z backwards. The lens is one field of view for all (`camera_angle_x`; Mildenhall et al. 2020), or
+`fl_x`, `fl_y`, `cx`, `cy`, `w`, `h` with OpenCV's `k1`, `k2`, `p1`, `p2`, for all or in a frame.
+"""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.capture.photographs import read_photograph
+from styletrf.capture.poses.given_poses import (
+    GivenPoses,
+    GivenView,
+    Lens,
+    given_poses,
+    require_inside,
+    rigid,
+)
+from styletrf.errors import InputError
+
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+_SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".JPG", ".PNG")
+_REMEDY = "Export the scene again"
+
+
+def read_transforms(folder: Path) -> GivenPoses | None:
+    """Returns the views in `transforms.json`, or those in `transforms_train.json` and `_test`.
+
+    Those of `_test` are held out. None where there is neither.
+
+    Raises:
+        InputError: A file is not of this format, a pose is none, a photograph lies outside the
+            folder, or hardly one is there.
+    """
+    parts = _parts(folder)
+    views = [view for path, held_out in parts.items() for view in _views_with(path, held_out)]
+    return given_poses(next(iter(parts)), views) if parts else None
+
+
+def transforms_photographs(folder: Path) -> list[Path]:
+    """Returns the photographs that `read_transforms` reads, by the paths that name them.
+
+    Raises:
+        InputError: A file is not of this format, or names a photograph outside the folder.
+    """
+    files = [_file(path, name) for path in _parts(folder) for name, _, _ in _frames(path)]
+    return [file for file in files if file.is_file()]
+
+
+def transforms_cameras(path: Path) -> list[GivenView]:
+    """Returns the views in one file by what the file itself says: no photograph is looked at.
+
+    Where it says no size, images are square.
+
+    Raises:
+        InputError: The file is not of this format, or a pose is none.
+    """
+    return [
+        GivenView(Path(name), _lens(path, values, None), _pose(name, path, pose))
+        for name, pose, values in _frames(path)
+    ]
+
+
+def _parts(folder: Path) -> dict[Path, bool | None]:
+    """Returns the files that tell a scene's poses, and whether their photographs are held out."""
+    whole, train, test = (folder / f"transforms{part}.json" for part in ("", "_train", "_test"))
+    if whole.exists():
+        return {whole: None}
+    if not train.exists():
+        return {}
+    return {train: False, test: True} if test.exists() else {train: None}
+
+
+def _frames(path: Path) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
+    """Returns of each frame the photograph's name, the matrix, and all that tells the lens."""
+    try:
+        values = json.loads(path.read_text())
+        return [
+            (
+                str(frame["file_path"]),
+                np.array(frame["transform_matrix"], dtype=np.float64),
+                {**values, **frame},
+            )
+            for frame in values["frames"]
+        ]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(str(path), "is no transforms file", _REMEDY) from error
+
+
+def _views_with(path: Path, held_out: bool | None) -> list[GivenView]:  # noqa: FBT001
+    """Returns the views in one file, whether or not their photographs are there."""
+    frames = _frames(path)
+    files = [_file(path, name) for name, _, _ in frames]
+    present = next((file for file in files if file.is_file()), None)
+    size = read_photograph(present).shape[1::-1] if present else (1, 1)
+    return [
+        GivenView(file, _lens(path, values, size), _pose(name, path, pose), held_out)
+        for file, (name, pose, values) in zip(files, frames, strict=True)
+    ]
+
+
+def _pose(name: str, path: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:
+    """Returns world_from_camera in this project's axes from 4x4 or 3x4 in OpenGL's."""
+    return rigid(name, path, pose @ _FLIP if pose.ndim == 2 and pose.shape[1] == 4 else pose)
+
+
+def _file(path: Path, name: str) -> Path:
+    """Returns the photograph of a `file_path`, which may lack its suffix.
+
+    Raises:
+        InputError: It lies outside the folder of the file that names it.
+    """
+    candidates = [path.parent / f"{name}{suffix}" for suffix in _SUFFIXES]
+    file = next((each for each in candidates if each.is_file()), candidates[0])
+    require_inside(path, path.parent, file)
+    return file
+
+
+def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
+    """Returns the lens of images that have, where the file tells no size, this one.
+
+    Without a size, images are square, which a focal length in pixels does not allow.
+    """
+    try:
+        usual = {} if size is None and "fl_x" in values else {"w": 1, "h": 1}
+        told = {**usual, **dict(zip("wh", size or (), strict=False)), **values}
+        width, height = round(float(told["w"])), round(float(told["h"]))
+        if "fl_x" in values:
+            fx = float(values["fl_x"])
+        else:
+            fx = 0.5 * width / math.tan(0.5 * float(values["camera_angle_x"]))
+        fy = float(values.get("fl_y", fx))
+        cx, cy = float(values.get("cx", width / 2)), float(values.get("cy", height / 2))
+        bend = tuple(float(values.get(name, 0)) for name in ("k1", "k2", "p1", "p2"))
+    except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
+        raise InputError(str(path), f"tells no lens ({error!r})", _REMEDY) from error
+    numbers = (fx, fy, cx, cy, *bend)
+    if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):
+        raise InputError(str(path), f"tells an impossible lens: {numbers}", _REMEDY)
+    if any(bend):
+        return Lens("OPENCV", numbers, width, height)
+    return Lens("PINHOLE", numbers[:4], width, height)

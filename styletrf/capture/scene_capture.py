@@ -1,0 +1,220 @@
+"""A scene's photographs, checked and kept as they are: exact copies and `capture.json`.
+
+A photograph that is damaged is left out with a warning while enough of them are whole.
+"""
+
+import hashlib
+import os
+import shutil
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from styletrf.capture.capture_file import Capture, Photograph, write_capture
+from styletrf.capture.masks import MASKS, find_masks, require_mask_of
+from styletrf.capture.panorama.panorama_capture import cut_photographs
+from styletrf.capture.panorama.panorama_views import DIRECTIONS
+from styletrf.capture.panorama.panoramas import Choice, find_panoramas
+from styletrf.capture.photographs import (
+    CAMERA_SUFFIXES,
+    FEWEST_PHOTOGRAPHS,
+    PHOTOGRAPH_SUFFIXES,
+    list_photographs,
+    natural_order,
+    read_photograph,
+)
+from styletrf.capture.poses.given_poses import (
+    GivenPoses,
+    GivenView,
+    read_given_poses,
+    write_given_poses,
+)
+from styletrf.errors import InputError
+from styletrf.progress import Progress, silent
+
+_NAMES_TOLD = 10
+
+GIVEN_POSES = "given_poses.json"
+"""In a capture, the poses that came with the photographs."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureConfig:
+    """Which photographs are taken.
+
+    Args:
+        video_frames: Of the videos of a scene together, at most so many frames.
+        leave_out: Names of photographs, or patterns such as `IMG_00*`, that are not taken.
+        panoramas: Whether photographs and videos are equirectangular, of all directions, and cut
+            into views; `auto` decides from what they say and show.
+    """
+
+    video_frames: int = 60
+    leave_out: tuple[str, ...] = ()
+    panoramas: Choice = "auto"
+
+
+def capture_photographs(
+    folder: Path,
+    out_dir: Path,
+    progress: Progress = silent,
+    given: GivenPoses | None = None,
+    leave_out: Sequence[str] = (),
+    panoramas: Choice = "auto",
+) -> Capture:
+    """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
+
+    `out_dir` receives `images/<file>`, `masks/<name>.png` of those that have one (see
+    `styletrf.capture.masks`), and, last, `capture.json` (see `read_capture`). A
+    photograph's `name` is its file name without the suffix, or with it where any two would clash.
+    What is odd about them is logged as a warning, too. With poses that are `given`, their
+    photographs alone are taken, and `given_poses.json` is written; their lenses are given, too, so
+    that none is looked at as a panorama. Other panoramas are replaced by views cut from them.
+
+    Raises:
+        InputError: One for all that is wrong: too few photographs, or fewer than half of them
+            that can be read, a mask that is none, or nothing to leave out by such a name. Nothing
+            is written then.
+    """
+    if given and panoramas == "yes":
+        problem = "are to be panoramas, but the poses that came with them name their lenses"
+        remedy = f"Take {given.source.name} away, or leave the setting panoramas at auto"
+        raise InputError(str(folder), problem, remedy)
+    files = [view.file for view in given.views] if given else list_photographs(folder)
+    files = _without(files, leave_out)
+    stored = _stored_names(files)
+    examined, problems = _examined(files, stored, progress)
+    photographs = list(examined.values())
+    if len(photographs) < max(FEWEST_PHOTOGRAPHS, len(files) / 2):
+        remedy = "Replace these files"
+        problem = "; ".join(problems) or f"only {len(photographs)} photographs are left"
+        raise InputError(str(folder), problem, remedy)
+    masks = find_masks(folder, files)
+    for file in masks.keys() & examined.keys():
+        require_mask_of(masks[file], examined[file].width, examined[file].height)
+    sizes = {file: (one.width, one.height) for file, one in examined.items()}
+    cut = find_panoramas(sizes, "no" if given else panoramas)
+    kept = _stored(examined, masks, cut, out_dir)
+    warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder, photographs)
+    if cut:
+        of_them = f"{len(cut)} of {len(photographs)} photographs"
+        warnings.append(f"{of_them} are panoramas: {len(DIRECTIONS)} views are cut from each")
+    if given:
+        views = {view.file: view for view in given.views}
+        named = {photograph.name: views[file] for file, photograph in examined.items()}
+        write_given_poses(out_dir / GIVEN_POSES, given.source.name, named)
+        warnings += _warnings_of_poses(folder, given)
+    capture = Capture(tuple(kept), tuple(warnings))
+    write_capture(out_dir, capture)
+    return capture
+
+
+def _stored(
+    examined: Mapping[Path, Photograph],
+    masks: Mapping[Path, Path],
+    panoramas: Set[Path],
+    out_dir: Path,
+) -> list[Photograph]:
+    """Copies photographs and their masks, cuts panoramas and theirs; returns what there is then."""
+    (out_dir / "images").mkdir(parents=True, exist_ok=True)
+    (out_dir / MASKS).mkdir(exist_ok=True)
+    kept: list[Photograph] = []
+    for file, photograph in examined.items():
+        if file in panoramas:
+            mask = read_photograph(masks[file]) if file in masks else None
+            kept += cut_photographs(photograph, read_photograph(file), out_dir, mask)
+            continue
+        kept.append(photograph)
+        shutil.copyfile(file, out_dir / "images" / photograph.file)
+        if file in masks:
+            shutil.copyfile(masks[file], out_dir / MASKS / f"{photograph.name}.png")
+    return kept
+
+
+def _stored_names(files: Sequence[Path]) -> list[str]:
+    """Returns the file names; with their folders' before them where any two would clash."""
+    if len({file.name.casefold() for file in files}) == len(files):
+        return [file.name for file in files]
+    common = Path(os.path.commonpath(files))
+    return ["_".join(file.relative_to(common).parts) for file in files]
+
+
+def _without(files: Sequence[Path], patterns: Sequence[str]) -> list[Path]:
+    """Returns the files whose names no pattern matches, with or without the suffix.
+
+    Raises:
+        InputError: A pattern matches none.
+    """
+    for pattern in patterns:
+        if not any(_matches(file, pattern) for file in files):
+            problem = "is to be left out, and no photograph has such a name"
+            raise InputError(f"leave_out {pattern!r}", problem, "Check the name")
+    return [file for file in files if not any(_matches(file, pattern) for pattern in patterns)]
+
+
+def _matches(file: Path, pattern: str) -> bool:
+    return fnmatchcase(file.name, pattern) or fnmatchcase(file.stem, pattern)
+
+
+def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:
+    """Returns where the poses that came with a capture are from, and its views by name; or None."""
+    path = capture_dir / GIVEN_POSES
+    return read_given_poses(path) if path.exists() else None
+
+
+def _examined(
+    files: Sequence[Path], stored: Sequence[str], progress: Progress
+) -> tuple[dict[Path, Photograph], list[str]]:
+    """Returns the photographs that can be read, by their files, and what ails the others."""
+    names = _unique_names(stored)
+    photographs, problems = {}, []
+    for done, (file, file_name, name) in enumerate(zip(files, stored, names, strict=True)):
+        progress(done, len(files))
+        try:
+            height, width, _ = read_photograph(file).shape
+        except InputError as error:
+            problems.append(f"{file.name} {error.problem}")
+            continue
+        data = file.read_bytes()
+        sha256 = hashlib.sha256(data).hexdigest()
+        photographs[file] = Photograph(name, file_name, width, height, len(data), sha256)
+    progress(len(files), len(files))
+    return photographs, problems
+
+
+def _unique_names(files: Sequence[str]) -> list[str]:
+    stems = [Path(file).stem for file in files]
+    clash = len({stem.casefold() for stem in stems}) < len(stems)
+    return list(files) if clash else stems
+
+
+def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
+    count = Counter(photograph.sha256 for photograph in photographs)
+    warnings = []
+    for sha256 in sorted(digest for digest, times in count.items() if times > 1):
+        same = [photograph.file for photograph in photographs if photograph.sha256 == sha256]
+        warnings.append(f"the same photograph {len(same)} times: {_told(same)}")
+    beside = folder.iterdir() if folder.is_dir() else ()
+    foreign = [path.name for path in beside if path.suffix.lower() in CAMERA_SUFFIXES]
+    if foreign:
+        warnings.append(f"passed over, to be converted first: {_told(foreign)}")
+    return warnings
+
+
+def _warnings_of_poses(folder: Path, given: GivenPoses) -> list[str]:
+    used = {view.file for view in given.views}
+    beside = folder.iterdir() if folder.is_dir() else ()
+    others = [p.name for p in beside if p.suffix.lower() in PHOTOGRAPH_SUFFIXES and p not in used]
+    told = {
+        "names photographs that are missing": given.missing,
+        "has no poses of": others,
+    }
+    return [f"{given.source.name} {what}: {_told(names)}" for what, names in told.items() if names]
+
+
+def _told(names: Iterable[str]) -> str:
+    ordered = sorted(names, key=natural_order)
+    more = len(ordered) - _NAMES_TOLD
+    return ", ".join(ordered[:_NAMES_TOLD]) + (f" and {more} more" if more > 0 else "")

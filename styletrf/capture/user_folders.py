@@ -1,0 +1,181 @@
+"""Where users keep things under one root: `scenes/NAME/images/*`, `styles/NAME.jpg`, `content/*`.
+
+A name that leads nowhere is answered with the names that lead somewhere.
+"""
+
+import re
+from collections.abc import Iterable, Set
+from pathlib import Path
+
+from styletrf.capture.known_scenes import how_to_get
+from styletrf.capture.masks import find_masks
+from styletrf.capture.photographs import (
+    PHOTOGRAPH_SUFFIXES,
+    VIDEO_SUFFIXES,
+    list_photographs,
+    natural_order,
+    require_readable_name,
+)
+from styletrf.capture.poses.transforms_json import transforms_photographs
+from styletrf.content.content_sources import CONTENT_SUFFIXES
+from styletrf.errors import InputError
+
+_POSES = ("poses_bounds.npy", "transforms*.json", "sparse/**/*.*", "colmap/sparse/**/*.*")
+"""Files of the formats that `pose_formats` reads."""
+_NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
+
+
+def find_scene(data_root: Path, name: str) -> Path:
+    """Returns the folder of a scene's photographs or videos, or the one video of it.
+
+    The folder is `data_root/scenes/NAME/images`, or, without `images`, `NAME` itself, with the
+    photographs in it or in folders in it; a video lies in one of them, or is
+    `data_root/scenes/NAME.mp4` (or .mov and so on). Videos beside photographs are passed over.
+
+    Raises:
+        InputError: The name is not one of a plain folder, several videos beside each other or
+            beside a folder of them share it, or there is no such scene; lists the scenes that
+            exist and, for a well-known public one, says where to get it.
+    """
+    _check_name("scene", name)
+    scenes = data_root / "scenes"
+    folder = scenes / name / "images" if (scenes / name / "images").is_dir() else scenes / name
+    if folder.is_dir() and _of_suffix(folder.glob("[!.]*"), PHOTOGRAPH_SUFFIXES):
+        return folder
+    named = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
+    beside, inside = _of_suffix(named, VIDEO_SUFFIXES), scene_videos(folder)
+    if len(beside) + bool(inside) > 1:
+        names = ", ".join(sorted(video.name for video in [*beside, *inside]))
+        remedy = f"Put all clips of the scene into scenes/{name}, the others elsewhere"
+        raise InputError(f"scene {name!r}", f"has several videos: {names}", remedy)
+    if beside or len(inside) == 1:
+        return (beside or inside)[0]
+    if inside or folder.name == "images":
+        return folder
+    has_transforms = any((folder / f"transforms{part}.json").exists() for part in ("", "_train"))
+    if has_transforms or _of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES):
+        return folder  # photographs lie where the transforms say, or in folders
+    existing = [
+        path.stem
+        for path in scenes.glob("*")
+        if path.is_dir() or _of_suffix([path], VIDEO_SUFFIXES)
+    ]
+    remedy = (
+        how_to_get(name)
+        or f"Put its photographs into scenes/{name}/images, or a video as scenes/{name}.mp4,"
+    )
+    raise InputError(f"scene {name!r}", _missing(scenes, existing), f"{remedy} under {data_root}")
+
+
+def scene_folder(photographs: Path) -> Path:
+    """Returns the folder of a scene from what `find_scene` found: where poses may lie."""
+    is_inside = photographs.name == "images" or not photographs.is_dir()
+    return photographs.parent if is_inside else photographs
+
+
+def scene_videos(found: Path) -> list[Path]:
+    """Returns the videos of what `find_scene` found, in natural order; none of photographs."""
+    if not found.is_dir():
+        return _of_suffix([found], VIDEO_SUFFIXES)
+    files = sorted(found.glob("[!.]*"), key=lambda path: natural_order(path.name))
+    return [] if _of_suffix(files, PHOTOGRAPH_SUFFIXES) else _of_suffix(files, VIDEO_SUFFIXES)
+
+
+def scene_files(found: Path) -> list[Path]:
+    """Returns all files that what `find_scene` found may be read from: photographs, masks, poses.
+
+    Raises:
+        InputError: There are too few photographs, or poses name one outside the scene's folder.
+    """
+    if videos := scene_videos(found):
+        return videos
+    folder = scene_folder(found)
+    poses = [path for pattern in _POSES for path in sorted(folder.glob(pattern))]
+    if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
+        images = sorted(_of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES))
+        return list(dict.fromkeys([*images, *transforms_photographs(folder), *poses]))
+    files = list_photographs(found)
+    return [*files, *find_masks(found, files).values(), *poses]
+
+
+def find_style(data_root: Path, name: str) -> Path:
+    """Returns a style's image, `data_root/styles/NAME.*`; NAME may carry the suffix itself.
+
+    Raises:
+        InputError: The name is not one of a plain file, two images share it, or there is no such
+            style; lists the styles that exist.
+    """
+    _check_name("style", name)
+    styles = data_root / "styles"
+    files = [path for path in styles.glob("*") if path.is_file() and path.name[0] != "."]
+    images = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    found = sorted(path for path in images if name in (path.stem, path.name))
+    if len(found) == 1:
+        require_readable_name(found[0].name)
+        return found[0]
+    if found:
+        names = ", ".join(path.name for path in found)
+        raise InputError(f"style {name!r}", f"several images share it: {names}", "Give one in full")
+    others = [path.name for path in files if name in (path.stem, path.name)]
+    problem = f"{others[0]} is not an image" if others else "there is no such style"
+    existing = [path.stem for path in images]
+    remedy = f"Put a JPEG or PNG image into {styles} as {Path(name).stem}.jpg or .png"
+    raise InputError(f"style {name!r}", _missing(styles, existing, problem), remedy)
+
+
+def first_style(data_root: Path) -> str:
+    """Returns the name of the first style image by name.
+
+    Raises:
+        InputError: There is none.
+    """
+    files = (path for path in (data_root / "styles").glob("[!.]*") if path.is_file())
+    images = sorted(_of_suffix(files, PHOTOGRAPH_SUFFIXES))
+    if not images:
+        find_style(data_root, "any")  # which says what to do
+    return images[0].stem
+
+
+def find_content(data_root: Path, name: str) -> Path | None:
+    """Returns the photographs that a style network is to learn on; None is the embedded set.
+
+    Args:
+        data_root: The folder of `content/`.
+        name: `embedded`; `auto`, for the one folder with images, zip or annotations file that is
+            there, or else `embedded`; or what is there by its name, or anywhere by its path.
+
+    Raises:
+        InputError: `auto` finds several.
+    """
+    content = data_root / "content"
+    if name not in ("auto", "embedded"):
+        return content / name if (content / name).exists() else Path(name)
+    if name == "embedded" or not content.is_dir():
+        return None
+    entries = sorted(content.glob("[!.]*"), key=lambda path: natural_order(path.name))
+    found = [path for path in entries if path.suffix.lower() in (".zip", ".json")]
+    found += [
+        path for path in entries if path.is_dir() and _of_suffix(path.rglob("*"), CONTENT_SUFFIXES)
+    ]
+    if _of_suffix(entries, CONTENT_SUFFIXES):
+        found.append(content)
+    if len(found) > 1:
+        names = ", ".join("the images beside them" if p == content else p.name for p in found)
+        remedy = f"Choose one with --content NAME, such as --content {found[0].name}"
+        raise InputError("--content auto", f"{content} holds several: {names}", remedy)
+    return found[0] if found else None
+
+
+def _of_suffix(paths: Iterable[Path], suffixes: Set[str]) -> list[Path]:
+    return [path for path in paths if path.suffix.lower() in suffixes and path.is_file()]
+
+
+def _check_name(kind: str, name: str) -> None:
+    if not _NAME.fullmatch(name) or ".." in name:
+        problem = "it must be a plain name, not empty, without '/' or '..' or a leading dot"
+        raise InputError(f"{kind} {name!r}", problem, f"Give the name of a {kind} under data/")
+
+
+def _missing(folder: Path, existing: list[str], problem: str = "there is no such scene") -> str:
+    names = ", ".join(sorted(set(existing), key=natural_order)) or "none"
+    return f"{problem} (in {folder} there are: {names})"

@@ -1,0 +1,73 @@
+"""A scene's photographs as tensors, and which of them are held out."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import cv2
+import numpy as np
+import torch
+
+from styletrf.capture.masks import mask_of_view
+from styletrf.capture.poses.given_poses import GivenView
+from styletrf.capture.view_images import Image
+from styletrf.files.images import read_rgb, to_integers
+from styletrf.geometry.cameras import Camera
+
+CPU = torch.device("cpu")
+_ALL_OF_A_PIXEL = 0.999
+HOLD_OUT_EVERY = 8  # LLFF's protocol: views 0, 8, 16, ... of the sorted names
+
+
+def load_views(folder: Path, cameras: Sequence[Camera], device: torch.device = CPU) -> list[Image]:
+    """Returns the cameras' images from `folder`, reduced to each camera's size by pixel area.
+
+    They are RGB, or RGBA where a mask lies in `masks` beside the folder; alpha is then 0 where any
+    part of the pixel is masked, else 255.
+    """
+    views = []
+    for camera in cameras:
+        image = to_integers(_sized(read_rgb(folder / f"{camera.name}.png"), camera))
+        mask = mask_of_view(folder, camera.name)
+        if mask is not None:
+            counts = _sized(mask.astype(np.float32), camera) > _ALL_OF_A_PIXEL
+            image = np.dstack([image, np.where(counts, 255, 0).astype(np.uint8)])
+        views.append(torch.from_numpy(image).to(device))
+    return views
+
+
+def _sized(image: np.ndarray, camera: Camera) -> np.ndarray:
+    size = (camera.width, camera.height)
+    if image.shape[1::-1] == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+
+
+def held_out_names(
+    cameras: Sequence[Camera],
+    given: Mapping[str, GivenView],
+    panoramas: Mapping[str, str] = MappingProxyType({}),
+) -> set[str]:
+    """Returns the names of the views to measure by: those of a published split, or every eighth.
+
+    Views of one panorama count as one, and are held out together: each shares its place, and what
+    its margins show, with the others.
+
+    Args:
+        cameras: Of all views.
+        given: The views whose poses came with them, by their names.
+        panoramas: The names of the panoramas that views were cut from, by the names of the views.
+    """
+    if any(view.held_out for view in given.values()):
+        return {camera.name for camera in cameras if given[camera.name].held_out}
+    sources = [panoramas.get(camera.name, camera.name) for camera in cameras]
+    distinct = list(dict.fromkeys(sources))
+    held_out = {distinct[k] for k in split_views(len(distinct))[1]}
+    pairs = zip(cameras, sources, strict=True)
+    return {camera.name for camera, source in pairs if source in held_out}
+
+
+def split_views(n_views: int) -> tuple[list[int], list[int]]:
+    """Returns the indices of the training views and of the views held out, every eighth."""
+    held_out = list(range(0, n_views, HOLD_OUT_EVERY))
+    return [k for k in range(n_views) if k % HOLD_OUT_EVERY], held_out

@@ -1,0 +1,121 @@
+"""Content photographs fetched one by one, from the addresses in a COCO annotations file.
+
+What was fetched stays in a folder of the user's, so that an interrupted fetch goes on where it was.
+"""
+
+import json
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from functools import partial
+from http.client import HTTPException
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from styletrf.content.content_sources import ContentSource
+from styletrf.errors import InputError, NetworkError
+from styletrf.files.whole_files import whole_file
+
+_ATTEMPTS = 4
+_TIMEOUT_S = 30.0
+_FIRST_PAUSE_S = 1.0  # doubled after every failure
+LARGEST_BYTES = 64 * 2**20
+"""Of one image; the largest photographs of COCO have less than one MiB."""
+_CHUNK_BYTES = 1 << 16
+
+
+def coco_source(
+    annotations: Path, cache: Path, *, pause: Callable[[float], None] = time.sleep
+) -> ContentSource:
+    """Returns the images of an `instances_*.json`, fetched from their `coco_url` when read.
+
+    Reading an image looks for `cache/FILE_NAME` first and leaves it there, whole and decodable, or
+    not at all. It tries four times, waiting 1, 2 and 4 seconds between. An image that the server
+    does not have, or that does not decode, reads as empty bytes.
+
+    Args:
+        annotations: The JSON file; of it only `images` with `file_name` and `coco_url` is used.
+        cache: An existing folder.
+        pause: How to wait.
+
+    Raises:
+        InputError: The file is no such JSON.
+        NetworkError: While reading: the network or the server fails.
+        InputError: While reading: an image is larger than `LARGEST_BYTES`, so that its rest is not
+            fetched.
+    """
+    try:
+        entries = json.loads(annotations.read_text(encoding="utf-8"))["images"]
+        addresses = {str(entry["file_name"]): str(entry["coco_url"]) for entry in entries}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        problem = f"is no COCO annotations file ({type(error).__name__}: {error})"
+        remedy = "Give an instances_*.json, whose `images` have a `file_name` and a `coco_url`"
+        raise InputError(str(annotations), problem, remedy) from error
+    for name, address in addresses.items():
+        if Path(name).name != name or not address.startswith(("http://", "https://")):
+            problem = f"the image {name!r} has a path or address that is refused ({address})"
+            raise InputError(str(annotations), problem, "Give plain file names and web addresses")
+    read = partial(_read, addresses, cache, pause)
+    return ContentSource(str(annotations), tuple(sorted(addresses)), read)
+
+
+def _read(
+    addresses: dict[str, str], cache: Path, pause: Callable[[float], None], name: str
+) -> bytes:
+    path = cache / name
+    if path.exists() and _decodes(path.read_bytes()):
+        return path.read_bytes()
+    content = _fetch(addresses[name], pause)
+    if content:
+        with whole_file(path) as partial_path:
+            partial_path.write_bytes(content)
+    return content
+
+
+def _fetch(address: str, pause: Callable[[float], None]) -> bytes:
+    """The decodable image at an address; empty bytes where the server has none."""
+    problem, damaged = "", False
+    for attempt in range(_ATTEMPTS):
+        if attempt:
+            pause(_FIRST_PAUSE_S * 2 ** (attempt - 1))
+        try:
+            content = _download(address)
+        except urllib.error.HTTPError as error:
+            if error.code in {403, 404, 410}:
+                return b""
+            problem, damaged = str(error), False
+        except (OSError, HTTPException) as error:
+            problem, damaged = f"{type(error).__name__}: {error}", False
+        else:
+            if _decodes(content):
+                return content
+            damaged = True
+    if damaged:
+        return b""
+    raise NetworkError(
+        address,
+        f"cannot be fetched after {_ATTEMPTS} attempts ({problem})",
+        "Check the network and run again: what was fetched is kept. Offline, give a folder or a "
+        "zip of photographs",
+    )
+
+
+def _download(address: str) -> bytes:
+    """The bytes at an address, of which no more are read than an image may have."""
+    content = bytearray()
+    with urllib.request.urlopen(address, timeout=_TIMEOUT_S) as response:  # noqa: S310 only http(s)
+        while chunk := response.read(_CHUNK_BYTES):
+            content += chunk
+            if len(content) > LARGEST_BYTES:
+                problem = f"has more than {LARGEST_BYTES / 2**20:g} MiB, too much for a photograph"
+                remedy = "Check the address, or take the image out of the annotations"
+                raise InputError(address, problem, remedy)
+    return bytes(content)
+
+
+def _decodes(content: bytes) -> bool:
+    encoded = np.frombuffer(content, dtype=np.uint8)
+    return bool(encoded.size) and cv2.imdecode(encoded, cv2.IMREAD_COLOR) is not None

@@ -1,0 +1,93 @@
+"""Where content photographs come from: a folder, a zip, or the embedded set.
+
+(The fourth source, photographs fetched by a COCO annotations file, is
+`styletrf.content.coco_fetch`.)
+"""
+
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from styletrf.content.procedural_images import procedural_image
+from styletrf.errors import InputError
+
+CONTENT_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
+"""What counts as an image by its name, in lower case."""
+
+_PROCEDURAL_SHAPE = (320, 400)  # height, width
+
+
+@dataclass(frozen=True, slots=True)
+class ContentSource:
+    """Images by name; `read` returns one's encoded bytes and may be called from any thread."""
+
+    subject: str  # the source as the user knows it
+    names: tuple[str, ...]
+    read: Callable[[str], bytes]
+
+
+def folder_source(folder: Path) -> ContentSource:
+    """Returns the images in a folder and the folders below it, by relative path, sorted.
+
+    Raises:
+        InputError: It is not a folder or holds no image.
+    """
+    if not folder.is_dir():
+        raise InputError(str(folder), "is not a folder", "Give a folder of photographs")
+    files = (file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+    names = tuple(sorted(file.as_posix() for file in files if _is_image(file.as_posix())))
+    return ContentSource(
+        str(folder), _some(str(folder), names), lambda n: (folder / n).read_bytes()
+    )
+
+
+def zip_source(path: Path) -> ContentSource:
+    """Returns the images in a zip, such as COCO's `train2017.zip`, read without unpacking it.
+
+    Raises:
+        InputError: It is not a zip or holds no image.
+    """
+    try:
+        archive = zipfile.ZipFile(path)
+    except (OSError, zipfile.BadZipFile) as error:
+        raise InputError(str(path), f"is not a whole zip ({error})", "Fetch it again") from error
+    names = tuple(sorted(name for name in archive.namelist() if _is_image(name)))
+    return ContentSource(str(path), _some(str(path), names), archive.read)
+
+
+def embedded_source(photographs: Sequence[Path], n_procedural: int, seed: int) -> ContentSource:
+    """Returns the set that needs nothing else: photographs of the scene and procedural images.
+
+    Args:
+        photographs: Files, of distinct names.
+        n_procedural: How many images to make; the k-th depends on `seed` and k alone.
+        seed: Of the procedural images.
+    """
+    readers: dict[str, Callable[[], bytes]] = {
+        f"procedural-{k:05d}": partial(_procedural_png, seed, k) for k in range(n_procedural)
+    }
+    readers |= {f"photograph-{file.name}": file.read_bytes for file in photographs}
+    names = _some("the embedded content", tuple(sorted(readers)))
+    return ContentSource("the embedded content", names, lambda name: readers[name]())
+
+
+def _procedural_png(seed: int, index: int) -> bytes:
+    image = procedural_image(np.random.default_rng([seed, index]), *_PROCEDURAL_SHAPE)
+    return cv2.imencode(".png", image[..., ::-1])[1].tobytes()
+
+
+def _is_image(name: str) -> bool:
+    hidden = any(part.startswith((".", "__MACOSX")) for part in name.split("/"))
+    return not hidden and Path(name).suffix.lower() in CONTENT_SUFFIXES
+
+
+def _some(subject: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    if not names:
+        kinds = ", ".join(sorted(CONTENT_SUFFIXES))
+        raise InputError(subject, f"holds no image ({kinds})", "Give one that does")
+    return names

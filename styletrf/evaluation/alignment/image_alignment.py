@@ -1,0 +1,188 @@
+"""Where a photograph was taken from, by comparing it with renders (direct image alignment).
+
+A camera that moves by the twist (v, w) in its own frame, T' = T exp(v, w), shows at a pixel p
+
+    R'(p) = R(p) + grad R(p) . J(X) (v + w x X),        J = d project / dX,
+
+to first order, with X the point that p shows (Lucas and Kanade 1981; Engel et al. 2018, section
+2.2). Each step renders color and depth once, brings the render to the photograph's exposure by a
+gain and an offset for each channel, and solves the weighted normal equations for the twist. Coarse
+to fine: blurred images of a few dozen pixels first, for their slopes reach further.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.field.rendering import Rendering
+from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
+
+Image = Float[np.ndarray, "height width 3"]
+Render = Callable[[Camera], Rendering]
+
+LONG_SIDES_PX = (48, 96, 192)
+_STEPS = 12  # at each size
+_LEAST_RISE = 1e-5  # of the correlation, for another step
+_BLUR_PX = 1.0
+_DETAIL_PX = 3.0  # standard deviation of what detail is finer than
+_DAMPING = 1e-3  # of the diagonal of the normal equations
+_ROBUST = 2.0  # median errors, from which on a pixel weighs less
+_LEAST_OPACITY = 0.5  # of a pixel whose depth is used
+
+
+@dataclass(frozen=True, slots=True)
+class Alignment:
+    """A pose, and how alike photograph and render are there.
+
+    Attributes:
+        camera: Moved from where the search began.
+        correlation: Of the blurred images at the last size, from -1 to 1.
+        detail: The same of what is finer than a few pixels: photographs of different things agree
+            in light and ground, never in detail.
+    """
+
+    camera: Camera
+    correlation: float
+    detail: float
+
+
+def aligned(
+    camera: Camera, photograph: Image, render: Render, long_sides: Sequence[int] = LONG_SIDES_PX
+) -> Alignment:
+    """Returns the camera moved to where renders look most like the photograph.
+
+    Args:
+        camera: Of the photograph, at a pose from which the search begins.
+        photograph: RGB in [0, 1], at the camera's size.
+        render: The scene from a camera, in the camera's world.
+        long_sides: The image sizes to align at, coarse to fine.
+    """
+    found = Alignment(camera, 0.0, 0.0)
+    for long_side in sorted(long_sides):
+        sized = _at_pose_of(fitted_to(camera, long_side), found.camera)
+        found = _aligned_at(sized, photograph, render)
+    return replace(found, camera=_at_pose_of(camera, found.camera))
+
+
+def _aligned_at(camera: Camera, photograph: Image, render: Render) -> Alignment:
+    """Returns the alignment at the size of the camera."""
+    target = reduced(photograph, camera)
+    best = _Match.of(camera, target, render)
+    for _ in range(_STEPS):
+        found = _Match.of(_stepped(best, target), target, render)
+        if found.correlation <= best.correlation + _LEAST_RISE:
+            break
+        best = found
+    detail = correlation(_detail(best.image), _detail(target))
+    return Alignment(best.camera, best.correlation, detail)
+
+
+def _at_pose_of(camera: Camera, other: Camera) -> Camera:
+    return replace(camera, world_from_camera=other.world_from_camera)
+
+
+@dataclass(frozen=True, slots=True)
+class _Match:
+    """A render beside the photograph, brought to its exposure."""
+
+    camera: Camera
+    image: Image
+    depth: Float[np.ndarray, "height width"]
+    correlation: float
+
+    @classmethod
+    def of(cls, camera: Camera, target: Image, render: Render) -> "_Match":
+        shown = render(camera)
+        image = _exposed(_blurred(shown.color.numpy().astype(np.float64)), target)
+        depth = shown.median_depth.numpy().astype(np.float64)
+        depth = np.where(shown.opacity.numpy() >= _LEAST_OPACITY, depth, np.inf)
+        return cls(camera, image, depth, correlation(image, target))
+
+
+def correlation(image: Image, target: Image) -> float:
+    """Returns the correlation of two images, each channel about its mean; 0 of flat ones."""
+    a, b = (values - values.mean(axis=(0, 1)) for values in (image, target))
+    norm = np.sqrt((a**2).sum() * (b**2).sum())
+    return float((a * b).sum() / norm) if norm > 0 else 0.0
+
+
+def likeness(camera: Camera, photograph: Image, render: Render, long_side: int) -> float:
+    """Returns the `detail` of an alignment for a camera whose pose is known."""
+    sized = fitted_to(camera, long_side)
+    target = reduced(photograph, sized)
+    return correlation(_detail(_Match.of(sized, target, render).image), _detail(target))
+
+
+def reduced(image: Image, camera: Camera) -> Float[np.ndarray, "rows columns 3"]:
+    """Returns the image at the camera's size, blurred by a pixel."""
+    size = camera.width, camera.height
+    return _blurred(cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float64))
+
+
+def _blurred(image: Image) -> Image:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE))
+
+
+def _detail(image: Image) -> Image:
+    smooth = cv2.GaussianBlur(image, (0, 0), _DETAIL_PX, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(image - smooth)
+
+
+def _exposed(image: Image, target: Image) -> Image:
+    """Returns the image with the gain and offset for each channel that bring it near the target."""
+    mean, wanted = image.mean(axis=(0, 1)), target.mean(axis=(0, 1))
+    covariance = ((image - mean) * (target - wanted)).mean(axis=(0, 1))
+    gain = covariance / np.maximum(image.var(axis=(0, 1)), 1e-6)
+    return np.asarray((image - mean) * np.clip(gain, 0.25, 4.0) + wanted)
+
+
+def _stepped(match: _Match, target: Image) -> Camera:
+    """Returns the camera after one weighted Gauss-Newton step."""
+    used = np.isfinite(match.depth).reshape(-1)
+    scale = float(np.median(match.depth[np.isfinite(match.depth)])) if used.any() else 1.0
+    slopes = _slopes(match, target)[used]
+    motion = _pixel_motion(match, scale)[used]
+    jacobian = np.einsum("pcx,pxk->pck", slopes, motion).reshape(-1, 6)
+    error = (target - match.image).reshape(-1, 3)[used].reshape(-1)
+    least = _ROBUST * float(np.median(np.abs(error))) + 1e-9
+    weight = least / np.maximum(np.abs(error), least)
+    normal = (jacobian * weight[:, None]).T @ jacobian
+    normal += _DAMPING * np.diag(np.diag(normal)) + 1e-12 * np.eye(6)
+    twist = np.linalg.solve(normal, (jacobian * weight[:, None]).T @ error)
+    return _moved(match.camera, twist[:3] * scale, twist[3:])
+
+
+def _slopes(match: _Match, target: Image) -> Float[np.ndarray, "pixels 3 2"]:
+    """Returns the mean gradient of render and photograph (efficient second-order, Malis 2004)."""
+    middle = (match.image + target) / 2
+    down, right = np.gradient(middle, axis=(0, 1))
+    return np.stack([right, down], axis=-1).reshape(-1, 3, 2)
+
+
+def _pixel_motion(match: _Match, scale: float) -> Float[np.ndarray, "pixels 2 6"]:
+    """Returns d pixel / d twist of the points shown, translations in units of `scale`."""
+    camera = match.camera
+    x, y = (
+        (pixel_centers(camera.width, camera.height) - (camera.cx, camera.cy))
+        / (camera.fx, camera.fy)
+    ).T
+    inverse = scale / match.depth.reshape(-1)
+    zero = np.zeros_like(x)
+    return np.stack(
+        [
+            camera.fx * np.stack([inverse, zero, -x * inverse, -x * y, 1 + x * x, -y], axis=-1),
+            camera.fy * np.stack([zero, inverse, -y * inverse, -1 - y * y, x * y, x], axis=-1),
+        ],
+        axis=1,
+    )  # fmt: skip
+
+
+def _moved(camera: Camera, velocity: np.ndarray, spin: np.ndarray) -> Camera:
+    """Returns the camera moved by a translation and a rotation in its own frame."""
+    rotation = camera.world_from_camera[:, :3]
+    center = camera.center_world + rotation @ velocity
+    turned = rotation @ cv2.Rodrigues(spin)[0]
+    return replace(camera, world_from_camera=np.column_stack([turned, center]))

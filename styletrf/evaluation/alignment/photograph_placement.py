@@ -1,0 +1,163 @@
+"""Photographs that structure from motion could not place, placed against the field.
+
+Features need texture that is sharp in two photographs. A field that is fitted shows the scene from
+anywhere, and direct alignment (`styletrf.evaluation.alignment.image_alignment`) compares whole
+images: it places blurred and dark photographs, too. A photograph counts as placed where its detail
+agrees with the render's nearly as well as that of photographs whose cameras are known.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from styletrf.capture.capture_file import read_capture
+from styletrf.capture.photographs import read_photograph
+from styletrf.colmap import pycolmap
+from styletrf.evaluation.alignment.image_alignment import (
+    LONG_SIDES_PX,
+    Image,
+    Render,
+    aligned,
+    correlation,
+    likeness,
+    reduced,
+)
+from styletrf.files.tables import read_summary, write_summary
+from styletrf.geometry.camera_table import read_unregistered
+from styletrf.geometry.cameras import Camera, fitted_to, moved
+from styletrf.geometry.undistortion import pinhole_for, undistorted_image
+
+LEAST_DETAIL = 0.5  # correlation with the render, below which a photograph is of something else
+LEAST_SHARE = 0.75  # of the way from a photograph beside another's render to it beside its own
+_STARTS = 4  # known cameras, those of the most similar photographs, from which the search begins
+_COMPARED = 12  # photographs whose cameras are known, to know how alike render and photograph are
+_SAME_SHAPE = 0.01  # by how much the proportions of a photograph may differ from the lens's
+
+View = tuple[Camera, Image]
+"""A photograph at the size of its camera, RGB in [0, 1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class PhotographPlacement:
+    """What became of one photograph; `camera` is its best, whether or not it is good enough.
+
+    `detail` and `needed` are correlations with the render: that at the best pose, and the least
+    that counts.
+    """
+
+    camera: Camera
+    detail: float
+    needed: float
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether the photograph shows what the field does from there."""
+        return self.detail >= self.needed
+
+
+def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
+    """Yields the photographs without a camera as the first lens of the scene would show them.
+
+    Their cameras stand at the origin. Photographs of another shape than that lens's are left out:
+    nothing is known of theirs.
+
+    Args:
+        capture_dir: What `capture_photographs` wrote.
+        poses_dir: What `solve_camera_poses` wrote.
+    """
+    missing = set(read_unregistered(poses_dir / "cameras.parquet"))
+    if not missing:
+        return
+    poses = read_summary(poses_dir / "poses.json")
+    lens = pycolmap.Camera(
+        model=poses["camera_model"],
+        width=poses["width"],
+        height=poses["height"],
+        params=poses["camera_params"],
+    )
+    for one in read_capture(capture_dir).photographs:
+        if one.name in missing:
+            image = read_photograph(capture_dir / "images" / one.file)
+            if _has_shape(image, lens.width, lens.height):
+                size = lens.width, lens.height
+                image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+                camera = pinhole_for(lens, one.name, np.eye(3, 4))
+                yield camera, undistorted_image(image, lens, camera) / 255.0
+
+
+def _has_shape(image: UInt8[np.ndarray, "height width 3"], width: int, height: int) -> bool:
+    return bool(abs(image.shape[1] / image.shape[0] / (width / height) - 1) < _SAME_SHAPE)
+
+
+def place_photographs(
+    unplaced: Sequence[View], placed: Sequence[View], render: Render
+) -> list[PhotographPlacement]:
+    """Returns where each photograph was taken from, by the field.
+
+    Args:
+        unplaced: The photographs, with the lens of their cameras.
+        placed: Those whose cameras are known; the search begins at them.
+        render: The field from a camera.
+    """
+    if not unplaced or not placed:
+        return []
+    needed = _needed(placed, render)
+    found = []
+    for camera, image in unplaced:
+        starts = [_at(camera, known) for known in _most_alike(image, camera, placed)]
+        coarse = [aligned(start, image, render, LONG_SIDES_PX[:1]) for start in starts]
+        best = max(coarse, key=lambda alignment: alignment.correlation)
+        fine = aligned(best.camera, image, render, LONG_SIDES_PX[1:])
+        found.append(PhotographPlacement(fine.camera, fine.detail, needed))
+    return found
+
+
+def _needed(placed: Sequence[View], render: Render) -> float:
+    """Returns how alike photograph and render must be, by photographs whose cameras are known.
+
+    Beside the render of its own camera each is as alike as one can be here; beside that of the
+    camera of the photograph that looks most like it, it is as alike as a wrong pose may be.
+    """
+    own, other = [], []
+    for camera, image in placed[:: -(-len(placed) // _COMPARED)]:
+        others = [view for view in placed if view[0] is not camera]
+        wrong = [_at(camera, known) for known in _most_alike(image, camera, others)[:1]]
+        own.append(likeness(camera, image, render, max(LONG_SIDES_PX)))
+        other += [likeness(one, image, render, max(LONG_SIDES_PX)) for one in wrong]
+    usual, confused = float(np.median(own)), float(np.median(other)) if other else 0.0
+    return max(LEAST_DETAIL, confused + LEAST_SHARE * (usual - confused))
+
+
+def write_placements(
+    path: Path,
+    placements: Sequence[PhotographPlacement],
+    normalized_from_world: Float[np.ndarray, "4 4"],
+) -> None:
+    """Writes a JSON object: of each photograph by name its figures, and its pose if it is placed.
+
+    `world_from_camera` is in the world of the poses, as in `cameras.parquet`.
+    """
+    rows: dict[str, dict[str, object]] = {}
+    for one in placements:
+        row: dict[str, object] = {"detail": one.detail, "needed": one.needed}
+        if one.is_placed:
+            camera = moved(one.camera, np.linalg.inv(normalized_from_world))
+            row["world_from_camera"] = camera.world_from_camera.tolist()
+        rows[one.camera.name] = row
+    write_summary(path, rows)
+
+
+def _at(camera: Camera, known: Camera) -> Camera:
+    return replace(camera, world_from_camera=known.world_from_camera)
+
+
+def _most_alike(image: Image, camera: Camera, placed: Sequence[View]) -> list[Camera]:
+    """Returns the cameras of the photographs that look most like an image, when all are tiny."""
+    tiny = fitted_to(camera, LONG_SIDES_PX[0])
+    target = reduced(image, tiny)
+    alike = [correlation(reduced(other, tiny), target) for _, other in placed]
+    return [placed[k][0] for k in np.argsort(alike)[::-1][:_STARTS]]

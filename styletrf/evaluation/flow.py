@@ -1,0 +1,113 @@
+"""Where each pixel of one frame went in another, and the other frame brought back by it."""
+
+from collections.abc import Callable
+from typing import Final, Literal, final, get_args
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from styletrf.errors import InputError
+from styletrf.evaluation.raft_flow import raft_estimator
+
+_SMALLEST_SIDE = 12  # below, DIS has no room for its patches
+
+Image = Float[np.ndarray, "height width 3"]
+Flow = Float[np.ndarray, "height width 2"]
+Mask = Bool[np.ndarray, "height width"]
+
+Method = Literal["dis", "farneback", "deepflow", "raft"]
+METHODS: tuple[Method, ...] = get_args(Method)
+
+
+@final
+class FlowEstimator:
+    """Estimates the optical flow between frames by one method; made once, for many frames."""
+
+    def __init__(self, method: Method = "dis", device: torch.device | str = "cpu") -> None:
+        """Makes ready the estimator.
+
+        Args:
+            method: `dis` (Kroeger et al. 2016, medium preset), `farneback` (Farneback 2003) or
+                `deepflow` (Weinzaepfel et al. 2013, without its matching), on 8 bit luminance;
+                or `raft` (Teed and Deng 2020), see `styletrf.evaluation.raft_flow`.
+            device: Where `raft` computes; the others compute on the CPU.
+
+        Raises:
+            InputError: What the method needs is not at hand.
+        """
+        self.method: Final = method
+        self._estimate = raft_estimator(device) if method == "raft" else _of_luminance(method)
+
+    def __call__(self, a: Image, b: Image) -> Flow:
+        """Returns the displacement (x, y) in pixels from each pixel of `a` to its place in `b`.
+
+        Args:
+            a: The frame the flow is defined on, in [0, 1].
+            b: The frame it leads to.
+
+        Raises:
+            InputError: The frames are smaller than 12 pixels.
+        """
+        if min(a.shape[:2]) < _SMALLEST_SIDE:
+            raise InputError(
+                f"frame of {a.shape[1]}x{a.shape[0]} pixels",
+                "is too small for optical flow",
+                f"Use frames of at least {_SMALLEST_SIDE} pixels",
+            )
+        return self._estimate(a, b)
+
+
+def _of_luminance(method: str) -> Callable[[Image, Image], Flow]:
+    makers: dict[str, Callable[[], cv2.DenseOpticalFlow]] = {
+        "dis": lambda: cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM),
+        "farneback": cv2.FarnebackOpticalFlow.create,
+        "deepflow": cv2.optflow.createOptFlow_DeepFlow,
+    }
+    flow = makers[method]()
+
+    def estimate(a: Image, b: Image) -> Flow:
+        start = np.zeros((*a.shape[:2], 2), dtype=np.float32)
+        return np.asarray(flow.calc(_luminance(a), _luminance(b), start))
+
+    return estimate
+
+
+def warp_to_a(
+    b_image: Float[np.ndarray, "height width channels"], flow_a_to_b: Flow
+) -> tuple[Float[np.ndarray, "height width channels"], Mask]:
+    """Returns `b_image` seen from frame a, and where that lies inside `b_image`.
+
+    Backward warp: the value at pixel p is `b_image(p + flow(p))`, bilinear. Outside the image it is
+    that of the nearest border pixel, and the mask is false.
+    """
+    height, width = b_image.shape[:2]
+    rows, columns = np.indices((height, width), dtype=np.float32)
+    # beyond the border all is alike; OpenCV's integers overflow on what is far beyond
+    x = np.clip(columns + flow_a_to_b[..., 0], -1, width)
+    y = np.clip(rows + flow_a_to_b[..., 1], -1, height)
+    warped = cv2.remap(
+        b_image, x, y, interpolation=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    return np.asarray(warped), inside
+
+
+def agreement(flow_a_to_b: Flow, flow_b_to_a: Flow) -> Mask:
+    """Returns the pixels of a that come back to themselves by way of b.
+
+    A pixel p is kept where its way there, w = flow_a_to_b(p), and back, v = flow_b_to_a(p + w),
+    cancel: |w + v|^2 < 0.01 (|w|^2 + |v|^2) + 0.5 (Sundaram et al. 2010, equation 5), and p + w is
+    inside the image. What moved behind something else fails this.
+    """
+    back, inside = warp_to_a(flow_b_to_a, flow_a_to_b)
+    residual = np.square(flow_a_to_b + back).sum(axis=-1)
+    length = np.square(flow_a_to_b).sum(axis=-1) + np.square(back).sum(axis=-1)
+    valid: Mask = inside & (residual < 0.01 * length + 0.5)
+    return valid
+
+
+def _luminance(image: Image) -> np.ndarray:
+    levels = np.rint(np.clip(image, 0.0, 1.0) * 255).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(levels, cv2.COLOR_RGB2GRAY))

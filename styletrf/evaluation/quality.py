@@ -1,0 +1,105 @@
+"""How well a field shows the views it was not fitted to."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+
+from styletrf.capture.view_images import Image as ViewImage
+from styletrf.evaluation.exposed_image import psnr_exposed
+from styletrf.evaluation.lpips_distance import lpips_judge
+from styletrf.evaluation.metrics import Image, mean_squared_error, psnr, psnr_of_error, ssim
+from styletrf.evaluation.perceptual_distance import Perception, perceptual_distance
+from styletrf.field.rendering import RenderConfig, Rendering
+from styletrf.files.images import from_integers, write_rgb
+from styletrf.finiteness import require_finite
+from styletrf.geometry.cameras import Camera
+from styletrf.style.perceptual.vgg import REDUCTION, load_vgg
+
+Judge = Callable[[Image, Image], float]
+"""What an image is worth against its reference."""
+
+
+@dataclass(frozen=True, slots=True)
+class QualityConfig:
+    """How views are rendered and judged.
+
+    Attributes:
+        render: The render.
+        long_side_px: The longer side of the views compared; 0 for the scene's working size. Values
+            compare at one size only.
+        perceptual_px: The longer side at which views go through the perceptual network.
+        lpips: Whether LPIPS is measured as well, see `styletrf.evaluation.lpips_distance`.
+    """
+
+    render: RenderConfig = field(default_factory=RenderConfig)
+    long_side_px: int = 0
+    perceptual_px: int = 504
+    lpips: bool = False
+
+    def __post_init__(self) -> None:
+        if self.long_side_px < 0 or self.perceptual_px < REDUCTION:
+            raise ValueError(f"long_side_px is 0 or more, perceptual_px at least {REDUCTION}")
+
+
+def judges_named(config: QualityConfig, weights: Path, device: torch.device) -> dict[str, Judge]:
+    """Returns the judges by the column of their figures.
+
+    `psnr` in dB, `ssim`, `perceptual` (by the VGG16 of `weights`), and `lpips` where asked for.
+
+    Raises:
+        InputError: The weights cannot be read; or LPIPS is asked for and not at hand.
+    """
+    perception = Perception(load_vgg(weights, device), config.perceptual_px)
+
+    def perceptual(image: Image, reference: Image) -> float:
+        return perceptual_distance(perception.features(image), perception.features(reference))
+
+    judges: dict[str, Judge] = {"psnr": psnr, "ssim": ssim, "perceptual": perceptual}
+    return judges | ({"lpips": lpips_judge(device)} if config.lpips else {})
+
+
+def measure_quality(
+    renders: Iterable[Rendering],
+    cameras: Sequence[Camera],
+    photographs: Iterable[ViewImage],
+    judges: Mapping[str, Judge],
+    picture_folder: Path,
+) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Returns a row of every judge's figure for each view, and the means.
+
+    Writes each render beside its photograph as `NAME.png`. Pixels of alpha 0 do not count for
+    either PSNR; other judges see the photograph there.
+
+    Raises:
+        NotFiniteError: A render or a figure is not, but for the infinite PSNR of equal pictures.
+    """
+    rows: list[dict[str, Any]] = []
+    for camera, render, photograph in zip(cameras, renders, photographs, strict=True):
+        reference = from_integers(np.ascontiguousarray(photograph[..., :3].numpy()))
+        image, counts = render.color.numpy(), _counts(photograph)
+        judged = np.where(counts[..., None], image, reference)
+        figures = {name: judge(judged, reference) for name, judge in judges.items()}
+        if "psnr" in figures:
+            figures["psnr"] = psnr_of_error(mean_squared_error(image, reference, counts))
+        if "psnr_exposed" in figures:
+            figures["psnr_exposed"] = psnr_exposed(image, reference, counts)
+        told = [(name, np.array(value)) for name, value in figures.items() if value != np.inf]
+        require_finite("quality", f"in view {camera.name}", [("render", image), *told])
+        rows.append({"view": camera.name} | figures)
+        write_rgb(picture_folder / f"{camera.name}.png", np.concatenate([image, reference], axis=1))
+    means = {name: float(np.mean([row[name] for row in rows])) for name in judges}
+    return rows, means | {"views": float(len(rows))}
+
+
+def _counts(photograph: ViewImage) -> Bool[np.ndarray, "height width"]:
+    """Returns which pixels of a photograph count, by its alpha where it has one."""
+    whole = torch.ones(photograph.shape[:2], dtype=torch.bool)
+    counts: Bool[np.ndarray, "height width"] = (
+        photograph[..., 3] > 0 if photograph.shape[2] == 4 else whole
+    ).numpy()
+    return counts

@@ -1,0 +1,75 @@
+"""RAFT (Teed and Deng 2020) as torchvision ships it: optical flow by a network.
+
+An optional extra (`pip install .[raft]`, of the build that torch is); nothing is downloaded here.
+The weights are torchvision's `Raft_Large_Weights.C_T_SKHT_V2`, where torch keeps downloads.
+"""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from styletrf.errors import InputError
+from styletrf.files.published_weights import RAFT
+
+_STRIDE, _LEAST_PX = 8, 128  # of its coarse grid, and of four levels of correlation on that
+
+Image = Float[np.ndarray, "height width 3"]
+Flow = Float[np.ndarray, "height width 2"]
+
+
+def raft_estimator(
+    device: torch.device | str = "cpu", folder: Path | None = None
+) -> Callable[[Image, Image], Flow]:
+    """Returns what estimates the flow (x, y) in pixels from one frame in [0, 1] to another.
+
+    Args:
+        device: Where to compute.
+        folder: Where the weights lie; by default the `checkpoints` of torch's hub folder.
+
+    Raises:
+        InputError: torchvision is not installed, or its weights are not there, or not the ones.
+    """
+    folder = folder or Path(torch.hub.get_dir(), "checkpoints")
+    network = _network(folder / RAFT).to(device)
+
+    @torch.inference_mode()
+    def estimate(a: Image, b: Image) -> Flow:
+        height, width = a.shape[:2]
+        flow: Tensor = network(_padded(a).to(device), _padded(b).to(device))[-1][0]
+        return flow[:, :height, :width].permute(1, 2, 0).contiguous().cpu().numpy()
+
+    return estimate
+
+
+def _network(path: Path) -> Any:
+    try:
+        from torchvision.models.optical_flow import raft_large
+    except (ImportError, RuntimeError) as error:  # the latter from a build for another torch
+        problem = f"needs torchvision, which cannot be imported ({error})"
+        remedy = "Install torchvision of the build that torch is, or use dis"
+        raise InputError("flow `raft`", problem, remedy) from error
+    return _loaded(raft_large(weights=None), path)
+
+
+def _loaded(network: torch.nn.Module, path: Path) -> torch.nn.Module:
+    remedy = "Fetch torchvision's Raft_Large_Weights.C_T_SKHT_V2 there, or use dis"
+    if not path.is_file():
+        raise InputError(str(path), "is not there: the weights of the flow `raft`", remedy)
+    if not hashlib.sha256(path.read_bytes()).hexdigest().startswith(path.stem[-8:]):
+        raise InputError(str(path), "has not the digest in its name", remedy)
+    network.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
+    return network.requires_grad_(requires_grad=False).eval()
+
+
+def _padded(image: Image) -> Float[Tensor, "1 3 _ _"]:
+    """The frame in [-1, 1], its last row and column repeated to a size that RAFT takes."""
+    tensor = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32)).permute(2, 0, 1)[None]
+    right, below = (max(-(-n // _STRIDE) * _STRIDE, _LEAST_PX) - n for n in image.shape[1::-1])
+    return functional.pad(2 * tensor.clamp(0, 1) - 1, (0, right, 0, below), mode="replicate")

@@ -1,0 +1,182 @@
+"""Whether stylised frames look like the painting and still show the scene: measured on a few.
+
+Nothing is trained with these measures. Each distance to the painting stands beside the same
+distance of the unstylised frames; their ratio is 1 for "not stylised" and 0 for "the painting".
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from styletrf.evaluation.resemblance.picture_traits import (
+    Judge,
+    PictureTraits,
+    TraitsConfig,
+    content_distance,
+    distances,
+    unrelated_content_distance,
+)
+from styletrf.evaluation.resemblance.sliced_wasserstein import Picture
+from styletrf.evaluation.sharpness import sharpness
+from styletrf.finiteness import require_finite
+from styletrf.progress import Progress, silent
+
+STYLE_DISTANCES = (
+    "style_swd_colors", "style_swd_patches", "style_swd_texture", "style_gram", "sifid_vgg",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class ResemblanceConfig:
+    """What is looked at.
+
+    Attributes:
+        frames: How many, spread over the trajectory.
+        traits: At which sizes.
+    """
+
+    frames: int = 6
+    traits: TraitsConfig = field(default_factory=TraitsConfig)
+
+    def __post_init__(self) -> None:
+        if self.frames < 1:
+            raise ValueError("frames is at least 1")
+
+
+@dataclass(frozen=True, slots=True)
+class FrameResemblance:
+    """One frame; `X_unstylized` is `X` of the unstylised frame.
+
+    Attributes:
+        view: Its name.
+        style_swd_colors: Sliced Wasserstein distance of colors to the painting.
+        style_swd_patches: The same of 7x7 patches at three scales.
+        style_swd_texture: The same of patches without their mean colors.
+        style_gram: Relative distance of Gram matrices of EfficientNet-Lite0 to the painting.
+        sifid_vgg: Squared Fréchet distance of statistics of relu2_2 to the painting.
+        content_distance: Of relu4_3, to the unstylised frame.
+        content_distance_painting: The same of the painting and the unstylised frame.
+        sharpness: Of the frame.
+    """
+
+    view: str
+    style_swd_colors: float
+    style_swd_colors_unstylized: float
+    style_swd_patches: float
+    style_swd_patches_unstylized: float
+    style_swd_texture: float
+    style_swd_texture_unstylized: float
+    style_gram: float
+    style_gram_unstylized: float
+    sifid_vgg: float
+    sifid_vgg_unstylized: float
+    content_distance: float
+    content_distance_painting: float
+    sharpness: float
+    sharpness_unstylized: float
+
+
+def measure_resemblance(
+    views: Sequence[str],
+    frames: Callable[[str], tuple[Picture, Picture]],
+    painting: Picture,
+    priors: Sequence[Picture],
+    judge: Judge,
+    config: ResemblanceConfig,
+    progress: Progress = silent,
+) -> tuple[list[FrameResemblance], dict[str, float | None]]:
+    """Returns the measures of some views, and their summary.
+
+    Args:
+        views: Names along the trajectory, of which `config.frames` are chosen evenly.
+        frames: Gives the unstylised and the stylised frame of a view, of one size, in [0, 1].
+        painting: The style image, in [0, 1].
+        priors: The painted views that the frames were fitted to; none where there are none.
+        judge: What looks at them.
+        config: What is looked at.
+        progress: Told after every frame.
+
+    Raises:
+        InputError: A frame is smaller than 8x8 pixels.
+        NotFiniteError: A frame or a measure of it is not finite.
+    """
+    chosen = chosen_views(views, config.frames)
+    rows: list[FrameResemblance] = []
+    style: PictureTraits | None = None
+    for view in chosen:
+        plain, stylized = frames(view)
+        require_finite("resemblance", f"in frame {view}", [("frame", plain), ("style", stylized)])
+        style = style or judge.of_painting(painting, plain)
+        row = frame_resemblance(view, judge.of_frame(plain), judge.of_frame(stylized), style)
+        told = [(name, np.array(value)) for name, value in _numbers(row).items()]
+        require_finite("resemblance", f"in frame {view}", told)
+        rows.append(row)
+        progress(len(rows), len(chosen), patches=row.style_swd_patches)
+    return rows, summary(rows, priors)
+
+
+def chosen_views(views: Sequence[str], count: int) -> list[str]:
+    """Returns as many views, spread evenly, the first and the last one among them."""
+    at = np.unique(np.linspace(0, len(views) - 1, count).round().astype(int))
+    return [views[k] for k in at]
+
+
+def frame_resemblance(
+    view: str, plain: PictureTraits, stylized: PictureTraits, painting: PictureTraits
+) -> FrameResemblance:
+    """Returns the measures of one frame."""
+    unstylized = distances(plain, painting)
+    return FrameResemblance(
+        view=view,
+        **distances(stylized, painting),
+        **{f"{name}_unstylized": value for name, value in unstylized.items()},
+        content_distance=content_distance(stylized, plain),
+        content_distance_painting=unrelated_content_distance(painting, plain),
+        sharpness=stylized.sharpness,
+        sharpness_unstylized=plain.sharpness,
+    )
+
+
+def summary(rows: Sequence[FrameResemblance], priors: Sequence[Picture]) -> dict[str, float | None]:
+    """Returns the means over frames, and ratios of them; a ratio to nothing is None.
+
+    `X_ratio` is X over `X_unstylized`; `content` the content distance over the painting's;
+    `sharpness_to_priors` and `sharpness_to_unstylized` say over what. The last number is
+    `content_style_product`, see there.
+    """
+    means = {name: float(np.mean([asdict(r)[name] for r in rows])) for name in _numbers(rows[0])}
+    ratios = {f"{n}_ratio": _over(means[n], means[f"{n}_unstylized"]) for n in STYLE_DISTANCES}
+    content = _over(means["content_distance"], means["content_distance_painting"])
+    of_priors = float(np.mean([sharpness(p) for p in priors])) if len(priors) else None
+    return {
+        **means,
+        **ratios,
+        "content": content,
+        "sharpness_priors": of_priors,
+        "sharpness_to_priors": _over(means["sharpness"], of_priors),
+        "sharpness_to_unstylized": _over(means["sharpness"], means["sharpness_unstylized"]),
+        "content_style_product": content_style_product(content, ratios["sifid_vgg_ratio"]),
+    }
+
+
+def content_style_product(content: float | None, style: float | None) -> float | None:
+    """Returns (1 + content) (1 + style), both as ratios; lower is better.
+
+    It has the form of ArtFID (Wright and Ommer 2022, equation 3), which multiplies LPIPS and an FID
+    with Inception; here they are the content ratio and the ratio of `sifid_vgg`, so that figures do
+    not compare with published ones. Frames left unstylised and the painting put in their place both
+    have 2; the scene in the painting's very statistics would have 1.
+    """
+    if content is None or style is None:
+        return None
+    return (1 + content) * (1 + style)
+
+
+def _numbers(row: FrameResemblance) -> Mapping[str, float]:
+    return {name: value for name, value in asdict(row).items() if name != "view"}
+
+
+def _over(value: float, other: float | None) -> float | None:
+    return None if other is None or other < math.ulp(1.0) else value / other

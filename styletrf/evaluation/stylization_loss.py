@@ -1,0 +1,95 @@
+"""How well stylised frames have the painting's manner and the scene's objects: one number.
+
+It is the loss that style networks are trained for (Johnson et al. 2016), measured on what comes out
+in the end: whichever stage gives something away, it shows here.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from styletrf.evaluation.metrics import Image
+from styletrf.finiteness import require_finite
+from styletrf.progress import Progress, silent
+from styletrf.style.perceptual.perceptual_loss import (
+    PerceptualLossConfig,
+    perceptual_loss,
+    shrunk,
+    style_grams,
+)
+from styletrf.style.perceptual.vgg import VGG16
+
+
+@dataclass(frozen=True, slots=True)
+class StylizationLossConfig:
+    """What is looked at, the same for all settings of the stages before.
+
+    Attributes:
+        frames: How many, spread over the trajectory.
+        style_px: The shorter side to which the painting is reduced.
+        loss: The weights of the terms.
+    """
+
+    frames: int = 8
+    style_px: int = 420
+    loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
+
+    def __post_init__(self) -> None:
+        if min(self.frames, self.style_px) < 1:
+            raise ValueError("frames and style_px are at least 1")
+
+
+@dataclass(frozen=True, slots=True)
+class StylizationLoss:
+    """Of one frame: the terms as weighted, and their sum."""
+
+    view: str
+    style: float
+    content: float
+    style_and_content: float
+
+
+@torch.inference_mode()
+def measure_stylization(
+    views: Sequence[str],
+    frames: Callable[[str], tuple[Image, Image]],
+    painting: Image,
+    vgg: VGG16,
+    config: StylizationLossConfig,
+    progress: Progress = silent,
+) -> tuple[list[StylizationLoss], dict[str, float]]:
+    """Returns the losses of some views and their means.
+
+    Args:
+        views: Names along the trajectory, of which `config.frames` are chosen evenly.
+        frames: Gives the unstylised and the stylised frame of a view, in [0, 1].
+        painting: The style image, in [0, 1].
+        vgg: The perceptual network.
+        config: What is looked at.
+        progress: Told after every frame.
+
+    Raises:
+        NotFiniteError: A frame or a term of its loss is not.
+    """
+    grams = style_grams(vgg, shrunk(_tensor(painting, vgg)[0].permute(1, 2, 0), config.style_px))
+    chosen = np.unique(np.linspace(0, len(views) - 1, config.frames).round().astype(int))
+    rows = []
+    for k in chosen:
+        plain, painted = (_tensor(image, vgg) for image in frames(views[k]))
+        terms = perceptual_loss(vgg, painted, plain, grams, config.loss)
+        named = [("unstylised", plain), ("stylised", painted)]
+        named += [("style loss", terms.style), ("content loss", terms.content)]
+        require_finite("stylisation loss", f"in frame {views[k]}", named)
+        style, content = float(terms.style), float(terms.content)
+        rows.append(StylizationLoss(views[k], style, content, style + content))
+        progress(len(rows), len(chosen), loss=style + content)
+    names = ("style", "content", "style_and_content")
+    return rows, {name: float(np.mean([asdict(row)[name] for row in rows])) for name in names}
+
+
+def _tensor(image: Image, vgg: VGG16) -> Tensor:
+    tensor = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32))
+    return tensor.clamp(0, 1).permute(2, 0, 1)[None].to(vgg.mean.device)

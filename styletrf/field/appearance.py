@@ -1,0 +1,101 @@
+"""What colour a field has: components from factors, and the shading that decodes them.
+
+    color(x, d) = shading(components(x), d)                             (TensoRF eq. 6)
+
+The density is a module of its own (`styletrf.field.radiance_field`): several appearances can share
+one.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float, Int64
+from torch import Tensor, nn
+
+from styletrf.field.field_config import FieldConfig
+from styletrf.field.kernels import Kernels
+from styletrf.field.shading import ColorNetwork, PlainColor, Shading
+from styletrf.field.tensor_vm import TensorVM
+
+
+class Coloring(nn.Module, ABC):
+    """Colours of positions: an appearance, or a mixture of several."""
+
+    @abstractmethod
+    def weight_powers(
+        self, positions: Float[Tensor, "samples 3"]
+    ) -> float | Float[Tensor, " samples"]:
+        """Returns the power of all samples' weights, or of each; see `weight_sharpening`.
+
+        Args:
+            positions: In the grid's coordinates.
+        """
+
+    @abstractmethod
+    def components(
+        self, positions: Float[Tensor, "samples 3"], kernels: Kernels
+    ) -> Float[Tensor, "samples components"]:
+        """Returns what is linear along a ray: deferred shading decodes their weighted mean.
+
+        Args:
+            positions: In the grid's coordinates.
+            kernels: The form to compute with.
+        """
+
+    @abstractmethod
+    def decode(
+        self,
+        components: Float[Tensor, "samples components"],
+        view_directions: Float[Tensor, "rays 3"],
+        ray: Int64[Tensor, " samples"],
+        kernels: Kernels,
+    ) -> Float[Tensor, "samples 3"]:
+        """Returns colours in [0, 1], see `Shading.decode`."""
+
+    @abstractmethod
+    def background_color(self) -> Float[Tensor, " 3"]:
+        """Returns the colour behind everything, in [0, 1]."""
+
+
+class Appearance(Coloring):
+    """Factors, shading and the background behind it all."""
+
+    def __init__(
+        self,
+        config: FieldConfig,
+        resolution: Sequence[int],
+        generator: torch.Generator | None = None,
+    ) -> None:
+        super().__init__()
+        self.factors = TensorVM(resolution, config.appearance_ranks, generator=generator)
+        components = sum(config.appearance_ranks)
+        self.shading: Shading = (
+            PlainColor(components, generator)
+            if config.shading == "plain"
+            else ColorNetwork(components, config.features, config.hidden, generator)
+        )
+        self.background = nn.Parameter(torch.zeros(3))
+        self.weight_power = 1.0
+
+    def network_parameters(self) -> list[nn.Parameter]:
+        """Returns everything but the factors."""
+        return [self.background, *self.shading.parameters()]
+
+    def weight_powers(self, positions: Tensor) -> float:  # noqa: ARG002
+        """See `Coloring.weight_powers`: it is the same everywhere."""
+        return self.weight_power
+
+    def components(self, positions: Tensor, kernels: Kernels) -> Tensor:
+        """See `Coloring.components`."""
+        return kernels.features(self.factors, positions)
+
+    def decode(
+        self, components: Tensor, view_directions: Tensor, ray: Tensor, kernels: Kernels
+    ) -> Tensor:
+        """See `Coloring.decode`."""
+        return self.shading.decode(components, view_directions, ray, kernels)
+
+    def background_color(self) -> Tensor:
+        """See `Coloring.background_color`."""
+        return torch.sigmoid(self.background)

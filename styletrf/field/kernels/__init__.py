@@ -1,0 +1,70 @@
+"""The hot loops of the field, in forms that all pass one conformance suite.
+
+`kernels_for(device)` gives the fastest form for a device: numba on the CPU, Triton on a GPU where
+it is installed, else the plain-torch reference; a name overrides the choice.
+"""
+
+from importlib.util import find_spec
+
+import torch
+
+from styletrf.errors import InputError
+from styletrf.field.kernels import fused, reference
+from styletrf.field.kernels.differentiable import form_of
+from styletrf.field.kernels.form import Kernels
+from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.thinning import Thinning, thin_gradient
+
+__all__ = [
+    "FORMS",
+    "Kernels",
+    "March",
+    "Samples",
+    "Segments",
+    "Thinning",
+    "kernels_for",
+    "thin_gradient",
+]
+
+FORMS = ("reference", "fused", "triton")
+
+
+def kernels_for(device: torch.device, name: str | None = None) -> Kernels:
+    """Returns the kernels called `name`, one of `FORMS`, by default the fastest on `device`.
+
+    Raises:
+        InputError: No form is called so, or it is `triton` and that is not installed.
+    """
+    match name or _fastest(device):
+        case "reference":
+            return _plain_torch()
+        case "fused":
+            return form_of("fused", fused, fused.decode)
+        case "triton" if _has_triton():
+            from styletrf.field.kernels import triton_form
+
+            # Two matrix products, which torch hands to the tensor cores: nothing to gain.
+            return form_of("triton", triton_form, reference.decode)
+        case "triton":
+            raise InputError("kernels triton", "the package triton is not installed", _REMEDY)
+    raise InputError(f"kernels {name}", "there is no such form", f"Choose from {', '.join(FORMS)}")
+
+
+_REMEDY = "Install it (pip install styletrf[gpu]) or choose the reference"
+
+
+def _fastest(device: torch.device) -> str:
+    if device.type == "cpu":
+        return "fused"
+    return "triton" if device.type == "cuda" and _has_triton() else "reference"
+
+
+def _has_triton() -> bool:
+    return find_spec("triton") is not None
+
+
+def _plain_torch() -> Kernels:
+    return Kernels(
+        "reference", reference.features, reference.density, reference.trace, reference.heavy,
+        reference.composite, reference.decode,
+    )  # fmt: skip

@@ -1,0 +1,199 @@
+"""Kernels of a backend behind torch's autograd: what is differentiable in what.
+
+Factors receive gradients from their features and from the weights of a march, compositing passes
+them on to weights and values. Positions are constants.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float, Int64
+from torch import Tensor
+
+from styletrf.field.kernels.form import Decode, Kernels
+from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.thinning import thinned
+from styletrf.field.tensor_vm import TensorVM
+
+
+@runtime_checkable
+class Backend(Protocol):
+    """Plain functions of tensors, as a module; `factors` are three planes and three lines."""
+
+    def density_features(
+        self, positions: Float[Tensor, "samples 3"], factors: Sequence[Tensor]
+    ) -> Float[Tensor, " samples"]:
+        """Returns the sum of the features."""
+
+    def features_forward(
+        self, positions: Float[Tensor, "samples 3"], factors: Sequence[Tensor]
+    ) -> Float[Tensor, "samples components"]:
+        """Returns plane x line of every component."""
+
+    def scatter_gradients(
+        self,
+        positions: Float[Tensor, "samples 3"],
+        factors: Sequence[Tensor],
+        grad: Float[Tensor, "samples components"],
+    ) -> list[Tensor]:
+        """Returns the factors' gradients; rows of 0 cost nothing. `grad` may be broadcast."""
+
+    def trace_forward(
+        self,
+        segments: Segments,
+        jitter: Float[Tensor, " rays"],
+        march: March,
+        factors: Sequence[Tensor],
+    ) -> tuple[Samples, Sequence[Tensor]]:
+        """Returns the samples, and what `trace_backward` needs to know beside them."""
+
+    def trace_backward(
+        self,
+        offsets: Int64[Tensor, " rays_and_one"],
+        weights: Float[Tensor, " samples"],
+        saved: Sequence[Tensor],
+        grad: Float[Tensor, " samples"],
+    ) -> Float[Tensor, " samples"]:
+        """Returns the gradient of the raw densities from that of the weights."""
+
+    def heavy_samples(
+        self,
+        offsets: Int64[Tensor, " rays_and_one"],
+        weights: Float[Tensor, " samples"],
+        threshold: float,
+    ) -> tuple[Int64[Tensor, " rays_and_one"], Int64[Tensor, " kept"]]:
+        """Returns where each ray's kept samples begin, and which samples those are."""
+
+    def composite_forward(
+        self,
+        offsets: Int64[Tensor, " rays_and_one"],
+        weights: Float[Tensor, " samples"],
+        values: Float[Tensor, "samples channels"],
+    ) -> Float[Tensor, "rays channels"]:
+        """Returns the weighted sum of the values of each ray's samples."""
+
+    def composite_backward(
+        self,
+        ray: Int64[Tensor, " samples"],
+        weights: Float[Tensor, " samples"],
+        values: Float[Tensor, "samples channels"],
+        grad: Float[Tensor, "rays channels"],
+    ) -> tuple[Float[Tensor, " samples"], Float[Tensor, "samples channels"]]:
+        """Returns the gradients of the weights and of the values from that of the sums."""
+
+
+def form_of(name: str, backend: Backend, decode: Decode) -> Kernels:
+    """Returns the form whose kernels are the backend's; `decode` is differentiable by itself."""
+    return Kernels(
+        name,
+        features=partial(_features, backend),
+        density=partial(_density, backend),
+        trace=partial(_trace, backend),
+        heavy=partial(_heavy, backend),
+        composite=partial(_composite, backend),
+        decode=decode,
+    )
+
+
+def _features(backend: Backend, factors: TensorVM, positions: Tensor) -> Tensor:
+    result: Tensor = _Features.apply(  # type: ignore[no-untyped-call]
+        backend, positions, *factors.planes, *factors.lines
+    )
+    return result
+
+
+def _density(backend: Backend, factors: TensorVM, positions: Tensor) -> Tensor:
+    return backend.density_features(positions, [*factors.planes, *factors.lines])
+
+
+def _trace(
+    backend: Backend, factors: TensorVM, segments: Segments, jitter: Tensor, march: March
+) -> Samples:
+    samples = _Trace.apply(  # type: ignore[no-untyped-call]
+        backend, segments, jitter, march, *factors.planes, *factors.lines
+    )
+    return Samples(*samples)
+
+
+def _heavy(backend: Backend, samples: Samples, threshold: float) -> Samples:
+    weights = samples.weights.detach()
+    return samples.chosen(*backend.heavy_samples(samples.offsets, weights, threshold))
+
+
+def _composite(backend: Backend, samples: Samples, values: Tensor) -> Tensor:
+    result: Tensor = _Composite.apply(  # type: ignore[no-untyped-call]
+        backend, samples.offsets, samples.ray, samples.weights, values
+    )
+    return result
+
+
+class _Features(torch.autograd.Function):
+    """See `reference.features`."""
+
+    @staticmethod
+    def forward(ctx: Any, backend: Backend, positions: Tensor, *factors: Tensor) -> Tensor:
+        """Keeps the positions and the factors."""
+        ctx.backend = backend
+        ctx.save_for_backward(positions, *factors)
+        return backend.features_forward(positions, factors)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        """Adds up the factors' gradients; positions are constants."""
+        positions, *factors = ctx.saved_tensors
+        return None, None, *ctx.backend.scatter_gradients(positions, factors, grads[0])
+
+
+class _Trace(torch.autograd.Function):
+    """See `reference.trace`."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        backend: Backend,
+        segments: Segments,
+        jitter: Tensor,
+        march: March,
+        *factors: Tensor,
+    ) -> tuple[Tensor, ...]:
+        """Returns the fields of `Samples`, of which the weights are differentiable."""
+        samples, saved = backend.trace_forward(segments, jitter, march, factors)
+        offsets, ray, s = samples.offsets, samples.ray, samples.s
+        positions, weights = samples.positions, samples.weights
+        ctx.backend, ctx.thinning = backend, march.thinning
+        ctx.save_for_backward(offsets, positions, weights, *factors, *saved)
+        ctx.mark_non_differentiable(offsets, ray, s, positions)
+        return offsets, ray, s, positions, weights
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        """Thins the gradient of the raw densities and adds up that of the factors."""
+        offsets, positions, weights, *others = ctx.saved_tensors
+        factors, saved = others[:6], others[6:]
+        grad = ctx.backend.trace_backward(offsets, weights, saved, grads[-1])
+        grad = thinned(grad[:, None], ctx.thinning)
+        of_components = grad.expand(-1, sum(line.shape[1] for line in factors[3:]))
+        of_factors = ctx.backend.scatter_gradients(positions, factors, of_components)
+        return None, None, None, None, *of_factors
+
+
+class _Composite(torch.autograd.Function):
+    """See `reference.composite`."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, backend: Backend, offsets: Tensor, ray: Tensor, weights: Tensor, values: Tensor
+    ) -> Tensor:
+        """Keeps the weights and the values."""
+        ctx.backend = backend
+        ctx.save_for_backward(ray, weights, values)
+        return backend.composite_forward(offsets, weights, values)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
+        """Returns the gradients of the weights and of the values."""
+        ray, weights, values = ctx.saved_tensors
+        gradients = ctx.backend.composite_backward(ray, weights, values, grads[0])
+        return None, None, None, *gradients

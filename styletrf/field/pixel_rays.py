@@ -1,0 +1,22 @@
+"""The rays and colours of pixels of a set of views, by one number a pixel: nothing is stored."""
+
+from jaxtyping import Float, Int64
+from torch import Tensor
+
+from styletrf.capture.view_images import ViewImages
+from styletrf.field.kernels import Segments
+from styletrf.field.view_rays import ViewRays
+
+
+def pixel_rays(
+    rays: ViewRays, images: ViewImages, pixels: Int64[Tensor, " rays"]
+) -> tuple[Segments, Float[Tensor, "rays 3"]]:
+    """Returns the segments through pixels, and their colours in [0, 1].
+
+    Args:
+        rays: Of the views' cameras.
+        images: Of the views.
+        pixels: By their numbers, see `styletrf.capture.view_images`.
+    """
+    view, centers = images.places(pixels)
+    return rays.segments(view, centers), images.pixels[pixels].float() / 255

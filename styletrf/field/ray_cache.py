@@ -1,0 +1,149 @@
+"""Rays marched once: with the density frozen their samples and weights never change."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float, Int64
+from torch import Tensor
+
+from styletrf.capture.view_images import ViewImages
+from styletrf.field.appearance import Coloring
+from styletrf.field.kernels import Kernels, Samples
+from styletrf.field.pixel_rays import pixel_rays
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.view_rays import ViewRays
+from styletrf.field.weight_sharpening import sharpened
+
+_MARCHED_AT_ONCE = 1 << 15
+
+
+@dataclass(frozen=True, slots=True)
+class RayBatch:
+    """Rays with the samples that carry their weight, and the colours they should have."""
+
+    samples: Samples
+    view_directions: Float[Tensor, "rays 3"]
+    opacity: Float[Tensor, " rays"]
+    target: Float[Tensor, "rays 3"]
+
+    def color(self, appearance: Coloring, kernels: Kernels) -> Float[Tensor, "rays 3"]:
+        """Returns what the rays see, differentiable in the appearance."""
+        components = appearance.components(self.samples.positions, kernels)
+        colors = appearance.decode(components, self.view_directions, self.samples.ray, kernels)
+        behind = (1 - self.opacity)[:, None] * appearance.background_color()
+        return kernels.composite(self.samples, colors) + behind
+
+    def error(self, appearance: Coloring, kernels: Kernels) -> Float[Tensor, ""]:
+        """Returns the mean squared error of the colors, differentiable in the appearance."""
+        return (self.color(appearance, kernels) - self.target).square().mean()
+
+    def one_sample_per_ray(self, generator: torch.Generator) -> "RayBatch":
+        """Returns the rays with one sample each, drawn by the weights, that has the ray's opacity.
+
+        The expected error of an opaque ray is then the mean error of its samples, by their weights.
+        Rays without samples stay without.
+
+        Args:
+            generator: On the CPU.
+        """
+        counts, end = self.samples.offsets.diff(), self.samples.offsets[1:]
+        share = 1 - torch.rand(len(counts), generator=generator).to(self.opacity)  # above 0
+        drawn = torch.minimum(self.samples.reached(share * self.opacity), end - 1)
+        ray = counts.nonzero()[:, 0]
+        offsets = torch.cat([counts.new_zeros(1), (counts > 0).cumsum(0)])
+        one = self.samples.chosen(offsets, drawn[ray])
+        return replace(self, samples=replace(one, weights=self.opacity[ray]))
+
+
+@dataclass(frozen=True, slots=True)
+class RayCache:
+    """Rays with their samples' positions and weights, and the colours they should have.
+
+    The kept weights of a ray are scaled up to its opacity (0 where none were kept); `dropped` is
+    the mean mass that was left out before.
+    """
+
+    offsets: Int64[Tensor, " rays_and_one"]
+    positions: Float[Tensor, "samples 3"]
+    weights: Float[Tensor, " samples"]
+    view_directions: Float[Tensor, "rays 3"]
+    opacity: Float[Tensor, " rays"]
+    target: Float[Tensor, "rays 3"]
+    dropped: float
+
+    def batch(self, k: int, size: int) -> RayBatch:
+        """Returns the k-th `size` rays, starting over where the rays end."""
+        first = k % max(1, len(self.opacity) // size) * size
+        return self._rays(first, min(first + size, len(self.opacity)))
+
+    def tiles(self, size: int) -> Iterator[RayBatch]:
+        """Yields all rays in order, `size` at a time."""
+        for first in range(0, len(self.opacity), size):
+            yield self._rays(first, min(first + size, len(self.opacity)))
+
+    def _rays(self, first: int, last: int) -> RayBatch:
+        offsets = self.offsets[first : last + 1] - self.offsets[first]
+        span = slice(int(self.offsets[first]), int(self.offsets[last]))
+        ray = torch.repeat_interleave(offsets.diff())
+        weights = self.weights[span]
+        return RayBatch(
+            Samples(offsets, ray, weights, self.positions[span], weights),
+            self.view_directions[first:last],
+            self.opacity[first:last],
+            self.target[first:last],
+        )
+
+
+@torch.no_grad()
+def march_once(
+    field: RadianceField,
+    rays: ViewRays,
+    images: ViewImages,
+    draws: Int64[Tensor, " rays"],
+    kernels: Kernels,
+    *,
+    min_weight: float,
+    termination: float,
+    cache_bytes: int,
+    generator: torch.Generator | None = None,
+) -> RayCache:
+    """Returns the cache of the rays through pixels, until it is full.
+
+    Args:
+        field: Whose density is marched through.
+        rays: Through the pixels of the images.
+        images: Of which the rays should have the colours.
+        draws: The pixels by their numbers.
+        kernels: The form to compute with.
+        min_weight: Samples lighter than this are not kept.
+        termination: See `RenderConfig`.
+        cache_bytes: After which no further rays are marched.
+        generator: Jitters the samples within their steps; without it they lie in the middle.
+    """
+    march = field.density.march(termination)
+    parts: list[tuple[Tensor, ...]] = []
+    for draw in draws.to(images.device).split(_MARCHED_AT_ONCE):
+        segments, target = pixel_rays(rays, images, draw)
+        jitter = torch.full((len(segments),), 0.5)
+        if generator is not None:
+            jitter = torch.rand(len(segments), generator=generator)
+        samples = kernels.trace(field.density.factors, segments, jitter.to(images.device), march)
+        kept = kernels.heavy(samples, min_weight)
+        kept = sharpened(kept, field.appearance.weight_power, kernels)
+        opacity, kept_mass = kernels.opacity(samples), kernels.opacity(kept)
+        covered = torch.where(kept_mass == 0, 0, opacity)  # one that is NaN is kept and seen
+        weights = kept.weights * (covered / kept_mass.clamp(min=1e-6))[kept.ray]
+        parts.append(
+            (
+                kept.offsets.diff(), kept.positions, weights, segments.view_directions, covered,
+                target, opacity - kept_mass,
+            )
+        )  # fmt: skip
+        if sum(part.nbytes for ray_part in parts for part in ray_part) > cache_bytes:
+            break
+    counts, positions, weights, directions, opacity, target, dropped = (
+        torch.cat(column) for column in zip(*parts, strict=True)
+    )
+    offsets = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
+    return RayCache(offsets, positions, weights, directions, opacity, target, float(dropped.mean()))

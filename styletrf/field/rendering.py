@@ -1,0 +1,148 @@
+"""From a field and rays to colour, opacity and depth (volume rendering, Max 1995).
+
+color = sum_i w_i c_i + (1 - sum_i w_i) background,   opacity = sum_i w_i
+
+An appearance may ask for sharper weights in the color than those:
+`styletrf.field.weight_sharpening`.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from styletrf.field.appearance import Coloring
+from styletrf.field.kernels import Kernels, Samples, Segments, Thinning, thin_gradient
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.view_rays import ViewRays
+from styletrf.field.weight_sharpening import sharpened
+from styletrf.geometry.cameras import Camera, pixel_centers
+
+LEAST_OPACITY = 1e-3  # of a ray that hits something
+
+
+@dataclass(frozen=True, slots=True)
+class RenderConfig:
+    """What rendering trades: see `docs/knobs.md`.
+
+    A ray ends at transmittance `termination`; samples lighter than `min_weight` get no colour;
+    rays are rendered `tile` at a time. `deferred` runs the colour network once a ray, on the mean
+    features of its samples, instead of once a sample.
+    """
+
+    termination: float = 3e-3
+    min_weight: float = 5e-3
+    tile: int = 16384
+    deferred: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Rendering:
+    """Colour and opacity in [0, 1] and the depth Z of rays.
+
+    The depth is that of the mean position along the ray's grid segment, its clear part counted at
+    the far end, unless the ray was ended there for being opaque; in NDC that averages disparity, so
+    a little haze before infinity does not spoil it.
+    Where nothing is hit (an opacity below 1e-3) it is infinite. The median depth is where the
+    transmittance falls to one half, infinite where it never does: it lies on one of two surfaces
+    that share a pixel, where the mean lies between them.
+    """
+
+    color: Float[Tensor, "*rays 3"]
+    opacity: Float[Tensor, "*rays"]
+    depth: Float[Tensor, "*rays"]
+    median_depth: Float[Tensor, "*rays"]
+
+
+def render_color(
+    appearance: Coloring,
+    kernels: Kernels,
+    segments: Segments,
+    samples: Samples,
+    min_weight: float,
+    *,
+    deferred: bool = False,
+    thinning: Thinning | None = None,
+) -> Float[Tensor, "rays 3"]:
+    """Returns the colour of rays, differentiable in the appearance and the samples' weights.
+
+    Samples below `min_weight` are left out and their mass given to the ray's others in proportion,
+    or to the background where there are none: leaving them out darkens nothing. For `deferred` see
+    `RenderConfig`; without it the colour is the mean of the samples' colours. `thinning` is that of
+    the gradient of these.
+    """
+    opacity = kernels.opacity(samples)[:, None]
+    heavy = kernels.heavy(samples, min_weight)
+    heavy = sharpened(heavy, appearance.weight_powers(heavy.positions), kernels)
+    values = appearance.components(heavy.positions, kernels)
+    directions = segments.view_directions
+    if not deferred:
+        values = appearance.decode(values, directions, heavy.ray, kernels)
+    values = thin_gradient(values, thinning)
+    sums = kernels.composite(heavy, torch.cat([values, torch.ones_like(values[:, :1])], dim=1))
+    kept = sums[:, -1:]
+    color = sums[:, :-1] / kept.clamp(min=1e-6)
+    if deferred:
+        color = appearance.decode(
+            color, directions, torch.arange(len(color)).to(heavy.ray), kernels
+        )
+    covered = torch.where(kept > 0, opacity, 0)
+    return covered * color + (1 - covered) * appearance.background_color()
+
+
+@torch.no_grad()
+def render_rays(
+    field: RadianceField, kernels: Kernels, segments: Segments, config: RenderConfig,
+    appearance: Coloring | None = None,
+) -> Rendering:  # fmt: skip
+    """Returns what rays see, without gradient; samples lie in the middle of their steps.
+
+    With an `appearance` in place of the field's own.
+    """
+    jitter = torch.full_like(segments.lengths, 0.5)
+    march = field.density.march(config.termination)
+    samples = kernels.trace(field.density.factors, segments, jitter, march)
+    color = render_color(
+        field.appearance if appearance is None else appearance,
+        kernels, segments, samples, config.min_weight, deferred=config.deferred,
+    )  # fmt: skip
+    sums = kernels.composite(samples, torch.stack([torch.ones_like(samples.s), samples.s], dim=1))
+    opacity = sums[:, 0].clamp(max=1)
+    left = torch.where(1 - opacity <= config.termination, 0, 1 - opacity)
+    mean_s = ((sums[:, 1] + left) / (opacity + left).clamp(min=LEAST_OPACITY)).clamp(0, 1)
+    rays = torch.arange(len(segments), device=mean_s.device)
+    depth = torch.where(opacity < LEAST_OPACITY, torch.inf, segments.depth_along(rays, mean_s))
+    return Rendering(color.clamp(0, 1), opacity, depth, median_depth(segments, samples))
+
+
+def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]:
+    """Returns the depth Z of the sample at which each ray's weights have summed to one half."""
+    median = samples.reached(torch.full_like(segments.lengths, 0.5))
+    ray = (median < samples.offsets[1:]).nonzero()[:, 0]
+    depth = torch.full_like(segments.lengths, torch.inf)
+    depth[ray] = segments.depth_along(ray, samples.s[median[ray]])
+    return depth
+
+
+@torch.no_grad()
+def render_view(
+    field: RadianceField, kernels: Kernels, rays: ViewRays, view: int, camera: Camera,
+    config: RenderConfig, appearance: Coloring | None = None,
+) -> Rendering:  # fmt: skip
+    """Returns the image of one of the cameras `rays` was made for, in tiles of bounded memory.
+
+    With an `appearance` in place of the field's own.
+    """
+    device = field.appearance.background.device
+    pixels = torch.as_tensor(pixel_centers(camera.width, camera.height), device=device)
+    parts = []
+    for tile in pixels.split(config.tile):
+        parts.append(render_rays(field, kernels, rays.segments(view, tile), config, appearance))
+    shape = (camera.height, camera.width)
+    return Rendering(
+        torch.cat([part.color for part in parts]).reshape(*shape, 3),
+        torch.cat([part.opacity for part in parts]).reshape(shape),
+        torch.cat([part.depth for part in parts]).reshape(shape),
+        torch.cat([part.median_depth for part in parts]).reshape(shape),
+    )

@@ -1,0 +1,5 @@
+"""Fitting a field to photographs (TensoRF section 4), coarse to fine.
+
+Enters: cameras, photographs and the scene's model. Leaves: a `RadianceField` and its curve.
+Begin with `trainer`; the settings are in `config`, what grows when in `schedule`.
+"""

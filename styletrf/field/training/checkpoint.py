@@ -1,0 +1,61 @@
+"""The state of a fit as a checkpoint that a killed one goes on from, to the same parameters."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from styletrf.field.radiance_field import set_occupancy
+from styletrf.files.checkpoints import (
+    load_checkpoint,
+    optimizer_tensors,
+    restore_optimizer,
+    save_checkpoint,
+)
+
+if TYPE_CHECKING:
+    from styletrf.field.training.trainer import FieldTrainer
+
+_COUNTERS = ("iteration", "batch", "seconds", "smooth_mse", "stage_start")
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePoint:
+    """One row of the training curve."""
+
+    iteration: int
+    seconds: float
+    psnr: float
+    voxels: int
+    density_samples: float  # a ray
+    color_samples: float  # a ray
+
+
+def save_fit(folder: Path, trainer: "FieldTrainer") -> None:
+    """Writes a checkpoint."""
+    tensors = {f"field.{name}": value for name, value in trainer.field.state_dict().items()}
+    tensors |= optimizer_tensors(trainer.optimizer)
+    tensors["generator"] = trainer.generator.get_state()
+    state = {name: getattr(trainer, name) for name in _COUNTERS}
+    curve = [asdict(point) for point in trainer.curve]
+    save_checkpoint(folder, tensors, {**state, "curve": curve})
+
+
+def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
+    """Goes on from the checkpoint in `folder`, if there is one."""
+    checkpoint = load_checkpoint(folder, trainer.images.device)
+    if checkpoint is None:
+        return
+    tensors, state = checkpoint
+    trainer.iteration = state["stage_start"]
+    trainer.field.upsample(
+        [tensors[f"field.density.factors.lines.{k}"].shape[0] for k in (2, 1, 0)]
+    )
+    trainer.begin_stage()
+    field = {k.removeprefix("field."): v for k, v in tensors.items() if k.startswith("field.")}
+    set_occupancy(trainer.field.density, field["density.occupancy"])
+    trainer.field.load_state_dict(field)
+    restore_optimizer(trainer.optimizer, tensors)
+    trainer.generator.set_state(tensors["generator"].cpu())
+    for name in _COUNTERS:
+        setattr(trainer, name, state[name])
+    trainer.curve = [CurvePoint(**point) for point in state["curve"]]

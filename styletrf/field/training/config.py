@@ -1,0 +1,49 @@
+"""The settings of a fit, named as TensoRF names them where it has them."""
+
+from dataclasses import dataclass, field
+
+from styletrf.field.field_config import FieldConfig
+
+
+@dataclass(frozen=True, slots=True)
+class FieldTrainingConfig:
+    """How a field is fitted; names in brackets are TensoRF's."""
+
+    field: FieldConfig = field(default_factory=FieldConfig)
+    iterations: int = 3000  # [n_iters]
+    batch: int = 1536  # least rays an iteration [batch_size]
+    batch_samples: int = 48 << 10  # more rays, up to eight times `batch`, while they have so few
+    initial_voxels: int = 80**3  # [N_voxel_init]
+    upsample_at: tuple[float, ...] = (0.06, 0.12, 0.2, 0.3)  # of the iterations [upsamp_list]
+    steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
+    factor_rate: float = 0.03  # [lr_init]
+    network_rate: float = 3e-3  # [lr_basis]
+    rate_decay: float = 0.1  # over all iterations [lr_decay_target_ratio]
+    l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
+    tv_density: float = 0.01  # [TV_weight_density]
+    tv_appearance: float = 0.003  # [TV_weight_app]
+    tv_views: int = 100  # so many views have these two weights; fewer have more, in proportion
+    tv_every: int = 4  # iterations between steps of L1 and total variation, weighted up to match
+    distortion_weight: float = 0.0  # see `styletrf.field.training.distortion`
+    depth_weight: float = 0.1  # for every iteration, see `styletrf.field.training.sparse_depth`
+    depth_rays: int = 1024  # through sparse points, every `depth_every` iterations
+    depth_every: int = 4
+    depth_until: float = 0.3  # of the iterations: what is empty by then stays so
+    occupancy_every: int = 200
+    occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]
+    min_weight: float = 3e-3  # samples lighter than this get no colour [rm_weight_mask_thre]
+    termination: float = 1e-4
+    gradient_threshold: float = 3.0  # smaller gradients are thinned, see `kernels.thinning`
+    color_threshold: float = 1.0  # likewise those of the colours
+    shrink_rise: float = 0.01  # of the loss, for which a finished field is made smaller; 0: never
+    checkpoint_seconds: float = 60.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not all(0 < share < 1 for share in self.upsample_at):
+            raise ValueError(f"upsample_at is {self.upsample_at}, not shares of the iterations")
+
+    @property
+    def upsample_steps(self) -> tuple[int, ...]:
+        """The iterations at which the grid grows."""
+        return tuple(max(1, round(share * self.iterations)) for share in self.upsample_at)

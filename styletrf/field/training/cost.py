@@ -1,0 +1,78 @@
+"""What a fit will cost on this machine, from a few of its iterations at the final size.
+
+The occupancy that a fit finds is not known yet; the sparse points stand for it, with the voxels
+about them.
+"""
+
+import resource
+import statistics
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+from torch.nn import functional
+
+from styletrf.capture.view_images import Image
+from styletrf.field.kernels import Kernels
+from styletrf.field.occupancy import unless_nowhere, voxels_along
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.trainer import FieldTrainer
+from styletrf.geometry.cameras import Camera
+from styletrf.scene.scene_model import SceneModel
+
+_ITERATIONS = 5
+_NEIGHBOURHOOD = 7  # voxels about a point that may be occupied
+
+
+@dataclass(frozen=True, slots=True)
+class FieldCost:
+    """Seconds of a whole fit, and the largest memory of this process so far."""
+
+    seconds: float
+    peak_memory_bytes: int
+    voxels: int
+
+
+def field_cost(
+    model: SceneModel,
+    cameras: Sequence[Camera],
+    images: Iterable[Image],
+    points_grid: Float[np.ndarray, "points 3"],
+    config: FieldTrainingConfig,
+    kernels: Kernels,
+) -> FieldCost:
+    """Returns what fitting the model costs; the iterations are thrown away."""
+    brief = replace(config, upsample_at=(), iterations=_ITERATIONS + 1, occupancy_every=1 << 30)
+    trainer = FieldTrainer(cameras, images, model.space, model.resolution, brief, kernels)
+    occupied = voxels_about(points_grid, model.resolution)
+    trainer.field.density.occupancy = occupied.to(trainer.images.device)
+    trainer.step()  # compiles
+    seconds = []
+    for _ in range(_ITERATIONS):
+        started = time.monotonic()
+        trainer.step()
+        seconds.append(time.monotonic() - started)
+    return FieldCost(
+        statistics.median(seconds) * config.iterations,
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10,
+        int(np.prod(model.resolution)),
+    )
+
+
+def voxels_about(
+    points_grid: Float[np.ndarray, "points 3"], resolution: Sequence[int]
+) -> UInt8[Tensor, "x y z"]:
+    """Returns the occupancy that has the voxels near the points."""
+    shape = voxels_along(resolution)
+    inside = points_grid[(np.abs(points_grid) <= 1).all(axis=1)]
+    cell = ((inside + 1) / 2 * shape).astype(np.int64).clip(max=np.array(shape) - 1)
+    occupied = torch.zeros(shape)
+    occupied[tuple(torch.from_numpy(cell.T))] = 1
+    spread = functional.max_pool3d(
+        occupied[None, None], _NEIGHBOURHOOD, stride=1, padding=_NEIGHBOURHOOD // 2
+    )[0, 0]
+    return unless_nowhere(spread > 0)

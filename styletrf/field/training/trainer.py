@@ -1,0 +1,301 @@
+"""Fitting a radiance field to photographs (TensoRF section 4): coarse to fine, in minutes.
+
+Rays are drawn from (view, pixel) and never stored. The grid grows geometrically from
+`initial_voxels` to the scene's resolution at the shares of the iterations in `upsample_at`, the
+learning rates restart there, and the occupancy grid is refreshed from the density all along.
+"""
+
+import logging
+import math
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from styletrf.capture.view_images import Image, view_images
+from styletrf.errors import NotFiniteError
+from styletrf.field.kernels import Kernels, Samples, Segments, Thinning
+from styletrf.field.occupancy import known_occupancy, occupied_voxels, unless_nowhere
+from styletrf.field.pixel_rays import pixel_rays
+from styletrf.field.radiance_field import RadianceField, set_occupancy
+from styletrf.field.rendering import RenderConfig, render_color, render_rays
+from styletrf.field.shrinking import shrink
+from styletrf.field.training.checkpoint import CurvePoint, restore_fit, save_fit
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.diagnostics import iteration_stages
+from styletrf.field.training.distortion import distortion
+from styletrf.field.training.schedule import decay, march_step, stage_resolution
+from styletrf.field.training.sparse_depth import SparseDepths, depth_loss
+from styletrf.field.training.view_exposures import ViewExposures
+from styletrf.field.view_rays import ViewRays
+from styletrf.finiteness import Named, first_not_finite, parameter_stages
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.space import Space
+from styletrf.progress import Progress, silent
+
+_LOGGER = logging.getLogger(__name__)
+
+
+def train_field(
+    cameras: Sequence[Camera],
+    images: Iterable[Image],
+    space: Space,
+    resolution: tuple[int, int, int],
+    config: FieldTrainingConfig,
+    kernels: Kernels,
+    progress: Progress = silent,
+    checkpoint_dir: Path | None = None,
+    free: Bool[Tensor, "cells cells cells"] | None = None,
+    depths: SparseDepths | None = None,
+    exposures: ViewExposures | None = None,
+) -> tuple[RadianceField, list[CurvePoint]]:
+    """Returns the field fitted to the images, and its training curve.
+
+    With a `checkpoint_dir`, the state is saved there about once a minute and a later call
+    with the same arguments goes on from it, to the same parameters up to the rounding of sums.
+    No density is looked for in the cells of the grid that are `free`, see
+    `styletrf.scene.free_space`; rays through sparse points end at their `depths`, see
+    `styletrf.field.training.sparse_depth`. Views may have `exposures` of their own, see
+    `styletrf.field.training.view_exposures`.
+
+    Raises:
+        NotFiniteError: Something stopped being finite; it names what did first. The state is then
+            in `checkpoint_dir/not_finite`.
+    """
+    trainer = FieldTrainer(
+        cameras, images, space, resolution, config, kernels, checkpoint_dir, free, depths, exposures
+    )
+    saved = time.monotonic()
+    while trainer.iteration < config.iterations:
+        psnr = trainer.step()
+        if checkpoint_dir is not None and time.monotonic() - saved > config.checkpoint_seconds:
+            trainer.require_finite(parameter_stages(trainer.field, trainer.optimizer))
+            save_fit(checkpoint_dir, trainer)
+            saved = time.monotonic()
+        progress(trainer.iteration, config.iterations, psnr=psnr)
+    trainer.refresh_occupancy(settled=True)
+    if config.shrink_rise > 0:
+        shrinking = shrink(trainer.field, trainer.loss, config.shrink_rise)
+        _LOGGER.info("shrunk: %s", shrinking)
+    return trainer.field, trainer.curve
+
+
+CURVE_EVERY = 50  # iterations between points of the curve
+LEAST_MISSED = 64  # rays that tell the background
+LOSS_RAYS = 1 << 14
+
+
+class FieldTrainer:
+    """The mutable state of one fit; `train_field` runs it to its end."""
+
+    def __init__(
+        self,
+        cameras: Sequence[Camera],
+        images: Iterable[Image],
+        space: Space,
+        resolution: tuple[int, int, int],
+        config: FieldTrainingConfig,
+        kernels: Kernels,
+        checkpoint_dir: Path | None = None,
+        free: Bool[Tensor, "cells cells cells"] | None = None,
+        depths: SparseDepths | None = None,
+        exposures: ViewExposures | None = None,
+    ) -> None:
+        config = replace(config, field=config.field.in_space(space.kind))
+        self.config, self.kernels, self.images = config, kernels, view_images(images)
+        device = self.images.device
+        self.checkpoint_dir, self.iteration = checkpoint_dir, 0
+        self.cameras, self.space, self.final_resolution = cameras, space, resolution
+        self.generator = torch.Generator().manual_seed(config.seed)
+        self.field = RadianceField(config.field, self._resolution(0), self.generator).to(device)
+        self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
+        self.curve: list[CurvePoint] = []
+        self.begin_stage()
+        self.free = None if free is None else free.to(device)
+        self.depths, self.exposures = None if depths is None else depths.to(device), exposures
+        set_occupancy(self.field.density, known_occupancy(self.free).to(device))
+        self._begin_with_background()
+        if checkpoint_dir is not None:
+            restore_fit(checkpoint_dir, self)
+
+    def step(self) -> float:
+        """Runs one iteration and returns the smoothed PSNR of the training rays."""
+        started = time.monotonic()
+        self._grow_and_refresh()
+        pixels = self.images.drawn(self.batch, self.generator)
+        segments, target = pixel_rays(self.rays, self.images, pixels)
+        samples, color = self._render(segments)
+        loss = self._error(color, target, pixels)
+        mse = float(loss.detach())
+        # a NaN among the weights need not reach the loss
+        if not math.isfinite(mse + float(samples.weights.detach().sum())):
+            self.require_finite(parameter_stages(self.field, self.optimizer))
+            self.require_finite(
+                iteration_stages(self.field, self.kernels, segments, samples, color.detach())
+            )
+            self.require_finite([("loss", loss.detach())])
+        if self.config.distortion_weight:
+            loss = loss + self.config.distortion_weight * distortion(samples, segments)
+        loss.backward()
+        self._add_depth_gradient()
+        self._regularize()
+        self._set_rates()
+        self.optimizer.step()
+        self.optimizer.zero_grad()
+        self.iteration += 1
+        keep = 0.98 if self.iteration > 1 else 0.0
+        self.smooth_mse = keep * self.smooth_mse + (1 - keep) * mse
+        self.seconds += time.monotonic() - started
+        if self.iteration % CURVE_EVERY == 0:
+            self.curve.append(self._curve_point(samples))
+            self.batch = self._batch_of(len(samples.ray) / self.batch)
+        return self.psnr()
+
+    @torch.no_grad()
+    def loss(self, field: RadianceField) -> float:
+        """Returns the mean squared error of a field at pixels that are always the same."""
+        generator = torch.Generator().manual_seed(self.config.seed)
+        pixels = self.images.drawn(LOSS_RAYS, generator)
+        rays = ViewRays(
+            self.cameras, self.space.within(field.bounds), field.step_length, self.images.device
+        )
+        config = RenderConfig(self.config.termination, self.config.min_weight)
+        segments, target = pixel_rays(rays, self.images, pixels)
+        color = render_rays(field, self.kernels, segments, config).color
+        loss = self._error(color, target, pixels)
+        self.require_finite([("loss of the finished field", loss)])
+        return float(loss)
+
+    def psnr(self) -> float:
+        """Returns the smoothed PSNR of the training rays."""
+        return -10 * math.log10(max(self.smooth_mse, 1e-10))
+
+    def _curve_point(self, samples: Samples) -> CurvePoint:
+        colored = int((samples.weights > self.config.min_weight).sum())
+        voxels, counts = math.prod(self.field.resolution), (len(samples.ray), colored)
+        means = (count / self.batch for count in counts)
+        return CurvePoint(self.iteration, self.seconds, self.psnr(), voxels, *means)
+
+    def _batch_of(self, samples_a_ray: float) -> int:
+        least, wanted = self.config.batch, self.config.batch_samples / max(samples_a_ray, 1.0)
+        return min(max(int(wanted), least), 8 * least)
+
+    @torch.no_grad()
+    def _begin_with_background(self) -> None:
+        """Sets the background to the mean colour of rays that miss the grid, if there are any.
+
+        Learning it takes a thousand iterations, long enough for walls of its colour to grow.
+        """
+        pixels = self.images.drawn(1 << 14, self.generator)
+        segments, target = pixel_rays(self.rays, self.images, pixels)
+        missed = target[segments.n_steps == 0]
+        if len(missed) >= LEAST_MISSED:
+            color = missed.mean(dim=0).clamp(1 / 512, 1 - 1 / 512)
+            self.field.appearance.background.copy_(torch.logit(color))
+
+    def _error(self, color: Tensor, target: Tensor, pixels: Tensor) -> Float[Tensor, ""]:
+        if self.exposures is not None:
+            color = self.exposures.shown(color, self.images.places(pixels)[0], target)
+        return (color - target).square().mean()
+
+    def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
+        samples = self._trace(segments)
+        color = render_color(
+            self.field.appearance, self.kernels, segments, samples, self.config.min_weight,
+            thinning=self._thinning(self.config.color_threshold),
+        )  # fmt: skip
+        return samples, color
+
+    def _trace(self, segments: Segments) -> Samples:
+        jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)
+        thinning = self._thinning(self.config.gradient_threshold)
+        march = self.field.density.march(self.config.termination, thinning)
+        return self.kernels.trace(self.field.density.factors, segments, jitter, march)
+
+    def _thinning(self, threshold: float) -> Thinning:
+        return Thinning(threshold, float(torch.rand((), generator=self.generator)))
+
+    def _add_depth_gradient(self) -> None:
+        """Adds the gradient of rays through sparse points, of which some are drawn."""
+        config, depths = self.config, self.depths
+        is_over = self.iteration >= config.depth_until * config.iterations
+        if not (depths and config.depth_weight) or is_over or self.iteration % config.depth_every:
+            return
+        drawn = depths.drawn(config.depth_rays, self.generator)
+        segments = self.rays.segments(drawn.view, drawn.pixel)
+        loss = depth_loss(self._trace(segments), segments, drawn.depth)
+        (config.depth_every * config.depth_weight * loss).backward()
+
+    def _regularize(self) -> None:
+        """Adds the gradients of L1 and, decaying with the iterations, total variation."""
+        config, every = self.config, self.config.tv_every
+        if self.iteration % every:
+            return
+        fading = every * decay(config.rate_decay, self.iteration, config.iterations)
+        density, appearance = self.field.density.factors, self.field.appearance.factors
+        density.add_l1_gradient(every * config.l1_weight)
+        fading *= max(1.0, config.tv_views / len(self.cameras))  # smoothness fills what few see
+        density.add_total_variation_gradient(fading * config.tv_density)
+        appearance.add_total_variation_gradient(fading * config.tv_appearance)
+
+    def _set_rates(self) -> None:
+        since_growth = decay(
+            self.config.rate_decay, self.iteration - self.stage_start, self.config.iterations
+        )
+        for group in self.optimizer.param_groups:
+            group["lr"] = group["initial_rate"] * since_growth
+
+    def _grow_and_refresh(self) -> None:
+        if self.iteration in (steps := self.config.upsample_steps):
+            stage = len([step for step in steps if step <= self.iteration])
+            self.field.upsample(self._resolution(stage))
+            self.begin_stage()
+        if self.iteration and self.iteration % self.config.occupancy_every == 0:
+            self.refresh_occupancy()
+
+    def _resolution(self, stage: int) -> tuple[int, int, int]:
+        initial, stages = self.config.initial_voxels, len(self.config.upsample_at)
+        return stage_resolution(self.final_resolution, initial, stage, stages)
+
+    def begin_stage(self) -> None:
+        """Sets the step and a fresh optimiser for the present resolution."""
+        config, self.stage_start = self.config, self.iteration
+        self.field.step_length = march_step(
+            self.space, self.field.resolution, config.steps_per_voxel
+        )
+        self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)
+        field = self.field
+        factors = [*field.density.factors.parameters(), *field.appearance.factors.parameters()]
+        groups = [
+            {"params": factors, "initial_rate": config.factor_rate},
+            {"params": field.appearance.network_parameters(), "initial_rate": config.network_rate},
+        ]
+        self.optimizer = torch.optim.Adam(groups, lr=0.0, betas=(0.9, 0.99), fused=True)
+
+    def refresh_occupancy(self, *, settled: bool = False) -> None:
+        """Looks again where the density is; NaN would count as none.
+
+        What rays have passed over was not fitted of late: a settled grid does not bring it back.
+        """
+        self.require_finite(parameter_stages(self.field, self.optimizer))
+        density, config = self.field.density, self.config
+        found = occupied_voxels(
+            density, self.kernels, self.field.step_length, config.occupancy_alpha,
+            settled=settled, free=self.free,
+        )  # fmt: skip
+        if settled and found.shape == density.occupancy.shape:
+            found = unless_nowhere((found & density.occupancy).bool())
+        set_occupancy(density, found)
+
+    def require_finite(self, stages: Iterable[Named]) -> None:
+        """Saves the state and stops where one of the named tensors is not finite."""
+        name = first_not_finite(stages)
+        if name is None:
+            return
+        if self.checkpoint_dir is not None:
+            save_fit(self.checkpoint_dir / "not_finite", self)
+        raise NotFiniteError("field training", name, f"at iteration {self.iteration}")

@@ -1,0 +1,238 @@
+"""Videos that every browser plays: H.264 (or VP9) in MP4.
+
+Encoded through PyAV and not OpenCV, whose wheel has no H.264 encoder and leaves neither the quality
+nor the color matrix to choose.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import cast
+
+import av
+import numpy as np
+from av.buffer import Buffer
+from av.video.reformatter import (
+    ColorPrimaries,
+    ColorRange,
+    Colorspace,
+    ColorTrc,
+    Interpolation,
+    VideoReformatter,
+)
+from jaxtyping import UInt8
+
+from styletrf.errors import InputError
+from styletrf.files.whole_files import whole_file
+
+Frame = UInt8[np.ndarray, "height width 3"]
+
+# In order of preference. Constant quality, at which painted strokes survive (32 dB and more on pans
+# over the paintings of the paper); one thread, since the number of threads changes the bytes; no
+# macroblock tree, whose code for wide registers reads beyond small frames: bytes as they come.
+_ENCODERS = {
+    "libx264": {"crf": "16", "preset": "slow", "threads": "1", "x264-params": "mbtree=0"},
+    "libvpx-vp9": {"crf": "18", "b": "0", "deadline": "good", "cpu-used": "2", "threads": "1"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class VideoInfo:
+    """What a video file holds; `codec` is FFmpeg's name (h264, vp9)."""
+
+    codec: str
+    width: int
+    height: int
+    frames: int
+    frames_per_second: float
+
+    @property
+    def duration_seconds(self) -> float:
+        """The time from the first frame's beginning to the last one's end."""
+        return self.frames / self.frames_per_second
+
+
+def write_video(path: Path, frames: Iterable[Frame], frames_per_second: float | int) -> None:
+    """Writes RGB frames as MP4; the same frames and encoder give the same bytes.
+
+    Browsers decode 4:2:0 only, so color has half the resolution of brightness, and a frame of odd
+    width or height gets its last column or row repeated. Frames are taken one at a time.
+
+    Raises:
+        InputError: There are no frames, they differ in size, the rate is not positive, or the
+            installed PyAV encodes neither H.264 nor VP9.
+    """
+    if not 0 < frames_per_second < math.inf:
+        raise InputError(f"{frames_per_second} frames a second", "is no rate", "Use 24 or so")
+    iterator = iter(frames)
+    first = next(iterator, None)
+    if first is None:
+        raise InputError(str(path), "would be a video without frames", "Give at least one frame")
+    with whole_file(path) as partial:
+        _encode(partial, first, iterator, Fraction(frames_per_second).limit_denominator(1001))
+
+
+@dataclass(frozen=True, slots=True)
+class TimedFrame:
+    """A decoded frame, and when it is shown, in seconds since the first.
+
+    It is equirectangular where the file has spherical metadata that say so.
+    """
+
+    time_s: float
+    pixels: Frame
+    is_equirectangular: bool = False
+
+
+def video_info(path: Path) -> VideoInfo:
+    """Returns size, rate and number of frames, counted rather than believed.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
+    with _opened(path) as container:
+        stream = container.streams.video[0]
+        count = 0
+        with suppress(av.FFmpegError):  # where the file is cut short
+            for packet in container.demux(stream):
+                count += packet.size > 0
+        rate = float(stream.average_rate or 0)
+        context = stream.codec_context
+        return VideoInfo(context.name, context.width, context.height, count, rate)
+
+
+def video_frames(path: Path) -> Iterator[Frame]:
+    """Yields the decoded frames as RGB, one at a time, upright as the phone that filmed was held.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
+    for frame in timed_frames(path):
+        yield frame.pixels
+
+
+def timed_frames(path: Path) -> Iterator[TimedFrame]:
+    """Yields the frames of `video_frames` with their times, which need not be evenly spaced.
+
+    Damaged frames are left out, and decoding ends where the file is cut short: compare the last
+    time with `declared_duration_s`.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
+    with _opened(path) as container:
+        interval_s = 1 / float(container.streams.video[0].average_rate or 24)
+        start_s, shown_s = None, -interval_s
+        for frame in _decodable(container):
+            shown_s = shown_s + interval_s if frame.pts is None else float(frame.time)
+            start_s = shown_s if start_s is None else start_s
+            pixels = frame.to_ndarray(format="rgb24")
+            upright = np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
+            yield TimedFrame(shown_s - start_s, upright, _is_equirectangular(frame))
+
+
+def _is_equirectangular(frame: av.VideoFrame) -> bool:
+    """Returns what FFmpeg's `AVSphericalMapping`, which begins with the projection, says."""
+    spherical = frame.side_data.get("SPHERICAL")
+    return isinstance(spherical, Buffer) and bytes(spherical)[:4] == bytes(4)
+
+
+def declared_duration_s(path: Path) -> float | None:
+    """Returns how long the file says that its picture lasts; None where it says nothing.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
+    with _opened(path) as container:
+        stream = container.streams.video[0]
+        if stream.duration is not None and stream.time_base is not None:
+            return float(stream.duration * stream.time_base)
+        return None if container.duration is None else container.duration / av.time_base
+
+
+def _decodable(container: av.container.InputContainer) -> Iterator[av.VideoFrame]:
+    """Yields the undamaged frames up to where the file can be read no further."""
+    with suppress(av.FFmpegError):
+        for packet in container.demux(container.streams.video[0]):
+            with suppress(av.FFmpegError):  # behind a damaged packet decoding goes on
+                yield from (frame for frame in packet.decode() if not frame.is_corrupt)
+
+
+def _encode(path: Path, first: Frame, others: Iterator[Frame], rate: Fraction) -> None:
+    height, width = (side + side % 2 for side in first.shape[:2])
+    options = {"movflags": "+faststart", "fflags": "+bitexact"}  # plays while loading; no dates
+    with av.open(str(path), "w", format="mp4", options=options) as container:
+        encoder = available_encoder()
+        added = container.add_stream(encoder, rate=rate, options=dict(_ENCODERS[encoder]))
+        stream = cast(av.VideoStream, added)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        _tag_colors(stream.codec_context)
+        reformatter = VideoReformatter()
+        for index, frame in enumerate(_same_sized(path, first, others)):
+            picture = _yuv(frame, reformatter)
+            picture.pts = index
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode(None))
+
+
+def available_encoder() -> str:
+    """Returns the encoder that `write_video` uses here.
+
+    Raises:
+        InputError: The installed PyAV has none that browsers can play.
+    """
+    for name in _ENCODERS:
+        try:
+            av.Codec(name, "w")
+        except ValueError:
+            continue
+        return name
+    raise InputError(
+        "PyAV", f"has none of the encoders {', '.join(_ENCODERS)}", "Install its published wheel"
+    )
+
+
+def _tag_colors(context: av.VideoCodecContext) -> None:
+    """Says what the numbers mean; untagged, each player guesses from the size of the frame."""
+    context.colorspace = Colorspace.ITU601
+    context.color_range = ColorRange.MPEG
+    context.color_primaries = ColorPrimaries.BT709
+    context.color_trc = ColorTrc.IEC61966_2_1
+
+
+def _yuv(frame: Frame, reformatter: VideoReformatter) -> av.VideoFrame:
+    height, width = frame.shape[:2]
+    even = np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+    return reformatter.reformat(
+        av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24"),
+        format="yuv420p",
+        dst_colorspace=Colorspace.ITU601,
+        dst_color_range=ColorRange.MPEG,
+        interpolation=Interpolation.BICUBIC
+        | Interpolation.FULL_CHR_H_INP
+        | Interpolation.ACCURATE_RND,
+    )
+
+
+def _same_sized(path: Path, first: Frame, others: Iterator[Frame]) -> Iterator[Frame]:
+    yield first
+    for index, frame in enumerate(others, start=1):
+        if frame.shape != first.shape:
+            raise InputError(
+                f"frame {index} of {path.name}", "differs in size from the first", "Use one size"
+            )
+        yield frame
+
+
+def _opened(path: Path) -> av.container.InputContainer:
+    try:
+        container = av.open(str(path))
+    except (av.FFmpegError, OSError) as error:
+        raise InputError(str(path), "cannot be read as a video", "Check the file") from error
+    if not container.streams.video:
+        container.close()
+        raise InputError(str(path), "holds no video", "Give a video file")
+    return container

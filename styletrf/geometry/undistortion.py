@@ -1,0 +1,66 @@
+"""From a lens that bends lines to a pinhole camera of the same size, without blank pixels."""
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from styletrf.colmap import pycolmap
+from styletrf.geometry.cameras import Camera, pixel_centers
+
+
+def pinhole_for(lens: pycolmap.Camera, name: str, world_from_camera: np.ndarray) -> Camera:
+    """Returns the pinhole camera of the same size and principal point that a lens can fill.
+
+    Its focal lengths are those of the lens times the smallest zoom at which every edge of the
+    image lies within the undistorted edge of the photograph, so that no pixel is left blank.
+    """
+    fx, fy, cx, cy = _intrinsics(lens)
+    width, height = lens.width, lens.height
+    x, y = np.linspace(0, width, 65), np.linspace(0, height, 65)
+    left, right = (lens.cam_from_img(_points(edge, y))[:, 0] for edge in (0.0, float(width)))
+    top, bottom = (lens.cam_from_img(_points(x, edge))[:, 1] for edge in (0.0, float(height)))
+    zoom = max(
+        cx / (-fx * left).min(),
+        (width - cx) / (fx * right).min(),
+        cy / (-fy * top).min(),
+        (height - cy) / (fy * bottom).min(),
+    )
+    return Camera(name, width, height, fx * zoom, fy * zoom, cx, cy, world_from_camera)
+
+
+def undistorted_image(
+    image: UInt8[np.ndarray, "height width 3"], lens: pycolmap.Camera, pinhole: Camera
+) -> UInt8[np.ndarray, "height width 3"]:
+    """Returns the photograph as the pinhole camera sees it (bicubic)."""
+    centers = pixel_centers(pinhole.width, pinhole.height)
+    focal, principal = _letters(pinhole)
+    rays = np.column_stack([(centers - principal) / focal, np.ones(len(centers))])
+    sources = lens.img_from_cam(rays).reshape(pinhole.height, pinhole.width, 2) - 0.5
+    x, y = np.moveaxis(sources.astype(np.float32), -1, 0)
+    warped = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(warped, dtype=np.uint8)
+
+
+def undistorted_pixels(
+    pixels: Float[np.ndarray, "pixels 2"], lens: pycolmap.Camera, pinhole: Camera
+) -> Float[np.ndarray, "pixels 2"]:
+    """Returns where the pinhole camera sees what the lens shows at `pixels`."""
+    focal, principal = _letters(pinhole)
+    return np.asarray(lens.cam_from_img(pixels) * focal + principal)
+
+
+def _intrinsics(lens: pycolmap.Camera) -> tuple[float, float, float, float]:
+    return (
+        lens.focal_length_x,
+        lens.focal_length_y,
+        lens.principal_point_x,
+        lens.principal_point_y,
+    )
+
+
+def _letters(pinhole: Camera) -> tuple[np.ndarray, np.ndarray]:
+    return np.array([pinhole.fx, pinhole.fy]), np.array([pinhole.cx, pinhole.cy])
+
+
+def _points(x: float | np.ndarray, y: float | np.ndarray) -> np.ndarray:
+    return np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float64)

@@ -1,0 +1,133 @@
+"""The page to read before hours are spent on a scene: what the photographs show, and what to do."""
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from styletrf.field.training.cost import FieldCost
+from styletrf.reports.page import duration, folded_table, gibibytes, section, write_page
+from styletrf.scene.survey import MOST_EXPOSURE_EV, Survey
+
+SPARSE = 0.2  # of the cells with points seen by fewer than 3 views, from which on it is a finding
+
+
+@dataclass(frozen=True, slots=True)
+class SceneReportContent:
+    """Everything the page shows; `costs` by quality, `evidence` as `scene.json` has it."""
+
+    scene: str
+    summary: str
+    survey: Survey
+    unregistered: Sequence[str]
+    neighbours: Mapping[str, tuple[str, str]]  # of the unregistered, in the order of the capture
+    drawings: str
+    model: Mapping[str, object]
+    costs: Mapping[str, FieldCost]
+    evidence: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+
+
+def advice(content: SceneReportContent) -> list[str]:
+    """Returns what to photograph again and why, nothing where all is well."""
+    survey, said = content.survey, []
+    for name in content.unregistered:
+        before, after = content.neighbours[name]
+        said.append(
+            f"{name} has no camera: it shares too little with the others. Photograph again between "
+            f"{before} and {after}, overlapping both by two thirds."
+        )
+    if blurred := [view.name for view in survey.views if view.blurred]:
+        said.append(f"Blurred, take again or leave out: {', '.join(blurred)}.")
+    if off := [view for view in survey.views if view.off_exposure]:
+        told = ", ".join(f"{view.name} ({view.exposure_ev:+.1f} stops)" for view in off)
+        said.append(
+            f"Exposed unlike the others by more than {MOST_EXPOSURE_EV} stops: {told}. Lock "
+            "exposure and white balance."
+        )
+    if survey.sparse_share > SPARSE:
+        said.append(
+            f"{survey.sparse_share:.0%} of the parts that hold something are seen by fewer than 3 "
+            "photographs: more of them from more places, above all towards the edges."
+        )
+    return said
+
+
+def write_scene_report(path: Path, content: SceneReportContent) -> None:
+    """Writes the page; all text is escaped."""
+    sections = [
+        f"<header><div><h1>{html.escape(content.scene)} "
+        '<span class="quiet">before the fit</span></h1>'
+        f"<p>{html.escape(content.summary)}</p></div></header>",
+        section("What to do", _advice(advice(content))),
+        section("Cameras and points", f'<div class="charts">{content.drawings}</div>'),
+        section("What the photographs cover", _coverage(content.survey)),
+        section("What a field costs here", _costs(content.costs)),
+        section("Photographs", _views(content.survey)),
+        section("The model, and why", _model(content)),
+    ]
+    write_page(path, f"{content.scene} before the fit", sections)
+
+
+def _advice(said: Sequence[str]) -> str:
+    if not said:
+        return '<div class="card"><p>Nothing: the photographs will do.</p></div>'
+    items = "".join(f"<li>{html.escape(line)}</li>" for line in said)
+    return f'<div class="card"><ul>{items}</ul></div>'
+
+
+def _coverage(survey: Survey) -> str:
+    rows = (
+        ("parts with points that fewer than 3 photographs see", f"{survey.sparse_share:.1%}"),
+        ("of the whole space", f"{survey.blind_share:.1%}"),
+        ("photographs that see a part with points, in the middle", _middle(survey)),
+    )
+    return _table(rows)
+
+
+def _middle(survey: Survey) -> str:
+    counts = sorted(survey.seen_by[survey.has_points].tolist())
+    return str(counts[len(counts) // 2]) if counts else "none"
+
+
+def _costs(costs: Mapping[str, FieldCost]) -> str:
+    rows = "".join(
+        f'<tr><th scope="row">{html.escape(quality)}</th>'
+        f'<td class="number">{duration(cost.seconds)}</td>'
+        f'<td class="number">{gibibytes(cost.peak_memory_bytes)}</td>'
+        f'<td class="number">{cost.voxels / 1e6:.1f} million voxels</td></tr>'
+        for quality, cost in costs.items()
+    )
+    head = (
+        '<tr><th>quality</th><th class="number">about</th><th class="number">memory</th>'
+        '<th class="number">at most</th></tr>'
+    )
+    told = "Timed on this machine: a few iterations of each at its final size."
+    return (
+        f'<p class="quiet small">{told}</p><div class="card"><table><thead>{head}</thead>'
+        f"<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _views(survey: Survey) -> str:
+    values = {
+        view.name: f"{view.points} points, sharpness {view.sharpness:.2g}, "
+        f"exposure {view.exposure_ev:+.2f} stops"
+        + (", blurred" if view.blurred else "")
+        + (", exposed unlike the others" if view.off_exposure else "")
+        for view in survey.views
+    }
+    return folded_table(f"All {len(values)} with a camera", values)
+
+
+def _model(content: SceneReportContent) -> str:
+    folded = "".join(folded_table(name, values) for name, values in content.evidence.items())
+    return _table([(name, str(value)) for name, value in content.model.items()]) + folded
+
+
+def _table(rows: Sequence[tuple[str, str]]) -> str:
+    body = "".join(
+        f'<tr><th scope="row">{html.escape(name)}</th>'
+        f'<td class="number">{html.escape(value)}</td></tr>'
+        for name, value in rows
+    )
+    return f'<div class="card"><table><tbody>{body}</tbody></table></div>'

@@ -1,0 +1,103 @@
+"""Unbounded space in a grid: a box as it is, and all that lies beyond it drawn in.
+
+Piecewise projective contraction (MERF, Reiser et al. 2023, section 4.1), made of projective maps so
+that rays stay straight within each part. With y the coordinates in which the inner box is
+[-1, 1]^3, and j the axis along which |y| is largest:
+
+    |y| <= 1     g = INNER y
+    beyond       g_i = INNER y_i / |y_j|  for i != j,   g_j = sign(y_j) (a - b / |y_j|)
+
+a and b such that g_j is INNER at |y_j| = 1 and 1 at |y_j| = reach. Like the sides of a cube map,
+the parts beyond the box lie apart in the grid: where two of them meet a ray leaps. A map's
+homogeneous w is 1 or +-y_j: the map of a point is the one with the largest.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.scene.box import box_around, whole_box
+from styletrf.scene.placement import INFINITY_PX, Placement
+from styletrf.scene.surroundings import Extent, Surroundings, placed
+
+INNER = 0.75  # of the grid's axes is the inner box
+LOST = 3.0  # octaves that a point outside a box counts as
+_PERCENT = 80.0  # of the points along each axis, that the inner box holds, and all cameras
+_FLATTEST = 0.5  # of the inner box's longest side is its shortest
+
+
+def place_unbounded(scene: Surroundings, oversampling: float) -> Placement:
+    """Returns unbounded space around the inner box."""
+    inner = inner_box(scene)
+    maps = contraction(_reach(scene, inner))
+    return placed(scene, inner, "unbounded", maps, INNER, oversampling)
+
+
+def contraction(reach: float) -> Float[np.ndarray, "7 4 4"]:
+    """Returns the maps to the grid from coordinates in which the inner box is [-1, 1]^3.
+
+    Args:
+        reach: Where the grid ends, in halves of the inner box, more than 1.
+    """
+    b = (1 - INNER) / (1 - 1 / reach)
+    maps = [np.diag([INNER, INNER, INNER, 1.0])]
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            matrix = np.diag([INNER, INNER, INNER, 0.0])
+            matrix[axis, axis], matrix[axis, 3] = INNER + b, -sign * b
+            matrix[3, axis] = sign
+            maps.append(matrix)
+    return np.stack(maps)
+
+
+def octaves_lost(scene: Surroundings, voxels: int) -> dict[str, float]:
+    """Returns by how much a lattice of so many voxels is coarser than the photographs, per space.
+
+    The mean, over all points that a view may see, of log2 of the lattice's spacing there over the
+    pixel's footprint, where it is coarser; a point outside the box counts as LOST.
+    """
+    box, inner = whole_box(scene), inner_box(scene)
+    return {"box": _lost(scene, box, voxels), "unbounded": _lost_around(scene, inner, voxels)}
+
+
+def inner_box(scene: Surroundings) -> Extent:
+    """Returns the box that holds the cameras and most points, none of its sides too short.
+
+    A wall that stands in one of its faces would be cut between two parts of the grid: hence the
+    margin about the points.
+    """
+    points = box_around(scene.points, _PERCENT)
+    centers = np.stack([view.center_world for view in scene.views])
+    lower = np.minimum(points.center - points.half, centers.min(axis=0))
+    upper = np.maximum(points.center + points.half, centers.max(axis=0))
+    half = (upper - lower) / 2
+    return Extent((lower + upper) / 2, np.maximum(half, _FLATTEST * half.max()))
+
+
+def _lost(scene: Surroundings, box: Extent, voxels: int) -> float:
+    octaves = np.log2(np.maximum(_spacing(box, voxels) / scene.footprints, 1))
+    return float(np.where(_largest(scene, box) <= 1, octaves, np.maximum(octaves, LOST)).mean())
+
+
+def _lost_around(scene: Surroundings, inner: Extent, voxels: int) -> float:
+    spacing = _spacing(inner, voxels) / INNER * np.maximum(_largest(scene, inner), 1)
+    return float(np.log2(np.maximum(spacing / scene.footprints, 1)).mean())
+
+
+def _spacing(box: Extent, voxels: int) -> float:
+    return float((8 * box.half.prod() / voxels) ** (1 / 3))
+
+
+def _largest(scene: Surroundings, box: Extent) -> Float[np.ndarray, " observations"]:
+    """Returns the largest coordinate of the seen points, in halves of the box."""
+    largest: Float[np.ndarray, " observations"] = np.abs(
+        (scene.footprint_points - box.center) / box.half
+    ).max(axis=1)
+    return largest
+
+
+def _reach(scene: Surroundings, inner: Extent) -> float:
+    """Returns where the grid ends: at no parallax, and ten times as far as the farthest points."""
+    centers = np.stack([view.center_world for view in scene.views])
+    parallax_px = float(scene.views[0].fx * np.ptp(centers, axis=0).max())  # at depth 1
+    farthest = float(np.percentile(_largest(scene, inner), 99.5))
+    return max(parallax_px / INFINITY_PX / float(inner.half.max()), 10 * farthest, 10.0)

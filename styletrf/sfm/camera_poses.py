@@ -1,0 +1,208 @@
+"""Structure from motion: where each photograph was taken from, and the points they share.
+
+Features, matches and reconstruction are COLMAP's (Schönberger and Frahm 2016; its global mapper:
+Pan et al. 2024), with one lens for all photographs of a size and focal length; of poses that
+came with them only the points are sought. What comes out is undistorted: pinhole cameras and the
+images they would have taken.
+"""
+
+import json
+import logging
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
+
+from styletrf.capture.capture_file import Capture, read_capture
+from styletrf.capture.masks import MASKS
+from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS, read_photograph
+from styletrf.capture.scene_capture import given_views
+from styletrf.capture.views import held_out_names
+from styletrf.colmap import pycolmap
+from styletrf.errors import InputError
+from styletrf.files.images import write_png
+from styletrf.geometry.camera_table import write_cameras
+from styletrf.geometry.parallax import LEAST_PARALLAX, parallax_share
+from styletrf.geometry.point_table import write_points
+from styletrf.geometry.undistortion import undistorted_image
+from styletrf.progress import Progress, silent
+from styletrf.sfm.colmap_images import ColmapImages, Lenses, prepare_images
+from styletrf.sfm.colmap_mapping import extract_features, log_to
+from styletrf.sfm.known_poses import map_known_poses
+from styletrf.sfm.mapping import Mapping, flat_share
+from styletrf.sfm.mapping_choice import MappingTask, map_images
+from styletrf.sfm.poses_report import BETTER_PHOTOGRAPHS, FLAT, PosesReport, poses_report
+from styletrf.sfm.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
+
+_LOGGER = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPosesConfig:
+    """How photographs become poses.
+
+    Args:
+        poses: Those that came with the photographs are adjusted where these say so (`auto`), stay
+            as they are (`given`), or are left aside (`solved`).
+        max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
+        max_features: SIFT features kept of one photograph.
+        video_features: SIFT features kept of one frame of a video.
+        video_tracks: How many of them decide where a frame is; the others add points.
+        video_octave: Features of frames of videos are no finer; finer ones (-1) are mostly what
+            compression and blur leave, and take most of the time.
+        exhaustive_up_to: Up to so many photographs, all pairs are matched; beyond, sequences are
+            matched along their order and with those that look alike, and others with the latter.
+        neighbours: With how many successors each photograph of a sequence is matched, and with how
+            many that look most like it; others are with twice as many of these.
+        video_neighbours: The same of frames of videos, which are an even travel apart.
+        camera_model: COLMAP's name of the lens model.
+        lenses: `one` for all photographs of a size, one for `each`, or (`auto`) one for those of a
+            size and of a focal length by their EXIF.
+        seed: Of RANSAC and the mappers.
+    """
+
+    poses: Literal["auto", "given", "solved"] = "auto"
+    max_image_long_side: int = 1600
+    max_features: int = 4096
+    video_features: int = 1536
+    video_tracks: int = 300
+    video_octave: int = 0
+    exhaustive_up_to: int = 90
+    neighbours: int = 10
+    video_neighbours: int = 4
+    camera_model: str = "SIMPLE_RADIAL"
+    lenses: Lenses = "auto"
+    seed: int = 0
+
+
+def solve_camera_poses(
+    capture_dir: Path,
+    out_dir: Path,
+    config: CameraPosesConfig,
+    progress: Progress = silent,
+    log_dir: Path | None = None,
+    scratch_dir: Path | None = None,
+) -> PosesReport:
+    """Finds the cameras of a capture and writes them, their points and undistorted images.
+
+    `out_dir` receives `cameras.parquet` (the registered photographs in the capture's order, then
+    the names of the others), `points.parquet`, `images/<name>.png`, `masks/<name>.png` of those
+    that have one, and, last, `poses.json`. The world is COLMAP's: its origin, axes and scale mean
+    nothing.
+
+    Args:
+        capture_dir: What `capture_photographs` wrote.
+        out_dir: Where to write.
+        config: See `CameraPosesConfig`.
+        progress: Called phase by phase: photographs read, described, pairs matched, photographs
+            placed, undistorted.
+        log_dir: Where COLMAP's messages go; to standard error where it is None.
+        scratch_dir: Where COLMAP works; in the system's temporary folder where it is None.
+
+    Raises:
+        InputError: The photographs do not overlap, or fewer than three can be placed.
+    """
+    if log_dir is not None:
+        log_to(log_dir)
+    pycolmap.set_random_seed(config.seed)
+    capture = read_capture(capture_dir)
+    names = [photograph.name for photograph in capture.photographs]
+    with TemporaryDirectory(
+        prefix="colmap-", dir=scratch_dir, ignore_cleanup_errors=True
+    ) as scratch:
+        given = given_views(capture_dir) if config.poses != "solved" else None
+        lenses = "each" if given else config.lenses
+        folder, long_side = Path(scratch) / "images", config.max_image_long_side
+        images = prepare_images(capture_dir, capture, folder, long_side, lenses, progress)
+        database = Path(scratch) / "colmap.db"
+        if given:
+            views, most = [given[1][name] for name in names], config.max_features
+            of = database, images, views, given[0], most, config.seed, progress
+            may_adjust = config.poses == "auto"
+            mapping, flat = map_known_poses(*of, may_adjust=may_adjust), 0.0
+        else:
+            mapping = _solve(database, images, capture, config, progress)
+            flat = flat_share(database)
+        mapping.models[0].extract_colors_for_all_images(images.folder)
+        files = dict(zip(images.files, names, strict=True))
+        placed = placed_photographs(mapping.models[0], files)
+        _write_undistorted(out_dir, images, placed, progress)
+    cameras, points = [one.camera for one in placed], sparse_points(mapping.models[0], placed)
+    tells_depth = flat < FLAT or parallax_share(points, cameras) >= LEAST_PARALLAX
+    report = poses_report(
+        images, names, mapping, placed, flat, tells_depth=tells_depth, is_given=given is not None
+    )
+    panoramas = {one.name: one.panorama for one in capture.photographs if one.panorama}
+    held_out = held_out_names(cameras, given[1] if given else {}, panoramas)
+    write_cameras(out_dir / "cameras.parquet", cameras, report.unregistered, held_out)
+    write_points(out_dir / "points.parquet", points)
+    text = json.dumps(asdict(report), sort_keys=True, indent=1, ensure_ascii=False)
+    (out_dir / "poses.json").write_text(text + "\n", encoding="utf-8")
+    for warning in report.warnings:
+        _LOGGER.warning(warning)
+    return report
+
+
+def _solve(
+    database: Path,
+    images: ColmapImages,
+    capture: Capture,
+    config: CameraPosesConfig,
+    progress: Progress,
+) -> Mapping:
+    """Returns a mapping of at least three photographs."""
+    is_video = all(photograph.clip is not None for photograph in capture.photographs)
+    most = config.video_features if is_video else config.max_features
+    octave = config.video_octave if is_video else None
+
+    def describe(path: Path, *, stronger: bool = False) -> None:
+        extract_features(
+            path, images, config.camera_model, most, progress, octave, stronger=stronger
+        )
+
+    describe(database)
+    mapping = map_images(
+        MappingTask(
+            database,
+            images,
+            capture.photographs,
+            config.exhaustive_up_to,
+            config.video_neighbours if is_video else config.neighbours,
+            config.seed,
+            progress,
+            config.video_tracks if is_video else None,
+            partial(describe, stronger=True),
+        )
+    )
+    if mapping.registered < FEWEST_PHOTOGRAPHS:
+        placed = f"only {mapping.registered}" if mapping.registered else "none"
+        problem = (
+            f"{placed} of them could be placed "
+            f"({mapping.verified_pairs} pairs show the same things)"
+        )
+        subject = f"the {len(capture.photographs)} photographs"
+        raise InputError(subject, problem, BETTER_PHOTOGRAPHS)
+    return mapping
+
+
+def _write_undistorted(
+    out_dir: Path, images: ColmapImages, placed: Sequence[PlacedPhotograph], progress: Progress
+) -> None:
+    for folder in ("images", MASKS):
+        (out_dir / folder).mkdir(parents=True, exist_ok=True)
+
+    def write(one: PlacedPhotograph) -> None:
+        sources = {"images": images.folder / one.file, MASKS: images.mask_of(one.file)}
+        for folder, source in sources.items():
+            if source is not None:
+                pinhole = undistorted_image(read_photograph(source), one.lens, one.camera)
+                write_png(out_dir / folder / f"{one.camera.name}.png", pinhole, compression=3)
+
+    progress(0, len(placed))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for done, _ in enumerate(pool.map(write, placed), start=1):
+            progress(done, len(placed))

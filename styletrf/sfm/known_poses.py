@@ -1,0 +1,153 @@
+"""Sparse points of photographs whose poses are known: described, matched and triangulated.
+
+What COLMAP would have to find out about the poses is skipped. They may be adjusted, see
+`styletrf.sfm.pose_adjustment`.
+"""
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from styletrf.capture.poses.given_poses import GIVEN_BY, GivenView, Lens
+from styletrf.colmap import pycolmap
+from styletrf.errors import InputError
+from styletrf.progress import Progress
+from styletrf.sfm.colmap_images import ColmapImages, LensSetting
+from styletrf.sfm.colmap_mapping import extract_features, match_pairs
+from styletrf.sfm.image_pairs import Pairs, all_pairs
+from styletrf.sfm.mapping import Mapping as Mapped
+from styletrf.sfm.mapping import explained_share
+from styletrf.sfm.pose_adjustment import adjusted_poses, triangulated
+
+NEIGHBOURS = 20  # with which each photograph is matched, where there are more
+_WIDEST_DEG = 60.0  # between the views of photographs that are matched
+_FEWEST_POINTS = 16
+_LEAST_SHARE = 0.3  # of the matched features, that have a point; right poses have 0.9
+
+
+def map_known_poses(
+    database: Path,
+    images: ColmapImages,
+    views: Sequence[GivenView],
+    source: str,
+    max_features: int,
+    seed: int,
+    progress: Progress,
+    *,
+    may_adjust: bool = True,
+) -> Mapped:
+    """Returns the model of images at the given poses, or near them.
+
+    Args:
+        database: COLMAP's, to be filled.
+        images: In the order of `views`.
+        views: Where each was taken from, and with which lens.
+        source: Where the poses are from, for messages.
+        max_features: SIFT features kept of one image.
+        seed: Of the verification of matches.
+        progress: Called for the images described, then for the pairs matched.
+        may_adjust: Whether poses and lenses may become better ones than those given.
+
+    Raises:
+        InputError: The photographs do not fit the poses, or have lenses of several models.
+    """
+    lens_models = {view.lens.model for view in views}
+    if len(lens_models) > 1:
+        problem = f"has lenses of several models: {', '.join(sorted(lens_models))}"
+        raise InputError(source, problem, "Export all views with one of them")
+    (lens,) = lens_models
+    images = replace(images, lenses=_given_lenses(images.files, views))
+    extract_features(database, images, lens, max_features, progress)
+    pairs = neighbouring_pairs(views)
+    verified = match_pairs(database, images, pairs, seed, progress)
+    posed = _posed(database, images, views)
+    model = triangulated(posed, database, images.folder, seed)
+    reason = "the poses came with the photographs"
+    if may_adjust:
+        found = adjusted_poses(model, database, images.folder, images.long_side, seed)
+        model, reason = found.model, found.reason
+    share = model.compute_num_observations() / max(_matched_features(database), 1)
+    if model.num_points3D() < _FEWEST_POINTS or share < _LEAST_SHARE:
+        raise InputError(
+            source,
+            f"does not fit the photographs: at its poses they share {model.num_points3D()} points,"
+            f" seen by {share:.0%} of the features that match",
+            "Check its axes and the photographs' names, or have the poses solved with"
+            """ --CameraPoses-settings '{"poses": "solved"}'""",
+        )
+    explained = explained_share(database, [model])
+    return Mapped([model], "neighbours", verified, f"{GIVEN_BY}{source}", reason, explained)
+
+
+def neighbouring_pairs(views: Sequence[GivenView]) -> Pairs:
+    """Returns pairs i < j of views that may show the same: all, or each with its nearest.
+
+    Of those that look the same way within 60 degrees, the nearest 20 by their centres.
+    """
+    if len(views) <= 2 * NEIGHBOURS:
+        return all_pairs(len(views))
+    poses = np.stack([view.world_from_camera for view in views])
+    centers, ahead = poses[:, :, 3], poses[:, :, 2]
+    distance = np.linalg.norm(centers[:, None] - centers, axis=-1)
+    distance[ahead @ ahead.T < np.cos(np.radians(_WIDEST_DEG))] = np.inf
+    np.fill_diagonal(distance, np.inf)
+    nearest = np.argsort(distance, axis=1)[:, :NEIGHBOURS]
+    pairs = {
+        (min(i, int(j)), max(i, int(j)))
+        for i, row in enumerate(nearest)
+        for j in row
+        if np.isfinite(distance[i, j])
+    }
+    return sorted(pairs)
+
+
+def _given_lenses(files: Sequence[str], views: Sequence[GivenView]) -> tuple[LensSetting, ...]:
+    """Returns which files were taken with the same lens."""
+    of_lenses: dict[Lens, list[str]] = {}
+    for file, view in zip(files, views, strict=True):
+        of_lenses.setdefault(view.lens, []).append(file)
+    return tuple(LensSetting(tuple(same), None) for same in of_lenses.values())
+
+
+def _matched_features(database: Path) -> int:
+    """Returns how many features have a verified match."""
+    with closing(pycolmap.Database.open(database)) as opened:
+        pairs, geometries = opened.read_two_view_geometries()
+    found = set()
+    for pair, geometry in zip(pairs, geometries, strict=True):
+        for image, feature in zip(
+            pycolmap.pair_id_to_image_pair(pair), geometry.inlier_matches.T, strict=True
+        ):
+            found |= {(image, int(index)) for index in feature}
+    return len(found)
+
+
+def _posed(
+    database: Path, images: ColmapImages, views: Sequence[GivenView]
+) -> pycolmap.Reconstruction:
+    """Returns a model of the database's images at their poses, without points."""
+    model = pycolmap.Reconstruction()
+    by_file: Mapping[str, GivenView] = dict(zip(images.files, views, strict=True))
+    with closing(pycolmap.Database.open(database)) as opened:
+        for image in opened.read_all_images():
+            view = by_file[image.name]
+            if image.camera_id not in model.cameras:
+                camera = _with_lens(opened.read_camera(image.camera_id), view.lens)
+                opened.update_camera(camera)
+                model.add_camera_with_trivial_rig(camera)
+            rotation = pycolmap.Rotation3d(view.world_from_camera[:, :3])
+            world_from_camera = pycolmap.Rigid3d(rotation, view.world_from_camera[:, 3])
+            model.add_image_with_trivial_frame(image, world_from_camera.inverse())
+    return model
+
+
+def _with_lens(camera: pycolmap.Camera, lens: Lens) -> pycolmap.Camera:
+    """Returns the camera with a lens, brought to its size."""
+    width, height = camera.width, camera.height
+    camera.width, camera.height, camera.params = lens.width, lens.height, list(lens.params)
+    camera.rescale(width, height)
+    camera.has_prior_focal_length = True
+    return camera

@@ -1,0 +1,226 @@
+"""Which pairs to match and which mapper to believe, decided from the photographs themselves."""
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from styletrf.capture.capture_file import Photograph
+from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
+from styletrf.colmap import pycolmap
+from styletrf.progress import Progress
+from styletrf.sfm.colmap_images import ColmapImages
+from styletrf.sfm.colmap_mapping import (
+    largest_first,
+    map_globally,
+    map_incrementally,
+    match_again,
+    match_pairs,
+)
+from styletrf.sfm.image_pairs import (
+    Pairs,
+    all_pairs,
+    is_sequence,
+    pairs_along,
+    pairs_with,
+    pairs_within,
+    shots,
+)
+from styletrf.sfm.mapping import Mapping, explained_share, is_explained
+from styletrf.sfm.mapping_ladder import Rung, climbed
+from styletrf.sfm.model_joining import joined
+from styletrf.sfm.model_support import supported
+from styletrf.sfm.retrieval import Descriptors, similar_pairs
+
+# A share placed with which a capture does: below it a warning is due, and time well spent.
+ENOUGH_PLACED = 0.8
+_EAGER = "incremental from a weaker start"
+
+
+@dataclass(frozen=True, slots=True)
+class MappingTask:
+    """Photographs to be mapped, whose features `database` holds.
+
+    Attributes:
+        database: COLMAP's.
+        images: The photographs as COLMAP has them.
+        photographs: What is known of them, in the same order.
+        exhaustive_up_to: So many photographs are matched all with all; of more, those along a
+            sequence where their names read like one, else each with those that look most like it.
+        neighbours: Of each in the latter cases.
+        seed: Of everything random.
+        progress: Called for each phase.
+        tracks: The global mapper looks at so many of an image only; None for all.
+        describe_stronger: Fills another database with features that take longer, and match where
+            the usual ones do not; None where there are none.
+    """
+
+    database: Path
+    images: ColmapImages
+    photographs: Sequence[Photograph]
+    exhaustive_up_to: int
+    neighbours: int
+    seed: int
+    progress: Progress
+    tracks: int | None = None
+    describe_stronger: Callable[[Path], None] | None = None
+
+
+def map_images(task: MappingTask) -> Mapping:
+    """Returns the best mapping of a task's images, by the first way that explains enough.
+
+    The global mapper goes first. Where it leaves photographs out, they are matched with all others.
+    Where it explains less than 80 % of the matches, both mappers count the points that only two
+    photographs share; where photographs are still left out, the incremental mapper is tried. Where
+    then fewer than 80 % are placed or explained, it begins with less, verified pairs are matched
+    again along their geometry, and at last all photographs are described by stronger features.
+    """
+    rungs = [
+        Rung("the global mapper", partial(_first, task)),
+        Rung("the global mapper, those left out matched with all,", partial(_left_out, task)),
+        Rung("the better mapper with points of two photographs", partial(_points_of_two, task)),
+        Rung("the incremental mapper", partial(_incrementally, task)),
+        Rung("the incremental mapper from a weaker start", partial(_eagerly, task), ENOUGH_PLACED),
+        Rung("guided matching", partial(_guided, task), ENOUGH_PLACED),
+        Rung("stronger features", partial(_stronger, task), ENOUGH_PLACED),
+    ]
+    return climbed(rungs, len(task.photographs))
+
+
+def _first(task: MappingTask, best: Mapping | None) -> Mapping:  # noqa: ARG001
+    matcher, pairs = _pairs_to_match(
+        task.database, task.photographs, task.exhaustive_up_to, task.neighbours, task.seed
+    )
+    return _globally(task, matcher, pairs)
+
+
+def _left_out(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    """Where pairs were chosen: all others with the photographs that this left without a place."""
+    if best is None or best.matcher == "exhaustive":
+        return None
+    missing = _unplaced(best, task.images)
+    if not missing:
+        return None
+    matcher = f"{best.matcher}, then all pairs of those left out"
+    return _globally(task, matcher, pairs_with(len(task.photographs), missing))
+
+
+def _points_of_two(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    """Where the points of three photographs or more explain too little of the matches.
+
+    Both mappers, since the global one, fooled by a wallpaper, explains more this way, too.
+    """
+    if best is None or is_explained(best) or not best.verified_pairs:
+        return None
+    return _better_of_two(task, best, "incremental")
+
+
+def _incrementally(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    """Where enough is explained, but photographs are left out."""
+    if best is None or not is_explained(best):
+        return None
+    return _mapped(task, best, "incremental", fewest_views=3)
+
+
+def _eagerly(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    if best is None or not best.verified_pairs:
+        return None
+    return _mapped(task, best, _EAGER, fewest_views=2)
+
+
+def _guided(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    if best is None or not best.verified_pairs:
+        return None
+    match_again(task.database, task.images, task.seed, task.progress)
+    matched = replace(best, matcher=f"{best.matcher}, guided")
+    return _better_of_two(task, matched, _EAGER)
+
+
+def _stronger(task: MappingTask, best: Mapping | None) -> Mapping | None:
+    """The photographs described and matched anew, in a database of their own.
+
+    Not where no two show the same: it would take minutes to say so again.
+    """
+    if task.describe_stronger is None or best is None or not best.verified_pairs:
+        return None
+    database = task.database.with_stem(f"{task.database.stem}_stronger")
+    task.describe_stronger(database)
+    anew = replace(task, database=database)
+    first = _first(anew, None)
+    matched = replace(first, matcher=f"{first.matcher}, stronger features")
+    return _better_of_two(anew, matched, _EAGER) if first.verified_pairs else None
+
+
+def _better_of_two(task: MappingTask, matched: Mapping, other: str) -> Mapping:
+    """Returns the better mapping of the global and another mapper, points of two counted."""
+    both = [_mapped(task, matched, mapper, fewest_views=2) for mapper in ("global", other)]
+    return max(both, key=lambda mapping: mapping.quality)
+
+
+def _globally(task: MappingTask, matcher: str, pairs: Pairs) -> Mapping:
+    verified = match_pairs(task.database, task.images, pairs, task.seed, task.progress)
+    reason = "it placed all photographs and explains their matches"
+    matched = Mapping([], matcher, verified, "global", reason, 0.0)
+    return _mapped(task, matched, "global", fewest_views=3) if verified else matched
+
+
+def _mapped(task: MappingTask, matched: Mapping, mapper: str, fewest_views: int) -> Mapping:
+    """Returns what a mapper makes of the matches; models that share photographs are joined."""
+    of = task.database, task.images, task.seed, task.progress
+    if mapper == "global":
+        models = map_globally(*of, fewest_views, task.tracks)
+    else:
+        models = map_incrementally(*of, fewest_views, eager=mapper == _EAGER)
+    if fewest_views == 2:
+        pieces = (supported(model) for model in models)
+        models = largest_first(p for p in pieces if p.num_reg_images() >= FEWEST_PHOTOGRAPHS)
+    explained = explained_share(task.database, models)
+    found = replace(matched, models=models, mapper=mapper, explained=explained)
+    whole = joined(task.database, found, fewest_views, task.seed)
+    return max(found, whole, key=lambda mapping: mapping.quality)
+
+
+def _pairs_to_match(
+    database: Path,
+    photographs: Sequence[Photograph],
+    exhaustive_up_to: int,
+    neighbours: int,
+    seed: int,
+) -> tuple[str, Pairs]:
+    count, sequences = len(photographs), shots(photographs)
+    if not sequences and count <= exhaustive_up_to:
+        return "exhaustive", all_pairs(count)
+    if not sequences and is_sequence([photograph.name for photograph in photographs]):
+        sequences = [list(range(count))]
+    along, near = pairs_along(sequences, neighbours), pairs_within(sequences, 2 * neighbours)
+    if not sequences:
+        return "retrieval", _alike(database, count, 2 * neighbours, near, seed)
+    alike = _alike(database, count, neighbours, near, seed)
+    return "sequential and retrieval", sorted({*along, *alike})
+
+
+def _alike(database: Path, count: int, neighbours: int, but: Pairs, seed: int) -> Pairs:
+    """Returns pairs that look alike by the features that the database holds."""
+    with closing(pycolmap.Database.open(database)) as opened:
+        ids = [image.image_id for image in sorted(opened.read_all_images(), key=_name)]
+
+        def descriptors_of(index: int) -> Descriptors:
+            return np.asarray(opened.read_descriptors(ids[index]).data)
+
+        return similar_pairs(count, descriptors_of, neighbours, seed, but)
+
+
+def _name(image: pycolmap.Image) -> str:
+    return str(image.name)
+
+
+def _unplaced(mapping: Mapping, images: ColmapImages) -> list[int]:
+    """Returns the positions of the images that the largest model leaves out."""
+    if not mapping.models:
+        return list(range(len(images.files)))
+    model = mapping.models[0]
+    placed = {model.image(image_id).name for image_id in model.reg_image_ids()}
+    return [index for index, file in enumerate(images.files) if file not in placed]

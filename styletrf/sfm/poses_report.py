@@ -1,0 +1,141 @@
+"""What is said of camera poses: `poses.json`, its warnings, and what speaks against the poses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from styletrf.sfm.colmap_images import ColmapImages
+from styletrf.sfm.mapping import Mapping, is_explained
+from styletrf.sfm.reconstruction import PlacedPhotograph
+
+_LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
+FLAT = 0.95
+"""Share of flat pairs up to which photographs tell depth; others have it where points show it."""
+BETTER_PHOTOGRAPHS = (
+    "Take photographs from different places, each sharing most of what it shows with its "
+    "neighbours, of things that have texture and keep still, in focus; 20 or more are better"
+)
+"""What to do about photographs that tell too little."""
+
+
+@dataclass(frozen=True, slots=True)
+class PosesReport:
+    """What `poses.json` says; the lens is the first before undistortion, in pixels of `width`.
+
+    `flat_pairs` is the share of the pairs most of whose matches fit one homography. Where nearly
+    all do, and nearly all points, too, the photographs tell no depth (`tells_depth`).
+    """
+
+    registered: int
+    total: int
+    unregistered: tuple[str, ...]
+    mean_reprojection_error_px: float
+    points: int
+    matcher: str
+    verified_pairs: int
+    mapper: str
+    mapper_reason: str
+    matches_explained: float
+    flat_pairs: float
+    tells_depth: bool
+    pieces: tuple[int, ...]
+    camera_model: str
+    camera_params: tuple[float, ...]
+    focal_px: float
+    focal_prior_px: float | None
+    lens_settings: int
+    width: int
+    height: int
+    warnings: tuple[str, ...]
+
+
+def poses_report(
+    images: ColmapImages,
+    names: Sequence[str],
+    mapping: Mapping,
+    placed: Sequence[PlacedPhotograph],
+    flat: float,
+    *,
+    tells_depth: bool,
+    is_given: bool,
+) -> PosesReport:
+    """Returns what `poses.json` says of a mapping whose photographs are placed.
+
+    Args:
+        images: The photographs as COLMAP saw them.
+        names: Of all photographs.
+        mapping: What was found.
+        placed: Those that have a camera.
+        flat: The share of flat pairs; 0 of poses that were given.
+        tells_depth: Whether there is parallax between the photographs.
+        is_given: Whether the poses came with the photographs, and are not doubted.
+    """
+    model, lens = mapping.models[0], placed[0].lens
+    registered = {one.camera.name for one in placed}
+    unregistered = tuple(name for name in names if name not in registered)
+    pieces = tuple(int(piece.num_reg_images()) for piece in mapping.models)
+    error_share = model.compute_mean_reprojection_error() / images.long_side
+    return PosesReport(
+        registered=len(placed),
+        total=len(names),
+        unregistered=unregistered,
+        mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
+        points=int(model.num_points3D()),
+        matcher=mapping.matcher,
+        verified_pairs=mapping.verified_pairs,
+        mapper=mapping.mapper,
+        mapper_reason=mapping.mapper_reason,
+        matches_explained=mapping.explained,
+        flat_pairs=flat,
+        tells_depth=tells_depth,
+        pieces=pieces,
+        camera_model=str(lens.model_name),
+        camera_params=tuple(float(value) for value in lens.params),
+        focal_px=float(lens.mean_focal_length()),
+        focal_prior_px=images.lenses[0].focal_prior_px,
+        lens_settings=len(images.lenses),
+        width=int(lens.width),
+        height=int(lens.height),
+        warnings=(
+            *_warnings(len(names), unregistered, pieces, error_share),
+            *(() if is_given else _doubts(mapping, tells_depth=tells_depth)),
+        ),
+    )
+
+
+def _warnings(
+    total: int, unregistered: Sequence[str], pieces: Sequence[int], error_share: float
+) -> list[str]:
+    warnings = []
+    if error_share > _LARGE_ERROR:
+        warnings.append(
+            f"the points are {error_share:.1%} of an image's longer side off on average, too much"
+            " for sharp renders: the poses, the lens or the order of the photographs may be wrong"
+        )
+    if unregistered:
+        warnings.append(
+            f"only {total - len(unregistered)} of {total} photographs could be placed, the others"
+            " show another place or share too little with them; "
+            f"without a camera: {', '.join(unregistered)}"
+        )
+    if len(pieces) > 1:
+        sizes = ", ".join(str(size) for size in pieces)
+        warnings.append(
+            f"the photographs fall into pieces without overlap (of {sizes}): the largest is used"
+        )
+    return warnings
+
+
+def _doubts(mapping: Mapping, *, tells_depth: bool) -> list[str]:
+    """Returns warnings where the poses contradict matches, or these tell no depth."""
+    doubts = []
+    if not is_explained(mapping):
+        doubts.append(
+            f"only {mapping.explained:.0%} of what the photographs share agrees with their poses:"
+            " some may be in wrong places, as where things repeat. " + BETTER_PHOTOGRAPHS
+        )
+    if not tells_depth:
+        doubts.append(
+            "the photographs were taken from one spot, or show nothing but a flat wall: they tell"
+            " no depth. " + BETTER_PHOTOGRAPHS
+        )
+    return doubts

@@ -1,0 +1,91 @@
+"""Style networks to and from the layout of PyTorch's fast-neural-style example.
+
+The example's network is Johnson's in the same form as ours: the names differ, and the units. It
+takes and gives colours in [0, 255]; ours in [0, 1], shifted by one half at either end. A shift
+before a convolution with reflection padding is one number a channel, which the instance
+normalisation that follows takes away; scales go into the weights.
+"""
+
+import re
+from pathlib import Path
+from pickle import UnpicklingError
+
+import torch
+from torch import Tensor
+
+from styletrf.errors import InputError
+from styletrf.finiteness import first_not_finite
+from styletrf.style.style_network import OUTPUT_SCALE, StyleNetwork, StyleNetworkConfig
+
+_RANGE = 255.0
+_ENDS = {
+    "encoder.1": "conv1.conv2d", "encoder.2": "in1",
+    "encoder.5": "conv2.conv2d", "encoder.6": "in2",
+    "encoder.9": "conv3.conv2d", "encoder.10": "in3",
+    "decoder.2": "deconv1.conv2d", "decoder.3": "in4",
+    "decoder.7": "deconv2.conv2d", "decoder.8": "in5",
+    "decoder.11": "deconv3.conv2d",
+}  # fmt: skip
+_BLOCK = {"1": "conv1.conv2d", "2": "in1", "5": "conv2.conv2d", "6": "in2"}
+_FIRST, _LAST = "conv1.conv2d", "deconv3.conv2d"
+
+
+def from_fast_neural_style(path: Path) -> StyleNetwork:
+    """Returns the network of a `.pth` or `.model` of the example, of whatever width and depth.
+
+    Running statistics, which versions before PyTorch 0.4 left in the file, do not count: the
+    example never used them. Nothing in the file is run.
+
+    Raises:
+        InputError: It is no such file.
+    """
+    try:
+        loaded = torch.load(path, map_location="cpu", weights_only=True)
+    except (OSError, RuntimeError, UnpicklingError, EOFError, ValueError) as error:
+        raise _no_network(path, f"cannot be read ({type(error).__name__})") from error
+    items = loaded.items() if isinstance(loaded, dict) else ()
+    state = {str(name): value for name, value in items if isinstance(value, Tensor)}
+    first = state.get(f"{_FIRST}.weight", torch.empty(0))
+    if first.ndim != 4 or len(first) == 0:
+        raise _no_network(path, "has no layer conv1.conv2d")
+    blocks = {int(found[1]) for name in state if (found := re.match(r"res(\d+)\.", name))}
+    network = StyleNetwork(StyleNetworkConfig(len(first), len(blocks)))
+    ours = {}
+    for name in network.state_dict():
+        theirs = _their_name(name)
+        if theirs not in state:
+            raise _no_network(path, f"has no {theirs}")
+        ours[name] = state[theirs].float()
+    if bad := first_not_finite(ours.items()):
+        raise _no_network(path, f"{_their_name(bad)} is not finite")
+    ours["encoder.1.weight"] = ours["encoder.1.weight"] * _RANGE
+    last = "decoder.11"
+    ours[f"{last}.weight"] = ours[f"{last}.weight"] / (_RANGE * OUTPUT_SCALE)
+    ours[f"{last}.bias"] = (ours[f"{last}.bias"] / _RANGE - 0.5) / OUTPUT_SCALE
+    try:
+        network.load_state_dict(ours)
+    except RuntimeError as error:
+        raise _no_network(path, f"has layers of other sizes ({error})") from error
+    return network.eval()
+
+
+def to_fast_neural_style(network: StyleNetwork) -> dict[str, Tensor]:
+    """Returns the state that the example loads; the same network for sides that 4 divides."""
+    state = {_their_name(name): value.clone() for name, value in network.state_dict().items()}
+    state[f"{_FIRST}.weight"] /= _RANGE
+    state[f"{_LAST}.weight"] *= _RANGE * OUTPUT_SCALE
+    state[f"{_LAST}.bias"] = _RANGE * (0.5 + OUTPUT_SCALE * state[f"{_LAST}.bias"])
+    return state
+
+
+def _their_name(name: str) -> str:
+    module, _, kind = name.rpartition(".")
+    if module.startswith("residual."):
+        _, block, _, layer = module.split(".")
+        return f"res{int(block) + 1}.{_BLOCK[layer]}.{kind}"
+    return f"{_ENDS[module]}.{kind}"
+
+
+def _no_network(path: Path, problem: str) -> InputError:
+    remedy = "Give a checkpoint of PyTorch's fast-neural-style example"
+    return InputError(str(path), f"{problem}: no such style network", remedy)

@@ -1,0 +1,62 @@
+"""The painting: read as a photograph is, and checked."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.capture.photographs import read_photograph
+from styletrf.errors import InputError
+from styletrf.files.images import from_integers
+from styletrf.style.style_survey import told_of_painting
+
+_LOGGER = logging.getLogger(__name__)
+
+SMALLEST_SIDE_PX = 64
+LONGEST_PROPORTION = 8
+"""Of a painting longer than this times its shorter side the middle is used, in that proportion."""
+
+_FLAT_DEVIATION = 0.01  # on [0, 1]: under three levels of 255
+
+
+def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
+    """Returns a painting as RGB float32 in [0, 1], upright, transparent parts over white.
+
+    Of a scroll, longer than eight times its shorter side, only the middle is used, with a warning.
+
+    Raises:
+        InputError: The file is absent, is no whole image, has fewer than 64 pixels a side, or
+            shows (nearly) one colour, from which no manner can be learnt.
+    """
+    if not path.is_file():
+        raise InputError(str(path), "there is no such style image", "Give a PNG or JPEG file")
+    image = from_integers(read_photograph(path))
+    height, width = image.shape[:2]
+    if min(height, width) < SMALLEST_SIDE_PX:
+        raise InputError(
+            str(path),
+            f"{width}x{height} pixels are too few to learn a style from",
+            f"Give an image of at least {SMALLEST_SIDE_PX} pixels a side; 256 or more is better",
+        )
+    image = _middle(image, path.name)
+    if image.std(axis=(0, 1)).max() < _FLAT_DEVIATION:
+        remedy = "Give a painting, a drawing or a pattern with visible strokes"
+        raise InputError(str(path), "is all one colour, or nearly", remedy)
+    for warning in told_of_painting(image):
+        _LOGGER.warning("%s: %s", path.name, warning)
+    return image
+
+
+def _middle(image: Float[np.ndarray, "_ _ 3"], name: str) -> Float[np.ndarray, "_ _ 3"]:
+    """Returns the part of a very long painting that is used."""
+    height, width = image.shape[:2]
+    longest = LONGEST_PROPORTION * min(height, width)
+    if max(height, width) <= longest:
+        return image
+    _LOGGER.warning(
+        "%s: the painting has %dx%d pixels: only the middle %d pixels of its length are used",
+        name, width, height, longest,
+    )  # fmt: skip
+    top, left = max(0, height - longest) // 2, max(0, width - longest) // 2
+    return image[top : top + longest, left : left + longest]

@@ -1,0 +1,63 @@
+"""What a painting is likely to give, told before hours are spent on it."""
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from styletrf.style.perceptual.perceptual_loss import gram_matrix
+from styletrf.style.perceptual.vgg import VGG16
+
+FINE_LAYER = "relu1_2"
+_SMALL_PX = 256
+_FAINT_DEVIATION = 0.05  # of colours, on [0, 1]
+_ONE_HUE = 0.005  # variance across the main axis of colour, as a share of that along it
+_UNSTEADY_TRACE = 2.0  # times the photographs'
+
+
+def told_of_painting(image: Float[np.ndarray, "height width 3"]) -> list[str]:
+    """Returns what is to be expected of a painting, RGB in [0, 1], by its size and colours."""
+    told = []
+    short = min(image.shape[:2])
+    if short < _SMALL_PX:
+        told.append(
+            f"the painting has only {short} pixels on its shorter side: expect coarse strokes"
+            f" without texture; {_SMALL_PX} or more show the brush"
+        )
+    variances = np.linalg.eigvalsh(np.cov(image.reshape(-1, 3).astype(np.float64), rowvar=False))
+    if np.sqrt(variances.sum()) < _FAINT_DEVIATION:
+        told.append("the painting has hardly any contrast: expect a wash of one colour")
+    elif variances[1] < _ONE_HUE * variances[2]:
+        told.append(
+            "the painting's colours lie on one line, such as greys or one hue: expect a scene in"
+            " these alone; --colors photograph or luminance keeps the scene's"
+        )
+    return told
+
+
+@torch.no_grad()
+def fine_trace(
+    vgg: VGG16, style: Float[Tensor, "1 3 _ _"], content: Float[Tensor, "batch 3 _ _"]
+) -> float:
+    """Returns the trace of the painting's Gram matrix of relu1_2 over that of photographs.
+
+    The larger the trace, the less steady a network (Gupta et al. 2017, arXiv 1705.02092).
+    """
+    traces = [
+        torch.diagonal(gram_matrix(vgg.features(i, [FINE_LAYER])[FINE_LAYER]), dim1=1, dim2=2)
+        .sum(dim=1)
+        .mean()
+        for i in (style, content)
+    ]
+    return float(traces[0] / traces[1].clamp(min=torch.finfo(torch.float32).tiny))
+
+
+def told_of_trace(ratio: float) -> list[str]:
+    """Returns what is to be expected of a painting by its fine Gram trace."""
+    if ratio < _UNSTEADY_TRACE:
+        return []
+    return [
+        f"the painting's fine Gram trace is {ratio:.1f} times that of photographs: expect strokes"
+        " that differ from view to view; a higher steadiness.weight of StyleNetwork, or a larger"
+        " --stroke-scale, calms them"
+    ]

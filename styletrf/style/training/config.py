@@ -1,0 +1,50 @@
+"""The settings of a style training."""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeVar
+
+from styletrf.style.gatys import GatysConfig
+from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
+from styletrf.style.style_network import StyleNetworkConfig
+from styletrf.style.training.temporal_loss import SteadinessConfig
+
+
+@dataclass(frozen=True, slots=True)
+class StyleTrainingConfig:
+    """How a style network is trained.
+
+    With `warm_start` it begins as the network of arbitrary style transfer for the painting: at
+    first only the normalisations learn, then all weights, and `color_weight` holds the colors that
+    it began with. Without, Johnson's network begins from random weights.
+    """
+
+    network: StyleNetworkConfig = field(default_factory=StyleNetworkConfig)  # without a warm start
+    loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
+    statistics: Literal["sliced", "gram"] = "sliced"  # of features, that make the style term
+    predictor_weight: float = 1.0  # with a warm start: see `predictor_features`
+    steadiness: SteadinessConfig = field(default_factory=SteadinessConfig)
+    iterations: int = 2000
+    warm_start: bool = True
+    normalization_share: float = 0.2  # of the iterations, in which only normalisations learn
+    normalization_rate: float = 10.0  # times the learning rate of the other weights
+    color_weight: float = 2.0
+    identity_iterations: int = 150  # without a warm start the first repeat the photograph
+    batch: int = 4
+    crop_px: int = 256
+    style_px: int = 288  # shorter side of the style image: the smaller, the finer the strokes
+    learning_rate: float = 2e-3  # Adam's
+    final_learning_rate: float = 3e-4  # reached geometrically
+    bfloat16: bool = True  # convolutions in bfloat16 where the hardware computes in it
+    seed: int = 0
+
+
+Steered = TypeVar("Steered", StyleTrainingConfig, GatysConfig)
+
+
+def steered(config: Steered, stroke_scale: float, content_weight: float) -> Steered:
+    """Returns the settings with the painting seen so many times larger, and content counted so."""
+    return replace(
+        config,
+        style_px=max(1, round(stroke_scale * config.style_px)),
+        loss=replace(config.loss, content_weight=content_weight * config.loss.content_weight),
+    )

@@ -1,0 +1,199 @@
+"""One iteration of a style training: what is painted, how far off it is, and Adam's step."""
+
+import copy
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from styletrf.devices import computes_in_bfloat16
+from styletrf.errors import InputError
+from styletrf.finiteness import Named, first_not_finite, parameter_stages
+from styletrf.style.perceptual.perceptual_loss import (
+    PerceptualTerms,
+    StyleTerm,
+    gram_term,
+    perceptual_terms,
+    relative_difference,
+    shrunk,
+    style_grams,
+)
+from styletrf.style.perceptual.vgg import VGG16
+from styletrf.style.style_network import PaintingNetwork
+from styletrf.style.training.checkpoint import Training
+from styletrf.style.training.config import StyleTrainingConfig
+from styletrf.style.training.data_parallel import Ranks
+from styletrf.style.training.predictor_features import Grams, predictor_grams, predictor_term
+from styletrf.style.training.sliced_features import sliced_term, style_columns
+from styletrf.style.training.temporal_loss import ContentPair, disturbed, steadiness
+from styletrf.style.transfer.network import TransferNetwork
+from styletrf.style.transfer.style_predictor import StylePredictor
+
+_COLOR_BLOCK_PX = 8
+
+
+class StyleStep:
+    """An iteration, with what stays the same through all: the statistics of one painting."""
+
+    def __init__(
+        self,
+        config: StyleTrainingConfig,
+        vgg: VGG16,
+        style: Float[Tensor, "height width 3"],
+        initial: TransferNetwork | None = None,
+        predictor: StylePredictor | None = None,
+        ranks: Ranks | None = None,
+    ) -> None:
+        """Looks at the painting.
+
+        Args:
+            config: How to train.
+            vgg: The perceptual network, in float32; its device is where the training runs.
+            style: RGB in [0, 1].
+            initial: What the training began from, whose colors `config.color_weight` holds.
+            predictor: Looks at the style beside the perceptual network, `config.predictor_weight`.
+            ranks: Who shares each batch.
+        """
+        self._ranks = ranks or Ranks()
+        self._device = vgg.mean.device
+        self._fast = config.bfloat16 and computes_in_bfloat16(self._device)
+        self._vgg = copy.deepcopy(vgg).to(torch.bfloat16) if self._fast else vgg
+        self._config = config
+        self._initial = initial.to(self._device).eval() if initial else None
+        painting = shrunk(style.to(self._device), config.style_px)
+        is_gram = config.statistics == "gram"
+        self._targets = (style_grams if is_gram else style_columns)(self._vgg, painting)
+        self._predictor: StylePredictor | None = None
+        self._predictor_grams: Grams = ()
+        if predictor is not None and config.predictor_weight > 0:
+            self._predictor = copy.deepcopy(predictor).requires_grad_(requires_grad=False)
+            self._predictor.to(self._device)
+            self._predictor_grams = predictor_grams(self._predictor, painting)
+
+    def __call__(
+        self, training: Training, k: int, content: Tensor | ContentPair
+    ) -> PerceptualTerms:
+        """Takes iteration `k` and returns the terms of its loss.
+
+        Raises:
+            InputError: A term is no longer finite; it names what else is not, if anything.
+        """
+        content = self._share(content)
+        terms = self.terms(training.network, k, content)
+        self._require_finite(terms, training, k, content)
+        training.optimizer.zero_grad()
+        terms.total.backward()
+        self._ranks.average(p.grad for p in training.network.parameters())
+        for group in training.optimizer.param_groups:
+            group["lr"] = _learning_rate(self._config, k, group["name"])
+        training.optimizer.step()
+        return terms
+
+    def terms(
+        self, network: PaintingNetwork, k: int, content: Tensor | ContentPair
+    ) -> PerceptualTerms:
+        """Returns the loss; from random weights, at first that of an autoencoder.
+
+        (As Chen et al. 2018, CartoonGAN, begin.) Such a network would first fall into flat grey,
+        where the gradient of a Gram matrix vanishes, and spend hundreds of iterations there.
+        """
+        config = self._config.steadiness
+        if isinstance(content, Tensor):
+            content = content.to(self._device)
+            if config.weight > 0 and k % config.every == 0:
+                seed = (self._config.seed << 32) + (self._ranks.rank << 24) + k
+                generator = torch.Generator().manual_seed(seed)
+                content = disturbed(content, config, generator)
+        if not isinstance(content, ContentPair):
+            painted = self._painted(network, content)
+            return self._loss(k, painted, content)
+        content = ContentPair(*(getattr(content, f).to(self._device) for f in content.__slots__))
+        both = self._painted(network, torch.cat([content.first, content.second]))
+        first, second = both.chunk(2)
+        terms = self._loss(k, first, content.first)
+        unsteady = config.every * config.weight * steadiness(first, second, content)
+        return replace(terms, steadiness=unsteady)
+
+    def _share(self, content: Tensor | ContentPair) -> Tensor | ContentPair:
+        if isinstance(content, Tensor):
+            return self._ranks.share(content)
+        return ContentPair(*(self._ranks.share(getattr(content, f)) for f in content.__slots__))
+
+    def _require_finite(
+        self, terms: PerceptualTerms, training: Training, k: int, content: Tensor | ContentPair
+    ) -> None:
+        for name in ("content", "style", "tv", "steadiness", "color"):
+            value = float(getattr(terms, name).detach())
+            if math.isfinite(value):
+                continue
+            cause = first_not_finite(self._causes(training, content))
+            of = f", for {cause} is not finite" if cause else ""
+            raise InputError(
+                "style training",
+                f"the {name} term became {value} in iteration {k + 1}{of}",
+                "Lower the learning rate, such as by --StyleNetwork-settings"
+                """ '{"learning_rate": 5e-4, "final_learning_rate": 1e-4}', and run it again""",
+            )
+
+    def _causes(self, training: Training, content: Tensor | ContentPair) -> Iterator[Named]:
+        """Yields what a loss comes of: the batch, the style, and what past steps left."""
+        images = [content] if isinstance(content, Tensor) else [content.first, content.second]
+        yield from (("a content image", image) for image in images)
+        for layer, target in self._targets.items():
+            yield f"the style's statistics of {layer}", target
+        yield from (("the predictor's statistics", gram) for gram in self._predictor_grams)
+        yield from parameter_stages(training.network, training.optimizer)
+
+    def _painted(self, network: PaintingNetwork, content: Tensor) -> Tensor:
+        with torch.autocast(self._device.type, torch.bfloat16, enabled=self._fast):
+            output: Tensor = network(content)
+        return output.float()
+
+    def _loss(self, k: int, output: Tensor, content: Tensor) -> PerceptualTerms:
+        if k < self._config.identity_iterations:
+            none = torch.zeros((), device=output.device)
+            return PerceptualTerms(functional.mse_loss(output, content), none, none, none, none)
+        config = self._config.loss
+        terms = perceptual_terms(self._vgg, output, content, self._style_term(k), config)
+        if self._predictor is not None:
+            seen = predictor_term(
+                self._predictor, self._predictor_grams, output, self._generator(k)
+            )
+            terms = replace(terms, style=terms.style + self._config.predictor_weight * seen)
+        if self._initial is None or self._config.color_weight == 0:
+            return terms
+        return replace(terms, color=self._config.color_weight * self._color_drift(output, content))
+
+    def _style_term(self, k: int) -> StyleTerm:
+        config = self._config
+        if config.statistics == "gram":
+            return partial(gram_term, self._targets, config.loss)
+        weights = config.loss.style_layers
+        return partial(sliced_term, self._targets, weights, self._generator(k))
+
+    def _generator(self, k: int) -> torch.Generator:
+        return torch.Generator().manual_seed((self._config.seed << 32) + k)
+
+    def _color_drift(self, output: Tensor, content: Tensor) -> Float[Tensor, ""]:
+        """Returns how far mean colors of 8x8 blocks are from those of the initial painting.
+
+        `log(1 + d / t)`, `d` the mean squared difference and `t` the mean square of the latter.
+        """
+        assert self._initial is not None  # noqa: S101  the caller has looked
+        with torch.no_grad():
+            held = self._painted(self._initial, content)
+        blocks = [functional.avg_pool2d(images, _COLOR_BLOCK_PX) for images in (output, held)]
+        return relative_difference(*blocks)
+
+
+def _learning_rate(config: StyleTrainingConfig, k: int, group: str) -> float:
+    ratio = config.final_learning_rate / config.learning_rate
+    rate = float(config.learning_rate * ratio ** (k / config.iterations))
+    if group == "normalization":
+        return config.normalization_rate * rate
+    return rate if k >= config.normalization_share * config.iterations else 0.0

@@ -1,0 +1,206 @@
+"""Adapting a field's appearance to stylised views, its density frozen (StyleTRF section 4.3).
+
+With the density frozen the samples and weights of a ray never change, so a ray is marched once and
+only the samples that carry its weight are kept; an iteration then costs an appearance look-up and
+the colour network.
+
+One view fixes only the sum along each of its rays. Where the matter is spread along a ray, its
+samples could differ wildly, and another view would show them as noise. So every sample is fitted to
+the color of its ray. The losses are means over the rays of
+
+    samples: sum_s w_s |c_s - C|^2,     rays (as published): |sum_s w_s c_s - C|^2.
+
+By Jensen's inequality the first bounds the second where rays are opaque. One sample of each ray,
+drawn by its weight, estimates the first; without bias where rays are opaque.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Literal
+
+import torch
+from jaxtyping import Int64, UInt8
+from torch import Tensor, nn
+
+from styletrf.capture.view_images import view_images
+from styletrf.field.appearance import Appearance
+from styletrf.field.kernels import Kernels
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.ray_cache import RayBatch, march_once
+from styletrf.field.training.diagnostics import batch_stages
+from styletrf.field.view_rays import ViewRays
+from styletrf.finiteness import parameter_stages, require_finite
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.space import Space
+from styletrf.progress import Progress, silent
+
+PARTS = ("factors", "basis", "network", "background")
+"""What an appearance consists of."""
+
+_CURVE_EVERY = 20  # iterations
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptationConfig:
+    """How the appearance is adapted."""
+
+    iterations: int = 400
+    batch: int = 16384  # rays an iteration
+    fitted: Literal["samples", "rays"] = "samples"  # to the painted colors
+    parts: tuple[str, ...] = PARTS  # which are adapted
+    sees_view: bool = False  # whether a colour may depend on the direction it is seen from
+    factor_rate: float = 0.1
+    network_rate: float = 3e-3
+    rate_decay: float = 0.1  # over all iterations
+    tv_weight: float = 1e-4
+    tv_every: int = 4
+    min_weight: float = 1e-2  # samples lighter than this are not kept
+    cache_bytes: int = 3 << 30  # a full cache is gone through again instead of growing
+    termination: float = 1e-3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.parts or not set(self.parts) <= set(PARTS):
+            raise ValueError(f"parts are {self.parts}, not some of {PARTS}")
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptationPoint:
+    """One row of the adaptation curve."""
+
+    iteration: int
+    seconds: float
+    psnr: float  # of the colors of a batch of rays
+
+
+def adapt_appearance(
+    field: RadianceField,
+    cameras: Sequence[Camera],
+    stylized: UInt8[Tensor, "views height width 3"],
+    space: Space,
+    config: AdaptationConfig,
+    kernels: Kernels,
+    progress: Progress = silent,
+    pixels: Int64[Tensor, " pixels"] | None = None,
+) -> tuple[list[AdaptationPoint], float]:
+    """Fits `field.appearance` to the stylised views, in place; the density is only read.
+
+    Pixels are drawn without replacement until all were; then they are gone through again.
+
+    Args:
+        field: The field.
+        cameras: Of the views.
+        stylized: The views.
+        space: Of the scene.
+        config: How to adapt.
+        kernels: The form to compute with.
+        progress: Is given the iteration and the loss.
+        pixels: Those to learn from, by their numbers; all of them where not given.
+
+    Returns:
+        The curve, and the mean mass of weights that the cache left out.
+
+    Raises:
+        NotFiniteError: Something stopped being finite; it names what did first.
+    """
+    started = time.monotonic()
+    generator = torch.Generator().manual_seed(config.seed)
+    rays = ViewRays(cameras, space.within(field.bounds), field.step_length, stylized.device)
+    images = view_images(stylized)
+    if pixels is None:
+        pixels = torch.arange(len(images))
+    draws = pixels[torch.randperm(len(pixels), generator=generator)]
+    cache = march_once(
+        field, rays, images, draws[: config.iterations * config.batch], kernels,
+        min_weight=config.min_weight, termination=config.termination,
+        cache_bytes=config.cache_bytes, generator=generator,
+    )  # fmt: skip
+    batches = (cache.batch(k, config.batch) for k in range(config.iterations))
+    curve = fit_appearance(field.appearance, batches, config, kernels, progress, started)
+    return curve, cache.dropped
+
+
+def fit_appearance(
+    appearance: Appearance,
+    batches: Iterator[RayBatch],
+    config: AdaptationConfig,
+    kernels: Kernels,
+    progress: Progress = silent,
+    started: float | None = None,
+) -> list[AdaptationPoint]:
+    """Fits the appearance to batches of rays, in place, and returns the curve.
+
+    Args:
+        appearance: What is fitted.
+        batches: One for each iteration.
+        config: How.
+        kernels: The form to compute with.
+        progress: Is given the iteration and the loss.
+        started: From when the seconds of the curve count; by default from now.
+
+    Raises:
+        NotFiniteError: Something stopped being finite; it names what did first.
+    """
+    started = time.monotonic() if started is None else started
+    if not config.sees_view:
+        appearance.shading.forget_view()
+    optimizer = optimizer_of(appearance, config)
+    generator = torch.Generator().manual_seed(config.seed)
+    curve: list[AdaptationPoint] = []
+    for k, batch in enumerate(batches):
+        fitted = batch.one_sample_per_ray(generator) if config.fitted == "samples" else batch
+        error = fitted.error(appearance, kernels)
+        loss = float(error.detach())
+        if not math.isfinite(loss):
+            left = parameter_stages(appearance, optimizer)
+            named = chain(
+                left, batch_stages(appearance, kernels, fitted), [("loss", error.detach())]
+            )
+            require_finite("appearance adaptation", f"at iteration {k}", named)
+        error.backward()
+        if k % config.tv_every == 0 and config.tv_weight > 0:
+            appearance.factors.add_total_variation_gradient(config.tv_every * config.tv_weight)
+        take_step(optimizer, config.rate_decay ** (k / config.iterations))
+        if (k + 1) % _CURVE_EVERY == 0:
+            psnr = _psnr(batch, appearance, kernels)
+            curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
+        progress(k + 1, config.iterations, loss=loss)
+    left = parameter_stages(appearance, optimizer)
+    require_finite("appearance adaptation", "after the last iteration", left)
+    return curve
+
+
+@torch.no_grad()
+def _psnr(batch: RayBatch, appearance: Appearance, kernels: Kernels) -> float:
+    return -10 * math.log10(max(float(batch.error(appearance, kernels)), 1e-10))
+
+
+def take_step(optimizer: torch.optim.Adam, decay: float) -> None:
+    """Takes a step down the gradients, at `decay` times the initial rates, and clears them."""
+    for group in optimizer.param_groups:
+        group["lr"] = group["initial_rate"] * decay
+    optimizer.step()
+    optimizer.zero_grad()
+
+
+def optimizer_of(appearance: Appearance, config: AdaptationConfig) -> torch.optim.Adam:
+    """Returns an optimiser of the parts that are adapted, and freezes the others."""
+    basis = [*appearance.shading.basis.parameters()]
+    rest = [p for p in appearance.shading.parameters() if all(p is not b for b in basis)]
+    parts: dict[str, list[nn.Parameter]] = {
+        "factors": [*appearance.factors.parameters()],
+        "basis": basis,
+        "network": rest,
+        "background": [appearance.background],
+    }
+    appearance.requires_grad_(requires_grad=False)
+    groups = []
+    for name in config.parts:
+        for parameter in parts[name]:
+            parameter.requires_grad_()
+        rate = config.factor_rate if name == "factors" else config.network_rate
+        groups.append({"params": parts[name], "initial_rate": rate})
+    return torch.optim.Adam(groups, lr=0.0, betas=(0.9, 0.99), fused=True)

@@ -1,0 +1,39 @@
+"""To and fro between painting and adapting: what the next round paints."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from styletrf.field.radiance_field import load_stylized_field
+from styletrf.field.rendering import RenderConfig
+from styletrf.files.float_images import FloatImage
+from styletrf.geometry.cameras import Camera
+from styletrf.scene.scene_model import read_scene_model
+from styletrf.trajectory.frames import rendered
+
+
+def halfway_to(
+    plain: Sequence[FloatImage],
+    cameras: Sequence[Camera],
+    inputs: Mapping[str, Path],
+    device: torch.device,
+) -> list[FloatImage]:
+    """Returns the mean of plain views and of what the field of the round before shows there.
+
+    The plain half keeps the objects; the other brings the strokes that all views agree on.
+
+    Args:
+        plain: The prior renders.
+        cameras: Theirs.
+        inputs: Folders: `field`, `before` (of the round before) and `model`.
+        device: Where to render.
+    """
+    renders = rendered(
+        load_stylized_field(inputs["field"], inputs["before"]),
+        read_scene_model(inputs["model"] / "scene.json").space,
+        cameras, RenderConfig(), device,
+    )  # fmt: skip
+    pairs = zip(plain, renders, strict=True)
+    return [replace(a, color=(a.color + r.color.numpy()) / 2) for a, r in pairs]

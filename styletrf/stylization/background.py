@@ -1,0 +1,78 @@
+"""Objects cut out of their background: the painter sees them on a ground of their own mean colour.
+
+A network normalises a view by the statistics of all of it. Where much of the view is white because
+nothing is there, the object is what differs from white, and is painted nearly black.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.field.rendering import LEAST_OPACITY
+from styletrf.files.float_images import FloatImage
+
+Image = Float[np.ndarray, "height width 3"]
+Color = Float[np.ndarray, " 3"]
+
+_LEAST_SHARE = 0.01
+"""Of the pixels of all views, that have to be empty for the views to have such a ground."""
+
+
+@dataclass(frozen=True, slots=True)
+class EmptyGround:
+    """The one colour of pixels in which nothing is, and the mean colour of what is in the others.
+
+    Attributes:
+        shown: Of rays that hit nothing.
+        mean: Of all else, by opacity.
+    """
+
+    shown: Color
+    mean: Color
+
+    def covered(self, view: FloatImage) -> FloatImage:
+        """Returns the view on the mean colour: `C + (1 - opacity) (mean - shown)`."""
+        behind = (1 - view.opacity[..., None]) * (self.mean - self.shown)
+        return replace(view, color=(view.color + behind).clip(0, 1).astype(np.float32))
+
+    def uncovered(self, painted: Image, view: FloatImage) -> Image:
+        """Returns the painted view on the ground as it was: `opacity P + (1 - opacity) shown`."""
+        opacity = view.opacity[..., None]
+        image: Image = (opacity * painted + (1 - opacity) * self.shown).astype(np.float32)
+        return image
+
+
+def empty_ground(views: Iterable[FloatImage]) -> EmptyGround | None:
+    """Returns the ground that views share; None where it is too small a part of them to matter.
+
+    Behind a field there is one colour, whatever the direction (`volume rendering`), so that it can
+    be told from the pixels that show nothing else.
+    """
+    pixels, empty, opaque = 0, 0, 0.0
+    of_empty, of_all = np.zeros(3), np.zeros(3)
+    for view in views:
+        is_empty = view.opacity < LEAST_OPACITY
+        pixels, empty = pixels + is_empty.size, empty + int(is_empty.sum())
+        opaque += float(view.opacity.sum(dtype=np.float64))
+        of_empty += view.color[is_empty].sum(axis=0, dtype=np.float64)
+        of_all += view.color.sum(axis=(0, 1), dtype=np.float64)
+    if empty <= _LEAST_SHARE * pixels or opaque == 0:
+        return None
+    shown = of_empty / empty
+    return EmptyGround(shown, ((of_all - (pixels - opaque) * shown) / opaque).clip(0, 1))
+
+
+def before_painting(views: Sequence[FloatImage], ground: EmptyGround | None) -> list[Image]:
+    """Returns what is painted of the views: on their mean colour, where they have a ground."""
+    return [(ground.covered(view) if ground else view).color for view in views]
+
+
+def after_painting(
+    painted: Sequence[Image], views: Sequence[FloatImage], ground: EmptyGround | None
+) -> list[Image]:
+    """Returns painted views on the ground they had, if they had one."""
+    if ground is None:
+        return list(painted)
+    return [ground.uncovered(image, view) for image, view in zip(painted, views, strict=True)]

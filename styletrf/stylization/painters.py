@@ -1,0 +1,84 @@
+"""What paints views: a style network, or an optimisation of each."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from safetensors.numpy import load_file, save_file
+from torch import Tensor
+
+from styletrf.errors import NotFiniteError
+from styletrf.files.images import read_rgb
+from styletrf.progress import Progress, silent
+from styletrf.style.gatys import GatysConfig, paint_by_optimization
+from styletrf.style.perceptual.vgg import load_vgg
+from styletrf.style.style_network import load_style_network, stylize
+
+Image = Float[np.ndarray, "height width 3"]
+Painter = Callable[[Tensor], Tensor]
+
+
+def network_painter(folder: Path, device: torch.device) -> Painter:
+    """Returns what paints by the network in a folder."""
+    network = load_style_network(folder, device)
+    return lambda image: stylize(network, image.to(device)).cpu()
+
+
+def optimizing_painter(
+    weights: Path,
+    style: Path,
+    config: GatysConfig,
+    device: torch.device,
+    network: Painter | None = None,
+) -> Painter:
+    """Returns what paints by optimising the pixels of each view.
+
+    Args:
+        weights: Of the perceptual network.
+        style: The painting.
+        config: How; with the start `network` that must be given.
+        device: Where to compute.
+        network: Paints what an optimisation starts from.
+    """
+    vgg, painting = load_vgg(weights, device), torch.from_numpy(read_rgb(style)).to(device)
+    paint = partial(paint_by_optimization, vgg, style=painting, config=config)
+
+    def painter(image: Tensor) -> Tensor:
+        begin = network(image).to(device) if network else None
+        return paint(content=image.to(device), begin=begin).cpu()
+
+    return painter
+
+
+def save_painted(path: Path, views: Sequence[Image]) -> None:
+    """Writes painted views as they are, without rounding."""
+    save_file({f"{k:06d}": np.ascontiguousarray(view) for k, view in enumerate(views)}, path)
+
+
+def load_painted(path: Path) -> list[Image]:
+    """Returns the views that `save_painted` wrote, in order."""
+    return [view for _, view in sorted(load_file(path).items())]
+
+
+def painted(paint: Painter, views: Sequence[Image], progress: Progress = silent) -> list[Image]:
+    """Returns all views painted."""
+    return list(each_painted(paint, iter(views), len(views), progress))
+
+
+def each_painted(
+    paint: Painter, views: Iterator[Image], count: int, progress: Progress = silent
+) -> Iterator[Image]:
+    """Yields the views painted, one at a time.
+
+    Raises:
+        NotFiniteError: One of them is not; it names the view.
+    """
+    for k, view in enumerate(views):
+        try:
+            yield paint(torch.from_numpy(view)).numpy()
+        except NotFiniteError as error:
+            raise NotFiniteError(error.stage, error.tensor, f"in view {k:04d}") from error
+        progress(k + 1, count)

@@ -1,0 +1,97 @@
+"""The priors: of many viewpoints the few that show all that the trajectory sees."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.rendering import RenderConfig
+from styletrf.files.float_images import read_float_image
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.geometry.cameras import Camera, resized
+from styletrf.geometry.space import Space
+from styletrf.trajectory.coverage import CoverageConfig, covering, places_seen, shown, small_camera
+from styletrf.trajectory.frames import rendered
+from styletrf.trajectory.trajectories import TrajectoryConfig
+
+_PLACES = 20_000  # of those that the trajectory sees
+
+
+@dataclass(frozen=True, slots=True)
+class PriorsConfig:
+    """Candidates (`trajectory`), how many of them are needed, and how they are rendered.
+
+    A `long_side_px` of 0 is the scene's working size.
+    """
+
+    long_side_px: int = 0
+    trajectory: TrajectoryConfig = field(default_factory=lambda: TrajectoryConfig(frames=40))
+    coverage: CoverageConfig = field(default_factory=CoverageConfig)
+    render: RenderConfig = field(default_factory=RenderConfig)
+    frames_per_second: int = 24
+
+    def __post_init__(self) -> None:
+        if self.coverage.count > self.trajectory.frames:
+            told = f"{self.coverage.count} of {self.trajectory.frames}"
+            raise ValueError(f"{told} viewpoints cannot be chosen; raise trajectory.frames")
+
+
+def needed_views(
+    candidates: Sequence[Camera],
+    trajectory: Path,
+    radiance: RadianceField,
+    space: Space,
+    config: CoverageConfig,
+    device: torch.device,
+) -> list[Camera]:
+    """Returns the candidates that cover what the renders of a trajectory show.
+
+    Where they show too little of it, as of a path that goes elsewhere than they do, views along the
+    trajectory are candidates, too.
+
+    Args:
+        candidates: Viewpoints in the normalised world.
+        trajectory: What `write_float_frames` wrote.
+        radiance: The field, whose depth tells what a candidate shows.
+        space: Of the field.
+        config: How well they are to cover it.
+        device: Where to render.
+    """
+    cameras = read_cameras(trajectory / "cameras.parquet")
+    places = _places_along(cameras, trajectory)
+
+    def seen_from(views: Sequence[Camera]) -> Bool[np.ndarray, "views places"]:
+        """Returns which of the places each view shows."""
+        small = [small_camera(camera, config) for camera in views]
+        renders = rendered(radiance, space, small, RenderConfig(), device)
+        return np.stack([
+            shown(camera, render.depth.numpy(), places, config.tolerance)
+            for camera, render in zip(small, renders, strict=True)
+        ])  # fmt: skip
+
+    views, seen = list(candidates), seen_from(candidates)
+    if (~seen.any(axis=0)).sum() > config.most_hidden * len(places):
+        own = _own_views(cameras, candidates[0], len(candidates))
+        views, seen = [*views, *own], np.concatenate([seen, seen_from(own)])
+    chosen = covering(seen, config)
+    return [replace(views[k], name=f"{i:04d}") for i, k in enumerate(chosen)]
+
+
+def _places_along(cameras: Sequence[Camera], trajectory: Path) -> Float[np.ndarray, "places 3"]:
+    """Returns places that the frames show, reading one frame at a time: they may be large."""
+    every = max(1, sum(camera.width * camera.height for camera in cameras) // _PLACES)
+    files = (trajectory / "frames" / f"{camera.name}.exr" for camera in cameras)
+    return np.concatenate([
+        places_seen([camera], [read_float_image(file).depth], every)
+        for camera, file in zip(cameras, files, strict=True)
+    ])  # fmt: skip
+
+
+def _own_views(cameras: Sequence[Camera], size: Camera, count: int) -> list[Camera]:
+    """Returns some views along the path itself, of the size of another one."""
+    some = np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int)
+    return [resized(cameras[k], size.width, size.height) for k in some]

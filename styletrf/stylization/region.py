@@ -1,0 +1,110 @@
+"""Parts of a scene: a box, or what a mask on one view shows."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.capture.photographs import read_photograph
+from styletrf.errors import InputError
+from styletrf.files.float_images import read_float_image
+from styletrf.files.images import from_integers
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.geometry.cameras import Camera, depth_behind
+
+
+class Region(ABC):
+    """A part of the normalised world."""
+
+    @abstractmethod
+    def share(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
+        """Returns 1 for points inside, 0 for points outside, between at a soft border."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box(Region):
+    """An axis-parallel box."""
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if not all(a < b for a, b in zip(self.lower, self.upper, strict=True)):
+            raise ValueError(f"a box from {self.lower} to {self.upper} holds nothing")
+
+    def share(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
+        """See `Region.share`; NaN, a point of no place, is outside."""
+        inside = (points_world >= self.lower) & (points_world <= self.upper)
+        return np.asarray(inside.all(axis=1), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Masked(Region):
+    """The surfaces that a view shows within its mask, and not what hides behind them.
+
+    Attributes:
+        camera: Of the view.
+        mask: From 0 to 1.
+        depth: Along the camera's axis, infinite where nothing is hit.
+        thickness: A point belongs to a surface up to this share of its depth behind it.
+    """
+
+    camera: Camera
+    mask: Float[np.ndarray, "height width"]
+    depth: Float[np.ndarray, "height width"]
+    thickness: float = 0.05
+
+    def share(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
+        """See `Region.share`; what the view does not show is outside."""
+        somewhere = np.isfinite(points_world).all(axis=1)
+        pixels, depth, surface, shown = depth_behind(
+            self.camera,
+            self.depth,
+            np.where(somewhere[:, None], points_world, self.camera.center_world),
+        )
+        near = shown & (depth <= (1 + self.thickness) * surface)
+        result = np.zeros(len(points_world))
+        result[near] = _bilinear(self.mask, pixels[near] - 0.5)
+        return result
+
+
+def _bilinear(image: Float[np.ndarray, "height width"], xy: np.ndarray) -> np.ndarray:
+    """Returns the image's values at pixels, whose centres are at whole numbers."""
+    x, y = xy.astype(np.float32).T
+    rows = max(1, -(-len(x) // _WIDEST))
+    padded = np.zeros((2, rows * _WIDEST), dtype=np.float32)
+    padded[0, : len(x)], padded[1, : len(x)] = x, y
+    xs, ys = padded.reshape(2, rows, _WIDEST)
+    seen = cv2.remap(
+        image.astype(np.float32), xs, ys, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    return np.asarray(seen).reshape(-1)[: len(x)]
+
+
+_WIDEST = 1 << 14  # remap's images have sides of at most 32,767
+
+
+def masked_on(renders: Path, view: str, mask: Path) -> Masked:
+    """Returns the region that an image shows white over one of the renders in a folder.
+
+    Args:
+        renders: What `write_float_frames` wrote.
+        view: The name of one of them.
+        mask: An image of any size and the view's proportions.
+
+    Raises:
+        InputError: There is no such view, or the mask is no image, or all black.
+    """
+    cameras = {camera.name: camera for camera in read_cameras(renders / "cameras.parquet")}
+    if view not in cameras:
+        known = f"{min(cameras)} to {max(cameras)}"
+        raise InputError(f"--region, view {view}", "there is no such prior", f"Give one of {known}")
+    camera = cameras[view]
+    white = from_integers(read_photograph(mask)).mean(axis=2)
+    white = cv2.resize(white, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+    if white.max() < 1 / 255:
+        raise InputError(f"--region, mask {mask}", "is all black", "Paint white what to style")
+    return Masked(camera, white, read_float_image(renders / "frames" / f"{view}.exr").depth)

@@ -1,0 +1,169 @@
+"""A field in the style of painted views, by each strategy of the paper and each loss of ours."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from styletrf.capture.views import load_views
+from styletrf.field.kernels import Kernels, kernels_for
+from styletrf.field.radiance_field import RadianceField, load_field, refine_appearance
+from styletrf.field.shading import ShadingKind
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.files.images import read_rgb, to_integers
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.geometry.cameras import Camera
+from styletrf.progress import Progress, silent
+from styletrf.scene.scene_model import SceneModel, read_scene_model
+from styletrf.style.perceptual.perceptual_loss import (
+    PerceptualLossConfig,
+    perceptual_loss,
+    shrunk,
+    style_grams,
+)
+from styletrf.style.perceptual.vgg import load_vgg
+from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
+from styletrf.stylization.free_adaptation import adapt_all, fit_anew
+from styletrf.stylization.image_adaptation import (
+    ImageAdaptationConfig,
+    ImageLoss,
+    adapt_to_image_loss,
+)
+from styletrf.stylization.power_choice import PowerChoiceConfig, choose_weight_power
+from styletrf.stylization.surface_ownership import OwnershipConfig, owned_pixels
+from styletrf.trajectory.frames import float_images
+
+Match = Literal["pixels", "gram"]
+
+
+@dataclass(frozen=True, slots=True)
+class StylizationConfig:
+    """How a field takes a style on."""
+
+    adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
+    single_owner: bool = True  # every surface point learns from one prior, else from all
+    ownership: OwnershipConfig = field(default_factory=OwnershipConfig)
+    appearance_scale: float = 1.5  # of the style's lattice, times that of the field's
+    shading: ShadingKind = "plain"  # of the style
+    weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
+    image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
+    image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
+    style_px: int = 420  # of the painting, in the loss of whole renders
+    fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
+
+    def steered(self, stroke_scale: float, content_weight: float) -> "StylizationConfig":
+        """Returns the settings with the factors of the controls; see `tasks.controls`."""
+        loss = replace(
+            self.image_loss, content_weight=content_weight * self.image_loss.content_weight
+        )
+        style_px = max(1, round(stroke_scale * self.style_px))
+        return replace(self, style_px=style_px, image_loss=loss)
+
+
+@dataclass(frozen=True, slots=True)
+class Stylization:
+    """What is to be stylised: a field, views of it before and after painting, and the style."""
+
+    field: RadianceField
+    model: SceneModel
+    cameras: Sequence[Camera]
+    depths: Sequence[Float[np.ndarray, "height width"]]
+    plain: Tensor  # views height width 3, uint8
+    painted: Tensor
+    kernels: Kernels
+    style: tuple[Path, Path] | None  # the painting and the perceptual weights
+    match: Match
+
+
+def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
+    """Returns what the folders hold: field, model, priors, stylized; style and perceptual."""
+    cameras = read_cameras(inputs["priors"] / "cameras.parquet")
+    priors = list(float_images(inputs["priors"]))
+    plain = [torch.from_numpy(to_integers(image.color)) for image in priors]
+    style = None
+    if match != "pixels":
+        style = inputs["style"] / "style.png", inputs["perceptual"] / "vgg16.safetensors"
+    return Stylization(
+        field=load_field(inputs["field"]).to(device),
+        model=read_scene_model(inputs["model"] / "scene.json"),
+        cameras=cameras,
+        depths=[image.depth for image in priors],
+        plain=torch.stack(plain).to(device),
+        painted=torch.stack(load_views(inputs["stylized"] / "frames", cameras, device)),
+        kernels=kernels_for(device),
+        style=style,
+        match=match,
+    )
+
+
+def stylized(
+    job: Stylization, config: StylizationConfig, progress: Progress = silent
+) -> tuple[RadianceField, list[AdaptationPoint], float]:
+    """Returns the field with its appearance adapted (S3), the curve, and the mass left out."""
+    generator = torch.Generator().manual_seed(config.adaptation.seed)
+    refine_appearance(job.field, config.appearance_scale, config.shading, generator)
+    job.field.appearance.weight_power = config.weight_power.powers[-1]  # fits what it shows best
+    curve, dropped = adapt_appearance(
+        job.field, job.cameras, job.painted, job.model.space, config.adaptation, job.kernels,
+        progress, _learnt_pixels(job, config),
+    )  # fmt: skip
+    choose_weight_power(job.field, job.cameras, job.painted, job.model.space, config.weight_power)
+    if job.match != "pixels":
+        after = adapt_to_image_loss(
+            job.field, job.cameras, (job.plain, job.painted), job.model.space,
+            _image_loss(job, config),
+            config.image, config.adaptation, job.kernels, progress,
+        )  # fmt: skip
+        last = curve[-1] if curve else AdaptationPoint(0, 0.0, 0.0)
+        curve += [
+            AdaptationPoint(last.iteration + p.iteration, last.seconds + p.seconds, p.psnr)
+            for p in after
+        ]
+    return job.field, curve, dropped
+
+
+def freely_stylized(
+    job: Stylization,
+    config: StylizationConfig,
+    progress: Progress = silent,
+    *,
+    anew: bool,
+) -> tuple[RadianceField, list[AdaptationPoint]]:
+    """Returns a field fitted to the painted views alone (S1), or the field fitted on (S2).
+
+    S2 sees as many rays as the adaptation of the appearance does.
+    """
+    shading = replace(config.fit.field, shading=job.model.shading)
+    training, space = replace(config.fit, field=shading), job.model.space
+    if anew:
+        return fit_anew(
+            job.cameras, job.painted, space, job.model.resolution, training, job.kernels, progress
+        )
+    rays = config.adaptation.iterations * config.adaptation.batch
+    training = replace(training, iterations=max(1, rays // training.batch), batch_samples=0)
+    return adapt_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
+
+
+def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None:
+    """Returns the pixels, counted through all priors, that their surface learns from."""
+    if not config.single_owner:
+        return None
+    masks = owned_pixels(job.cameras, job.depths, config.ownership)
+    return torch.from_numpy(np.flatnonzero(np.stack(masks)))
+
+
+def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
+    """Returns the perceptual loss of a render, with the Gram matrices of the painting."""
+    if job.style is None:
+        raise ValueError("no style to match")
+    painting, weights = job.style
+    device = job.plain.device
+    vgg = load_vgg(weights, device)
+    style = shrunk(torch.from_numpy(read_rgb(painting)).to(device), config.style_px)
+    grams, loss = style_grams(vgg, style), config.image_loss
+    return lambda image, plain: perceptual_loss(vgg, image, plain, grams, loss).total

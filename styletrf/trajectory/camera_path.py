@@ -1,0 +1,67 @@
+"""The cameras of the frames: along the default path, a named one, or the user's key frames."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.lenses import with_focal
+from styletrf.geometry.rotations import matrices_of
+from styletrf.trajectory.camera_curve import Poses, curve_through, eased
+from styletrf.trajectory.key_frames import KeyFrames
+from styletrf.trajectory.trajectories import TrajectoryConfig
+
+
+@dataclass(frozen=True, slots=True)
+class TimedPath:
+    """Key frames in the normalised world, and when the camera is at each.
+
+    Without `times_s` it goes at an even speed.
+    """
+
+    poses: Poses
+    closed: bool = False
+    easing: float = 0.0
+    times_s: tuple[float, ...] = ()
+
+
+def timed(keys: KeyFrames, poses: Poses) -> TimedPath:
+    """Returns the path through placed key frames."""
+    times = tuple(frame.time_s for frame in keys.frames if frame.time_s is not None)
+    return TimedPath(poses, keys.closed, keys.easing, times)
+
+
+def frames_along(
+    path: TimedPath, photograph: Camera, config: TrajectoryConfig, frames_per_second: float | int
+) -> list[Camera]:
+    """Returns the cameras of the frames, with the shape of a photograph.
+
+    The first frame is the first key frame. The last one is the last key frame; of a closed path
+    the one after it would be the first again.
+
+    Args:
+        path: Where it goes.
+        photograph: What the frames have the shape of.
+        config: Length, speed, easing and angle of view.
+        frames_per_second: Of the video.
+    """
+    times = np.array(path.times_s)
+    curve = curve_through(path.poses, closed=path.closed, times_s=times if len(times) else None)
+    if len(times) > 1:
+        count = config.count(frames_per_second, times[-1] - times[0])
+        if not config.seconds:
+            count += 1  # at its time, the last key frame is a frame of its own
+        poses = curve.at(np.linspace(times[0], times[-1], count))
+    else:
+        count = config.count(frames_per_second)
+        time = np.arange(count) / (count if path.closed else max(count - 1, 1))
+        poses = curve.at_shares(eased(time, config.easing or path.easing))
+    return [
+        replace(with_focal(photograph, focal), name=f"{k:04d}", world_from_camera=pose)
+        for k, (pose, focal) in enumerate(zip(_matrices(poses), poses.focals, strict=True))
+    ]
+
+
+def _matrices(poses: Poses) -> Float[np.ndarray, "frames 3 4"]:
+    return np.concatenate([matrices_of(poses.quaternions), poses.centers[:, :, None]], axis=2)

@@ -1,0 +1,115 @@
+"""Paths by name, as key frames in the normalised world: orbit, spiral, dolly, photographs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.lenses import focal_of
+from styletrf.geometry.rotations import quaternions_of
+from styletrf.geometry.typical_view import typical_view
+from styletrf.scene.placement import mean_view
+from styletrf.scene.scene_model import SceneModel
+from styletrf.trajectory.camera_curve import Poses
+from styletrf.trajectory.camera_ring import ring_of
+from styletrf.trajectory.trajectories import TrajectoryConfig, ellipse, facing, looking, orbit
+from styletrf.trajectory.walk import gaussian_weights, is_closed, looks_all_around, onwards
+
+PathName = Literal["orbit", "spiral", "dolly", "photographs"]
+
+_KEYS = 96  # of a path that is given in closed form
+_TURNS = 2.0  # of a spiral, at least: one is an orbit
+_ADVANCE = 0.5  # of the way to the focus, that a dolly goes at a spread of 1
+
+
+@dataclass(frozen=True, slots=True)
+class NamedPath:
+    """Key frames in the normalised world, and whether the path returns to the first."""
+
+    poses: Poses
+    closed: bool
+
+
+def named_path(
+    name: PathName, cameras: Sequence[Camera], model: SceneModel, config: TrajectoryConfig
+) -> NamedPath:
+    """Returns a path by its name; finite for any cameras, one or several at one place.
+
+    - orbit: around the vertical through the focus, where and as high as photographs were taken.
+    - spiral: before a forward-facing scene an ellipse of two turns or more, once to and fro;
+      around another as many turns up and down.
+    - dolly: straight ahead from the photograph that looks most as all do, towards the focus.
+    - photographs: the way of the photographs in their own order, smoothed. Of panoramas, whose
+      views look all around, the way looks ahead.
+
+    Args:
+        name: Of the path.
+        cameras: The photographs', in the normalised world.
+        model: Its focus, and how the photographers looked.
+        config: Its spread, turns and stabilisation.
+    """
+    shares = np.arange(_KEYS) / _KEYS
+    if name == "photographs":
+        if looks_all_around(cameras):
+            cameras = facing(*onwards(cameras), typical_view(cameras))
+        return _through_photographs(cameras, config.stabilization)
+    if name == "dolly":
+        return NamedPath(_dolly(cameras, model, config.spread), closed=False)
+    if name == "orbit":
+        centers = orbit(cameras, model, shares, config.spread)
+    else:
+        centers = _spiral(cameras, model, shares, config)
+    return NamedPath(poses_of(looking(centers, typical_view(cameras), model)), closed=True)
+
+
+def poses_of(cameras: Sequence[Camera]) -> Poses:
+    """Returns the poses of cameras."""
+    return Poses(
+        np.stack([camera.center_world for camera in cameras]),
+        quaternions_of(np.stack([camera.world_from_camera[:, :3] for camera in cameras])),
+        np.array([focal_of(camera) for camera in cameras]),
+    )
+
+
+def _spiral(
+    cameras: Sequence[Camera],
+    model: SceneModel,
+    shares: Float[np.ndarray, " keys"],
+    config: TrajectoryConfig,
+) -> Float[np.ndarray, "keys 3"]:
+    turns = max(config.turns, _TURNS)
+    if model.looking == "ahead":
+        return ellipse(cameras, shares, turns, config.spread)
+    ring, phases = ring_of(cameras, model), 2 * np.pi * shares
+    to_and_fro = 0.5 + 0.5 * config.spread * np.sin(turns * phases)
+    along = turns * shares if ring.closed else to_and_fro
+    return ring.points(along, 0.5 - 0.5 * config.spread * np.cos(phases))
+
+
+def _dolly(cameras: Sequence[Camera], model: SceneModel, spread: float) -> Poses:
+    mean = mean_view(cameras)
+    first = max(cameras, key=lambda camera: float(camera.forward_world @ mean))
+    depth = float((np.array(model.focus) - first.center_world) @ first.forward_world)
+    way = _ADVANCE * spread * max(depth, 2 * model.space.depth_min)
+    start = poses_of([first, first])
+    centers = start.centers + np.outer([0.0, way], first.forward_world)
+    return Poses(centers, start.quaternions, start.focals)
+
+
+def _through_photographs(cameras: Sequence[Camera], deviation: float) -> NamedPath:
+    """Returns the photographs' own poses, each the mean of those near it by their number."""
+    poses = poses_of(cameras)
+    closed = is_closed(poses.centers)
+    if deviation == 0:
+        return NamedPath(poses, closed)
+    number = np.arange(float(len(cameras)))
+    weights = gaussian_weights(number, len(cameras), closed=closed, deviation=deviation)
+    rotations = np.stack([camera.world_from_camera[:, :3] for camera in cameras])
+    mean = np.einsum("ij,jkl->ikl", weights, rotations)
+    u, _, vt = np.linalg.svd(mean)
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    focals = np.exp(weights @ np.log(poses.focals))
+    return NamedPath(Poses(weights @ poses.centers, quaternions_of(u @ vt), focals), closed)

@@ -1,0 +1,154 @@
+"""Camera paths in files: key frames as JSON, Blender's `transforms.json`, a COLMAP model.
+
+Blender's cameras are an animation of 24 frames a second, COLMAP's are places in the order of their
+names. Both are in the world of the poses that came with the photographs: where the poses were
+solved from the photographs alone, nothing says how the two worlds lie to each other.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from styletrf.capture.poses.colmap_model import colmap_views
+from styletrf.capture.poses.given_poses import GivenView
+from styletrf.capture.poses.transforms_json import transforms_cameras
+from styletrf.errors import InputError
+from styletrf.geometry.cameras import Camera, moved
+from styletrf.geometry.lenses import focal_from, with_focal
+from styletrf.geometry.rotations import matrices_of, quaternions_of
+from styletrf.geometry.typical_view import typical_view
+from styletrf.scene.scene_model import SceneModel
+from styletrf.trajectory.camera_curve import Poses
+from styletrf.trajectory.key_frames import KeyFrame, KeyFrames, key_frames_of
+from styletrf.trajectory.named_paths import poses_of
+from styletrf.trajectory.trajectories import look_at
+
+ANIMATION_RATE = 24.0  # frames a second of Blender's cameras
+_NAMED = 10  # photographs that an error lists
+_DOWN = np.array([0.0, 1.0, 0.0])
+
+
+def read_path(path: Path) -> KeyFrames:
+    """Returns the key frames in a file, or in the folder of a COLMAP model.
+
+    Raises:
+        InputError: It is none of the formats; names the file, and the entry at fault.
+    """
+    if path.is_dir():
+        return _of_views(path, colmap_views(path, path), timed=False)
+    try:
+        values: Any = json.loads(path.read_text())
+    except OSError as error:
+        remedy = "Give auto, orbit, spiral, dolly, photographs, or the path of a file"
+        raise InputError(f"--path {path}", "there is no such file", remedy) from error
+    except ValueError as error:
+        raise InputError(str(path), f"is no JSON ({error})", "See docs/paths.md") from error
+    if isinstance(values, dict) and "key_frames" in values:
+        return key_frames_of(path, values)
+    if isinstance(values, dict) and "frames" in values:
+        return _of_views(path, transforms_cameras(path), timed=True)
+    problem = "has neither key_frames nor, as Blender's transforms.json, frames"
+    raise InputError(str(path), problem, "See docs/paths.md")
+
+
+def placed_key_frames(
+    keys: KeyFrames, cameras: Sequence[Camera], model: SceneModel, *, are_given: bool
+) -> Poses:
+    """Returns the poses of key frames in the normalised world.
+
+    Args:
+        keys: What `read_path` returned.
+        cameras: The photographs', in the normalised world.
+        model: How the normalised world lies in the capture's.
+        are_given: Whether the poses of the photographs came with them.
+
+    Raises:
+        InputError: A photograph has no camera, or the two worlds have nothing in common.
+    """
+    require_common_world(keys, are_given=are_given)
+    known, usual = {camera.name: camera for camera in cameras}, typical_view(cameras)
+    require_photographs(keys, list(known))
+    return poses_of([_placed(frame, known, model, usual) for frame in keys.frames])
+
+
+def require_common_world(keys: KeyFrames, *, are_given: bool) -> None:
+    """Refuses cameras of another world than the photographs'.
+
+    Args:
+        keys: That may be in the world of the poses that came with the photographs.
+        are_given: Whether any did.
+
+    Raises:
+        InputError: None did, so that nothing says where in the scene the cameras are.
+    """
+    if keys.of_given_poses and not are_given:
+        raise InputError(
+            keys.source,
+            "has cameras in a world of their own, and the poses of this scene are solved from its"
+            " photographs, in another one",
+            "Give the photographs' poses in that world beside them, or key frames (docs/paths.md)",
+        )
+
+
+def require_photographs(keys: KeyFrames, names: Sequence[str]) -> None:
+    """Refuses key frames at photographs that a scene does not have.
+
+    Args:
+        keys: That may name photographs, with the suffixes of their files or without.
+        names: Of the scene's photographs.
+
+    Raises:
+        InputError: One is missing; lists some that are there.
+    """
+    for k, frame in enumerate(keys.frames):
+        if frame.photograph and not {frame.photograph, Path(frame.photograph).stem} & set(names):
+            problem = (
+                f"key_frames[{k}].photograph is {frame.photograph!r}, which has no camera here"
+            )
+            existing = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+            raise InputError(keys.source, problem, f"Photographs of this scene are {existing}")
+
+
+def _placed(frame: KeyFrame, known: dict[str, Camera], model: SceneModel, usual: Camera) -> Camera:
+    if frame.photograph:
+        name = frame.photograph
+        camera = known[name if name in known else Path(name).stem]
+    else:
+        camera = _at_position(frame, model, usual)
+    return camera if frame.fov_deg is None else with_focal(camera, focal_from(frame.fov_deg))
+
+
+def _at_position(frame: KeyFrame, model: SceneModel, usual: Camera) -> Camera:
+    position = np.array(frame.position_world)
+    quaternion = np.array([frame.orientation or (1.0, 0.0, 0.0, 0.0)])
+    pose = np.column_stack([matrices_of(quaternion)[0], position])
+    camera = moved(replace(usual, world_from_camera=pose), model.normalized_from_world)
+    if frame.look_at_world is None:
+        return camera
+    target = model.normalized_from_world @ np.array([*frame.look_at_world, 1.0])
+    return replace(usual, world_from_camera=look_at(camera.center_world, target[:3], _DOWN))
+
+
+def _of_views(path: Path, views: Sequence[GivenView], *, timed: bool) -> KeyFrames:
+    if not views:
+        raise InputError(str(path), "has no cameras", "Export it again")
+    frames = [
+        KeyFrame(
+            position_world=tuple(view.world_from_camera[:, 3].tolist()),
+            orientation=tuple(quaternions_of(view.world_from_camera[None, :, :3])[0].tolist()),
+            fov_deg=_fov_deg(view),
+            time_s=k / ANIMATION_RATE if timed else None,
+        )
+        for k, view in enumerate(views)
+    ]
+    return KeyFrames(str(path), tuple(frames), of_given_poses=True)
+
+
+def _fov_deg(view: GivenView) -> float:
+    longer = max(view.lens.width, view.lens.height)
+    return math.degrees(2 * math.atan(0.5 * longer / view.lens.params[0]))

@@ -1,0 +1,55 @@
+"""Stills: photographs' own views one after another, where no fly-through can be given.
+
+A fly-through needs depth, which photographs from one spot or of a flat wall do not tell, and
+photographs that support what it sees.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.typical_view import typical_view
+
+MOST_STILLS = 12
+_LEAST_S = 0.5  # that a still is held
+
+
+@dataclass(frozen=True, slots=True)
+class Still:
+    """The photograph whose view is shown from a frame on, by its index."""
+
+    first_frame: int
+    photograph: str
+
+
+def cuts_of(support: Mapping[str, Any]) -> list[int]:
+    """Returns the frames at which another still begins, from what `support.json` says of a path."""
+    return [still["first_frame"] for still in support["stills"][1:]]
+
+
+def stills(
+    cameras: Sequence[Camera], n_frames: int, frames_per_second: float | int
+) -> tuple[list[Camera], tuple[Still, ...]]:
+    """Returns the cameras of the frames, and the photographs whose views they are.
+
+    At most twelve photographs, spread evenly over all in their order, are held for equal times, no
+    less than half a second, without any motion between. All have the shape of most photographs.
+
+    Args:
+        cameras: The photographs'.
+        n_frames: How many frames there are, at least one.
+        frames_per_second: Of the video.
+    """
+    typical = typical_view(cameras)
+    shape = typical.width, typical.height
+    alike = [camera for camera in cameras if (camera.width, camera.height) == shape] or [typical]
+    held = int(n_frames / (_LEAST_S * frames_per_second))
+    count = min(len(alike), MOST_STILLS, max(1, held))
+    chosen = np.linspace(0, len(alike) - 1, count).round().astype(int)
+    shown = [int(chosen[k * count // n_frames]) for k in range(n_frames)]
+    firsts = [k for k in range(n_frames) if k == 0 or shown[k] != shown[k - 1]]
+    frames = [replace(alike[which], name=f"{k:04d}") for k, which in enumerate(shown)]
+    return frames, tuple(Still(k, alike[shown[k]].name) for k in firsts)

@@ -1,0 +1,186 @@
+"""Camera paths: a spiral where the photographers looked ahead, an orbit, or the way they went.
+
+All in the normalised world, whose y axis points down. Paths stay within what the photographs saw:
+amplitudes are shares of the spread of the given cameras. `fly_through` is the closed path of the
+video, `prior_views` the viewpoints that fill what it goes around or along.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.typical_view import typical_view
+from styletrf.scene.scene_model import SceneModel
+from styletrf.trajectory.camera_curve import eased
+from styletrf.trajectory.camera_ring import ring_of
+from styletrf.trajectory.key_frames import WIDEST_FOV_DEG
+from styletrf.trajectory.walk import along_the_walk
+
+Points = Float[np.ndarray, "frames 3"]
+Shares = Float[np.ndarray, " frames"]
+
+LONGEST_S = 600.0
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryConfig:
+    """A path of `frames` cameras, or of `seconds`, if these are not 0, at the frame rate.
+
+    `speed` divides the time that this takes. `turns` counts revolutions of the fly-through before a
+    forward-facing scene, whole ones or it would not close; `spread` is the share of the
+    photographs' own spread that the path uses. `easing` is the share of the time during which the
+    camera speeds up and slows down. `fov_deg` is the angle of view along the longer side of a
+    frame, 0 for the photographs'. `stabilization` smooths the path through the photographs: the
+    standard deviation of a Gaussian, in photographs.
+    """
+
+    frames: int = 60
+    seconds: float = 0.0
+    speed: float = 1.0
+    turns: float = 1.0
+    spread: float = 0.7
+    easing: float = 0.0
+    fov_deg: float = 0.0
+    stabilization: float = 1.5
+
+    def __post_init__(self) -> None:
+        if self.frames < 1:
+            raise ValueError(f"a path of {self.frames} frames shows nothing")
+        if self.turns < 1 or self.turns != int(self.turns):
+            raise ValueError(f"a path of {self.turns} turns is not closed, as whole turns are")
+        if not 0 <= self.seconds <= LONGEST_S:
+            raise ValueError(f"a path takes up to {LONGEST_S:g} seconds, not {self.seconds:g}")
+        if not 0 < self.speed < math.inf:
+            raise ValueError(f"a speed is a positive factor such as 2, not {self.speed:g}")
+        if not 0 <= self.easing <= 1:
+            raise ValueError(f"easing is a share of the time from 0 to 1, not {self.easing:g}")
+        if self.fov_deg != 0 and not 1 <= self.fov_deg <= WIDEST_FOV_DEG:
+            bounds = f"from 1 to {WIDEST_FOV_DEG:g} degrees, not {self.fov_deg:g}"
+            raise ValueError(f"an angle of view is 0 (the photographs') or {bounds}")
+        if not 0 <= self.stabilization < math.inf:
+            raise ValueError(f"a path is smoothed over photographs, not {self.stabilization:g}")
+
+    def count(self, frames_per_second: float | int, own_seconds: float = 0.0) -> int:
+        """Returns how many frames the path has.
+
+        Args:
+            frames_per_second: Of the video.
+            own_seconds: What a path takes whose key frames have times; 0 without.
+        """
+        seconds = self.seconds or own_seconds
+        frames = seconds * frames_per_second if seconds else self.frames
+        return max(1, round(frames / self.speed))
+
+
+def fly_through(
+    cameras: Sequence[Camera], model: SceneModel, config: TrajectoryConfig
+) -> list[Camera]:
+    """Returns a closed, smooth path for the scene, with the intrinsics of a typical photograph.
+
+    Args:
+        cameras: The photographs' cameras in the normalised world, at the working size.
+        model: Decides between spiral and orbit, and where the frames look.
+        config: Length and amplitude.
+    """
+    shares = eased(np.arange(config.frames) / config.frames, config.easing)
+    if model.looking == "ahead":
+        centers = ellipse(cameras, shares, config.turns, config.spread)
+    elif model.looking == "along":
+        return facing(*along_the_walk(cameras, shares, back=True), typical_view(cameras))
+    else:
+        centers = orbit(cameras, model, shares, config.spread)
+    return looking(centers, typical_view(cameras), model)
+
+
+def ellipse(cameras: Sequence[Camera], shares: Shares, turns: float, spread: float) -> Points:
+    """Returns centres on an ellipse across the views, at shares of a closed path.
+
+    It goes around `turns` times, and once to and fro along the views.
+    """
+    phases = 2 * np.pi * shares
+    across = turns * phases
+    waves = np.stack([np.cos(across), -np.sin(across), -np.sin(phases)], axis=-1)
+    return _before_the_scene(cameras, waves, spread)
+
+
+def orbit(cameras: Sequence[Camera], model: SceneModel, shares: Shares, spread: float) -> Points:
+    """Returns centres around the vertical through the focus, at shares of a closed path.
+
+    Where the photographs are on an arc only, they go to and fro on it.
+    """
+    ring, phases = ring_of(cameras, model), 2 * np.pi * shares
+    along = shares if ring.closed else 0.5 + 0.5 * spread * np.sin(phases)
+    return ring.points(along, 0.5 + 0.5 * spread * np.sin(2 * phases))
+
+
+def prior_views(
+    cameras: Sequence[Camera], model: SceneModel, config: TrajectoryConfig
+) -> list[Camera]:
+    """Returns viewpoints, no two alike, spread evenly over what the fly-through encloses.
+
+    Before a forward-facing scene a sunflower's seeds (Vogel 1979) over the ellipse; around another
+    evenly spaced azimuths, low and high by turns; along a walk evenly spaced places.
+    """
+    index = np.arange(config.frames)
+    if model.looking == "ahead":
+        angles = GOLDEN_ANGLE * index
+        seeds = np.stack([np.cos(angles), -np.sin(angles), -np.sin(angles)], axis=-1)
+        seeds *= np.sqrt((index + 0.5) / config.frames)[:, None]
+        centers = _before_the_scene(cameras, seeds, config.spread)
+    elif model.looking == "along":
+        even = (index + 0.5) / config.frames
+        return facing(*along_the_walk(cameras, even, back=False), typical_view(cameras))
+    else:
+        ring = ring_of(cameras, model)
+        even = (index + 0.5) / config.frames
+        along = even if ring.closed else 0.5 + config.spread * (even - 0.5)
+        centers = ring.points(along, 0.5 + config.spread * (index % 2 - 0.5))
+    return looking(centers, typical_view(cameras), model)
+
+
+def look_at(
+    center: Float[np.ndarray, " 3"], target: Float[np.ndarray, " 3"], down: np.ndarray
+) -> Float[np.ndarray, "3 4"]:
+    """Returns world_from_camera at `center` with z towards `target` and y near `down`.
+
+    At the target itself it looks along the world's z.
+    """
+    distance = np.linalg.norm(target - center)
+    z = (target - center) / distance if distance > 0 else np.array([0.0, 0.0, 1.0])
+    x = np.cross(down, z)
+    x = x / np.linalg.norm(x) if np.linalg.norm(x) > 1e-9 else np.array([1.0, 0.0, 0.0])
+    return np.column_stack([x, np.cross(z, x), z, center])
+
+
+def looking(centers: Points, photograph: Camera, model: SceneModel) -> list[Camera]:
+    """Returns cameras at the centres that look at the focus, or away from it."""
+    focus = np.array(model.focus)
+    return facing(
+        centers, centers - focus if model.looking == "outward" else focus - centers, photograph
+    )
+
+
+def facing(centers: Points, directions: Points, photograph: Camera) -> list[Camera]:
+    """Returns level cameras at the centres, with the intrinsics of a photograph."""
+    centered = replace(photograph, cx=photograph.width / 2, cy=photograph.height / 2)
+    return [
+        replace(
+            centered,
+            name=f"{k:04d}",
+            world_from_camera=look_at(center, center + direction, np.array([0, 1, 0])),
+        )
+        for k, (center, direction) in enumerate(zip(centers, directions, strict=True))
+    ]
+
+
+def _before_the_scene(cameras: Sequence[Camera], shares: Points, spread: float) -> Points:
+    """Returns points at shares of the ellipsoid that the cameras fill."""
+    centers = np.stack([camera.center_world for camera in cameras])
+    radii = spread * np.percentile(np.abs(centers - centers.mean(axis=0)), 90, axis=0)
+    points: Points = centers.mean(axis=0) + radii * shares
+    return points

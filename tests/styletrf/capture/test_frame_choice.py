@@ -1,0 +1,99 @@
+"""Frames of a video: what a camera that walks, turns or rests shows, and which are taken."""
+
+import cv2
+import numpy as np
+import pytest
+
+from styletrf.capture.clips.frame_choice import chosen_frames
+from styletrf.capture.clips.frame_motion import FrameMotion, frame_motion, joined_motion
+from styletrf.errors import InputError
+from styletrf.files.video import TimedFrame
+
+HEIGHT, WIDTH = 120, 160
+
+
+@pytest.fixture(scope="module")
+def picture():
+    """A wall of texture, twice as wide as a frame."""
+    noise = np.random.default_rng(0).uniform(0, 255, (HEIGHT, 2 * WIDTH, 3))
+    return cv2.GaussianBlur(noise, (0, 0), 2.0)
+
+
+def contrasted(image):
+    return np.clip(128 + 6 * (image - 128), 0, 255).astype(np.uint8)
+
+
+def turned(picture, count):
+    """A turn on the spot: all moves alike."""
+    return [contrasted(picture[:, x : x + WIDTH]) for x in np.arange(count) * 2]
+
+
+def walked(picture, count):
+    """A walk past two walls: the upper half is nearer and moves three times as fast."""
+    half = HEIGHT // 2
+    return [
+        contrasted(
+            np.vstack([picture[:half, 3 * x : 3 * x + WIDTH], picture[half:, x : x + WIDTH]])
+        )
+        for x in range(count)
+    ]
+
+
+def timed(frames, rate=12.0):
+    return [TimedFrame(k / rate, frame) for k, frame in enumerate(frames)]
+
+
+def motion_of(frames):
+    return frame_motion(timed(frames))
+
+
+def test_frames_stand_an_even_travel_apart_and_a_rest_has_none_of_its_own(picture):
+    walk = walked(picture, 40)
+    frames = walk[:20] + [walk[20]] * 60 + walk[20:]
+    chosen = chosen_frames(motion_of(frames), 10)
+    resting = (chosen > 20) & (chosen < 80)
+    assert resting.sum() <= 1
+    moving = np.where(chosen >= 80, chosen - 60, chosen)[~resting]
+    assert np.diff(moving).max() <= 2 * np.diff(moving).mean()
+
+
+def test_of_the_frames_about_a_step_the_sharpest_is_taken(picture):
+    frames = walked(picture, 41)
+    sharp = {0, 9, 10, 20, 30, 31, 40}
+    blurred = [f if k in sharp else cv2.GaussianBlur(f, (0, 0), 2.0) for k, f in enumerate(frames)]
+    assert set(chosen_frames(motion_of(blurred), 5).tolist()) <= sharp
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 40, 500])
+def test_never_more_than_asked_for_each_once_and_in_order(picture, count):
+    chosen = chosen_frames(motion_of(walked(picture, 40)), count)
+    assert 1 <= len(chosen) <= min(count, 40)
+    assert (np.diff(chosen) > 0).all()
+
+
+def test_a_camera_that_rests_is_refused(picture):
+    with pytest.raises(InputError, match="keeps still"):
+        chosen_frames(motion_of([walked(picture, 1)[0]] * 30), 10)
+
+
+@pytest.mark.parametrize("value", [0, 128, 255])
+def test_frames_without_texture_are_refused(value):
+    with pytest.raises(InputError, match="keeps still"):
+        chosen_frames(motion_of([np.full((48, 64, 3), value, np.uint8)] * 5), 3)
+
+
+def test_no_frames_at_all_are_refused():
+    nothing = np.zeros(0)
+    with pytest.raises(InputError, match="keeps still"):
+        chosen_frames(FrameMotion(*[nothing] * 4, np.zeros(0, np.int64)), 3)
+
+
+def test_clips_share_the_frames_by_how_far_they_go(picture):
+    """One walks three times as far as the other, a third keeps still for longer than both."""
+    walk = walked(picture, 52)
+    clips = [walk[:13], [walk[20]] * 90, walk[13:]]
+    chosen = chosen_frames(joined_motion([motion_of(clip) for clip in clips]), 21)
+    near, still, far = np.histogram(chosen, [0, 13, 103, 142])[0]
+    assert near + far >= 20
+    assert still <= 1
+    assert 2 < far / near < 4

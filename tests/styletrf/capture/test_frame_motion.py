@@ -1,0 +1,90 @@
+"""What a camera that walks, turns, rests or is cut shows in its frames."""
+
+import cv2
+import numpy as np
+import pytest
+from test_frame_choice import HEIGHT, WIDTH, contrasted, timed, turned, walked
+
+from styletrf.capture.clips.clip_survey import blurs, clip_warnings, rests
+from styletrf.capture.clips.frame_motion import frame_motion, joined_motion
+
+RATE = 10.0
+
+
+def wall(seed, tint=(1.0, 1.0, 1.0)):
+    noise = np.random.default_rng(seed).uniform(0, 255, (HEIGHT, 3 * WIDTH, 3))
+    return cv2.GaussianBlur(noise, (0, 0), 2.0) * tint
+
+
+def motion_of(frames, rate=RATE):
+    return frame_motion(timed(frames, rate))
+
+
+def flat(motion):
+    return np.stack([motion.displacement, motion.parallax])
+
+
+def test_a_walk_has_parallax_and_a_turn_has_none():
+    walk, turn = motion_of(walked(wall(0), 40)), motion_of(turned(wall(0), 40))
+    assert walk.has_parallax
+    assert not turn.has_parallax
+    assert turn.displacement[-1] == pytest.approx(39 * 2 / WIDTH, rel=0.05)
+    assert walk.cuts_s == turn.cuts_s == []
+
+
+def test_a_cut_is_where_it_is_and_moves_nothing():
+    parts = walked(wall(0), 20), walked(wall(1, (1.0, 0.8, 0.6)), 20)
+    motion = motion_of([*parts[0], *parts[1]])
+    assert motion.cuts_s == [2.0]
+    apart = [motion_of(part) for part in parts]
+    np.testing.assert_allclose(flat(motion), flat(joined_motion(apart)), atol=1e-9)
+    np.testing.assert_array_equal(motion.shot, joined_motion(apart).shot)
+
+
+def test_a_swing_is_no_cut():
+    """A wall whose color changes along it, swept past at most of a width a frame."""
+    noise = np.random.default_rng(2).uniform(0, 255, (HEIGHT, 12 * WIDTH, 3))
+    tint = np.linspace([1.0, 0.6, 0.6], [0.6, 0.6, 1.0], 12 * WIDTH)
+    long = cv2.GaussianBlur(noise, (0, 0), 2.0) * tint
+    starts = np.cumsum([2] * 10 + [120] * 10 + [2] * 10)
+    motion = motion_of([contrasted(long[:, x : x + WIDTH]) for x in starts])
+    assert motion.cuts_s == []
+    assert motion.displacement[-1] > 5
+
+
+def test_the_same_scene_in_other_light_is_no_cut():
+    frames = walked(wall(0), 30)
+    darker = [np.rint(0.8 * frame).astype(np.uint8) for frame in frames[15:]]
+    assert motion_of([*frames[:15], *darker]).cuts_s == []
+
+
+def test_a_rest_is_found_from_its_beginning_to_its_end():
+    """Held by a hand: the picture trembles by a pixel."""
+    walk = walked(wall(0), 80)
+    trembling = [np.roll(walk[40], k % 2, axis=1) for k in range(50)]
+    (rest,) = rests(motion_of([*walk[:40], *trembling, *walk[40:]]))
+    assert rest.start_s == pytest.approx(4.0, abs=0.5)
+    assert rest.end_s == pytest.approx(9.0, abs=0.5)
+    assert rests(motion_of(turned(wall(0), 80))) == []
+
+
+@pytest.mark.parametrize(("blurred", "count"), [(range(30, 42), 1), (range(30, 31), 0)])
+def test_blur_is_found_where_no_sharp_frame_is_near(blurred, count):
+    """The camera swings, and what passes is smeared along."""
+    starts = np.cumsum([6 if k in blurred else 2 for k in range(80)])
+    frames = [contrasted(wall(0)[:, x : x + WIDTH]) for x in starts]
+    for k in blurred:
+        frames[k] = cv2.blur(frames[k], (15, 1))
+    found = blurs(motion_of(frames))
+    assert len(found) == count
+    for span in found:
+        assert span.start_s == pytest.approx(3.0, abs=0.25)
+        assert span.end_s == pytest.approx(4.2, abs=0.25)
+
+
+def test_a_walk_has_no_warning_and_a_file_that_breaks_off_has_one():
+    motion = motion_of(walked(wall(0), 40))
+    assert list(clip_warnings("a.mp4", motion, 4.0)) == []
+    assert list(clip_warnings("a.mp4", motion, None)) == []
+    (warning,) = clip_warnings("a.mp4", motion, 9.0)
+    assert "breaks off at 4.0 s of 9.0 s" in warning

@@ -1,0 +1,367 @@
+"""Scenes that already have poses, in every format, held to their photographs by reprojection."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+from made_photographs import encoded, room_poses, room_view
+
+from styletrf.capture.capture_file import read_capture
+from styletrf.capture.poses.given_poses import GivenView, Lens
+from styletrf.capture.poses.pose_formats import find_given_poses
+from styletrf.capture.scene_capture import capture_photographs
+from styletrf.capture.user_folders import scene_files
+from styletrf.errors import InputError
+from styletrf.geometry.camera_table import read_cameras, read_fitted_rows, read_split
+from styletrf.geometry.cameras import project
+from styletrf.geometry.point_table import read_points
+from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
+from styletrf.sfm.known_poses import neighbouring_pairs
+
+VIEWS = 8
+WIDTH, HEIGHT, FOCAL = 320, 240, 260.0
+PINHOLE = pycolmap.Camera(
+    model="PINHOLE", width=WIDTH, height=HEIGHT, params=[FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2]
+)
+BENT = pycolmap.Camera(
+    model="OPENCV",
+    width=WIDTH,
+    height=HEIGHT,
+    params=[FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2, 0.05, -0.02, 0.001, -0.001],
+)
+
+
+def photographed(folder, lens, poses, names=None):
+    """The room's photographs in `images`, or where their names say."""
+    names = names or [f"images/{index}.png" for index in range(len(poses))]
+    for name, pose in zip(names, poses, strict=True):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(encoded(room_view(pose, lens), ".png"))
+
+
+def square(pose):
+    return np.vstack([pose, [0, 0, 0, 1]])
+
+
+def as_opengl(pose):
+    return (square(pose) @ np.diag([1.0, -1, -1, 1])).tolist()
+
+
+def blender(folder, poses):
+    """Train and test apart, and photographs of one name in two folders; no suffix is told."""
+    half = len(poses) // 2
+    for part, chosen in (("train", poses[:half]), ("test", poses[half:])):
+        names = [f"{part}/r_{index}" for index in range(half)]
+        photographed(folder, PINHOLE, chosen, [f"{name}.png" for name in names])
+        frames = [
+            {"file_path": f"./{name}", "transform_matrix": as_opengl(pose)}
+            for name, pose in zip(names, chosen, strict=True)
+        ]
+        told = {"camera_angle_x": 2 * np.arctan(0.5 * WIDTH / FOCAL), "frames": frames}
+        (folder / f"transforms_{part}.json").write_text(json.dumps(told))
+
+
+def instant_ngp(folder, poses):
+    """A lens that bends; one photograph is named that is not there, and one there has no pose."""
+    photographed(folder, BENT, poses)
+    names = ["fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2"]
+    told = dict(zip(names, BENT.params.tolist(), strict=True)) | {"w": WIDTH, "h": HEIGHT}
+    told["frames"] = [
+        {"file_path": f"images/{index}.png", "transform_matrix": as_opengl(pose)}
+        for index, pose in enumerate([*poses, poses[0]])
+    ]
+    (folder / "transforms.json").write_text(json.dumps(told))
+    (folder / "images" / "extra.png").write_bytes((folder / "images" / "0.png").read_bytes())
+
+
+def llff(folder, poses):
+    photographed(folder, PINHOLE, poses)
+    rows = []
+    for pose in poses:
+        right, down, ahead, center = pose.T
+        matrix = np.column_stack([down, right, -ahead, center, [2 * HEIGHT, 2 * WIDTH, 2 * FOCAL]])
+        rows.append(np.concatenate([matrix.reshape(-1), [1.0, 10.0]]))
+    np.save(folder / "poses_bounds.npy", np.array(rows))
+
+
+def colmap(folder, poses, *, text=False):
+    photographed(folder, BENT, poses)
+    model = pycolmap.Reconstruction()
+    lens = pycolmap.Camera(model=BENT.model, width=WIDTH, height=HEIGHT, params=BENT.params)
+    lens.camera_id = 1
+    model.add_camera_with_trivial_rig(lens)
+    for index, pose in enumerate(poses):
+        image = pycolmap.Image(name=f"{index}.png", camera_id=1, image_id=index + 1)
+        rigid = pycolmap.Rigid3d(pycolmap.Rotation3d(pose[:, :3]), pose[:, 3])
+        model.add_image_with_trivial_frame(image, rigid.inverse())
+    (folder / "sparse" / "0").mkdir(parents=True)
+    (model.write_text if text else model.write_binary)(folder / "sparse" / "0")
+
+
+def colmap_text(folder, poses):
+    colmap(folder, poses, text=True)
+
+
+@pytest.fixture(scope="module", params=[blender, instant_ngp, llff, colmap, colmap_text])
+def given(request, tmp_path_factory):
+    """A scene with poses, after SceneCapture and CameraPoses."""
+    folder, poses = tmp_path_factory.mktemp("given"), room_poses(VIEWS)
+    request.param(folder, poses)
+    found = find_given_poses(folder)
+    capture_photographs(folder / "images", folder / "capture", given=found)
+    (folder / "out").mkdir()
+    report = solve_camera_poses(
+        folder / "capture", folder / "out", CameraPosesConfig(), log_dir=folder / "log"
+    )
+    return request.param, folder, poses, report
+
+
+def test_the_poses_are_those_given(given):
+    _, folder, poses, report = given
+    cameras = read_cameras(folder / "out" / "cameras.parquet")
+    assert (report.registered, report.total) == (VIEWS, VIEWS)
+    assert report.mapper.startswith("given by")
+    for camera, pose in zip(cameras, poses, strict=True):
+        np.testing.assert_allclose(camera.world_from_camera, pose, atol=1e-6)
+
+
+def test_points_project_where_they_were_seen(given):
+    """A wrong axis, half a pixel or a lens not heeded would show."""
+    _, folder, _, report = given
+    assert report.mean_reprojection_error_px < 0.5
+    points = read_points(folder / "out" / "points.parquet")
+    assert len(points.xyz_world) > 100
+    for index, camera in enumerate(read_cameras(folder / "out" / "cameras.parquet")):
+        seen = points.observed_image == index
+        pixels, depth = project(camera, points.xyz_world[points.observed_point[seen]])
+        assert (depth > 0).all()
+        assert np.median(np.linalg.norm(pixels - points.observed_pixel[seen], axis=1)) < 0.5
+    on_a_wall = np.abs(points.xyz_world).min(axis=1)
+    assert np.median(on_a_wall) < 0.01, "where the room's walls are"
+
+
+def test_a_published_split_is_kept_and_else_every_eighth_is_held_out(given):
+    kind, folder, _, _ = given
+    table = folder / "out" / "cameras.parquet"
+    train, held_out = read_split(table)
+    cameras = read_cameras(table)
+    rows = read_fitted_rows(table)
+    assert [cameras[row].name for row in rows] == [camera.name for camera in train]
+    if kind is blender:
+        assert [camera.name for camera in held_out] == [f"test_r_{i}" for i in range(VIEWS // 2)]
+        assert len(train) == VIEWS // 2
+    else:
+        assert [camera.name for camera in held_out] == ["0"]
+
+
+def test_photographs_without_a_pose_and_poses_without_a_photograph_are_named(given):
+    kind, folder, _, _ = given
+    warnings = read_capture(folder / "capture").warnings
+    if kind is instant_ngp:
+        assert any("missing: 8.png" in warning for warning in warnings)
+        assert any("has no poses of: extra.png" in warning for warning in warnings)
+    else:
+        assert warnings == ()
+
+
+def test_poses_can_be_solved_all_the_same(tmp_path):
+    llff(tmp_path, room_poses(VIEWS))
+    found = find_given_poses(tmp_path)
+    capture_photographs(tmp_path / "images", tmp_path / "capture", given=found)
+    (tmp_path / "out").mkdir()
+    config = CameraPosesConfig(poses="solved")
+    report = solve_camera_poses(tmp_path / "capture", tmp_path / "out", config, log_dir=tmp_path)
+    assert report.mapper in ("global", "incremental")
+
+
+def solved_with_rows(folder, change):
+    llff(folder, room_poses(VIEWS))
+    np.save(folder / "poses_bounds.npy", change(np.load(folder / "poses_bounds.npy")))
+    found = find_given_poses(folder)
+    capture_photographs(folder / "images", folder / "capture", given=found)
+    (folder / "out").mkdir()
+    return solve_camera_poses(folder / "capture", folder / "out", CameraPosesConfig())
+
+
+def test_poses_of_another_convention_are_refused(tmp_path):
+    """Camera from world where world from camera is wanted: another centre."""
+
+    def inverted(rows):
+        poses = rows[:, :15].reshape(-1, 3, 5)
+        poses[:, :, 3] = -np.einsum("nji,nj->ni", poses[:, :, :3], poses[:, :, 3])
+        return np.column_stack([poses.reshape(-1, 15), rows[:, 15:]])
+
+    with pytest.raises(InputError, match=r"poses_bounds\.npy: does not fit the photographs"):
+        solved_with_rows(tmp_path, inverted)
+
+
+def test_poses_in_the_wrong_order_are_told(tmp_path):
+    """Along an even arc the photograph's neighbour stood about as the photograph itself."""
+    report = solved_with_rows(tmp_path, lambda rows: np.roll(rows, 3, axis=0))
+    assert any("off on average" in warning for warning in report.warnings)
+
+
+def ngp_with(folder, **changes):
+    instant_ngp(folder, room_poses(3))
+    told = json.loads((folder / "transforms.json").read_text())
+    told["frames"][1] |= changes.pop("frame", {})
+    (folder / "transforms.json").write_text(json.dumps(told | changes))
+    return folder
+
+
+MIRROR = np.diag([1.0, 1.0, -1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"frame": {"transform_matrix": np.zeros((4, 4)).tolist()}}, "the pose of images/1.png"),
+        ({"frame": {"transform_matrix": MIRROR.tolist()}}, "singular, skewed or mirrored"),
+        ({"frame": {"transform_matrix": [[1, 2], [3, 4]]}}, "is not 3x4 or 4x4 finite numbers"),
+        ({"frame": {"transform_matrix": "none"}}, "is no transforms file"),
+        ({"fl_x": -1}, "tells an impossible lens"),
+        ({"fl_x": "wide"}, "tells no lens"),
+        ({"frames": []}, "has poses of 0 photographs"),
+        ({"frames": [{"file_path": "gone"}]}, "is no transforms file"),
+    ],
+)
+def test_a_transforms_file_that_cannot_be_used_is_told(tmp_path, changes, told):
+    with pytest.raises(InputError, match=told):
+        find_given_poses(ngp_with(tmp_path, **changes))
+
+
+def test_a_pose_with_a_scale_is_a_rotation_all_the_same(tmp_path):
+    matrix = np.array(as_opengl(room_poses(3)[1]))
+    matrix[:3, :3] *= 2.5
+    found = find_given_poses(ngp_with(tmp_path, frame={"transform_matrix": matrix.tolist()}))
+    np.testing.assert_allclose(found.views[1].world_from_camera, room_poses(3)[1], atol=1e-9)
+
+
+def test_a_matrix_of_three_rows_is_the_pose_that_four_are(tmp_path):
+    poses = room_poses(3)
+    three_rows = as_opengl(poses[1])[:3]
+    found = find_given_poses(ngp_with(tmp_path, frame={"transform_matrix": three_rows}))
+    for view, pose in zip(found.views, poses, strict=True):
+        np.testing.assert_allclose(view.world_from_camera, pose, atol=1e-9)
+
+
+def outside_by_dots(scene, elsewhere):
+    return f"../{elsewhere.name}/secret.png"
+
+
+def outside_by_its_path(scene, elsewhere):
+    return str(elsewhere / "secret.png")
+
+
+def outside_without_its_suffix(scene, elsewhere):
+    return f"../{elsewhere.name}/secret"
+
+
+def outside_by_a_link(scene, elsewhere):
+    (scene / "images" / "link.png").symlink_to(elsewhere / "secret.png")
+    return "images/link.png"
+
+
+def outside_by_a_linked_folder(scene, elsewhere):
+    (scene / "linked").symlink_to(elsewhere)
+    return "linked/secret.png"
+
+
+def outside_and_not_there(scene, elsewhere):
+    return f"../{elsewhere.name}/missing.png"
+
+
+def by_a_loop_of_links(scene, elsewhere):
+    (scene / "loop.png").symlink_to(scene / "loop.png")
+    return "loop.png"
+
+
+def by_no_name_of_a_file(scene, elsewhere):
+    return "images/\0.png"
+
+
+OUTSIDE = [
+    outside_by_dots,
+    outside_by_its_path,
+    outside_without_its_suffix,
+    outside_by_a_link,
+    outside_by_a_linked_folder,
+    outside_and_not_there,
+    by_a_loop_of_links,
+    by_no_name_of_a_file,
+]
+
+
+@pytest.mark.parametrize("name_of", OUTSIDE)
+def test_photographs_outside_the_scene_are_refused(tmp_path, name_of):
+    """They were copied into the store, and no key covered them."""
+    scene, elsewhere = tmp_path / "scene", tmp_path / "elsewhere"
+    scene.mkdir()
+    ngp_with(scene)
+    photographed(elsewhere, PINHOLE, room_poses(1), ["secret.png"])
+    ngp = json.loads((scene / "transforms.json").read_text())
+    ngp["frames"][1]["file_path"] = name_of(scene, elsewhere)
+    (scene / "transforms.json").write_text(json.dumps(ngp))
+    for read in (find_given_poses, scene_files):
+        with pytest.raises(InputError, match="names a photograph outside") as error:
+            read(scene)
+        assert "Copy the photographs" in error.value.remedy
+
+
+def test_a_colmap_model_that_names_photographs_outside_is_refused(tmp_path):
+    colmap(tmp_path, room_poses(3), text=True)
+    images = tmp_path / "sparse" / "0" / "images.txt"
+    images.write_text(images.read_text().replace(" 1.png", " ../../1.png"))
+    with pytest.raises(InputError, match="names a photograph outside"):
+        find_given_poses(tmp_path)
+
+
+def test_a_linked_folder_of_photographs_serves_a_colmap_model(tmp_path):
+    """The photographs' folder may lie on another disk: each file in it is in the key."""
+    colmap(tmp_path / "scene", room_poses(3))
+    (tmp_path / "scene" / "images").rename(tmp_path / "disk")
+    (tmp_path / "scene" / "images").symlink_to(tmp_path / "disk")
+    found = find_given_poses(tmp_path / "scene")
+    assert {view.file for view in found.views} <= set(scene_files(tmp_path / "scene" / "images"))
+
+
+def test_all_photographs_that_transforms_name_are_in_the_key(tmp_path):
+    """Also one whose name has no suffix of an image, and what a link within the scene leads to."""
+    ngp_with(tmp_path, frame={"file_path": "images/frame"})
+    (tmp_path / "images" / "1.png").rename(tmp_path / "images" / "frame")
+    (tmp_path / "linked").symlink_to(tmp_path / "images")
+    ngp = json.loads((tmp_path / "transforms.json").read_text())
+    ngp["frames"][2]["file_path"] = "linked/2.png"
+    (tmp_path / "transforms.json").write_text(json.dumps(ngp))
+    found = find_given_poses(tmp_path)
+    assert len(found.views) == 3
+    assert {view.file for view in found.views} <= set(scene_files(tmp_path))
+
+
+def test_a_colmap_model_that_is_garbage_is_told(tmp_path):
+    colmap(tmp_path, room_poses(3))
+    (tmp_path / "sparse" / "0" / "images.bin").write_bytes(b"garbage")
+    with pytest.raises(InputError, match="COLMAP model"):
+        find_given_poses(tmp_path)
+
+
+def test_without_poses_there_are_none(tmp_path):
+    photographed(tmp_path, PINHOLE, room_poses(3))
+    assert find_given_poses(tmp_path) is None
+
+
+def test_many_views_are_matched_with_their_neighbours_that_look_the_same_way():
+    """A ring of outward views: nobody is matched across it."""
+    angles = np.linspace(0, 2 * np.pi, 100, endpoint=False)
+    lens, views = Lens("PINHOLE", (1.0, 1.0, 0.5, 0.5), 1, 1), []
+    for angle in angles:
+        ahead = np.array([np.cos(angle), 0, np.sin(angle)])
+        right = np.array([-np.sin(angle), 0, np.cos(angle)])
+        pose = np.column_stack([right, np.cross(ahead, right), ahead, 3 * ahead])
+        views.append(GivenView(Path(), lens, pose))
+    pairs = neighbouring_pairs(views)
+    steps = [min(j - i, 100 - (j - i)) for i, j in pairs]
+    assert max(steps) == 10
+    assert len(pairs) == 1000

@@ -1,0 +1,22 @@
+import pytest
+
+from styletrf.capture.known_scenes import how_to_get
+
+
+@pytest.mark.parametrize(
+    ("name", "archive", "folder"),
+    [
+        ("horns", "nerf_llff_data.zip", "nerf_llff_data/horns/images"),
+        ("lego", "nerf_synthetic.zip", "nerf_synthetic/lego/train"),
+    ],
+)
+def test_public_scenes_are_known_with_archive_and_place(name, archive, folder):
+    told = how_to_get(name)
+    assert told is not None
+    assert archive in told
+    assert folder in told
+    assert f"scenes/{name}/images" in told
+
+
+def test_others_are_not():
+    assert how_to_get("my_garden") is None

@@ -1,0 +1,48 @@
+"""LLFF's table of poses: its axes, its pixels, its bounds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from styletrf.capture.poses.llff_poses import read_llff_poses
+from styletrf.errors import InputError
+from styletrf.geometry.cameras import project
+
+
+def row(down, right, back, center, height=40.0, width=60.0, focal=50.0, near=2.0, far=8.0):
+    matrix = np.column_stack([down, right, back, center, [height, width, focal]])
+    return np.concatenate([matrix.reshape(-1), [near, far]])
+
+
+LEVEL = row([0, -1, 0], [1, 0, 0], [0, 0, 1], [1, 2, 3])  # y up, looking along -z
+
+
+def written(tmp_path: Path, rows) -> Path:
+    np.save(tmp_path / "poses_bounds.npy", np.array(rows, dtype=np.float64))
+    return tmp_path / "poses_bounds.npy"
+
+
+def test_a_point_is_seen_where_the_axes_say(tmp_path):
+    (camera,) = read_llff_poses(written(tmp_path, [LEVEL]), ["a"], 60, 40)
+    ahead = np.array([1.0, 2.0, 3.0 - 5.0])
+    pixels, depth = project(camera, ahead + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    np.testing.assert_allclose(pixels, [[30, 20], [40, 20], [30, 10]])
+    np.testing.assert_allclose(depth, 5)
+
+
+def test_the_focal_length_follows_the_size_of_the_photographs(tmp_path):
+    (camera,) = read_llff_poses(written(tmp_path, [LEVEL]), ["a"], 30, 20)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (25, 25, 15, 10)
+
+
+@pytest.mark.parametrize("rows", [[LEVEL, LEVEL], [LEVEL[:16]], [LEVEL * np.nan]])
+def test_a_table_of_something_else_is_told(tmp_path, rows):
+    with pytest.raises(InputError, match=r"poses_bounds\.npy: is not 17 finite numbers"):
+        read_llff_poses(written(tmp_path, rows), ["a"], 60, 40)
+
+
+def test_a_file_that_is_no_table_is_told(tmp_path):
+    (tmp_path / "poses_bounds.npy").write_bytes(b"no table")
+    with pytest.raises(InputError, match="is no table of numbers"):
+        read_llff_poses(tmp_path / "poses_bounds.npy", ["a"], 60, 40)

@@ -1,0 +1,169 @@
+import hashlib
+import re
+
+import numpy as np
+import pytest
+from made_photographs import encoded, texture, with_exif
+
+from styletrf.capture.capture_file import read_capture
+from styletrf.capture.masks import read_mask
+from styletrf.capture.scene_capture import capture_photographs
+from styletrf.errors import InputError
+
+
+def photograph(seed, width=24, height=16):
+    return encoded(texture(height, width, seed))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    folder = tmp_path / "images"
+    folder.mkdir()
+    for index in (10, 9, 1):
+        (folder / f"view {index}.jpg").write_bytes(photograph(index))
+    return folder
+
+
+def test_the_users_bytes_are_kept_exactly(folder, tmp_path):
+    capture = capture_photographs(folder, tmp_path / "out")
+    assert [one.name for one in capture.photographs] == ["view 1", "view 9", "view 10"]
+    assert {path.name for path in (tmp_path / "out/images").iterdir()} == {
+        path.name for path in folder.iterdir()
+    }
+    for one in capture.photographs:
+        data = (tmp_path / "out/images" / one.file).read_bytes()
+        assert data == (folder / one.file).read_bytes()
+        assert (one.size_bytes, one.sha256) == (len(data), hashlib.sha256(data).hexdigest())
+    assert not capture.warnings
+
+
+def test_the_table_reads_back_and_is_the_same_every_time(folder, tmp_path):
+    capture = capture_photographs(folder, tmp_path / "a")
+    capture_photographs(folder, tmp_path / "b")
+    assert read_capture(tmp_path / "a") == capture
+    one, other = ((tmp_path / out / "capture.json").read_bytes() for out in "ab")
+    assert one == other
+
+
+def test_sizes_are_those_of_the_upright_photographs(folder, tmp_path):
+    for path in folder.iterdir():
+        path.write_bytes(with_exif(path.read_bytes(), orientation=6))
+    capture = capture_photographs(folder, tmp_path / "out")
+    assert {(one.width, one.height) for one in capture.photographs} == {(16, 24)}
+
+
+def test_names_stay_apart_where_only_suffixes_differ(folder, tmp_path):
+    (folder / "view 1.png").write_bytes(encoded(texture(16, 24), ".png"))
+    names = [one.name for one in capture_photographs(folder, tmp_path / "out").photographs]
+    assert names == ["view 1.jpg", "view 1.png", "view 9.jpg", "view 10.jpg"]
+
+
+def test_damaged_photographs_are_left_out_by_name_where_most_are_whole(folder, tmp_path):
+    (folder / "short.jpg").write_bytes(photograph(5)[:-50])
+    (folder / "text.png").write_bytes(b"no image")
+    capture = capture_photographs(folder, tmp_path / "out")
+    assert [one.name for one in capture.photographs] == ["view 1", "view 9", "view 10"]
+    assert len(capture.warnings) == 2
+    assert "short.jpg" in capture.warnings[0]
+    assert "text.png" in capture.warnings[1]
+    assert len([*(tmp_path / "out/images").iterdir()]) == 3
+
+
+@pytest.mark.parametrize("damaged", [1, 4])
+def test_all_damaged_photographs_are_named_where_too_few_are_whole(folder, tmp_path, damaged):
+    whole = sorted(folder.iterdir())
+    if damaged == 1:  # two of three are whole, and three are needed
+        whole[0].write_bytes(b"")
+    for index in range(damaged - 1 if damaged == 1 else damaged):
+        (folder / f"damaged {index}.jpg").write_bytes(b"")
+    with pytest.raises(InputError) as refusal:
+        capture_photographs(folder, tmp_path / "out")
+    assert all(
+        path.name in refusal.value.problem for path in folder.iterdir() if not path.read_bytes()
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_photographs_of_several_sizes_are_one_capture(folder, tmp_path):
+    (folder / "tall.jpg").write_bytes(photograph(6, 16, 24))
+    capture = capture_photographs(folder, tmp_path / "out")
+    sizes = {one.name: (one.width, one.height) for one in capture.photographs}
+    assert sizes["tall"] == (16, 24)
+    assert sizes["view 1"] == (24, 16)
+    assert not capture.warnings
+
+
+def test_photographs_lie_in_folders_in_folders(folder, tmp_path):
+    files = ["second/walk/view 1.jpg", "masks/view 1.jpg", "images_4/view 1.jpg", ".trash/x.jpg"]
+    for index, name in enumerate(files):
+        (folder / name).parent.mkdir(parents=True)
+        (folder / name).write_bytes(photograph(20 + index))
+    capture = capture_photographs(folder, tmp_path / "out")
+    assert sorted(one.name for one in capture.photographs) == [
+        "second_walk_view 1", "view 1", "view 10", "view 9",
+    ]  # fmt: skip
+
+
+def test_what_is_named_is_left_out(folder, tmp_path):
+    for index in range(2, 6):
+        (folder / f"view {index}.jpg").write_bytes(photograph(index))
+    capture = capture_photographs(folder, tmp_path / "out", leave_out=["view 1*", "view 3.jpg"])
+    names = [one.name for one in capture.photographs]
+    assert names == ["view 2", "view 4", "view 5", "view 9"]
+
+
+def test_a_name_to_leave_out_that_is_none_is_refused(folder, tmp_path):
+    with pytest.raises(InputError, match="viwe"):
+        capture_photographs(folder, tmp_path / "out", leave_out=["viwe 1"])
+
+
+def test_long_lists_are_cut(folder, tmp_path):
+    for index in range(13):
+        (folder / f"same{index}.jpg").write_bytes(photograph(1))
+    (warning,) = capture_photographs(folder, tmp_path / "out").warnings
+    assert re.search(r"same0.jpg.* and \d+ more", warning)
+
+
+def test_duplicates_and_files_to_be_converted_are_warned_of(folder, tmp_path):
+    (folder / "copy.jpg").write_bytes((folder / "view 9.jpg").read_bytes())
+    (folder / "raw.NEF").touch()
+    warnings = capture_photographs(folder, tmp_path / "out").warnings
+    assert any("copy.jpg, view 9.jpg" in warning for warning in warnings)
+    assert any("raw.NEF" in warning for warning in warnings)
+    assert len(warnings) == 2
+
+
+def test_progress_counts_the_photographs(folder, tmp_path):
+    calls = []
+    capture_photographs(folder, tmp_path / "out", lambda done, total: calls.append((done, total)))
+    assert calls == [(0, 3), (1, 3), (2, 3), (3, 3)]
+
+
+def with_mask(folder, mask, name="view 1.png"):
+    (folder / "masks").mkdir()
+    (folder / "masks" / name).write_bytes(encoded(mask, ".png"))
+
+
+@pytest.mark.parametrize("name", ["view 1.png", "view 1.jpg.png"])
+def test_a_mask_is_kept_with_its_photograph(folder, tmp_path, name):
+    mask = np.zeros((16, 24), np.uint8)
+    mask[:, 12:] = 255
+    with_mask(folder, mask, name)
+    capture = capture_photographs(folder, tmp_path / "out")
+    assert len(capture.photographs) == 3
+    assert [path.name for path in (tmp_path / "out/masks").iterdir()] == ["view 1.png"]
+    assert (read_mask(tmp_path / "out/masks/view 1.png") == (mask > 0)).all()
+
+
+@pytest.mark.parametrize(
+    ("mask", "problem"),
+    [
+        (np.zeros((16, 24), np.uint8), "black all over"),
+        (np.full((8, 8), 255, np.uint8), "8x8.*24x16"),
+    ],
+)
+def test_what_is_no_mask_of_its_photograph_is_refused(folder, tmp_path, mask, problem):
+    with_mask(folder, mask)
+    with pytest.raises(InputError, match=problem):
+        capture_photographs(folder, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,155 @@
+from pathlib import Path
+
+import pytest
+
+from styletrf.capture.user_folders import (
+    find_content,
+    find_scene,
+    find_style,
+    scene_files,
+    scene_videos,
+)
+from styletrf.errors import InputError
+
+
+@pytest.fixture
+def data(tmp_path):
+    for scene in ("garden10", "garden9"):
+        (tmp_path / "scenes" / scene / "images").mkdir(parents=True)
+    (tmp_path / "scenes" / "empty").mkdir()
+    (tmp_path / "styles").mkdir()
+    for style in ("waves.jpg", "dots.PNG", "both.jpg", "both.png", "note.txt", ".hidden.jpg"):
+        (tmp_path / "styles" / style).touch()
+    return tmp_path
+
+
+def test_what_exists_is_found(data):
+    assert find_scene(data, "garden9") == data / "scenes/garden9/images"
+    assert find_style(data, "waves") == data / "styles/waves.jpg"
+    assert find_style(data, "dots") == data / "styles/dots.PNG"
+    assert find_style(data, "both.png") == data / "styles/both.png"
+
+
+@pytest.mark.parametrize("find", [find_scene, find_style])
+@pytest.mark.parametrize(
+    "name", ["", ".", "..", "a/b", "/etc", "../x", ".hidden", "a..b", "a\\b", "a\nb", "a\0"]
+)
+def test_names_that_leave_the_folder_are_refused(data, find, name):
+    with pytest.raises(InputError, match="plain name"):
+        find(data, name)
+
+
+@pytest.mark.parametrize("name", ["nowhere", "empty"])
+def test_a_missing_scene_is_answered_with_those_that_exist(data, name):
+    with pytest.raises(InputError, match=r"garden9, garden10\).*scenes/" + name):
+        find_scene(data, name)
+
+
+def test_photographs_may_lie_in_the_scenes_own_folder(data):
+    (data / "scenes" / "empty" / "1.JPG").touch()
+    assert find_scene(data, "empty") == data / "scenes/empty"
+
+
+@pytest.mark.parametrize("place", ["walk.mp4", "walk/film.MOV", "walk/images/film.webm"])
+def test_a_video_is_a_scene(data, place):
+    video = data / "scenes" / place
+    video.parent.mkdir(parents=True, exist_ok=True)
+    video.touch()
+    assert find_scene(data, "walk") == video
+    with pytest.raises(InputError, match=r"garden10, walk\)"):
+        find_scene(data, "nowhere")
+
+
+@pytest.mark.parametrize("names", [("empty.mp4", "empty/a.mov"), ("empty.mp4", "empty.webm")])
+def test_two_videos_that_may_be_two_scenes_are_not_guessed_between(data, names):
+    for name in names:
+        (data / "scenes" / name).touch()
+    told = ", ".join(sorted(Path(name).name for name in names))
+    with pytest.raises(InputError, match=f"several videos: {told}"):
+        find_scene(data, "empty")
+
+
+@pytest.mark.parametrize("place", ["empty", "garden9/images"])
+def test_the_videos_of_a_folder_are_one_scene(data, place):
+    folder = data / "scenes" / place
+    for name in ("clip10.mp4", "clip9.MOV", ".hidden.mp4", "notes.txt"):
+        (folder / name).touch()
+    found = find_scene(data, place.partition("/")[0])
+    assert found == folder
+    assert [video.name for video in scene_videos(found)] == ["clip9.MOV", "clip10.mp4"]
+    assert scene_files(found) == scene_videos(found)
+    (folder / "1.jpg").touch()
+    assert scene_videos(found) == []
+
+
+def test_a_video_beside_photographs_is_passed_over(data):
+    for name in ("empty/a.mov", "empty/1.jpg"):
+        (data / "scenes" / name).touch()
+    assert find_scene(data, "empty") == data / "scenes/empty"
+
+
+def test_a_public_scene_is_answered_with_its_archive(data):
+    with pytest.raises(InputError, match=r"garden9.*nerf_llff_data\.zip.*" + str(data)):
+        find_scene(data, "fern")
+
+
+def test_a_missing_style_is_answered_with_those_that_exist(data):
+    with pytest.raises(InputError, match=r"no such style.*both, dots, waves"):
+        find_style(data, "nothing")
+
+
+def test_a_text_file_is_no_style(data):
+    with pytest.raises(InputError, match=r"note\.txt is not an image"):
+        find_style(data, "note")
+
+
+def test_two_images_of_one_name_are_not_guessed_between(data):
+    with pytest.raises(InputError, match=r"both\.jpg, both\.png"):
+        find_style(data, "both")
+
+
+def test_no_data_at_all_is_told(tmp_path):
+    with pytest.raises(InputError, match="none"):
+        find_scene(tmp_path, "garden")
+    with pytest.raises(InputError, match="none"):
+        find_style(tmp_path, "waves")
+
+
+@pytest.fixture
+def content(tmp_path):
+    (tmp_path / "content").mkdir()
+    for name in ("README.txt", ".fetched/x/a.jpg", "annotations/notes.txt"):
+        (tmp_path / "content" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "content" / name).touch()
+    return tmp_path / "content"
+
+
+@pytest.mark.parametrize("name", ["photos/sub/a.JPG", "train.zip", "instances.json"])
+def test_the_usual_content_is_what_can_be_content(content, name):
+    assert find_content(content.parent, "auto") is None
+    (content / name).parent.mkdir(parents=True, exist_ok=True)
+    (content / name).touch()
+    found = content / name.partition("/")[0]
+    assert find_content(content.parent, "auto") == found
+    assert find_content(content.parent, found.name) == found
+    assert find_content(content.parent, "embedded") is None
+
+
+def test_images_that_lie_in_the_folder_itself_are_the_content(content):
+    (content / "a.jpg").touch()
+    assert find_content(content.parent, "auto") == content
+
+
+def test_several_contents_are_not_guessed_between(content):
+    (content / "train.zip").touch()
+    (content / "val.zip").touch()
+    with pytest.raises(InputError, match=r"train\.zip, val\.zip.*--content"):
+        find_content(content.parent, "auto")
+
+
+def test_content_elsewhere_is_a_path(content, tmp_path):
+    assert find_content(content.parent, str(tmp_path)) == tmp_path
+
+
+def test_no_content_folder_is_no_content(tmp_path):
+    assert find_content(tmp_path, "auto") is None

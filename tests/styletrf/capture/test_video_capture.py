@@ -1,0 +1,165 @@
+"""A video of the courtyard as a capture."""
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from styletrf.capture.capture_file import read_capture
+from styletrf.capture.clips.video_capture import capture_videos
+from styletrf.errors import InputError
+from styletrf.files.images import read_rgb
+from styletrf.files.video import timed_frames, video_frames, write_video
+from styletrf.geometry.cameras import Camera
+from styletrf.synthetic.courtyard.capture import CourtyardConfig, render_view
+from styletrf.synthetic.courtyard.paths import _looking_at
+
+SIZE = (160, 120)
+
+
+def filmed(centers, targets):
+    """What a camera sees that goes so."""
+    poses = _looking_at(centers, targets, np.random.default_rng(1))
+    width, height = SIZE
+    config = CourtyardConfig(width=width, height=height)
+    intrinsics = (0.85 * width, 0.85 * width, width / 2, height / 2)
+    cameras = [Camera("", width, height, *intrinsics, pose) for pose in poses]
+    return [render_view(camera, config)[0] for camera in cameras]
+
+
+@pytest.fixture(scope="module")
+def walk():
+    t = np.linspace(-1, 1, 24)[:, None]
+    return filmed(t * [1.0, 0, 0] + [0, -3.5, 1.6], np.repeat([[0, 2.0, 1.0]], 24, axis=0))
+
+
+def test_frames_of_a_walk_are_photographs(walk, tmp_path):
+    write_video(tmp_path / "walk.mp4", walk, 12)
+    capture = capture_videos([tmp_path / "walk.mp4"], tmp_path / "out", 8)
+    assert capture == read_capture(tmp_path / "out")
+    assert capture.warnings == ()
+    assert [photograph.name for photograph in capture.photographs] == [
+        f"{number:04d}" for number in range(1, 9)
+    ]
+    frames = list(video_frames(tmp_path / "walk.mp4"))
+    for photograph in capture.photographs:
+        image = np.rint(255 * read_rgb(tmp_path / "out" / "images" / photograph.file))
+        assert np.abs(image - frames[round(12 * photograph.time_s)]).max() == 0
+        assert (photograph.clip, photograph.shot) == ("walk.mp4", 0)
+
+
+def test_several_clips_are_one_scene_and_each_frame_knows_its_clip(walk, tmp_path):
+    for name, frames in {"b.mp4": walk[:15], "a.webm": walk[10:]}.items():
+        write_video(tmp_path / name, frames, 12)
+    clips = [tmp_path / "a.webm", tmp_path / "b.mp4"]
+    capture = capture_videos(clips, tmp_path / "out", 12)
+    assert capture == read_capture(tmp_path / "out")
+    assert {photograph.clip for photograph in capture.photographs} == {"a.webm", "b.mp4"}
+    names = [photograph.name for photograph in capture.photographs]
+    assert names == sorted(names)
+    assert {"a_0001", "b_0001"} <= set(names)
+    order = [(photograph.clip, photograph.time_s) for photograph in capture.photographs]
+    assert order == sorted(order)
+
+
+def test_clips_of_one_name_and_several_formats_keep_their_frames_apart(walk, tmp_path):
+    clips = [tmp_path / "a.mp4", tmp_path / "a.webm"]
+    for clip in clips:
+        write_video(clip, walk, 12)
+    photographs = capture_videos(clips, tmp_path / "out", 8).photographs
+    assert len({photograph.name for photograph in photographs}) == len(photographs)
+
+
+def test_clips_of_several_sizes_are_one_scene(walk, tmp_path):
+    write_video(tmp_path / "a.mp4", walk, 12)
+    write_video(tmp_path / "b.mp4", [frame[:100] for frame in walk], 12)
+    clips = [tmp_path / "a.mp4", tmp_path / "b.mp4"]
+    photographs = capture_videos(clips, tmp_path / "out", 8).photographs
+    assert {(one.clip, one.height) for one in photographs} == {("a.mp4", 120), ("b.mp4", 100)}
+
+
+def test_a_file_cut_short_is_used_as_far_as_it_goes(walk, tmp_path):
+    write_video(tmp_path / "a.mp4", walk, 12)
+    content = (tmp_path / "a.mp4").read_bytes()
+    (tmp_path / "a.mp4").write_bytes(content[: 3 * len(content) // 4])
+    capture = capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 5)
+    assert len(capture.photographs) == 5
+    assert capture.photographs[-1].time_s < 1.7
+    assert any("breaks off" in warning for warning in capture.warnings)
+
+
+def test_a_file_cut_short_before_three_frames_is_refused(walk, tmp_path):
+    write_video(tmp_path / "a.mp4", walk, 12)
+    content = (tmp_path / "a.mp4").read_bytes()
+    (tmp_path / "a.mp4").write_bytes(content[: content.index(b"mdat") + 100])
+    with pytest.raises(InputError, match="no frame that can be decoded"):
+        capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 5)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_video_of_one_or_two_frames_is_refused(walk, tmp_path, count):
+    write_video(tmp_path / "a.mp4", walk[: 12 * count : 12], 12)
+    with pytest.raises(InputError, match=r"2 frames|keeps still"):
+        capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 8)
+
+
+def test_times_are_those_of_the_file_where_frames_come_unevenly(walk, tmp_path):
+    ticks = np.cumsum([0, 1, 1, 1, 7, 1, 3, 20, 1, 1])
+    with av.open(str(tmp_path / "a.mp4"), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.height, stream.width, stream.pix_fmt = 120, 160, "yuv420p"
+        for tick, pixels in zip(ticks, walk, strict=False):
+            frame = av.VideoFrame.from_ndarray(pixels, format="rgb24")
+            frame.pts = int(tick)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    times_s = [frame.time_s for frame in timed_frames(tmp_path / "a.mp4")]
+    np.testing.assert_allclose(times_s, ticks / 10, atol=1e-3)
+
+
+def test_more_frames_than_there_are_is_told(walk, tmp_path):
+    write_video(tmp_path / "walk.webm", walk[:6], 12)
+    capture = capture_videos([tmp_path / "walk.webm"], tmp_path / "out", 50)
+    assert len(capture.photographs) == 6
+    assert "gives 6 frames that differ, not 50" in capture.warnings[0]
+
+
+def test_a_turn_on_the_spot_is_told(tmp_path):
+    angle = np.linspace(-0.5, 0.5, 24)
+    center = np.array([0, -3.5, 1.6])
+    ahead = np.stack([4 * np.sin(angle), 4 * np.cos(angle), 0 * angle - 0.5], axis=-1)
+    write_video(tmp_path / "turn.mp4", filmed(np.repeat(center[None], 24, 0), center + ahead), 12)
+    (warning,) = capture_videos([tmp_path / "turn.mp4"], tmp_path / "out", 8).warnings
+    assert "turn.mp4 hardly has parallax" in warning
+
+
+def test_a_blurred_video_is_told(walk, tmp_path):
+    blurred = [cv2.GaussianBlur(frame, (0, 0), 5.0) for frame in walk]
+    write_video(tmp_path / "a.mp4", blurred, 12)
+    warnings = capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 8).warnings
+    assert any("blurred throughout" in warning for warning in warnings)
+
+
+def test_what_is_no_video_is_refused(tmp_path):
+    (tmp_path / "a.mp4").write_bytes(b"none")
+    with pytest.raises(InputError, match=r"a\.mp4.*video"):
+        capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 8)
+
+
+@pytest.mark.parametrize("degrees", [0, 90, 180, -90])
+def test_frames_are_upright_as_the_phone_was_held(tmp_path, degrees):
+    """The top third of the scene is bright, however the sensor lay."""
+    upright = np.zeros((96, 64, 3), np.uint8)
+    upright[:32] = 255
+    lying = np.ascontiguousarray(np.rot90(upright, -degrees // 90))
+    with av.open(str(tmp_path / "a.mp4"), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.height, stream.width = lying.shape[:2]
+        stream.pix_fmt = "yuv420p"
+        stream.set_display_rotation(degrees)
+        for _ in range(3):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(lying, format="rgb24")))
+        container.mux(stream.encode(None))
+    for frame in video_frames(tmp_path / "a.mp4"):
+        assert frame.shape == upright.shape
+        assert np.abs(frame.astype(int) - upright).mean() < 8

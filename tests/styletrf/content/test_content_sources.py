@@ -1,0 +1,63 @@
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from styletrf.content.content_sources import embedded_source, folder_source, zip_source
+from styletrf.errors import InputError
+
+
+def test_folder_is_searched_to_its_depth_in_a_fixed_order(tmp_path: Path):
+    for name in ("b.JPG", "a/z.png", "a/notes.txt", ".hidden/x.jpg", "a/.y.jpg"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+    source = folder_source(tmp_path)
+    assert source.names == ("a/z.png", "b.JPG")
+    assert source.read("a/z.png") == b"a/z.png"
+
+
+def test_zip_is_read_without_unpacking(tmp_path: Path):
+    with zipfile.ZipFile(tmp_path / "train.zip", "w") as archive:
+        for name in ("train/2.jpg", "train/1.jpg", "train/readme.txt", "__MACOSX/._1.jpg"):
+            archive.writestr(name, name)
+    source = zip_source(tmp_path / "train.zip")
+    assert source.names == ("train/1.jpg", "train/2.jpg")
+    assert source.read("train/2.jpg") == b"train/2.jpg"
+    assert [file.name for file in tmp_path.iterdir()] == ["train.zip"]
+
+
+def test_embedded_images_follow_the_seed_and_their_number(tmp_path: Path):
+    photograph = tmp_path / "a.jpg"
+    photograph.write_bytes(b"a photograph")
+    small, large = (embedded_source([photograph], n, seed=3) for n in (2, 4))
+    assert small.names == ("photograph-a.jpg", "procedural-00000", "procedural-00001")
+    assert small.read("photograph-a.jpg") == b"a photograph"
+    assert small.read("procedural-00001") == large.read("procedural-00001")
+    assert small.read("procedural-00001") != small.read("procedural-00000")
+    assert large.read("procedural-00001") != embedded_source([], 2, seed=4).read("procedural-00001")
+    decoded = cv2.imdecode(
+        np.frombuffer(small.read("procedural-00000"), np.uint8), cv2.IMREAD_COLOR
+    )
+    assert decoded is not None
+
+
+@pytest.mark.parametrize("kind", ["absent", "text", "empty"])
+def test_no_zip_of_images_is_an_input_error(tmp_path: Path, kind: str):
+    path = tmp_path / "train.zip"
+    if kind == "text":
+        path.write_text("not a zip")
+    elif kind == "empty":
+        zipfile.ZipFile(path, "w").close()
+    with pytest.raises(InputError, match=r"train\.zip"):
+        zip_source(path)
+
+
+def test_no_folder_of_images_is_an_input_error(tmp_path: Path):
+    with pytest.raises(InputError, match="holds no image"):
+        folder_source(tmp_path)
+    with pytest.raises(InputError, match="is not a folder"):
+        folder_source(tmp_path / "absent")
+    with pytest.raises(InputError, match="holds no image"):
+        embedded_source([], 0, seed=0)

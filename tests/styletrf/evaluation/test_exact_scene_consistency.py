@@ -1,0 +1,113 @@
+"""The measures of consistency on the embedded scene, whose depth and flow are exact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from styletrf.evaluation.consistency import ConsistencyConfig, measure_consistency
+from styletrf.evaluation.flow import METHODS, FlowEstimator
+from styletrf.evaluation.frame_pairs import Frame
+from styletrf.evaluation.perceptual_distance import Perception
+from styletrf.files.float_images import FloatImage
+from styletrf.geometry.cameras import pixel_centers
+from styletrf.geometry.exact_flow import exact_flow
+from styletrf.synthetic.courtyard import CourtyardConfig, courtyard_cameras, render_view
+
+CONFIG = CourtyardConfig(width=120, height=90)
+FRAMES = 4
+
+
+@pytest.fixture(scope="module")
+def views():
+    """A slow pan past the fountain: cameras, float images, and the world point of each pixel."""
+    start = courtyard_cameras(CONFIG)[0]
+    cameras, images, points = [], [], []
+    for k in range(FRAMES):
+        pose = start.world_from_camera.copy()
+        pose[:, 3] += 0.04 * k * pose[:, 0]
+        camera = replace(start, name=f"{k}", world_from_camera=pose)
+        color, depth = render_view(camera, CONFIG)
+        whole = np.ones(depth.shape, np.float32)
+        cameras.append(camera)
+        images.append(FloatImage((color / 255).astype(np.float32), whole, depth.astype(np.float32)))
+        points.append(_points(camera, depth))
+    return cameras, images, points
+
+
+def _points(camera, depth):
+    on_plane = (pixel_centers(camera.width, camera.height) - [camera.cx, camera.cy]) / camera.fx
+    rays = np.column_stack([on_plane, np.ones(len(on_plane))]) @ camera.world_from_camera[:, :3].T
+    far = np.where(np.isfinite(depth), depth, 1e3).reshape(-1, 1)
+    return (rays * far + camera.center_world).reshape(*depth.shape, 3)
+
+
+def painted(points, frequency=1.5):
+    """A stylisation that is a texture of the world: perfectly consistent."""
+    return (0.5 + 0.4 * np.sin(frequency * points)).astype(np.float32)
+
+
+def measured(views, stylized, vgg, **options):
+    cameras, images, _ = views
+    frames = [Frame(*parts) for parts in zip(cameras, images, stylized, strict=True)]
+    config = ConsistencyConfig(deltas=(1,), perceptual_px=32, **options)
+    told = measure_consistency(frames, FRAMES, stylized[0], Perception(vgg, 32), config)
+    return told.summary["delta_1"]
+
+
+def test_a_consistent_stylisation_scores_at_the_floor(views, vgg):
+    told = measured(views, [painted(p) for p in views[2]], vgg)
+    assert told["geometric_fraction"] > 0.7
+    assert told["geometric_error"] <= told["geometric_floor"]
+    assert told["normalized_error"] <= told["normalized_floor"]
+
+
+def test_a_warp_that_is_a_pixel_off_is_far_from_the_floor(views, vgg):
+    """So that a stylisation at the floor says something of the warp, too."""
+    cameras, images, points = views
+    steady = measured(views, [painted(p, 8) for p in points], vgg)
+    moved = [replace(camera, cx=camera.cx + k) for k, camera in enumerate(cameras)]
+    off = measured((moved, images, points), [painted(p, 8) for p in points], vgg)
+    assert off["geometric_error"] > 10 * steady["geometric_error"]
+
+
+@pytest.mark.parametrize("method", [m for m in METHODS if m != "raft"])
+def test_the_flow_of_pictures_is_near_the_exact_one(views, method):
+    cameras, images, _ = views
+    exact, seen = exact_flow(cameras[0], images[0].depth, cameras[-1], images[-1].depth, 0.02)
+    found = FlowEstimator(method)(images[0].color, images[-1].color)
+    errors_px = np.linalg.norm(found - exact, axis=-1)[seen]
+    moved_px = np.linalg.norm(exact, axis=-1)[seen]
+    assert np.median(errors_px) < 0.2 * np.median(moved_px)
+
+
+def test_flicker_of_all_of_a_frame_is_recovered(views, vgg):
+    """Each frame brighter or darker by a known amount: its mean square, above the floor."""
+    change = np.random.default_rng(0).normal(0, 0.08, FRAMES).astype(np.float32)
+    still = [painted(p) for p in views[2]]
+    steady = measured(views, still, vgg)
+    told = measured(views, [s + c for s, c in zip(still, change, strict=True)], vgg)
+    injected = float(np.mean(np.diff(change) ** 2))
+    found = told["geometric_error"] - steady["geometric_error"]
+    assert found == pytest.approx(injected, rel=0.05)
+
+
+def test_flicker_of_every_pixel_is_recovered(views, vgg):
+    """Noise of known variance: once as it is, once as the bilinear warp smooths it."""
+    sigma, random = 0.1, np.random.default_rng(0)
+    still = [painted(p) for p in views[2]]
+    noisy = [s + random.normal(0, sigma, s.shape).astype(np.float32) for s in still]
+    kept = np.mean([_energy_kept(views, k) for k in range(FRAMES - 1)])
+    steady, told = (measured(views, frames, vgg) for frames in (still, noisy))
+    found = told["geometric_error"] - steady["geometric_error"]
+    assert found == pytest.approx((1 + kept) * sigma**2, rel=0.05)
+
+
+def _energy_kept(views, k):
+    """The mean over what is seen of the squared weights with which four pixels are mixed."""
+    cameras, images, _ = views
+    a, b = k, k + 1
+    flow, seen = exact_flow(cameras[a], images[a].depth, cameras[b], images[b].depth, 0.02)
+    x, y = np.moveaxis(flow - np.floor(flow), -1, 0)
+    kept = ((1 - x) ** 2 + x**2) * ((1 - y) ** 2 + y**2)
+    return kept[seen].mean()

@@ -1,0 +1,64 @@
+"""Photographs without a camera, as the lens of the scene shows them, and what is written."""
+
+import json
+
+import numpy as np
+import pytest
+
+from styletrf.capture.scene_capture import capture_photographs
+from styletrf.content.procedural_images import procedural_image
+from styletrf.evaluation.alignment.photograph_placement import (
+    PhotographPlacement,
+    unplaced_photographs,
+    write_placements,
+)
+from styletrf.files.images import write_png
+from styletrf.files.tables import read_summary, write_summary
+from styletrf.geometry.camera_table import write_cameras
+from styletrf.geometry.cameras import Camera
+
+LENS = {"camera_model": "SIMPLE_RADIAL", "camera_params": [70.0, 32.0, 24.0, 0.0]}
+
+
+def view(name: str) -> Camera:
+    return Camera(name, 64, 48, 70.0, 70.0, 32.0, 24.0, np.eye(3, 4))
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A capture of five photographs, two of them upright, and poses of the first three."""
+    photographs, capture, poses = (tmp_path / name for name in ("scene", "capture", "poses"))
+    rng = np.random.default_rng(0)
+    sizes = {"a": (96, 128), "b": (96, 128), "c": (128, 96), "lost": (96, 128), "tall": (128, 96)}
+    for folder in (photographs, capture, poses):
+        folder.mkdir()
+    for name, size in sizes.items():
+        write_png(photographs / f"{name}.png", procedural_image(rng, *size), compression=1)
+    capture_photographs(photographs, capture)
+    write_cameras(poses / "cameras.parquet", [view(n) for n in "abc"], ["lost", "tall"])
+    write_summary(poses / "poses.json", LENS | {"width": 64, "height": 48})
+    return capture, poses
+
+
+def test_only_photographs_of_the_shape_of_the_lens_are_looked_for(scene):
+    ((camera, image),) = unplaced_photographs(*scene)
+    assert camera.name == "lost"
+    assert image.shape == (48, 64, 3)
+    assert (camera.width, camera.height) == (64, 48)
+    assert camera.fx == pytest.approx(70.0)
+    assert 0 <= image.min() < image.max() <= 1
+
+
+def test_poses_are_written_in_the_world_of_the_poses_and_only_of_what_is_placed(tmp_path):
+    normalized_from_world = np.diag([2.0, 2.0, 2.0, 1.0])
+    moved = Camera("near", 64, 48, 70.0, 70.0, 32.0, 24.0, np.eye(3, 4, k=0))
+    moved.world_from_camera[:, 3] = 4.0
+    placements = [
+        PhotographPlacement(moved, 0.9, 0.7),
+        PhotographPlacement(view("foreign"), 0.1, 0.7),
+    ]
+    write_placements(tmp_path / "placed.json", placements, normalized_from_world)
+    rows = read_summary(tmp_path / "placed.json")
+    assert np.array(rows["near"]["world_from_camera"])[:, 3] == pytest.approx([2.0, 2.0, 2.0])
+    assert "world_from_camera" not in rows["foreign"]
+    assert json.dumps(rows["foreign"], sort_keys=True) == '{"detail": 0.1, "needed": 0.7}'

@@ -1,0 +1,70 @@
+"""Occupancy: where density is and one voxel around, never nowhere."""
+
+import pytest
+import torch
+
+from styletrf.field.field_config import FieldConfig
+from styletrf.field.kernels import kernels_for
+from styletrf.field.occupancy import occupied_voxels
+from styletrf.field.radiance_field import Density
+
+KERNELS = kernels_for(torch.device("cpu"))
+
+
+def slab(opaque: float = 40.0) -> Density:
+    """Opaque in the upper half of x, empty in the lower."""
+    density = Density(FieldConfig((1, 1, 1), (1, 1, 1)), (17, 17, 17))
+    with torch.no_grad():
+        for factor in density.factors.parameters():
+            factor.zero_()
+        density.factors.planes[0][:, 9:] = opaque
+        density.factors.lines[0].fill_(1)
+    return density
+
+
+def test_it_is_where_the_density_is_and_one_voxel_around():
+    occupied = occupied_voxels(slab(), KERNELS, 0.05, 0.01)
+    assert occupied.shape == (8, 8, 8)
+    assert occupied.unique_consecutive(dim=0)[:, 0, 0].tolist() == [0, 1]
+    assert occupied[:3].sum() == 0
+    assert occupied[3:].all()
+
+
+def test_more_is_occupied_at_a_lower_opacity_and_a_longer_step():
+    generator = torch.Generator().manual_seed(0)
+    density = Density(FieldConfig((4, 4, 4), (1, 1, 1)), (17, 17, 17), generator)
+
+    def count(step_length, min_alpha):
+        return int(occupied_voxels(density, KERNELS, step_length, min_alpha).sum())
+
+    assert count(0.01, 0.02) >= count(0.01, 0.05)
+    assert count(0.02, 0.05) >= count(0.01, 0.05)
+
+
+@pytest.mark.extremes("Occupancy")
+def test_where_nothing_is_everything_counts_as_occupied():
+    assert occupied_voxels(slab(opaque=0.0), KERNELS, 0.05, 0.5).all()
+
+
+@pytest.mark.extremes("Occupancy")
+def test_a_lattice_of_one_point_has_an_occupancy():
+    density = Density(FieldConfig((1, 1, 1), (1, 1, 1)), (1, 1, 1))
+    assert occupied_voxels(density, KERNELS, 0.1, 0.01).shape == (2, 2, 2)
+
+
+def test_what_is_settled_has_no_neighbours():
+    occupied = occupied_voxels(slab(), KERNELS, 0.05, 0.01, settled=True)
+    assert occupied.shape == (8, 8, 8)
+    assert occupied[:4].sum() == 0
+    assert occupied[4:].all()
+
+
+def test_what_is_settled_is_seen_off_the_centres_of_voxels():
+    """A wall thinner than a voxel, between the centres of two."""
+    density = slab()
+    with torch.no_grad():
+        density.factors.planes[0].zero_()
+        density.factors.planes[0][:, 9] = 40.0
+    occupied = occupied_voxels(density, KERNELS, 0.05, 0.9, settled=True)
+    assert occupied.any()
+    assert occupied.sum() < 3 * 8 * 8

@@ -1,0 +1,37 @@
+"""From coarse to fine."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from styletrf.field.training.schedule import decay, march_step, stage_resolution
+from styletrf.geometry.space import Space
+
+
+def test_the_grid_grows_geometrically_to_the_final_resolution():
+    final = (300, 200, 100)
+    stages = [stage_resolution(final, 10**3, k, 4) for k in range(5)]
+    assert stages[-1] == final
+    ratios = [math.prod(b) / math.prod(a) for a, b in itertools.pairwise(stages)]
+    assert ratios == pytest.approx([(300 * 200 * 100 / 1000) ** 0.25] * 4, rel=0.15)
+
+
+def test_without_stages_the_grid_is_final_from_the_start():
+    assert stage_resolution((30, 20, 10), 8, 0, 0) == (30, 20, 10)
+
+
+def test_a_grid_never_starts_finer_than_it_ends():
+    assert stage_resolution((8, 8, 8), 64**3, 0, 3) == (8, 8, 8)
+
+
+def test_a_step_divides_a_voxel():
+    cube = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), depth_min=0.1)
+    assert march_step(cube, (11, 11, 11), 2.0) == pytest.approx(0.1)
+
+
+def test_decay_falls_from_one_to_its_ratio():
+    assert decay(0.1, 0, 10) == 1
+    assert decay(0.1, 10, 10) == pytest.approx(0.1)
+    assert decay(0.1, 5, 10) == pytest.approx(0.1**0.5)

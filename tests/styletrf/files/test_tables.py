@@ -1,0 +1,70 @@
+"""Rows, summaries, and configurations from plain values."""
+
+import json
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from styletrf.configuration import configured
+from styletrf.errors import InputError
+from styletrf.files.tables import read_rows, read_summary, write_curve, write_rows, write_summary
+from styletrf.stylization.adaptation import AdaptationPoint
+
+
+@dataclass(frozen=True)
+class Inner:
+    width: int = 3
+    ranks: tuple[int, ...] = (1, 2)
+
+
+@dataclass(frozen=True)
+class Outer:
+    inner: Inner = field(default_factory=Inner)
+    rate: float = 0.1
+    count: int | None = None
+
+
+def test_rows_come_back(tmp_path: Path):
+    rows = [Inner(1, (2, 3)), Inner(4, (5,))]
+    write_rows(tmp_path / "rows.parquet", rows)
+    told = read_rows(tmp_path / "rows.parquet")
+    assert told == [{"width": 1, "ranks": [2, 3]}, {"width": 4, "ranks": [5]}]
+
+
+def test_a_curve_of_another_day_has_the_same_bytes(tmp_path: Path):
+    """What training took is the record's: else nothing made of two equal fits would be shared."""
+    point = AdaptationPoint(10, 1.5, 30.0)
+    write_curve(tmp_path / "a.parquet", [point])
+    write_curve(tmp_path / "b.parquet", [replace(point, seconds=99.0)])
+    assert read_rows(tmp_path / "a.parquet") == [{"iteration": 10, "psnr": 30.0}]
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+
+
+def test_a_summary_is_strict_json_with_sorted_keys(tmp_path: Path):
+    write_summary(tmp_path / "s.json", {"b": math.inf, "a": {"x": math.nan, "y": 1.5}})
+    text = (tmp_path / "s.json").read_text()
+    assert json.loads(text, parse_constant=pytest.fail) == {"a": {"x": None, "y": 1.5}, "b": None}
+    assert text.index('"a"') < text.index('"b"')
+    assert read_summary(tmp_path / "s.json")["a"]["y"] == 1.5
+
+
+def test_dots_reach_into_nested_configurations():
+    config = configured(Outer, {"inner.width": 9, "inner.ranks": [7], "rate": 1, "count": 5})
+    assert config == Outer(Inner(9, (7,)), 1.0, 5)
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"widht": 3}, "It has count, inner, rate"),
+        ({"inner.hight": 3}, "Inner has no such field"),
+        ({"rate.x": 3}, "rate has no parts"),
+        ({"inner.width": "wide"}, "'wide' is not int"),
+        ({"inner.width": True}, "is not int"),
+    ],
+)
+def test_a_setting_that_does_not_fit_is_an_error_that_names_what_would(values, told):
+    with pytest.raises(InputError, match=told):
+        configured(Outer, values)

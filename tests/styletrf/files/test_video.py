@@ -1,0 +1,125 @@
+import cv2
+import numpy as np
+import pytest
+
+from styletrf.errors import InputError
+from styletrf.files.video import video_frames, video_info, write_video
+
+
+def painted(height=96, width=128, count=8, seed=0):
+    """A pan over patches of paint with brush lines: hard edges and fine texture."""
+    random = np.random.default_rng(seed)
+    shape = (height // 8 + 2, (width + count) // 8 + 2)
+    patches = 0.7 * random.random((*shape, 1)) + 0.3 * random.random((*shape, 3))
+    canvas = cv2.resize(patches, None, fx=8, fy=8, interpolation=cv2.INTER_NEAREST)
+    lines = cv2.GaussianBlur(random.normal(0, 1, canvas.shape[:2]), (0, 0), 3, sigmaY=0.7)
+    canvas = np.clip(0.25 + 0.5 * canvas + 0.25 * lines[..., None], 0, 1)
+    whole = np.rint(255 * canvas).astype(np.uint8)
+    return [whole[:height, i : i + width] for i in range(count)]
+
+
+def decoded_psnr(frames, path):
+    height, width = frames[0].shape[:2]
+    errors = [
+        np.mean((a / 255 - b[:height, :width] / 255) ** 2)
+        for a, b in zip(frames, video_frames(path), strict=True)
+    ]
+    return -10 * np.log10(max(errors))
+
+
+def test_the_file_says_what_was_written(tmp_path):
+    write_video(tmp_path / "a.mp4", painted(count=9), 24)
+    info = video_info(tmp_path / "a.mp4")
+    assert (info.width, info.height, info.frames) == (128, 96, 9)
+    assert info.frames_per_second == 24
+    assert info.duration_seconds == pytest.approx(9 / 24)
+    assert info.codec in ("h264", "vp9")
+
+
+@pytest.mark.parametrize("rate", [1, 12.5, 23.976, 60])
+def test_the_rate_is_kept(tmp_path, rate):
+    write_video(tmp_path / "a.mp4", painted(32, 32, count=3), rate)
+    assert video_info(tmp_path / "a.mp4").frames_per_second == pytest.approx(rate, rel=1e-4)
+
+
+def test_strokes_survive(tmp_path):
+    frames = painted()
+    write_video(tmp_path / "a.mp4", frames, 24)
+    assert decoded_psnr(frames, tmp_path / "a.mp4") > 30
+    grey = [
+        np.repeat(frame.mean(axis=-1, keepdims=True), 3, -1).astype(np.uint8) for frame in frames
+    ]
+    write_video(tmp_path / "b.mp4", grey, 24)
+    assert decoded_psnr(grey, tmp_path / "b.mp4") > 36
+
+
+def test_colors_come_back(tmp_path):
+    colors = np.uint8(
+        [[200, 40, 40], [40, 200, 40], [40, 40, 200], [128, 128, 128], [255, 255, 255]]
+    )
+    frame = np.repeat(np.repeat(colors[None], 64, axis=0), 32, axis=1)
+    write_video(tmp_path / "a.mp4", [frame] * 3, 24)
+    for back in video_frames(tmp_path / "a.mp4"):
+        middles = back[32, 16::32].astype(int)
+        assert np.abs(middles - colors).max() <= 3
+
+
+@pytest.mark.parametrize(("height", "width"), [(33, 50), (50, 33), (17, 19), (1, 1)])
+def test_odd_sizes_gain_a_repeated_border(tmp_path, height, width):
+    frames = painted(height, width, 3)
+    write_video(tmp_path / "a.mp4", frames, 24)
+    info = video_info(tmp_path / "a.mp4")
+    assert (info.width, info.height) == (width + width % 2, height + height % 2)
+    assert decoded_psnr(frames, tmp_path / "a.mp4") > 22
+
+
+def test_the_same_frames_give_the_same_bytes(tmp_path):
+    for name, seed in {"a": 0, "b": 0, "c": 1}.items():
+        write_video(tmp_path / f"{name}.mp4", painted(seed=seed), 24)
+    a, b, c = ((tmp_path / f"{name}.mp4").read_bytes() for name in "abc")
+    assert a == b
+    assert a != c
+
+
+def test_small_frames_give_the_same_bytes_every_time(tmp_path):
+    """Of frames a few macroblocks wide, the encoder's tree of them read what lay beyond."""
+    frames = painted(48, 64, 6)
+    videos = set()
+    for k in range(40):
+        other_content_of_memory = np.full(1000 * (k + 1), k)
+        write_video(tmp_path / "a.mp4", frames, 24)
+        videos.add((tmp_path / "a.mp4").read_bytes())
+        assert other_content_of_memory[0] == k
+    assert len(videos) == 1
+
+
+def test_the_index_comes_first_so_that_it_plays_while_loading(tmp_path):
+    write_video(tmp_path / "a.mp4", painted(), 24)
+    content = (tmp_path / "a.mp4").read_bytes()
+    assert content.index(b"moov") < content.index(b"mdat")
+
+
+def test_frames_are_taken_one_at_a_time_and_a_failure_leaves_nothing(tmp_path):
+    def broken():
+        yield from painted(count=3)
+        raise OSError("no more")
+
+    with pytest.raises(OSError, match="no more"):
+        write_video(tmp_path / "a.mp4", broken(), 24)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_videos_are_refused(tmp_path):
+    path = tmp_path / "a.mp4"
+    with pytest.raises(InputError, match="without frames"):
+        write_video(path, [], 24)
+    with pytest.raises(InputError, match="frame 1 of"):
+        write_video(path, [*painted(count=1), *painted(40, 40, 1)], 24)
+    with pytest.raises(InputError, match="no rate"):
+        write_video(path, painted(), 0)
+    assert list(tmp_path.iterdir()) == []
+    path.write_text("not a video")
+    with pytest.raises(InputError, match="cannot be read"):
+        video_info(path)
+    with pytest.raises(InputError, match="cannot be read"):
+        next(video_frames(tmp_path / "missing.mp4"))

@@ -1,0 +1,64 @@
+import numpy as np
+import pycolmap
+import pytest
+
+from styletrf.geometry.cameras import project
+from styletrf.geometry.undistortion import pinhole_for, undistorted_image, undistorted_pixels
+
+POSE = np.eye(3, 4)
+
+
+def lens(k, width=64, height=48):
+    params = [50.0, width / 2 + 0.7, height / 2 - 0.4, k]
+    return pycolmap.Camera(model="SIMPLE_RADIAL", width=width, height=height, params=params)
+
+
+def seen_through(some_lens, scene):
+    """Returns the photograph of a scene at infinity, colors as a function of ray slopes."""
+    y, x = np.mgrid[0 : some_lens.height, 0 : some_lens.width] + 0.5
+    slopes = some_lens.cam_from_img(np.stack([x, y], axis=-1).reshape(-1, 2))
+    return np.rint(scene(slopes)).astype(np.uint8).reshape(some_lens.height, some_lens.width, 3)
+
+
+def test_a_lens_without_distortion_is_left_alone():
+    image = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    camera = pinhole_for(lens(0.0), "a", POSE)
+    assert (camera.fx, camera.fy) == pytest.approx((50.0, 50.0))
+    assert np.array_equal(undistorted_image(image, lens(0.0), camera), image)
+
+
+@pytest.mark.parametrize("k", [-0.12, -0.02, 0.02, 0.12])
+def test_every_pixel_comes_from_within_the_photograph(k):
+    """And one of them from its very edge: the zoom is no larger than needed."""
+    camera = pinhole_for(lens(k), "a", POSE)
+    assert (camera.width, camera.height) == (64, 48)
+    x, y = np.meshgrid(np.linspace(0, 64, 129), np.linspace(0, 48, 97))
+    corners = np.stack([x, y], axis=-1).reshape(-1, 2)
+    slopes = (corners - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    sources = lens(k).img_from_cam(np.column_stack([slopes, np.ones(len(slopes))]))
+    margin = np.minimum(sources, [64, 48] - sources).min()
+    assert abs(margin) < 0.01
+
+
+@pytest.mark.parametrize("k", [-0.12, 0.12])
+def test_the_image_is_what_the_pinhole_camera_sees(k):
+    def scene(slopes):
+        wave = np.sin(6 * slopes[:, :1] + 4 * slopes[:, 1:])
+        return 127 + 90 * np.concatenate([wave, -wave, wave**2], axis=-1)
+
+    camera = pinhole_for(lens(k), "a", POSE)
+    straight = pycolmap.Camera(
+        model="PINHOLE", width=64, height=48, params=[camera.fx, camera.fy, camera.cx, camera.cy]
+    )
+    found = undistorted_image(seen_through(lens(k), scene), lens(k), camera).astype(int)
+    expected = seen_through(straight, scene).astype(int)
+    assert np.abs(found - expected).max() <= 4  # at the border; rounding twice
+    assert np.abs(found - expected).mean() < 0.5
+
+
+def test_pixels_go_where_the_pinhole_camera_projects():
+    points = np.random.default_rng(0).uniform([-0.5, -0.4, 1], [0.5, 0.4, 1.2], (100, 3))
+    camera = pinhole_for(lens(0.08), "a", POSE)
+    distorted = lens(0.08).img_from_cam(points)
+    expected, _ = project(camera, points)
+    assert np.allclose(undistorted_pixels(distorted, lens(0.08), camera), expected, atol=1e-6)

@@ -1,0 +1,97 @@
+"""The page before the fit: what it advises, and that text stays text."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from mini_scene import painted_plane
+
+from styletrf.field.kernels import kernels_for
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.cost import FieldCost, field_cost, voxels_about
+from styletrf.reports.scene_report import SceneReportContent, advice, write_scene_report
+from styletrf.reports.survey_drawing import drawings
+from styletrf.scene.survey import Survey, ViewSurvey
+
+GOOD = ViewSurvey("a", 1.0, 0.0, 100, blurred=False, off_exposure=False)
+
+
+def content(views=(GOOD,), seen_by=5, **more) -> SceneReportContent:
+    cells = np.full((2, 2, 2), seen_by)
+    return SceneReportContent(
+        **{
+            "scene": "place", "summary": "all of them", "drawings": "", "unregistered": [],
+            "neighbours": {}, "model": {}, "costs": {"draft": FieldCost(60.0, 2**30, 10**6)},
+            "survey": Survey(views, cells, np.ones((2, 2, 2), bool)), **more,
+        }
+    )  # fmt: skip
+
+
+def test_where_all_is_well_there_is_nothing_to_do(tmp_path):
+    assert advice(content()) == []
+    write_scene_report(tmp_path / "r.html", content())
+    assert "Nothing: the photographs will do." in (tmp_path / "r.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "said"),
+    [
+        (content([replace(GOOD, blurred=True)]), "Blurred, take again or leave out: a."),
+        (content([replace(GOOD, off_exposure=True, exposure_ev=-1.0)]), r"a \(-1.0 stops\)"),
+        (content(seen_by=2), "100% of the parts"),
+        (content(unregistered=["b"], neighbours={"b": ("a", "c")}), "again between a and c"),
+    ],
+)
+def test_what_is_amiss_is_named_with_what_to_do(spoiled, said):
+    (line,) = advice(spoiled)
+    assert re.search(said, line)
+
+
+def test_text_stays_text(tmp_path):
+    name = "<script>alert(1)</script>"
+    spoiled = content(
+        [replace(GOOD, name=name, blurred=True)], scene=name, summary=name, model={name: name},
+        evidence={name: {name: name}},
+    )  # fmt: skip
+    write_scene_report(tmp_path / "r.html", spoiled)
+    assert name not in (tmp_path / "r.html").read_text()
+
+
+def test_every_camera_is_drawn_and_the_flagged_otherwise():
+    scene = painted_plane(5)
+    points = np.random.default_rng(0).uniform(-1, 1, (30, 3))
+    drawn = drawings(scene.cameras, points, np.zeros((30, 3), np.uint8), frozenset({"2"}))
+    assert drawn.count("<polygon") == 2 * 5
+    assert drawn.count("camera flagged") == 2
+    assert drawn.count("<svg") == drawn.count("</svg>") == 2
+
+
+def test_one_camera_and_one_point_can_be_drawn():
+    scene = painted_plane(5)
+    drawn = drawings(scene.cameras[:1], np.zeros((1, 3)), np.zeros((1, 3), np.uint8))
+    assert "nan" not in drawn
+
+
+def test_voxels_about_points_hold_them_and_their_neighbours():
+    occupied = voxels_about(np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]), (40, 40, 40))
+    assert occupied.shape == (20, 20, 20)
+    assert occupied[10, 10, 10] == 1
+    assert occupied.sum() == 7**3
+    assert voxels_about(np.zeros((0, 3)), (9, 9, 1)).all()
+
+
+def test_a_cost_grows_with_the_iterations():
+    scene = painted_plane()
+    points = np.random.default_rng(0).uniform(-1, 1, (30, 3))
+
+    def cost(iterations: int) -> FieldCost:
+        config = FieldTrainingConfig(iterations=iterations, batch=64)
+        return field_cost(
+            scene.model, scene.cameras, scene.images, points, config,
+            kernels_for(torch.device("cpu")),
+        )  # fmt: skip
+
+    assert cost(10_000).seconds > cost(100).seconds > 0
+    assert cost(100).peak_memory_bytes > 2**26

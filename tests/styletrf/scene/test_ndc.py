@@ -1,0 +1,66 @@
+"""NDC holds what it is chosen for: every corner of every view, from the near points on."""
+
+import numpy as np
+import pytest
+from captures import arc, forward_cameras, points_before, points_of
+
+from styletrf.configuration import configured
+from styletrf.errors import InputError
+from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
+
+
+@pytest.mark.parametrize(
+    ("tilt", "extent"), [(0, 90), (0, 80), (45, 360), (60, 360), (25, 120), (0, 180)]
+)
+def test_a_capture_whose_views_fan_out_is_none_for_a_frustum(tilt, extent):
+    """All of them look within 60 degrees of their mean; a frustum would be several views wide."""
+    model = decide_scene_model(arc(tilt, extent), points_of("block"), SceneModelConfig())
+    evidence = model.evidence["space"]
+    assert evidence["chosen"] == model.space.kind == "box"
+    assert evidence["stretch"] is None or evidence["stretch"] > evidence["stretch_threshold"]
+
+
+def test_a_short_arc_is_forward_facing():
+    model = decide_scene_model(arc(0, 25), points_of("block"), SceneModelConfig())
+    assert model.space.kind == "ndc"
+    assert 1 < model.evidence["space"]["stretch"] < 2.5
+
+
+def test_the_frustum_holds_every_corner_from_the_near_points_to_infinity():
+    cameras = forward_cameras()
+    model = decide_scene_model(cameras, points_before(cameras), SceneModelConfig())
+    largest = 0.0
+    for view in model.normalized(cameras):
+        for x in (0, view.width):
+            for y in (0, view.height):
+                ray = np.array([(x - view.cx) / view.fx, (y - view.cy) / view.fy, 1.0])
+                direction = view.world_from_camera[:, :3] @ ray
+                for z in (1.0, 3.0, model.evidence["near_far"]["infinity_normalized"]):
+                    point = (
+                        view.center_world + (z - view.center_world[2]) / direction[2] * direction
+                    )
+                    largest = max(largest, np.abs(model.space.to_grid(point[None])).max())
+    assert 0.99 < largest < 1 + 1e-9
+
+
+def test_beyond_infinity_nothing_moves_by_a_pixel_and_all_points_are_before_it():
+    cameras = forward_cameras()
+    points = points_before(cameras)
+    model = decide_scene_model(cameras, points, SceneModelConfig())
+    views, far = model.normalized(cameras), model.evidence["near_far"]["infinity_normalized"]
+    centers = np.stack([view.center_world for view in views])
+    assert views[0].fx * np.ptp(centers, axis=0)[:2].max() / far <= 0.25 + 1e-9
+    scaled = points @ model.normalized_from_world[:3, :3].T + model.normalized_from_world[:3, 3]
+    assert scaled[:, 2].max() * 5 < far
+
+
+@pytest.mark.parametrize("cameras", [arc(10), arc(0, 180)], ids=["ring", "half"])
+def test_a_frustum_that_cannot_be_is_refused_when_it_is_asked_for(cameras):
+    with pytest.raises(InputError, match="do not look one way"):
+        decide_scene_model(cameras, points_of("block"), SceneModelConfig(space="ndc"))
+
+
+@pytest.mark.parametrize("word", ["contracted", "NDC", ""])
+def test_a_space_that_is_none_is_refused_with_those_that_are(word):
+    with pytest.raises(InputError, match="auto, ndc, box"):
+        configured(SceneModelConfig, {"space": word})

@@ -1,0 +1,118 @@
+"""Decisions at the edges: thin evidence, odd scales, flat scenes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from captures import forward_cameras, orbit_cameras, points_before, points_of, walk
+
+from styletrf.errors import InputError
+from styletrf.scene.exposure_choice import ExposureEvidence
+from styletrf.scene.exposures import Exposure
+from styletrf.scene.placement import transformed
+from styletrf.scene.scene_model import (
+    SceneModelConfig,
+    decide_scene_model,
+    read_scene_model,
+    write_scene_model,
+)
+
+
+def test_too_few_points_are_an_error_that_says_what_to_do():
+    with pytest.raises(InputError, match="Take more overlapping photographs"):
+        decide_scene_model(forward_cameras(), np.zeros((5, 3)), SceneModelConfig())
+
+
+@pytest.mark.parametrize("kind", ["ndc", "box", "unbounded"])
+def test_the_space_can_be_set(kind):
+    cameras = forward_cameras() if kind == "ndc" else orbit_cameras()
+    model = decide_scene_model(cameras, points_before(cameras), SceneModelConfig(space=kind))
+    assert model.space.kind == kind
+    assert model.evidence["space"]["by"] == "setting"
+
+
+@pytest.mark.parametrize("space", ["box", "unbounded"])
+@pytest.mark.parametrize("flat", [[1], [0, 2]])
+def test_a_flat_scene_and_a_line_have_a_space_with_volume(space, flat):
+    cameras = orbit_cameras()
+    points = points_before(cameras)
+    points[:, flat] = 0.5
+    model = decide_scene_model(cameras, points, SceneModelConfig(space=space))
+    assert min(model.space.axis_lengths) > 0
+    assert min(model.resolution) >= 16
+    assert np.isfinite(model.space.grid_from_world).all()
+
+
+def test_a_mountain_behind_the_scene_does_not_move_the_near_plane():
+    cameras = forward_cameras()
+    points = points_before(cameras)
+    plain = decide_scene_model(cameras, points, SceneModelConfig())
+    far = np.concatenate([points, [[3000.0, 0, 10000.0]]])
+    model = decide_scene_model(cameras, far, SceneModelConfig())
+    np.testing.assert_allclose(
+        model.space.grid_from_world, plain.space.grid_from_world, rtol=0.05, atol=0.05
+    )
+
+
+def test_a_mountain_behind_leaves_a_scene_of_a_metre_its_inner_box_and_is_in_the_grid():
+    cameras, points = walk(), 3 * points_of("block")
+    mountain = np.array([[0, -300.0, 2000.0], [50, -200, 2100], [-40, -250, 1900]])
+    plain = decide_scene_model(cameras, points, SceneModelConfig(space="unbounded"))
+    model = decide_scene_model(
+        cameras, np.concatenate([points, mountain]), SceneModelConfig(space="unbounded")
+    )
+    np.testing.assert_allclose(
+        model.normalized_from_world, plain.normalized_from_world, rtol=0.05, atol=0.05
+    )
+    far = transformed(model.normalized_from_world, mountain)
+    assert (np.abs(model.space.to_grid(far)) <= 1).all()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_a_walk_is_modelled_alike_at_any_scale(scale):
+    plain, scaled = (
+        decide_scene_model(
+            [replace(c, world_from_camera=c.world_from_camera * [1, 1, 1, s]) for c in walk()],
+            s * 3 * points_of("block"),
+            SceneModelConfig(space="unbounded"),
+        )
+        for s in (1.0, scale)
+    )
+    assert scaled.resolution == plain.resolution
+    np.testing.assert_allclose(scaled.space.grid_from_world, plain.space.grid_from_world, rtol=1e-6)
+
+
+def test_points_behind_the_cameras_are_not_near_points():
+    cameras = forward_cameras()
+    points = np.concatenate([points_before(cameras), [[0, 0, -5.0]]])
+    model = decide_scene_model(cameras, points, SceneModelConfig(space="ndc"))
+    assert np.isfinite(model.space.grid_from_world).all()
+    assert model.focus[2] > 0
+
+
+def test_the_resolution_keeps_under_its_bound():
+    cameras = forward_cameras()
+    for bound in (20**3, 64**3, 128**3):
+        model = decide_scene_model(
+            cameras, points_before(cameras), SceneModelConfig(max_voxels=bound)
+        )
+        assert np.prod(model.resolution) < 1.1 * bound  # each axis is rounded
+
+
+@pytest.mark.parametrize(
+    ("setting", "spread", "chosen"),
+    [("auto", 0.2, "each"), ("auto", 0.01, "one"), ("one", 0.2, "one"), ("each", 0.01, "each")],
+)
+def test_exposures_follow_the_evidence_or_the_setting_and_read_back(
+    setting, spread, chosen, tmp_path
+):
+    cameras = forward_cameras()
+    each = {camera.name: Exposure((0.1, 0.2, 0.3), (1.0, 1.1, 0.9)) for camera in cameras}
+    model = decide_scene_model(
+        cameras, points_before(cameras), SceneModelConfig(exposure=setting),
+        exposure=ExposureEvidence(spread, 0.005, each),
+    )  # fmt: skip
+    assert model.evidence["exposure"]["chosen"] == chosen
+    assert model.exposures == (each if chosen == "each" else {})
+    write_scene_model(tmp_path / "scene.json", model)
+    assert read_scene_model(tmp_path / "scene.json").exposures == model.exposures

@@ -1,0 +1,114 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_photographs import encoded, texture, with_exif
+
+from styletrf.capture.photographs import read_photograph
+from styletrf.capture.scene_capture import capture_photographs
+from styletrf.files.images import write_png
+from styletrf.progress import silent
+from styletrf.sfm.colmap_images import lens_settings, prepare_images
+
+PHONE = Path(__file__).parents[1] / "photographs" / "phone.heic"
+
+
+def prepared(tmp_path, files, max_long_side=1000):
+    (tmp_path / "in").mkdir()
+    for name, data in files.items():
+        (tmp_path / "in" / name).write_bytes(data)
+    capture = capture_photographs(tmp_path / "in", tmp_path / "capture")
+    return prepare_images(
+        tmp_path / "capture", capture, tmp_path / "out", max_long_side, "auto", silent
+    )
+
+
+def views(suffix=".png", count=3):
+    return [encoded(texture(48, 64, seed), suffix) for seed in range(count)]
+
+
+def test_images_are_the_photographs_by_position(tmp_path):
+    images = prepared(tmp_path, dict(zip(["b 10.png", "b 9.png", "a.png"], views(), strict=True)))
+    for file, seed in zip(images.files, (2, 1, 0), strict=True):
+        assert np.array_equal(read_photograph(images.folder / file), texture(48, 64, seed))
+    assert (images.long_side, images.lenses[0].focal_prior_px) == (64, None)
+
+
+def test_large_photographs_are_reduced_to_the_side_asked_for(tmp_path):
+    images = prepared(tmp_path, {f"{i}.png": data for i, data in enumerate(views())}, 32)
+    assert images.long_side == 32
+    assert read_photograph(images.folder / images.files[0]).shape == (24, 32, 3)
+
+
+@pytest.mark.parametrize("max_long_side", [1000, 32])
+def test_the_focal_length_of_exif_is_kept_in_pixels_of_the_images(tmp_path, max_long_side):
+    """36 mm of film are 64 pixels, or 32 of the reduced image, to within the diagonal's share."""
+    files = {f"{i}.jpg": with_exif(data, 6, 28) for i, data in enumerate(views(".jpg"))}
+    images = prepared(tmp_path, files, max_long_side)
+    assert images.long_side == min(64, max_long_side)
+    focal_px = 28 / 36 * images.long_side
+    assert images.lenses[0].focal_prior_px == pytest.approx(focal_px, rel=0.05)
+
+
+@pytest.mark.parametrize("suffix", [".webp", ".tiff", ".ppm", ".bmp", ".jp2", ".png"])
+def test_every_format_is_prepared_whether_or_not_colmap_reads_it(tmp_path, suffix):
+    images = prepared(tmp_path, {f"{i}{suffix}": data for i, data in enumerate(views(suffix))})
+    assert len(images.files) == 3
+    assert images.lenses[0].focal_prior_px is None
+
+
+def test_the_same_image_gives_the_same_bytes(tmp_path):
+    for name in "ab":
+        write_png(tmp_path / name, texture(8, 8), compression=3)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("focals", "how", "groups"),
+    [
+        ([700.0, 705.0, None, 702.0], "auto", [[0, 1, 2, 3]]),
+        ([700.0, 1400.0, 705.0, None, 1410.0, 698.0], "auto", [[0, 2, 3, 5], [1, 4]]),
+        ([700.0, 1400.0, 705.0], "one", [[0, 1, 2]]),
+        ([None, None], "auto", [[0, 1]]),
+        ([700.0, 700.0, None], "each", [[0], [1], [2]]),
+    ],
+)
+def test_photographs_are_grouped_by_the_focal_lengths_that_exif_names(focals, how, groups):
+    files = [str(k) for k in range(len(focals))]
+    settings = lens_settings(files, [(64, 48)] * len(files), focals, how, [None] * len(files))
+    assert [[int(file) for file in setting.files] for setting in settings] == groups
+    for group, setting in zip(groups, settings, strict=True):
+        told = [focals[k] for k in group if focals[k]]
+        assert setting.focal_prior_px == (pytest.approx(np.median(told)) if told else None)
+
+
+@pytest.mark.parametrize("how", ["auto", "one"])
+def test_photographs_of_different_sizes_never_share_a_lens(how):
+    sizes = [(64, 48), (48, 64), (64, 48), (32, 24)]
+    settings = lens_settings([*"abcd"], sizes, [None, 50.0, None, None], how, [None] * 4)
+    assert sorted(setting.files for setting in settings) == [("a", "c"), ("b",), ("d",)]
+
+
+def test_photographs_keep_their_own_shapes_up_to_the_longest_side(tmp_path):
+    files = {"0.png": texture(48, 64), "1.png": texture(64, 48), "2.png": texture(20, 30)}
+    images = prepared(tmp_path, {name: encoded(i, ".png") for name, i in files.items()}, 32)
+    shapes = [read_photograph(images.folder / file).shape[:2] for file in images.files]
+    assert shapes == [(24, 32), (32, 24), (20, 30)]
+    assert images.long_side == 32
+
+
+def test_the_focal_length_of_a_telephones_photographs_is_read(tmp_path):
+    """28 mm by the diagonal of film, 43.3 mm, for a diagonal of 80 pixels."""
+    images = prepared(tmp_path, {f"{k}.heic": PHONE.read_bytes() for k in range(3)})
+    assert images.lenses[0].focal_prior_px == pytest.approx(28 / np.hypot(36, 24) * 80)
+
+
+@pytest.mark.parametrize("how", ["auto", "one", "each"])
+def test_views_of_panoramas_have_a_setting_for_each_direction(how):
+    directions = ["front", "up", "front", "up", None]
+    settings = lens_settings([*"abcde"], [(64, 48)] * 5, [30.0] * 4 + [31.0], how, directions)
+    assert [(s.files, s.focal_prior_px, s.direction) for s in settings] == [
+        (("a", "c"), 30.0, "front"),
+        (("b", "d"), 30.0, "up"),
+        (("e",), 31.0, None),
+    ]

@@ -1,0 +1,197 @@
+import numpy as np
+import pycolmap
+
+from styletrf.capture.capture_file import Photograph
+from styletrf.progress import silent
+from styletrf.sfm.colmap_images import ColmapImages, LensSetting
+from styletrf.sfm.mapping import explained_share
+from styletrf.sfm.mapping_choice import MappingTask, map_images
+
+PATH, OVERLAP = 36, 3
+
+
+def world(seed=0):
+    """Points along a street, each with a descriptor of its own."""
+    rng = np.random.default_rng(seed)
+    xyz = rng.uniform([-1, -1.5, 3], [PATH + 1.0, 1.5, 6], (3000, 3))
+    descriptors = np.abs(rng.normal(size=(3000, 128)))
+    descriptors *= 512 / np.linalg.norm(descriptors, axis=1, keepdims=True)
+    return xyz, np.rint(descriptors).astype(np.uint8)
+
+
+def rigged_lens(opened, focal_px):
+    """Writes a lens and its rig to the database, and returns both."""
+    lens = pycolmap.Camera(
+        model="SIMPLE_RADIAL", width=200, height=150, params=[focal_px, 100.0, 75.0, 0.0]
+    )
+    lens.has_prior_focal_length = True
+    lens.camera_id = opened.write_camera(lens)
+    rig = pycolmap.Rig()
+    rig.add_ref_sensor(lens.sensor_id)
+    rig.rig_id = opened.write_rig(rig)
+    return lens, rig
+
+
+def walked(tmp_path, centers, focals_px=(150.0,)):
+    """Returns a database of features as seen from `centers`, in that order, looking along z.
+
+    The centers have the focal lengths in turn, equally many in a row with each.
+    """
+    database = tmp_path / "colmap.db"
+    opened = pycolmap.Database.open(database)
+    lenses = [rigged_lens(opened, focal_px) for focal_px in focals_px]
+    xyz, descriptors = world()
+    files = []
+    for index, center in enumerate(centers):
+        lens, rig = lenses[index * len(lenses) // len(centers)]
+        points = xyz - center
+        pixels = lens.img_from_cam(points)
+        seen = ((pixels > 0) & (pixels < [200, 150])).all(axis=1)
+        files.append(f"{index:06d}.png")
+        image = pycolmap.Image(name=files[-1], camera_id=lens.camera_id)
+        image.image_id = opened.write_image(image)
+        frame = pycolmap.Frame(rig_id=rig.rig_id)
+        frame.add_data_id(image.data_id)
+        opened.write_frame(frame)
+        opened.write_keypoints(image.image_id, pixels[seen].astype(np.float32))
+        described = pycolmap.FeatureDescriptors(
+            data=descriptors[seen], type=pycolmap.FeatureExtractorType.SIFT
+        )
+        opened.write_descriptors(image.image_id, described)
+    opened.close()
+    each = len(files) // len(focals_px)
+    settings = [
+        LensSetting(tuple(files[k * each : (k + 1) * each]), focal_px)
+        for k, focal_px in enumerate(focals_px)
+    ]
+    return database, ColmapImages(tmp_path, tuple(files), 200, tuple(settings))
+
+
+def street(count):
+    """Places along the street, not quite on one line."""
+    along = np.arange(float(count))
+    return np.column_stack([along, 0.3 * np.sin(2 * along), 0.3 * np.cos(3 * along)])
+
+
+def mapped(database, images, photographs, exhaustive_up_to):
+    task = MappingTask(database, images, photographs, exhaustive_up_to, OVERLAP, 0, silent)
+    return map_images(task)
+
+
+def named(names):
+    return [Photograph(name, f"{name}.png", 200, 150, 1, "") for name in names]
+
+
+def frames(count):
+    return named([f"frame{index}" for index in range(count)])
+
+
+def filmed(count, clip="a.mp4", shot=0):
+    return [
+        Photograph(f"{clip}{shot}{k}", "", 200, 150, 1, "", clip, shot, k / 2) for k in range(count)
+    ]
+
+
+def test_few_photographs_are_matched_exhaustively(tmp_path):
+    mapping = mapped(*walked(tmp_path, street(8)), frames(8), 8)
+    assert (mapping.matcher, mapping.mapper, mapping.registered) == ("exhaustive", "global", 8)
+
+
+def test_a_long_sequence_is_matched_along_its_order(tmp_path):
+    mapping = mapped(*walked(tmp_path, street(20)), frames(20), 10)
+    assert (mapping.matcher, mapping.registered) == ("sequential and retrieval", 20)
+
+
+def test_few_frames_of_a_video_are_matched_along_time(tmp_path):
+    mapping = mapped(*walked(tmp_path, street(30)), filmed(30), 90)
+    assert (mapping.matcher, mapping.registered) == ("sequential and retrieval", 30)
+    assert mapping.verified_pairs < 30 * 29 / 2 / 2
+
+
+def test_clips_that_show_the_same_are_joined_by_what_looks_alike(tmp_path):
+    """The same street filmed twice, the second time backwards and with a cut."""
+    centers = np.concatenate([street(20), street(20)[::-1] + np.array([0, 0.2, 0])])
+    clips = [*filmed(20), *filmed(10, "b.mp4"), *filmed(10, "b.mp4", 1)]
+    mapping = mapped(*walked(tmp_path, centers), clips, 90)
+    assert (mapping.matcher, mapping.registered) == ("sequential and retrieval", 40)
+
+
+def test_many_photographs_without_an_order_are_matched_with_those_that_look_alike(tmp_path):
+    shuffled = np.random.default_rng(1).permutation(30)
+    names = named([f"{index**2}" for index in range(30)])
+    mapping = mapped(*walked(tmp_path, street(30)[shuffled]), names, 10)
+    assert mapping.matcher.startswith("retrieval")
+    assert mapping.registered == 30
+    assert mapping.verified_pairs < 30 * 29 / 2 / 2
+
+
+def test_what_a_sequence_leaves_out_is_matched_with_all(tmp_path):
+    """A frame that shows something else stays without a camera, whatever is tried."""
+    centers = np.insert(street(20), 9, [0, 90, 0], axis=0)
+    mapping = mapped(*walked(tmp_path, centers), filmed(21), 10)
+    assert "those left out matched with all, placed 20 of 21" in mapping.mapper_reason
+    assert mapping.registered == 20
+
+
+def test_what_an_order_misplaces_is_found_by_its_looks(tmp_path):
+    """A photograph from the middle of the street comes far from its neighbours."""
+    centers = street(PATH)
+    order = [index for index in range(PATH) if index != 7]
+    order.insert(31, 7)
+    mapping = mapped(*walked(tmp_path, centers[order]), frames(PATH), 10)
+    assert (mapping.matcher, mapping.registered) == ("sequential and retrieval", PATH)
+
+
+def test_the_largest_of_several_pieces_comes_first(tmp_path):
+    """Two walks that see nothing in common; the incremental mapper is asked too."""
+    centers = np.concatenate([street(PATH)[:6], street(PATH)[26:]])
+    mapping = mapped(*walked(tmp_path, centers), frames(16), 90)
+    assert mapping.registered == 10
+    assert [model.num_reg_images() for model in mapping.models] == [10, 6]
+    assert "global mapper" in mapping.mapper_reason
+    assert "incremental mapper" in mapping.mapper_reason
+
+
+def test_few_photographs_count_the_points_of_two_where_those_of_three_explain_little(tmp_path):
+    """Each sees its neighbours only, so that most points are seen twice."""
+    centers = street(PATH)[:18:3]
+    mapping = mapped(*walked(tmp_path, centers), frames(6), 90)
+    assert mapping.registered == 6
+    assert mapping.explained > 0.8
+    assert "the global mapper placed" in mapping.mapper_reason
+    assert "points of two photographs placed 6 of 6" in mapping.mapper_reason
+
+
+def test_a_foreign_photograph_is_left_out_and_the_others_stay_where_they_are(tmp_path):
+    """It sees the far end of the street, of which the others see nothing."""
+    near = street(PATH)[:8]
+    (tmp_path / "alone").mkdir()
+    alone = mapped(*walked(tmp_path / "alone", near), frames(8), 90)
+    (tmp_path / "among").mkdir()
+    database, images = walked(tmp_path / "among", [*near[:4], street(PATH)[35], *near[4:]])
+    among = mapped(database, images, frames(9), 90)
+    assert (alone.registered, among.registered) == (8, 8)
+    placed = {among.models[0].image(i).name for i in among.models[0].reg_image_ids()}
+    assert "000004.png" not in placed
+    assert among.explained > 0.95
+
+
+def test_photographs_with_nothing_in_common_give_no_model(tmp_path):
+    mapping = mapped(*walked(tmp_path, street(PATH)[::13]), frames(3), 90)
+    assert (mapping.registered, mapping.verified_pairs) == (0, 0)
+
+
+def test_three_photographs_are_enough(tmp_path):
+    assert mapped(*walked(tmp_path, street(3)), frames(3), 90).registered == 3
+
+
+def test_matches_that_the_model_does_not_explain_are_counted(tmp_path):
+    """Half of the points of a good model taken away."""
+    database, images = walked(tmp_path, street(8))
+    mapping = mapped(database, images, frames(8), 8)
+    assert mapping.explained > 0.95
+    model = mapping.models[0]
+    for point_id in list(model.points3D)[::2]:
+        model.delete_point3D(point_id)
+    assert explained_share(database, [model]) < 0.7
+    assert explained_share(database, []) == 0

@@ -1,0 +1,59 @@
+"""Several processes that share each batch."""
+
+import os
+import socket
+
+import pytest
+import torch
+from torch import distributed, multiprocessing
+
+from styletrf.style.training.data_parallel import Ranks
+
+
+def test_alone_it_has_everything():
+    batch = torch.arange(6.0).reshape(3, 2)
+    assert torch.equal(Ranks().share(batch), batch)
+    gradient = torch.ones(2)
+    Ranks().average([gradient, None])
+    assert torch.equal(gradient, torch.ones(2))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6])
+def test_shares_are_the_batch(count):
+    batch = torch.arange(6)
+    shares = [Ranks(rank, count).share(batch) for rank in range(count)]
+    assert torch.equal(torch.cat(shares), batch)
+    assert {len(share) for share in shares} == {6 // count}
+
+
+def test_a_batch_that_cannot_be_divided_is_refused():
+    with pytest.raises(ValueError, match="5 images cannot be divided among 2"):
+        Ranks(0, 2).share(torch.arange(5))
+
+
+def _step(rank: int, port: int, results) -> None:
+    """A gradient of a linear loss on a share of the batch, averaged."""
+    os.environ.update(MASTER_ADDR="127.0.0.1", MASTER_PORT=str(port))
+    distributed.init_process_group("gloo", rank=rank, world_size=2)
+    weight = torch.ones(3, requires_grad=True)
+    share = Ranks(rank, 2).share(torch.arange(12.0).reshape(4, 3))
+    (share @ weight).square().mean().backward()
+    Ranks(rank, 2).average([weight.grad, None])
+    results.put((rank, weight.grad.tolist()))
+    distributed.destroy_process_group()
+
+
+def test_the_mean_of_the_shares_gradients_is_that_of_the_batch():
+    weight = torch.ones(3, requires_grad=True)
+    (torch.arange(12.0).reshape(4, 3) @ weight).square().mean().backward()
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port = probe.getsockname()[1]
+    context = multiprocessing.get_context("spawn")
+    results = context.SimpleQueue()
+    processes = [context.Process(target=_step, args=(rank, port, results)) for rank in range(2)]
+    for process in processes:
+        process.start()
+    found = dict(results.get() for _ in processes)
+    for process in processes:
+        process.join(60)
+    assert found[0] == found[1] == pytest.approx(weight.grad.tolist())

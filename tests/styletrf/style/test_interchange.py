@@ -1,0 +1,153 @@
+"""The example's networks paint here as they do there, and ours there as here."""
+
+import subprocess
+import sys
+
+import pytest
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from styletrf.errors import InputError
+from styletrf.style.export_style import to_onnx
+from styletrf.style.interchange import from_fast_neural_style, to_fast_neural_style
+from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig, save_style_network
+
+SIZE = StyleNetworkConfig(width=4, n_residual=2)
+
+
+def as_the_example_computes(state: dict[str, Tensor], image: Tensor) -> Tensor:
+    """Its forward pass by the names of its layers, on colours in [0, 255]."""
+
+    def convolved(x: Tensor, name: str, stride: int = 1) -> Tensor:
+        weight = state[f"{name}.conv2d.weight"]
+        padded = functional.pad(x, [weight.shape[-1] // 2] * 4, mode="reflect")
+        return functional.conv2d(padded, weight, state[f"{name}.conv2d.bias"], stride)
+
+    def normed(x: Tensor, name: str) -> Tensor:
+        return functional.instance_norm(
+            x, weight=state[f"{name}.weight"], bias=state[f"{name}.bias"], eps=1e-5
+        )
+
+    y = torch.relu(normed(convolved(image, "conv1"), "in1"))
+    y = torch.relu(normed(convolved(y, "conv2", 2), "in2"))
+    y = torch.relu(normed(convolved(y, "conv3", 2), "in3"))
+    for k in range(1, 1 + sum(n.endswith("in1.weight") and n.startswith("res") for n in state)):
+        z = torch.relu(normed(convolved(y, f"res{k}.conv1"), f"res{k}.in1"))
+        y = y + normed(convolved(z, f"res{k}.conv2"), f"res{k}.in2")
+    for name, norm in (("deconv1", "in4"), ("deconv2", "in5")):
+        y = functional.interpolate(y, scale_factor=2, mode="nearest")
+        y = torch.relu(normed(convolved(y, name), norm))
+    return convolved(y, "deconv3")
+
+
+@pytest.fixture
+def network() -> StyleNetwork:
+    generator = torch.Generator().manual_seed(0)
+    network = StyleNetwork(SIZE, generator)
+    for module in network.modules():
+        if isinstance(module, nn.InstanceNorm2d | nn.Conv2d):
+            nn.init.normal_(module.bias, std=0.3, generator=generator)
+    return network.eval()
+
+
+IMAGE = torch.rand(1, 3, 24, 32, generator=torch.Generator().manual_seed(1))
+
+
+def test_ours_paints_there_as_here(network):
+    with torch.no_grad():
+        there = as_the_example_computes(to_fast_neural_style(network), 255 * IMAGE) / 255
+        torch.testing.assert_close(there, network(IMAGE), atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("running", [False, True])
+def test_theirs_paints_here_as_there(tmp_path, network, running):
+    """Also where the file has the running statistics that nobody used."""
+    state = to_fast_neural_style(network)
+    generator = torch.Generator().manual_seed(2)
+    state = {
+        name: value + 0.05 * torch.randn(value.shape, generator=generator)
+        for name, value in state.items()
+    }
+    stored = dict(state)
+    if running:
+        for name in [n for n in state if ".in" in n or n.startswith("in")]:
+            stored[name.rpartition(".")[0] + ".running_mean"] = torch.full((3,), 7.0)
+            stored[name.rpartition(".")[0] + ".running_var"] = torch.full((3,), 9.0)
+    torch.save(stored, tmp_path / "mosaic.pth")
+    ours = from_fast_neural_style(tmp_path / "mosaic.pth")
+    assert ours.config == SIZE
+    with torch.no_grad():
+        there = as_the_example_computes(state, 255 * IMAGE) / 255
+        torch.testing.assert_close(ours(IMAGE), there, atol=2e-3, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"conv1.conv2d.weight": 3},
+        {"conv1.conv2d.weight": torch.tensor(1.0)},
+        {"conv1.conv2d.weight": torch.zeros(0, 3, 9, 9)},
+        {"in5.weight": 3},
+        {"in5.weight": torch.ones(9)},
+        {"in5.weight": torch.tensor([torch.nan] * 4)},
+    ],
+)
+def test_other_values_are_refused(tmp_path, network, values):
+    torch.save(to_fast_neural_style(network) | values, tmp_path / "n.pth")
+    with pytest.raises(InputError, match="no such style network"):
+        from_fast_neural_style(tmp_path / "n.pth")
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xd8\xff\xe0 a JPEG", b"PK\x05\x06" + bytes(18)])
+def test_other_files_are_refused(tmp_path, content):
+    (tmp_path / "n.pth").write_bytes(content)
+    with pytest.raises(InputError, match=r"n\.pth: cannot be read"):
+        from_fast_neural_style(tmp_path / "n.pth")
+
+
+@pytest.mark.parametrize("saved", [[1, 2], {1: torch.zeros(2)}, torch.zeros(2)])
+def test_what_is_no_table_of_weights_is_refused(tmp_path, saved):
+    torch.save(saved, tmp_path / "n.pth")
+    with pytest.raises(InputError, match=r"has no layer conv1\.conv2d"):
+        from_fast_neural_style(tmp_path / "n.pth")
+
+
+@pytest.mark.parametrize("damage", ["text", "other", "cut", "code"])
+def test_what_is_no_such_network_is_refused(tmp_path, network, damage):
+    path, state = tmp_path / "n.pth", to_fast_neural_style(network)
+    if damage == "text":
+        path.write_text("not a network")
+    elif damage == "other":
+        del state["in5.weight"]
+        torch.save(state, path)
+    elif damage == "cut":
+        torch.save(state, path)
+        path.write_bytes(path.read_bytes()[:-200])
+    else:
+        torch.save({"conv1.conv2d.weight": subprocess.run}, path)
+    with pytest.raises(InputError, match="no such style network"):
+        from_fast_neural_style(path)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")  # torch's own
+def test_onnx_paints_the_same_at_any_size(tmp_path, network):
+    pytest.importorskip("onnxscript", reason="needs pip install .[onnx]")
+    runtime = pytest.importorskip("onnxruntime", reason="needs pip install .[onnx]")
+    to_onnx(network, tmp_path / "n.onnx")
+    session = runtime.InferenceSession(str(tmp_path / "n.onnx"))
+    for size in ((24, 32), (37, 50)):
+        image = torch.rand(1, 3, *size, generator=torch.Generator().manual_seed(3))
+        (painted,) = session.run(None, {"image": image.numpy()})
+        with torch.no_grad():
+            torch.testing.assert_close(torch.from_numpy(painted), network(image), atol=1e-4, rtol=0)
+
+
+def test_the_command_converts_and_says_what_is_wrong(tmp_path, network):
+    save_style_network(network, tmp_path)
+    command = [sys.executable, "-m", "styletrf.style.export_style"]
+    subprocess.run([*command, tmp_path, tmp_path / "n.pth"], check=True)
+    assert from_fast_neural_style(tmp_path / "n.pth").config == SIZE
+    done = subprocess.run([*command, tmp_path / "x", "n.pth"], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "cannot be read as a style network" in done.stderr

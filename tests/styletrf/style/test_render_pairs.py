@@ -1,0 +1,59 @@
+"""Pairs of renders with the exact flow between them: a colour of the scene stays where it is."""
+
+import numpy as np
+import pytest
+import torch
+
+from styletrf.errors import InputError
+from styletrf.field.rendering import Rendering
+from styletrf.geometry.cameras import Camera
+from styletrf.style.training.render_pairs import RenderPairs
+from styletrf.style.training.temporal_loss import steadiness
+from styletrf.trajectory.frames import write_float_frames
+
+WIDTH, HEIGHT = 40, 32
+
+
+def wall(x: float) -> tuple[Camera, Rendering]:
+    """A camera at x, y = 0 that looks straight at a coloured wall at depth 4."""
+    pose = np.column_stack([np.eye(3), [x, 0.0, 0.0]])
+    camera = Camera(f"{x:.1f}", WIDTH, HEIGHT, 40.0, 40.0, 20.0, 16.0, pose)
+    columns = (torch.arange(WIDTH) + 0.5 - 20) / 40 * 4 + x
+    rows = (torch.arange(HEIGHT) + 0.5 - 16) / 40 * 4
+    grid = torch.stack(torch.meshgrid(rows, columns, indexing="ij"), dim=-1)
+    color = 0.5 + 0.4 * torch.sin(torch.stack([grid[..., 0], grid[..., 1], grid.sum(-1)], dim=-1))
+    ones = torch.ones(HEIGHT, WIDTH)
+    return camera, Rendering(color, ones, 4 * ones, 4 * ones)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    cameras, renders = zip(*(wall(0.1 * k) for k in range(7)), strict=True)
+    write_float_frames(tmp_path, cameras, iter(renders))
+    return tmp_path
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_what_the_scene_shows_is_steady(folder, k):
+    pair = RenderPairs(folder, batch=2, crop_px=24, seed=0)(k)
+    assert pair.first.shape == pair.second.shape == (2, 3, 24, 24)
+    assert pair.valid.float().mean() > 0.3
+    steady = steadiness(pair.first, pair.second, pair)
+    assert steady < 2e-3
+    turned = torch.rot90(pair.first, dims=(2, 3))
+    assert steadiness(turned, torch.rot90(pair.second, dims=(2, 3)), pair) > 2 * steady
+
+
+def test_a_pair_depends_on_its_number_alone(folder):
+    pairs = [RenderPairs(folder, batch=1, crop_px=99, seed=0) for _ in "ab"]
+    first = pairs[0](3)
+    pairs[1](0)
+    assert torch.equal(first.first, pairs[1](3).first)
+    assert first.first.shape[-1] == HEIGHT, "no larger than the renders"
+
+
+def test_one_render_has_no_pair(tmp_path):
+    camera, render = wall(0.0)
+    write_float_frames(tmp_path, [camera], iter([render]))
+    with pytest.raises(InputError, match="no two renders"):
+        RenderPairs(tmp_path, batch=1, crop_px=16, seed=0)

@@ -1,0 +1,143 @@
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+
+from styletrf.errors import InputError
+from styletrf.style.style_network import (
+    PaintingNetwork,
+    StyleNetwork,
+    StyleNetworkConfig,
+    load_style_network,
+    save_style_network,
+    stylize,
+)
+from styletrf.style.transfer.network import TransferNetwork, TransferNetworkConfig
+
+TINY = StyleNetworkConfig(width=4, n_residual=1)
+
+
+def tiny(seed: int = 0) -> StyleNetwork:
+    return StyleNetwork(TINY, torch.Generator().manual_seed(seed))
+
+
+def test_default_is_johnsons_network():
+    network = StyleNetwork(StyleNetworkConfig())
+    assert sum(parameter.numel() for parameter in network.parameters()) == 1_679_235
+
+
+@pytest.mark.parametrize("height", [16, 17, 18, 19, 23, 64])
+@pytest.mark.parametrize("width", [16, 21, 22, 40])
+def test_output_has_the_size_of_the_input(height: int, width: int):
+    assert tiny()(torch.rand(1, 3, height, width)).shape == (1, 3, height, width)
+
+
+@pytest.mark.parametrize("shape", [(15, 40), (40, 15), (1, 1)])
+def test_images_under_16_pixels_are_refused(shape: tuple[int, int]):
+    with pytest.raises(ValueError, match="at least 16"):
+        tiny()(torch.rand(1, 3, *shape))
+
+
+@pytest.mark.extremes("Style network")
+@pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
+def test_constant_images_have_finite_outputs_and_gradients(value: float):
+    network, images = tiny(), torch.full((1, 3, 20, 20), value, requires_grad=True)
+    output = network(images)
+    output.square().sum().backward()
+    gradients = [parameter.grad for parameter in network.parameters()] + [images.grad]
+    assert output.isfinite().all()
+    assert all(gradient is not None and gradient.isfinite().all() for gradient in gradients)
+
+
+def test_images_of_a_batch_do_not_see_each_other():
+    network, images = tiny(), torch.rand(3, 3, 24, 24)
+    alone = torch.cat([network(image[None]) for image in images])
+    torch.testing.assert_close(network(images), alone, rtol=1e-4, atol=1e-5)
+
+
+def test_contrast_and_brightness_of_the_whole_image_do_not_matter():
+    """What instance normalisation buys (reflection padding keeps it exact up to its epsilon)."""
+    network, image = tiny().double(), torch.rand(1, 3, 24, 24, dtype=torch.float64)
+    other = 0.4 * image + 0.3
+    torch.testing.assert_close(network(other), network(image), rtol=0, atol=1e-3)
+
+
+def test_shift_by_the_stride_shifts_the_output_of_a_periodic_image():
+    network = tiny().double()
+    image = torch.rand(1, 3, 16, 16, dtype=torch.float64).tile(1, 1, 8, 8)
+    output = network(image)
+    inside, shifted = output[..., 48:64, 48:64], output[..., 52:68, 64:80]
+    torch.testing.assert_close(shifted.roll(4, dims=-2), inside)
+
+
+def test_same_generator_same_network():
+    a, b, other = tiny(3), tiny(3), tiny(4)
+    image = torch.rand(1, 3, 16, 16)
+    assert torch.equal(a(image), b(image))
+    assert not torch.equal(a(image), other(image))
+
+
+def test_stylize_clamps_and_keeps_the_size_without_gradient():
+    network = tiny()
+    with torch.no_grad():
+        for parameter in network.decoder[-1].parameters():
+            parameter.mul_(1000)
+    painted = stylize(network, torch.rand(21, 30, 3))
+    assert painted.shape == (21, 30, 3)
+    assert painted.min() == 0
+    assert painted.max() == 1
+    assert not painted.requires_grad
+
+
+def transfer() -> TransferNetwork:
+    config = TransferNetworkConfig(widths=(2, 3, 4), n_residual=1)
+    return TransferNetwork(config, torch.Generator().manual_seed(0))
+
+
+@pytest.mark.parametrize("made", [tiny, transfer])
+def test_file_keeps_every_bit(tmp_path: Path, made: Callable[[], PaintingNetwork]):
+    network, image = made(), torch.rand(1, 3, 16, 16)
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        save_style_network(network, tmp_path / name)
+    loaded = load_style_network(tmp_path / "a")
+    assert type(loaded) is type(network)
+    assert loaded.config == network.config
+    assert torch.equal(loaded(image), network(image))
+    for file in (tmp_path / "a").iterdir():
+        assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes()
+
+
+def test_files_that_name_no_architecture_are_johnsons(tmp_path: Path):
+    save_style_network(tiny(), tmp_path)
+    (tmp_path / "style_network.json").write_text('{"n_residual": 1, "width": 4}')
+    assert load_style_network(tmp_path).config == TINY
+
+
+@pytest.mark.parametrize(
+    "config",
+    ["", "[]", "null", '{"width": 8}', '{"depth": 3}', '{"width": 0}', '{"architecture": "vgg"}'],
+)
+def test_damaged_files_are_an_input_error(tmp_path: Path, config: str):
+    save_style_network(tiny(), tmp_path)
+    (tmp_path / "style_network.json").write_text(config)
+    with pytest.raises(InputError, match="cannot be read as a style network"):
+        load_style_network(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "size", ["{}", '{"widths": [2, 3]}', '{"widths": [2, 3, 5]}', '{"widths": 3}']
+)
+def test_damaged_files_of_a_transfer_network_are_an_input_error(tmp_path: Path, size: str):
+    save_style_network(transfer(), tmp_path)
+    config = {"architecture": "transfer", "n_residual": 1, **json.loads(size)}
+    (tmp_path / "style_network.json").write_text(json.dumps(config))
+    with pytest.raises(InputError, match="cannot be read as a style network"):
+        load_style_network(tmp_path)
+
+
+def test_absent_files_are_an_input_error(tmp_path: Path):
+    with pytest.raises(InputError, match="Train the style network again"):
+        load_style_network(tmp_path)

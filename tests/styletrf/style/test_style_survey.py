@@ -1,0 +1,53 @@
+"""What is told of a painting before it is learnt."""
+
+import logging
+
+import numpy as np
+import pytest
+import torch
+
+from styletrf.files.images import write_rgb
+from styletrf.style.style_image import read_style_image
+from styletrf.style.style_survey import fine_trace, told_of_painting, told_of_trace
+from styletrf.synthetic.paintings import PAINTINGS
+
+RNG = np.random.default_rng(0)
+GREY = np.repeat(RNG.uniform(size=(300, 300, 1)), 3, axis=2).astype(np.float32)
+FAINT = (0.5 + 0.02 * RNG.normal(size=(300, 300, 3))).clip(0, 1).astype(np.float32)
+COLORFUL = RNG.uniform(size=(300, 300, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("image", "told"),
+    [
+        (GREY, "one line"),
+        (FAINT, "hardly any contrast"),
+        (COLORFUL[:100], "only 100 pixels"),
+        (np.full((300, 300, 3), 0.25, dtype=np.float32), "hardly any contrast"),
+    ],
+)
+def test_a_painting_that_will_disappoint_is_told_of(image, told):
+    (line,) = told_of_painting(image)
+    assert told in line
+
+
+@pytest.mark.parametrize("name", PAINTINGS)
+def test_of_a_good_painting_nothing_is_told(name):
+    assert told_of_painting(PAINTINGS[name](0).astype(np.float32) / 255) == []
+
+
+def test_the_warning_reaches_the_log(tmp_path, caplog):
+    write_rgb(tmp_path / "grey.png", GREY)
+    with caplog.at_level(logging.WARNING):
+        read_style_image(tmp_path / "grey.png")
+    assert "grey.png: the painting's colours lie on one line" in caplog.text
+
+
+def test_the_trace_is_relative_to_the_content(vgg):
+    content = torch.rand(3, 3, 32, 32, generator=torch.Generator().manual_seed(0))
+    assert fine_trace(vgg, content[:1], content[:1]) == pytest.approx(1)
+    bright = fine_trace(vgg, content[:1], 0.5 * content[:1])
+    assert bright > 1.1
+    assert told_of_trace(0.9) == []
+    assert "3.5 times" in told_of_trace(3.5)[0]
+    assert np.isfinite(fine_trace(vgg, content[:1], torch.zeros(1, 3, 32, 32)))

@@ -1,0 +1,176 @@
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from styletrf.content.content_images import ContentConfig, write_content_images
+from styletrf.content.content_sources import embedded_source
+from styletrf.devices import computes_in_bfloat16
+from styletrf.errors import InputError
+from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
+from styletrf.style.perceptual.vgg import VGG16
+from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig
+from styletrf.style.training.config import StyleTrainingConfig
+from styletrf.style.training.trainer import train_style_network
+
+TINY = StyleTrainingConfig(
+    network=StyleNetworkConfig(width=4, n_residual=1),
+    iterations=8,
+    identity_iterations=2,
+    warm_start=False,
+    batch=1,
+    crop_px=32,
+    style_px=64,
+    learning_rate=3e-3,
+    final_learning_rate=1e-3,
+    bfloat16=False,
+)
+
+
+class KilledError(Exception):
+    pass
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("content")
+    source = embedded_source([], n_procedural=8, seed=0)
+    write_content_images(source, folder, ContentConfig(min_side_px=64))
+    return folder
+
+
+def style() -> Tensor:
+    """Diagonal stripes of two colours."""
+    y, x = torch.meshgrid(torch.arange(64), torch.arange(64), indexing="ij")
+    stripes = ((x + y) // 4 % 2).float()[..., None]
+    return stripes * torch.tensor([0.9, 0.6, 0.1]) + (1 - stripes) * torch.tensor([0.1, 0.2, 0.5])
+
+
+def trained(config: StyleTrainingConfig, vgg: VGG16, content: Path, folder: Path, **arguments):
+    folder.mkdir(exist_ok=True)
+    return train_style_network(config, vgg, style(), content, checkpoint_folder=folder, **arguments)
+
+
+def parameters(network: StyleNetwork) -> Tensor:
+    return torch.cat([parameter.detach().flatten() for parameter in network.parameters()])
+
+
+def killed_at(iteration: int):
+    def progress(done: int, total: int, **quality: float) -> None:
+        if done == iteration:
+            raise KilledError
+
+    return progress
+
+
+def test_loss_falls_and_the_curve_says_so(vgg: VGG16, content: Path, tmp_path: Path):
+    """With little content and total variation, which pull against the style."""
+    loss = PerceptualLossConfig(content_weight=0.1, style_weight=1.0, tv_weight=0.1)
+    config = replace(
+        TINY, iterations=40, identity_iterations=0, final_learning_rate=3e-3, loss=loss
+    )
+    _, curve = trained(config, vgg, content, tmp_path)
+    assert [row.iteration for row in curve] == list(range(1, 41))
+    assert sum(row.loss for row in curve[-5:]) < 0.75 * sum(row.loss for row in curve[:5])
+    for row in curve:
+        assert row.loss == pytest.approx(
+            row.content + row.style + row.tv + row.steadiness, rel=1e-5
+        )
+    assert all(a.seconds <= b.seconds for a, b in pairwise(curve))
+
+
+@pytest.mark.parametrize("checkpoint_s", [0.0, 1e9])
+def test_a_killed_training_ends_as_one_never_killed(
+    vgg: VGG16, content: Path, tmp_path: Path, checkpoint_s: float
+):
+    whole, whole_curve = trained(TINY, vgg, content, tmp_path / "whole")
+    for iteration in (3, 6):
+        with pytest.raises(KilledError):
+            trained(
+                TINY,
+                vgg,
+                content,
+                tmp_path / "killed",
+                progress=killed_at(iteration),
+                checkpoint_s=checkpoint_s,
+            )
+    resumed, curve = trained(TINY, vgg, content, tmp_path / "killed")
+    torch.testing.assert_close(parameters(resumed), parameters(whole), rtol=1e-4, atol=1e-5)
+    assert [row.iteration for row in curve] == list(range(1, TINY.iterations + 1))
+    assert [row.loss for row in curve] == pytest.approx([r.loss for r in whole_curve], rel=1e-3)
+
+
+def test_a_resumed_training_does_not_repeat_what_was_done(
+    vgg: VGG16, content: Path, tmp_path: Path
+):
+    with pytest.raises(KilledError):
+        trained(TINY, vgg, content, tmp_path, progress=killed_at(6), checkpoint_s=0.0)
+    done: list[int] = []
+    trained(TINY, vgg, content, tmp_path, progress=lambda k, total, **_: done.append(k))
+    assert done == [6, 7, 8]
+
+
+def test_a_finished_training_is_only_read(vgg: VGG16, content: Path, tmp_path: Path):
+    first, curve = trained(TINY, vgg, content, tmp_path)
+    again, same_curve = trained(TINY, vgg, content, tmp_path, progress=killed_at(1))
+    assert torch.equal(parameters(first), parameters(again))
+    assert curve == same_curve
+    assert [file.name for file in tmp_path.iterdir()] == ["style_training.safetensors"]
+
+
+def test_the_network_first_learns_to_repeat_the_photograph(
+    vgg: VGG16, content: Path, tmp_path: Path
+):
+    config = replace(TINY, iterations=60, identity_iterations=60, final_learning_rate=3e-3)
+    _, curve = trained(config, vgg, content, tmp_path)
+    assert all(row.style == row.tv == 0 for row in curve)
+    assert sum(row.content for row in curve[-20:]) < sum(row.content for row in curve[:20])
+
+
+def test_seed_decides_the_start(vgg: VGG16, content: Path, tmp_path: Path):
+    short = replace(TINY, iterations=1)
+    a, _ = trained(short, vgg, content, tmp_path / "a")
+    b, _ = trained(replace(short, seed=1), vgg, content, tmp_path / "b")
+    assert not torch.allclose(parameters(a), parameters(b))
+
+
+@pytest.mark.parametrize("term", ["content", "style", "tv"])
+def test_a_term_that_is_not_finite_stops_and_is_named(
+    vgg: VGG16, content: Path, tmp_path: Path, term: str
+):
+    weights = {"content_weight": 1.0, "style_weight": 1.0, "tv_weight": 1.0}
+    loss = PerceptualLossConfig(**(weights | {f"{term}_weight": float("inf")}))
+    with pytest.raises(InputError, match=f"the {term} term became.*--StyleNetwork-settings"):
+        trained(replace(TINY, identity_iterations=0, loss=loss), vgg, content, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_checkpoint_of_another_network_is_passed_over(
+    vgg: VGG16, content: Path, tmp_path: Path
+):
+    trained(replace(TINY, iterations=1), vgg, content, tmp_path)
+    other = replace(TINY, network=StyleNetworkConfig(width=8, n_residual=1))
+    _, curve = trained(other, vgg, content, tmp_path)
+    assert len(curve) == TINY.iterations
+
+
+@pytest.mark.skipif(
+    not computes_in_bfloat16(torch.device("cpu")), reason="this CPU has no bfloat16 products"
+)
+def test_bfloat16_trains_alike(vgg: VGG16, content: Path, tmp_path: Path):
+    config = replace(TINY, iterations=12, identity_iterations=0)
+    _, exact = trained(config, vgg, content, tmp_path / "exact")
+    _, fast = trained(replace(config, bfloat16=True), vgg, content, tmp_path / "fast")
+    assert fast[0].loss == pytest.approx(exact[0].loss, rel=0.05)
+    assert fast[-1].loss == pytest.approx(exact[-1].loss, rel=0.3)
+
+
+def test_the_network_given_is_left_as_it_was(vgg: VGG16, content: Path, tmp_path: Path):
+    before = {name: value.clone() for name, value in vgg.state_dict().items()}
+    trained(replace(TINY, iterations=2, bfloat16=True), vgg, content, tmp_path)
+    for name, value in vgg.state_dict().items():
+        assert value.dtype == torch.float32
+        assert torch.equal(value, before[name])

@@ -1,0 +1,118 @@
+"""Deferred back-propagation is back-propagation; the density is only read."""
+
+import copy
+from dataclasses import replace
+
+import pytest
+import torch
+from mini_scene import MINI_FIT as CONFIG
+from mini_scene import fit, painted_plane
+
+from styletrf.capture.view_images import view_images
+from styletrf.field.kernels import kernels_for
+from styletrf.field.ray_cache import march_once
+from styletrf.field.rendering import RenderConfig
+from styletrf.field.view_rays import ViewRays
+from styletrf.stylization.adaptation import AdaptationConfig
+from styletrf.stylization.free_adaptation import adapt_all, fit_anew
+from styletrf.stylization.image_adaptation import (
+    ImageAdaptationConfig,
+    _accumulate,
+    adapt_to_image_loss,
+    color_drift,
+)
+from styletrf.stylization.strategies import StylizationConfig
+from styletrf.trajectory.frames import rendered
+
+CPU = torch.device("cpu")
+KERNELS = kernels_for(CPU)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return painted_plane()
+
+
+@pytest.fixture
+def field(scene):
+    return fit(scene, replace(CONFIG, iterations=60))
+
+
+def image_loss(image, plain):
+    return (image.mean(dim=(2, 3)) - 0.2).square().sum() + (image - plain).abs().mean()
+
+
+def test_tiles_give_the_gradient_of_the_whole(scene, field, monkeypatch):
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    cache = march_once(
+        field, rays, view_images(scene.images), torch.arange(400), KERNELS,
+        min_weight=0.0, termination=0.0, cache_bytes=1 << 30,
+    )  # fmt: skip
+    monkeypatch.setattr("styletrf.stylization.image_adaptation._TILE", 150)
+    _accumulate(field, cache, (20, 20, 3), image_loss, KERNELS)
+    tiled = [p.grad.clone() for p in field.appearance.parameters()]
+    field.appearance.zero_grad()
+    whole = cache.batch(0, 400).color(field.appearance, KERNELS).reshape(20, 20, 3)
+    target = cache.target.reshape(20, 20, 3)
+    image_loss(whole.permute(2, 0, 1)[None], target.permute(2, 0, 1)[None]).backward()
+    for found, parameter in zip(tiled, field.appearance.parameters(), strict=True):
+        torch.testing.assert_close(found, parameter.grad, atol=1e-6, rtol=1e-3)
+
+
+def test_the_loss_falls_and_the_density_stays(scene, field):
+    before = {name: tensor.clone() for name, tensor in field.density.state_dict().items()}
+    told = []
+    adapt_to_image_loss(
+        field, scene.cameras, (scene.images, scene.images), scene.model.space, image_loss,
+        ImageAdaptationConfig(iterations=18, rate=1.0), AdaptationConfig(), KERNELS,
+        lambda done, total, loss: told.append(loss),
+    )  # fmt: skip
+    assert sum(told[-6:]) < 0.85 * sum(told[:6])
+    assert all(torch.equal(t, before[name]) for name, t in field.density.state_dict().items())
+
+
+def test_a_loss_that_says_nothing_of_colour_leaves_the_painted_colours(scene, field):
+    """A loss of contrast alone would take the view to grey: the drift holds it."""
+
+    def contrast(image, plain):
+        return image.var(dim=(2, 3)).sum()
+
+    def end(color_weight):
+        own = copy.deepcopy(field)
+        adapt_to_image_loss(
+            own, scene.cameras, (scene.images, scene.images), scene.model.space, contrast,
+            ImageAdaptationConfig(iterations=24, rate=1.0, color_weight=color_weight),
+            AdaptationConfig(), KERNELS,
+        )  # fmt: skip
+        renders = rendered(own, scene.model.space, scene.cameras[:1], RenderConfig(), CPU)
+        shown = next(iter(renders)).color.permute(2, 0, 1)[None]
+        return color_drift(shown, (scene.images[:1] / 255).permute(0, 3, 1, 2))
+
+    assert end(20.0) < 0.3 * end(0.0)
+
+
+def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, field):
+    painted = 255 - scene.images
+    before = {name: tensor.clone() for name, tensor in field.state_dict().items()}
+    config = replace(CONFIG, iterations=400)
+    adapted, curve = adapt_all(field, scene.cameras, painted, scene.model.space, config, KERNELS)
+    assert curve[-1].psnr > curve[0].psnr + 3
+    assert all(torch.equal(t, before[name]) for name, t in field.state_dict().items())
+    moved = [
+        not torch.equal(a, b)
+        for a, b in zip(adapted.density.parameters(), field.density.parameters(), strict=True)
+    ]
+    assert any(moved), "S2 frees the density"
+    anew, curve = fit_anew(
+        scene.cameras, painted, scene.model.space, scene.model.resolution, config, KERNELS
+    )
+    assert curve[-1].psnr > curve[0].psnr + 3
+    assert anew.resolution == scene.model.resolution
+
+
+def test_the_factors_of_the_controls_steer_the_loss_of_renders():
+    usual = StylizationConfig()
+    steered = usual.steered(stroke_scale=2.0, content_weight=0.5)
+    assert steered.style_px == 2 * usual.style_px
+    assert steered.image_loss.content_weight == 0.5 * usual.image_loss.content_weight
+    assert usual.steered(1.0, 1.0) == usual

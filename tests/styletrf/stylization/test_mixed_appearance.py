@@ -1,0 +1,132 @@
+"""Mixing appearances of one density mixes their renders, exactly; a region bounds the style."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from mini_scene import MINI_FIT as CONFIG
+from mini_scene import fit, painted_plane
+
+from styletrf.field.kernels import kernels_for
+from styletrf.field.rendering import RenderConfig, render_view
+from styletrf.field.view_rays import ViewRays
+from styletrf.stylization.adaptation import AdaptationConfig, adapt_appearance
+from styletrf.stylization.mixed_appearance import MixedAppearance
+from styletrf.stylization.region import Box, Masked
+
+CPU = torch.device("cpu")
+KERNELS = kernels_for(CPU)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return painted_plane()
+
+
+@pytest.fixture(scope="module")
+def fields(scene):
+    """A field as photographed, and the same with its colours inverted."""
+    plain, inverted = (fit(scene, replace(CONFIG, iterations=100)) for _ in "ab")
+    config = AdaptationConfig(iterations=150, batch=256)
+    space = scene.model.space
+    adapt_appearance(inverted, scene.cameras, 255 - scene.images, space, config, KERNELS)
+    return plain, inverted
+
+
+EXACT = RenderConfig(0.0, 0.0)
+
+
+def shown(scene, field, appearance=None, config=EXACT):
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    return render_view(field, KERNELS, rays, 0, scene.cameras[0], config, appearance).color
+
+
+@pytest.mark.parametrize("deferred", [False, True])
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_a_mixture_renders_the_mixture_of_the_renders(scene, fields, share, deferred):
+    plain, _ = fields
+    config = RenderConfig(0.0, 0.0, deferred=deferred)
+    parts = [shown(scene, plain, f.appearance, config) for f in fields]
+    mixed = MixedAppearance([f.appearance for f in fields], [1 - share, share])
+    torch.testing.assert_close(
+        shown(scene, plain, mixed, config), (1 - share) * parts[0] + share * parts[1],
+        atol=2e-6, rtol=1e-5,
+    )  # fmt: skip
+    assert (parts[0] - parts[1]).abs().mean() > 0.1
+
+
+def test_a_box_styles_what_is_in_it(scene, fields):
+    plain, inverted = fields
+    space = scene.model.space
+    everything = Box((-1e6, -1e6, -1e6), (1e6, 1e6, 1e6))
+    nothing = Box((1e5, 1e5, 1e5), (1e6, 1e6, 1e6))
+    appearances = [f.appearance for f in fields]
+    background_alike = [a.background_color() for a in appearances]
+    for region, expected in ((everything, inverted), (nothing, plain)):
+        mixed = MixedAppearance(appearances, [0.0, 1.0], region, space)
+        render = shown(scene, plain, mixed)
+        difference = (render - shown(scene, expected)).abs().max()
+        assert difference < 1e-5 + (background_alike[0] - background_alike[1]).abs().max()
+
+
+@pytest.fixture
+def crisp(fields):
+    """The inverted appearance, composited with squared weights."""
+    appearance = fields[1].appearance
+    appearance.weight_power = 2.0
+    yield appearance
+    appearance.weight_power = 1.0
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_the_ends_of_a_mixture_have_their_own_power(scene, fields, crisp, share):
+    plain = fields[0].appearance
+    mixed = MixedAppearance([plain, crisp], [1 - share, share])
+    end, other = (crisp, plain) if share else (plain, crisp)
+    render, own, of_other = (shown(scene, fields[0], a) for a in (mixed, end, other))
+    torch.testing.assert_close(render, own, atol=2e-6, rtol=1e-5)
+    assert (render - of_other).abs().mean() > 0.1
+
+
+def test_outside_of_a_region_the_power_is_the_photographs(scene, fields, crisp):
+    plain, space = fields[0].appearance, scene.model.space
+    nothing = Box((1e5, 1e5, 1e5), (1e6, 1e6, 1e6))
+    render = shown(scene, fields[0], MixedAppearance([plain, crisp], [0.0, 1.0], nothing, space))
+    torch.testing.assert_close(render, shown(scene, fields[0]), atol=2e-6, rtol=1e-5)
+
+
+def test_a_mask_styles_what_its_view_shows_white(scene, fields):
+    plain, _ = fields
+    camera = scene.cameras[0]
+    rays = ViewRays(scene.cameras, scene.model.space, plain.step_length, CPU)
+    depth = render_view(plain, KERNELS, rays, 0, camera, RenderConfig()).depth.numpy()
+    mask = np.zeros_like(depth)
+    mask[:, camera.width // 2 :] = 1
+    region = Masked(camera, mask, depth, thickness=0.5)
+    mixed = MixedAppearance([f.appearance for f in fields], [0.0, 1.0], region, scene.model.space)
+    render, without, whole = (shown(scene, plain, a) for a in (mixed, None, fields[1].appearance))
+    half = camera.width // 2
+    assert (render - without)[:, : half - 1].abs().mean() < 0.02
+    assert (render - whole)[:, half + 1 :].abs().mean() < 0.1
+    assert (render - without)[:, half + 1 :].abs().mean() > 0.1
+
+
+def test_what_hides_behind_the_masked_surface_is_outside(scene):
+    camera = scene.cameras[0]
+    ones = np.ones((camera.height, camera.width))
+    region = Masked(camera, ones, 2 * ones, thickness=0.05)
+    on_axis = camera.center_world + np.outer([1.0, 2.0, 2.2, -1.0], camera.forward_world)
+    np.testing.assert_array_equal(region.share(on_axis), [1, 1, 0, 0])
+    np.testing.assert_array_equal(region.share(np.full((1, 3), np.nan)), [0])
+
+
+@pytest.mark.parametrize("shares", [[0.5], [0.5, 0.6], [-0.1, 1.1], []])
+def test_shares_that_are_none_are_refused(fields, shares):
+    with pytest.raises(ValueError, match="shares"):
+        MixedAppearance([f.appearance for f in fields], shares)
+
+
+def test_an_empty_box_is_refused():
+    with pytest.raises(ValueError, match="holds nothing"):
+        Box((0.0, 0.0, 0.0), (1.0, 0.0, 1.0))

@@ -1,0 +1,61 @@
+"""Few views that show everything; what is hidden does not count as shown."""
+
+import numpy as np
+import pytest
+
+from styletrf.geometry.cameras import Camera
+from styletrf.trajectory.coverage import CoverageConfig, covering, places_seen, shown
+
+
+def camera(x: float = 0.0) -> Camera:
+    return Camera("c", 32, 24, 32.0, 32.0, 16.0, 12.0, np.column_stack([np.eye(3), [x, 0, 0]]))
+
+
+def test_the_fewest_views_that_show_everything():
+    seen = np.zeros((5, 40), dtype=bool)
+    seen[0, :20], seen[3, 20:] = True, True
+    seen[1, 5:25], seen[2, :10], seen[4, 30:] = True, True, True
+    assert covering(seen, CoverageConfig(times=1, share=1.0)) == [0, 3]
+
+
+@pytest.mark.parametrize("times", [1, 2, 4, 9])
+def test_each_place_is_shown_as_often_as_asked_or_as_can_be(times):
+    seen = np.random.default_rng(0).random((12, 300)) < 0.4
+    chosen = covering(seen, CoverageConfig(times=times, share=1.0))
+    assert (seen[chosen].sum(axis=0) >= np.minimum(seen.sum(axis=0), times)).all()
+    assert len(chosen) == len(set(chosen))
+    fewer = covering(seen, CoverageConfig(times=times, share=0.8))
+    assert len(fewer) <= len(chosen)
+
+
+@pytest.mark.parametrize("count", [1, 5, 12, 99])
+def test_a_count_is_kept(count):
+    seen = np.random.default_rng(0).random((12, 30)) < 0.4
+    assert len(covering(seen, CoverageConfig(count=count))) == min(count, 12)
+
+
+def test_views_beyond_the_cover_are_spread_by_what_they_show():
+    """Each place is shown once by all that are chosen before any is shown twice."""
+    seen = np.repeat(np.eye(7, dtype=bool), 2, axis=0)
+    chosen = covering(seen, CoverageConfig(count=7, times=1))
+    assert sorted(k // 2 for k in chosen) == list(range(7))
+    shown_first = np.ones((1, 7), dtype=bool)
+    chosen = covering(np.concatenate([shown_first, seen]), CoverageConfig(count=8, times=1))
+    assert sorted((k - 1) // 2 for k in chosen if k) == list(range(7))
+
+
+@pytest.mark.parametrize("places", [0, 10])
+def test_where_nothing_is_seen_one_view_is_left(places):
+    assert len(covering(np.zeros((4, places), dtype=bool), CoverageConfig())) == 1
+
+
+def test_a_view_shows_what_it_saw_and_not_what_is_behind():
+    wall = np.full((24, 32), 4.0)
+    wall[:, 16:] = np.inf
+    places = places_seen([camera()], [wall])
+    assert len(places) == wall.size / 2
+    assert shown(camera(), wall, places, 0.01).all()
+    nearer = np.full((24, 32), 2.0)
+    assert not shown(camera(), nearer, places, 0.01).any(), "a nearer wall hides them"
+    assert not shown(camera(9.0), np.full((24, 32), 4.0), places, 0.01).any(), "beside the view"
+    assert not shown(camera(), np.full((24, 32), np.inf), places, 0.01).any()

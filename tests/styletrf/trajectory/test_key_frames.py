@@ -1,0 +1,110 @@
+"""Key frames in files: what is written is read, and a mistake is named with file, entry, remedy."""
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from styletrf.errors import InputError
+from styletrf.trajectory.key_frames import (
+    WIDEST_FOV_DEG,
+    KeyFrame,
+    KeyFrames,
+    key_frames_of,
+    write_key_frames,
+)
+from styletrf.trajectory.path_files import read_path
+
+NUMBERS = st.floats(-1e6, 1e6)
+POINTS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+QUATERNIONS = st.tuples(st.floats(0.1, 1), NUMBERS, NUMBERS, NUMBERS)
+FOVS = st.none() | st.floats(1, WIDEST_FOV_DEG)
+PLACES = st.one_of(
+    st.tuples(st.text(min_size=1), st.none(), st.none(), st.none(), FOVS),
+    st.tuples(st.just(""), POINTS, QUATERNIONS, st.none(), FOVS),
+    st.tuples(st.just(""), POINTS, st.none(), POINTS, FOVS),
+)
+
+
+@settings(deadline=None)
+@given(st.lists(PLACES, min_size=1, max_size=5), st.booleans(), st.floats(0, 1))
+def test_what_is_written_is_read(tmp_path_factory, places, closed, easing):
+    path = tmp_path_factory.mktemp("path") / "path.json"
+    keys = KeyFrames(str(path), tuple(KeyFrame(*place) for place in places), closed, easing)
+    write_key_frames(path, keys)
+    assert read_path(path) == keys
+
+
+def test_times_are_written_and_read(tmp_path):
+    frames = tuple(KeyFrame(photograph=f"{k}", time_s=0.1 * k**2) for k in range(4))
+    keys = KeyFrames(str(tmp_path / "p.json"), frames)
+    write_key_frames(tmp_path / "p.json", keys)
+    assert read_path(tmp_path / "p.json") == keys
+
+
+PLACE = {"position": [0, 0, 0], "look_at": [0, 0, 1]}
+MISTAKES = {
+    "no key frames": ({"key_frames": []}, "no key frames"),
+    "no list": ({"key_frames": 3}, "key_frames is 3, not a list"),
+    "no object": ({"key_frames": ["a"]}, 'key_frames[0] is "a", not an object'),
+    "unknown word": ({"key_frames": [PLACE], "loop": True}, "the file has 'loop'"),
+    "unknown entry": ({"key_frames": [PLACE, PLACE | {"fov": 3}]}, "key_frames[1] has 'fov'"),
+    "no place": ({"key_frames": [{}]}, "key_frames[0] is no place"),
+    "no direction": ({"key_frames": [{"position": [0, 0, 0]}]}, "key_frames[0] is no place"),
+    "two places": ({"key_frames": [PLACE | {"photograph": "a"}]}, "one of them is enough"),
+    "two directions": (
+        {"key_frames": [PLACE | {"orientation": [1, 0, 0, 0]}]},
+        "key_frames[0] is no place",
+    ),
+    "no point": ({"key_frames": [PLACE | {"position": [0, 0]}]}, "not 3 finite numbers"),
+    "not finite": ({"key_frames": [PLACE | {"look_at": [0, 0, float("nan")]}]}, "not 3 finite"),
+    "huge": ({"key_frames": [PLACE | {"look_at": [0, 0, 10**400]}]}, "not 3 finite numbers"),
+    "no rotation": (
+        {"key_frames": [{"position": [0, 0, 0], "orientation": [0, 0, 0, 0]}]},
+        "key_frames[0].orientation is zero",
+    ),
+    "too wide": ({"key_frames": [PLACE | {"fov_deg": 180}]}, "not a number from 1 to 170"),
+    "truth": ({"key_frames": [PLACE | {"fov_deg": True}]}, "not a number from 1 to 170"),
+    "before": ({"key_frames": [PLACE | {"time_s": -1}]}, "not a number of 0 or more"),
+    "some times": ({"key_frames": [PLACE | {"time_s": 0}, PLACE]}, "key_frames[1] has no time_s"),
+    "no order": (
+        {"key_frames": [PLACE | {"time_s": 1}, PLACE | {"time_s": 1}]},
+        "key_frames[1].time_s 1 is not after the one before",
+    ),
+    "closed times": ({"key_frames": [PLACE | {"time_s": 1}], "closed": True}, "when it returns"),
+    "no truth": ({"key_frames": [PLACE], "closed": "yes"}, 'closed is "yes", not true or false'),
+    "much easing": ({"key_frames": [PLACE], "easing": 2}, "easing is 2, not a number from 0 to 1"),
+}
+
+
+@pytest.mark.parametrize(("values", "problem"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_named_with_the_file_and_the_entry(tmp_path, values, problem):
+    path = tmp_path / "path.json"
+    path.write_text(json.dumps(values))
+    with pytest.raises(InputError) as error:
+        read_path(path)
+    assert error.value.subject == str(path)
+    assert problem in error.value.problem
+    assert error.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [("", "is no JSON"), ("[1", "is no JSON"), ("[]", "neither key_frames"), ("{}", "neither")],
+)
+def test_a_file_of_something_else_is_refused(tmp_path, text, problem):
+    (tmp_path / "path.json").write_text(text)
+    with pytest.raises(InputError, match=problem):
+        read_path(tmp_path / "path.json")
+
+
+def test_a_file_that_is_missing_is_answered_with_what_there_is(tmp_path):
+    with pytest.raises(InputError, match="no such file") as error:
+        read_path(tmp_path / "path.json")
+    assert "photographs" in error.value.remedy
+
+
+def test_easing_may_be_left_out():
+    assert key_frames_of(Path("p"), {"key_frames": [PLACE]}).easing == 0

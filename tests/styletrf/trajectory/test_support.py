@@ -1,0 +1,151 @@
+"""What photographs support of a frame: what three of them see, with nothing in between."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from mini_scene import MINI_FIT as FIT
+from mini_scene import fit, painted_plane
+from test_trajectories import modelled
+
+from styletrf.files.tables import read_summary
+from styletrf.geometry.cameras import Camera, pixel_centers, points_at_depth, project
+from styletrf.geometry.lenses import focal_from, focal_of
+from styletrf.trajectory.support import Support, SupportMeter, photographs_seeing
+from styletrf.trajectory.support_config import SupportConfig
+from styletrf.trajectory.supported_path import supported_fly_through, write_support
+from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
+
+CONFIG = SupportConfig()
+WIDTH, HEIGHT = 32, 24
+
+
+def camera(x: float = 0.0, turn_rad: float = 0.0) -> Camera:
+    cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+    rotation = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+    pose = np.column_stack([rotation, [x, 0, 0]])
+    return Camera("c", WIDTH, HEIGHT, 32.0, 32.0, 16.0, 12.0, pose)
+
+
+def wall(distance: float = 4.0) -> np.ndarray:
+    return np.full((HEIGHT, WIDTH), distance)
+
+
+def seen(photographs, depths, depth=None) -> np.ndarray:
+    depth = wall() if depth is None else depth
+    counts = photographs_seeing(camera(), depth, photographs, depths, CONFIG)
+    return counts.reshape(HEIGHT, WIDTH)
+
+
+def test_photographs_from_the_same_place_see_all():
+    assert (seen([camera()] * 3, [wall()] * 3) == 3).all()
+
+
+@pytest.mark.parametrize("x", [-3.0, -1.0, 0.5, 2.0])
+def test_a_photograph_beside_sees_what_lies_within_it(x):
+    points = points_at_depth(camera(), pixel_centers(WIDTH, HEIGHT), wall().reshape(-1))
+    column = project(camera(x), points)[0][:, 0].reshape(HEIGHT, WIDTH)
+    inside = (column >= 0) & (column < WIDTH)
+    np.testing.assert_array_equal(seen([camera(x)], [wall()]), inside.astype(int))
+
+
+def test_what_stands_in_between_hides_the_wall():
+    hidden = wall()
+    hidden[:, : WIDTH // 2] = 2.0
+    found = seen([camera(0.5)], [hidden])
+    assert found.min() == 0
+    assert 0.3 < found.mean() < 0.7
+
+
+def test_a_surface_that_a_photograph_looks_through_is_not_seen_by_it():
+    assert (seen([camera(0.5)], [wall(9.0)]) == 0).all()
+
+
+def test_the_sky_is_seen_where_it_is_the_sky_there():
+    sky = wall(np.inf)
+    assert (seen([camera(0.5)], [sky], sky) == 1).all()
+    assert (seen([camera(0.5)], [wall()], sky) == 0).all()
+    assert (seen([camera(0.0, np.pi)], [sky], sky) == 0).all(), "and not behind"
+
+
+def test_far_surfaces_that_no_parallax_tells_apart_are_the_same():
+    assert (seen([camera(0.5)], [wall(3000.0)], wall(1000.0))[:, 1:] == 1).all()
+
+
+@pytest.fixture(scope="module")
+def meter() -> SupportMeter:
+    scene = painted_plane()
+    field = fit(scene, replace(FIT, iterations=150))
+    return SupportMeter(scene.cameras, field, scene.model.space, CONFIG, torch.device("cpu"))
+
+
+def test_a_path_among_the_photographs_is_supported_and_one_that_looks_away_is_not(meter):
+    scene = painted_plane()
+    path = fly_through(scene.cameras, scene.model, TrajectoryConfig(frames=6))
+    support = meter.measure(path)
+    assert set(support.unsupported) == {camera.name for camera in path}
+    away = [
+        replace(c, world_from_camera=c.world_from_camera @ np.diag([-1.0, 1.0, -1.0, 1.0]))
+        for c in path
+    ]
+    assert support.share < 0.2
+    assert meter.measure(away).share == 1
+
+
+def test_worst_frames_come_first():
+    assert Support({"a": 0.1, "b": 0.5, "c": 0.2}).worst(2) == ["b", "c"]
+
+
+def spread_of(path) -> Support:
+    """Counts as unsupported what a path uses of the space."""
+    centers = np.stack([camera.center_world for camera in path])
+    return Support({camera.name: float(np.ptp(centers[:, 0])) for camera in path})
+
+
+def test_the_default_path_is_narrowed_until_it_is_supported_and_no_further(tmp_path):
+    views, model = modelled("forward")
+    config = TrajectoryConfig(frames=12)
+    whole = spread_of(fly_through(views, model, config)).share
+    untouched = supported_fly_through(views, model, config, spread_of, np.inf)
+    assert [trial.spread for trial in untouched.trials] == [config.spread]
+    narrowed = supported_fly_through(views, model, config, spread_of, 0.6 * whole)
+    assert narrowed.support.share < 0.6 * whole
+    assert narrowed.trials[-2].unsupported >= 0.6 * whole
+    assert narrowed.trials[-1].unsupported == narrowed.support.share
+    never = supported_fly_through(views, model, config, spread_of, -1.0)
+    assert never.support.share == min(trial.unsupported for trial in never.trials)
+    assert {trial.spread for trial in never.trials if trial.zoom > 1} == {0.0}
+    write_support(tmp_path / "support.json", "auto", narrowed, CONFIG)
+    summary = read_summary(tmp_path / "support.json")
+    assert summary["unsupported"] == narrowed.support.share
+    assert [row["spread"] for row in summary["tried"]] == [t.spread for t in narrowed.trials]
+
+
+def width_of(path) -> Support:
+    """Counts as unsupported what a path sees beside the middle, wherever it is."""
+    return Support({camera.name: 1 / focal_of(camera) for camera in path})
+
+
+def test_where_no_spread_is_enough_the_view_is_narrowed_unless_it_was_asked_for():
+    views, model = modelled("forward")
+    config = TrajectoryConfig(frames=4)
+    whole = width_of(fly_through(views, model, config)).share
+    narrowed = supported_fly_through(views, model, config, width_of, 0.7 * whole)
+    assert narrowed.trials[-1].zoom == 1.5
+    assert narrowed.trials[-1].spread == config.spread
+    asked = supported_fly_through(views, model, replace(config, fov_deg=60.0), width_of, 0.1)
+    assert {trial.zoom for trial in asked.trials} == {1.0}
+    assert focal_of(asked.cameras[0]) == pytest.approx(focal_from(60.0))
+
+
+def test_an_unsupported_path_is_warned_of_with_its_share_and_frames(tmp_path, caplog):
+    views, model = modelled("forward")
+    found = supported_fly_through(views, model, TrajectoryConfig(frames=4), spread_of, np.inf)
+    poor = replace(found, support=Support({"0001": 0.1, "0002": 0.3}))
+    write_support(tmp_path / "support.json", "orbit", poor, CONFIG)
+    (record,) = caplog.records
+    assert "20.0%" in record.message
+    assert "0002, 0001" in record.message
+    write_support(tmp_path / "support.json", "orbit", found, replace(CONFIG, most_unsupported=9.0))
+    assert len(caplog.records) == 1
