@@ -130,7 +130,7 @@ def train(options: argparse.Namespace) -> None:
     settings = settings_of(options)
     scene = load_given_scene(options.scene, settings.model)
     for row in measurements(scene, settings, options.kernels, options.at, options.field):
-        told(options, row)
+        print_row(options, row)
     if options.field is not None:
         first = next(colors(scene, load_field(options.field), settings.render, slice(1)))
         pair = [first, from_integers(scene.test.images[0].numpy())]
@@ -144,7 +144,7 @@ def sweep(options: argparse.Namespace) -> None:
         settings = settings_of(options)
         scene = load_given_scene(options.scene, settings.model)
         for row in measurements(scene, settings, options.kernels, []):
-            told(options, {options.knob: json.loads(value)} | row)
+            print_row(options, {options.knob: json.loads(value)} | row)
 
 
 def frame(options: argparse.Namespace) -> None:
@@ -155,7 +155,7 @@ def frame(options: argparse.Namespace) -> None:
         scene = _larger(scene, options.long_side)
     radiance = load_field(options.field)
     exhaustive = next(colors(scene, radiance, EXHAUSTIVE, slice(1)))
-    told(options, frame_row(scene, radiance, exhaustive, settings.render, options.repeats))
+    print_row(options, frame_row(scene, radiance, exhaustive, settings.render, options.repeats))
 
 
 def frame_row(
@@ -215,7 +215,7 @@ def compare(options: argparse.Namespace) -> None:
             trainer.field.load_state_dict(
                 present.state_dict() | {"density.occupancy": trainer.field.density.occupancy}
             )
-        told(options, {
+        print_row(options, {
             "kernels": trainer.kernels.name, "every_sample": training is exhaustive,
             **timed_steps(trainer, options.iterations),
         })  # fmt: skip
@@ -249,7 +249,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
     return configured(Settings, values)
 
 
-def told(options: argparse.Namespace, row: dict[str, Any]) -> None:
+def print_row(options: argparse.Namespace, row: dict[str, Any]) -> None:
     """Prints a row."""
     rounded = {k: round(v, 5) if isinstance(v, float) else v for k, v in row.items()}
     print(json.dumps({"scene": options.scene} | rounded), flush=True)  # noqa: T201

@@ -84,8 +84,8 @@ def _print_rows(results: Iterable[Result], options: argparse.Namespace) -> None:
     for result in results:
         for row in jury.rows(result, baseline="per frame" not in result.name):
             values = [row.get(key) for key in columns.values()]
-            told = "".join(f"{'' if v is None else f'{v:.3f}':>13}" for v in values)
-            _print(json.dumps(row) if options.json else f"{row['result']:32}{told}")
+            columns = "".join(f"{'' if v is None else f'{v:.3f}':>13}" for v in values)
+            _print(json.dumps(row) if options.json else f"{row['result']:32}{columns}")
 
 
 def _made(options: argparse.Namespace) -> Iterator[Result]:

@@ -112,8 +112,8 @@ class Crew:
             self.clerk.call("worker", "add_worker", worker=worker, info=[])
             for job in grid:
                 status = "DONE" if job.name in self.made else "PENDING"
-                told = {"task_id": job.name, "deps": list(job.needs), "params": {}}
-                self.clerk.call("register", "add_task", worker=worker, status=status, **told)
+                request = {"task_id": job.name, "deps": list(job.needs), "params": {}}
+                self.clerk.call("register", "add_task", worker=worker, status=status, **request)
 
     def run(self, grid: list[Job], most: int) -> int:
         """Runs a registered grid until it or so many tasks are done, and returns how many were."""
@@ -190,8 +190,8 @@ def main() -> None:
         partition = options.partition or cells
         made, each = set[str](), options.workers // options.crews
         crews = [Crew([f"{c}.{k}" for k in range(each)], made=made) for c in range(options.crews)]
-        told = row(cells, partition, options.styles, crews, options.most_done)
-        print(told, flush=True)  # noqa: T201
+        timed = row(cells, partition, options.styles, crews, options.most_done)
+        print(timed, flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

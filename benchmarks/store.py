@@ -68,8 +68,8 @@ def publish_all(task: Stage) -> None:
     with store.workspace(action.key) as workspace:
         (workspace / "out").mkdir()
         (workspace / "out" / "file").write_text(str(task))
-        told = {"task": str(task), "label": task.label, "started": "", "seconds": 0.0, "log": ""}
-        publish(store, workspace / "out", action, told)
+        record = {"task": str(task), "label": task.label, "started": "", "seconds": 0.0, "log": ""}
+        publish(store, workspace / "out", action, record)
 
 
 def say(line: str) -> None:

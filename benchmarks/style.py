@@ -131,8 +131,8 @@ def trained(
         step(training, k, next(batches))
         seconds += time.monotonic() - started
         if k + 1 in (*at, config.iterations):
-            told = held_out(training.network, vgg, grams, content.held_out, config)
-            yield {"style_image": name, "iteration": k + 1, "seconds": seconds} | told
+            losses = held_out(training.network, vgg, grams, content.held_out, config)
+            yield {"style_image": name, "iteration": k + 1, "seconds": seconds} | losses
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         save_style_network(training.network, out)
@@ -172,8 +172,8 @@ def paint(options: argparse.Namespace) -> None:
             stylize(network, image)
             seconds.append(time.monotonic() - started)
         seconds.sort()
-        told = {"network": name, "best": seconds[0], "median": seconds[len(seconds) // 2]}
-        print(json.dumps(told), flush=True)  # noqa: T201
+        row = {"network": name, "best": seconds[0], "median": seconds[len(seconds) // 2]}
+        print(json.dumps(row), flush=True)  # noqa: T201
 
 
 def main() -> None:

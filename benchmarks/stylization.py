@@ -141,13 +141,13 @@ def strategies(options: argparse.Namespace) -> None:
         ]
         error = torch.cat(errors)
         error = torch.where(error.isnan(), 0, error)  # infinite in both
-        told = {
+        row = {
             "strategy": strategy,
             "psnr_to_priors": _to_priors(replace(job, field=own)),
             "median_depth_error": float(error.median()),
             "beyond_5_percent": float((error > 0.05).float().mean()),
         }
-        print(json.dumps(told), flush=True)  # noqa: T201
+        print(json.dumps(row), flush=True)  # noqa: T201
 
 
 def main() -> None:

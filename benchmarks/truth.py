@@ -106,12 +106,12 @@ def depth(options: argparse.Namespace) -> None:
     )  # fmt: skip
     for camera, render in zip(scene.test.cameras, renders, strict=True):
         true = np.load(truth / "depth" / f"{camera.name}.npy")
-        told = scale * render.median_depth.numpy()
-        rows = np.linspace(0, len(true) - 1, len(told)).round().astype(int)
-        columns = np.linspace(0, true.shape[1] - 1, told.shape[1]).round().astype(int)
+        depth = scale * render.median_depth.numpy()
+        rows = np.linspace(0, len(true) - 1, len(depth)).round().astype(int)
+        columns = np.linspace(0, true.shape[1] - 1, depth.shape[1]).round().astype(int)
         true = true[np.ix_(rows, columns)]
-        both = np.isfinite(true) & np.isfinite(told)
-        errors.append(np.abs(told - true)[both])
+        both = np.isfinite(true) & np.isfinite(depth)
+        errors.append(np.abs(depth - true)[both])
         depths.append(true[both])
     middle = float(np.median(np.concatenate(depths)))
     print(json.dumps({  # noqa: T201

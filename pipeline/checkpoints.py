@@ -2,8 +2,8 @@
 
     resume/<key>/<when it was written>-<digest>-<bytes>-<files>[-<signature>].tar
 
-Like everything there they are believed only with the digest that their name tells; where there is a
-key (`pipeline.signatures`), only with a name that is signed. Whoever builds the key removes them.
+A machine believes one, like everything there, only if it has the digest in its name; where there is
+a key (`pipeline.signatures`), the name must be signed, too. Whoever builds the key removes them.
 """
 
 import contextlib
@@ -75,7 +75,7 @@ def _checkpoints(resume: Path) -> list[tuple[str, int, int]]:
 
 
 def _written(checkpoints: list[tuple[str, int, int]]) -> str:
-    """When the newest was, as the names in the shared store tell it."""
+    """Returns when the newest was written, as names in the shared store have it."""
     newest_ns = max((time_ns for _, time_ns, _ in checkpoints), default=0)
     return f"{datetime.fromtimestamp(newest_ns / 1e9, UTC):{_TIME}}"
 
@@ -110,8 +110,9 @@ class _Keeper:
             tree = tree_digest(still)
             pack(still, archive)
             written = _written(_checkpoints(still))
-            told = f"{written}-{tree.digest}-{tree.size}-{tree.files}"
-            name = "-".join(filter(None, [told, _signature(remote, self._key, told)])) + ".tar"
+            description = f"{written}-{tree.digest}-{tree.size}-{tree.files}"
+            mark = _signature(remote, self._key, description)
+            name = "-".join(filter(None, [description, mark])) + ".tar"
             remote.create(f"{_at(self._key)}/{name}", archive)
             older = [other for other in remote.names(_at(self._key)) if other < name]
             _remove(remote, self._key, older)
@@ -155,19 +156,19 @@ def _bring(key: str, resume: Path, remote: Remote) -> None:
             shutil.rmtree(unpacked, ignore_errors=True)
 
 
-def _signature(remote: Remote, key: str, told: str) -> str:
-    """Of what a checkpoint's name tells; empty where nothing is signed."""
-    return signature(remote.key, *_signed(key, told)) if remote.key else ""
+def _signature(remote: Remote, key: str, description: str) -> str:
+    """Returns the signature of a checkpoint's description; empty where nothing is signed."""
+    return signature(remote.key, *_signed(key, description)) if remote.key else ""
 
 
 def _is_believed(remote: Remote, key: str, name: str) -> bool:
     """Whether the name is signed, where it has to be."""
-    told, _, mark = name.removesuffix(".tar").rpartition("-")
-    return not remote.key or is_signed(mark, remote.key, *_signed(key, told))
+    description, _, mark = name.removesuffix(".tar").rpartition("-")
+    return not remote.key or is_signed(mark, remote.key, *_signed(key, description))
 
 
-def _signed(key: str, told: str) -> tuple[str, bytes, bytes]:
-    return "pipeline-signed-checkpoint-v1", key.encode(), told.encode()
+def _signed(key: str, description: str) -> tuple[str, bytes, bytes]:
+    return "pipeline-signed-checkpoint-v1", key.encode(), description.encode()
 
 
 def _remove(remote: Remote, key: str, names: list[str]) -> None:

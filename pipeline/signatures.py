@@ -19,7 +19,7 @@ class SignatureError(ValueError):
 
 
 def signature(key: bytes, kind: str, *parts: bytes) -> str:
-    """Returns 64 hexadecimal digits that only a holder of the key can tell.
+    """Returns 64 hexadecimal digits that only a holder of the key can compute.
 
     Args:
         key: Of `SHORTEST_KEY` bytes or more.
@@ -29,9 +29,9 @@ def signature(key: bytes, kind: str, *parts: bytes) -> str:
     return hmac.new(key, typed_digest(kind, *parts).encode(), "sha256").hexdigest()
 
 
-def is_signed(told: str, key: bytes, kind: str, *parts: bytes) -> bool:
-    """Whether `told` is the signature; takes as long however much of it is right."""
-    return hmac.compare_digest(told.encode(), signature(key, kind, *parts).encode())
+def is_signed(mark: str, key: bytes, kind: str, *parts: bytes) -> bool:
+    """Whether `mark` is the signature; takes as long however much of it is right."""
+    return hmac.compare_digest(mark.encode(), signature(key, kind, *parts).encode())
 
 
 def sealed(record: ActionRecord, key: bytes) -> bytes:
@@ -47,8 +47,8 @@ def unsealed(text: bytes, key: bytes) -> ActionRecord:
         SignatureError: There is a key, and it did not sign this.
         ValueError: It is no record at all.
     """
-    told, _, mark = text.partition(_MARK)
-    record = ActionRecord.from_json(told)
+    canonical, _, mark = text.partition(_MARK)
+    record = ActionRecord.from_json(canonical)
     if key and not is_signed(mark.strip().decode("ascii", "replace"), key, *_signed(record)):
         raise SignatureError("unsigned" if not mark else "signed by another key, or altered")
     return record

@@ -6,7 +6,7 @@ network learns a painting (`style`) from photographs (`content`); the field's ap
 takes the style of a few stylised renders (`stylization`). `evaluation` measures and `reports`
 shows. `geometry` and `files` are what all of these share, `synthetic` makes test data.
 
-Each package's docstring tells what enters, what leaves, and where to begin. Importing this
+Each package's docstring says what enters, what leaves, and where to begin. Importing this
 package loads no torch. Conventions stand in `docs/conventions.md`, the order of the packages
 in `docs/architecture.md`.
 """

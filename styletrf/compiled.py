@@ -69,7 +69,7 @@ def _parents(package: Path) -> Iterator[Path]:
 
 
 def _digest(package: Path) -> str:
-    """Over all that compiled code depends on; numba itself tells features of processors apart."""
+    """Over all that compiled code depends on; numba itself distinguishes features of processors."""
     made_by = f"{numba.__version__} {llvmlite.binding.get_host_cpu_name()}\n"
     hasher = hashlib.sha256(made_by.encode())
     for path in sorted(package.glob("*.py")):

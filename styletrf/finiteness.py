@@ -1,4 +1,4 @@
-"""What is not finite stops a stage, which tells the tensor and the input that caused it.
+"""What is not finite stops a stage, which names the tensor and the input that caused it.
 
 A stage looks at what it hands on only, which costs next to nothing, and where that is not finite it
 goes through what led there, in the order in which things cause each other. What is read from a file

@@ -1,4 +1,4 @@
-"""How a long computation tells its caller where it stands."""
+"""How a long computation reports its progress to its caller."""
 
 from typing import Protocol, runtime_checkable
 

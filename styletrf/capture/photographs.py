@@ -81,7 +81,7 @@ def _counts(path: Path, folder: Path) -> bool:
 
 
 def require_readable_name(name: str) -> None:
-    """Refuses the name of a file that, not being in UTF-8, no text can tell.
+    """Refuses the name of a file that is not in UTF-8: no text can hold it.
 
     Raises:
         InputError: The name is such a one.
@@ -89,8 +89,8 @@ def require_readable_name(name: str) -> None:
     try:
         name.encode()
     except UnicodeEncodeError as error:
-        told = os.fsencode(name).decode(errors="replace")
-        raise InputError(told, "its name is not in UTF-8", "Rename it") from error
+        readable = os.fsencode(name).decode(errors="replace")
+        raise InputError(readable, "its name is not in UTF-8", "Rename it") from error
 
 
 _OTHER_IMAGES = re.compile(r"masks|images_\d+", re.IGNORECASE)

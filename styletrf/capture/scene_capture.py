@@ -34,7 +34,7 @@ from styletrf.capture.poses.given_poses import (
 from styletrf.errors import InputError
 from styletrf.progress import Progress, silent
 
-_NAMES_TOLD = 10
+_MOST_NAMES = 10
 
 GIVEN_POSES = "given_poses.json"
 """In a capture, the poses that came with the photographs."""
@@ -195,11 +195,11 @@ def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
     warnings = []
     for sha256 in sorted(digest for digest, times in count.items() if times > 1):
         same = [photograph.file for photograph in photographs if photograph.sha256 == sha256]
-        warnings.append(f"the same photograph {len(same)} times: {_told(same)}")
+        warnings.append(f"the same photograph {len(same)} times: {_listed(same)}")
     beside = folder.iterdir() if folder.is_dir() else ()
     foreign = [path.name for path in beside if path.suffix.lower() in CAMERA_SUFFIXES]
     if foreign:
-        warnings.append(f"passed over, to be converted first: {_told(foreign)}")
+        warnings.append(f"passed over, to be converted first: {_listed(foreign)}")
     return warnings
 
 
@@ -207,14 +207,18 @@ def _warnings_of_poses(folder: Path, given: GivenPoses) -> list[str]:
     used = {view.file for view in given.views}
     beside = folder.iterdir() if folder.is_dir() else ()
     others = [p.name for p in beside if p.suffix.lower() in PHOTOGRAPH_SUFFIXES and p not in used]
-    told = {
+    problems = {
         "names photographs that are missing": given.missing,
         "has no poses of": others,
     }
-    return [f"{given.source.name} {what}: {_told(names)}" for what, names in told.items() if names]
+    return [
+        f"{given.source.name} {problem}: {_listed(names)}"
+        for problem, names in problems.items()
+        if names
+    ]
 
 
-def _told(names: Iterable[str]) -> str:
+def _listed(names: Iterable[str]) -> str:
     ordered = sorted(names, key=natural_order)
-    more = len(ordered) - _NAMES_TOLD
-    return ", ".join(ordered[:_NAMES_TOLD]) + (f" and {more} more" if more > 0 else "")
+    more = len(ordered) - _MOST_NAMES
+    return ", ".join(ordered[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -73,7 +73,7 @@ def write_content_images(
         source: From `styletrf.content.content_sources` or `styletrf.content.coco_fetch`.
         folder: An existing, empty folder.
         config: Which images, and their size.
-        progress: Told the images kept.
+        progress: Called with the number of images kept.
 
     Raises:
         InputError: Fewer than `config.smallest_count` images are usable, or the source fails.

@@ -127,7 +127,7 @@ def measure_consistency(
         painting: The style image, in [0, 1].
         perception: What looks at them.
         config: What is compared.
-        progress: Told after every pair.
+        progress: Called after every pair.
         cuts: The frames at which another still begins; no pair goes across one.
 
     Raises:
@@ -141,8 +141,8 @@ def measure_consistency(
     for pair, a, b in paired(frames, planned):
         compared = comparison(pair, a, b)
         named = (_OF_FLOW if pair.has_flow else ()) + (_OF_STYLE if pair.has_looks else ())
-        told = [(name, np.array(compared[name])) for name in named]
-        require_finite("consistency", f"from frame {pair.first} to {pair.second}", told)
+        figures = [(name, np.array(compared[name])) for name in named]
+        require_finite("consistency", f"from frame {pair.first} to {pair.second}", figures)
         rows.append({"first": pair.first, "second": pair.second, "delta": pair.delta} | compared)
         error = _mean([row["error"] for row in rows if row["flow"]])
         progress(len(rows), len(planned), consistency_error=error or 0.0)

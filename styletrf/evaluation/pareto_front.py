@@ -21,8 +21,9 @@ class FrontPoint:
 
     Attributes:
         combination: The point.
-        overlaps: Whether its time or its shortfall cannot be told from that of a neighbour on the
-            front: two standard deviations of the difference are more than it. None without repeats.
+        overlaps: Whether its time or its shortfall cannot be distinguished from that of a neighbour
+            on the front: two standard deviations of the difference are more than it. None without
+            repeats.
     """
 
     combination: Combination
@@ -36,7 +37,7 @@ def pareto_front(
 
     Args:
         points: What `combinations` made of the measurements.
-        measurements: Of which the repeats tell what can be told apart.
+        measurements: Their repeats show how large the noise is.
     """
     kept: list[Combination] = []
     for point in sorted(points, key=lambda p: (p.seconds, p.shortfall_db)):
@@ -46,8 +47,8 @@ def pareto_front(
     if not spread.seconds:
         return [FrontPoint(point, None) for point in kept]
     close = [_is_close(a, b, measurements, spread) for a, b in pairwise(kept)]
-    told = zip(kept, [False, *close], [*close, False], strict=True)
-    return [FrontPoint(point, before or after) for point, before, after in told]
+    marked = zip(kept, [False, *close], [*close, False], strict=True)
+    return [FrontPoint(point, before or after) for point, before, after in marked]
 
 
 def _is_close(

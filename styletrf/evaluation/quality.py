@@ -88,8 +88,8 @@ def measure_quality(
             figures["psnr"] = psnr_of_error(mean_squared_error(image, reference, counts))
         if "psnr_exposed" in figures:
             figures["psnr_exposed"] = psnr_exposed(image, reference, counts)
-        told = [(name, np.array(value)) for name, value in figures.items() if value != np.inf]
-        require_finite("quality", f"in view {camera.name}", [("render", image), *told])
+        finite = [(name, np.array(value)) for name, value in figures.items() if value != np.inf]
+        require_finite("quality", f"in view {camera.name}", [("render", image), *finite])
         rows.append({"view": camera.name} | figures)
         write_rgb(picture_folder / f"{camera.name}.png", np.concatenate([image, reference], axis=1))
     means = {name: float(np.mean([row[name] for row in rows])) for name in judges}

@@ -69,7 +69,7 @@ def measure_stylization(
         painting: The style image, in [0, 1].
         vgg: The perceptual network.
         config: What is looked at.
-        progress: Told after every frame.
+        progress: Called after every frame.
 
     Raises:
         NotFiniteError: A frame or a term of its loss is not.

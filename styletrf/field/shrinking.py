@@ -4,7 +4,7 @@ Both as long as the loss on a fixed sample of the photographs' pixels rises by n
 share. For an axis pair the density's components are the sum of plane_c (u, v) line_c (w), a matrix
 of uv x w in two factors. Its singular value decomposition turns them into as many components of
 which each holds the most that is left (Eckart and Young 1936): the last hardly count. They go in
-fours, which the kernels read at a time. The appearance's are told apart by the basis, and stay.
+fours, which the kernels read at a time. The appearance's are distinguished by the basis, and stay.
 """
 
 import math

@@ -89,8 +89,8 @@ def _finite(at: Sequence[float | int], values: Sequence[float | int]) -> list[Po
 
 def _line(kind: str, points: list[Point], longest: float, y_ticks: list[float]) -> str:
     placed = (_placed(point, longest, y_ticks) for point in points)
-    told = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed)
-    return f'<polyline class="{kind}" points="{told}"/>' if points else ""
+    coordinates = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed)
+    return f'<polyline class="{kind}" points="{coordinates}"/>' if points else ""
 
 
 def _placed(point: Point, longest: float, y_ticks: list[float]) -> tuple[float, float]:

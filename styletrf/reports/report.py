@@ -170,7 +170,7 @@ def _inside(videos: Comparison, images: Sequence[str]) -> str:
         "the unstylised one": embedded_bytes(videos.unstylized_video),
         "the images": sum(map(embedded_bytes, [videos.poster, *images])),
     }
-    told = ", ".join(f"{name} {megabytes(size)}" for name, size in parts.items() if size)
-    if not told:
+    sizes = ", ".join(f"{name} {megabytes(size)}" for name, size in parts.items() if size)
+    if not sizes:
         return ""
-    return f'<footer class="quiet small">All in this one file: {told}.</footer>'
+    return f'<footer class="quiet small">All in this one file: {sizes}.</footer>'

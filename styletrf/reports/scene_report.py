@@ -39,9 +39,9 @@ def advice(content: SceneReportContent) -> list[str]:
     if blurred := [view.name for view in survey.views if view.blurred]:
         said.append(f"Blurred, take again or leave out: {', '.join(blurred)}.")
     if off := [view for view in survey.views if view.off_exposure]:
-        told = ", ".join(f"{view.name} ({view.exposure_ev:+.1f} stops)" for view in off)
+        exposures = ", ".join(f"{view.name} ({view.exposure_ev:+.1f} stops)" for view in off)
         said.append(
-            f"Exposed unlike the others by more than {MOST_EXPOSURE_EV} stops: {told}. Lock "
+            f"Exposed unlike the others by more than {MOST_EXPOSURE_EV} stops: {exposures}. Lock "
             "exposure and white balance."
         )
     if survey.sparse_share > SPARSE:
@@ -101,9 +101,9 @@ def _costs(costs: Mapping[str, FieldCost]) -> str:
         '<tr><th>quality</th><th class="number">about</th><th class="number">memory</th>'
         '<th class="number">at most</th></tr>'
     )
-    told = "Timed on this machine: a few iterations of each at its final size."
+    note = "Timed on this machine: a few iterations of each at its final size."
     return (
-        f'<p class="quiet small">{told}</p><div class="card"><table><thead>{head}</thead>'
+        f'<p class="quiet small">{note}</p><div class="card"><table><thead>{head}</thead>'
         f"<tbody>{rows}</tbody></table></div>"
     )
 

@@ -38,8 +38,8 @@ def front_svg(points: Sequence[Combination], front: Sequence[FrontPoint]) -> str
     )
 
 
-def told(point: Combination) -> list[str]:
-    """Returns what a point is, line by line."""
+def description(point: Combination) -> list[str]:
+    """Returns the lines that describe a point."""
     spread = f" ± {point.seconds_spread:.0f} s" if point.seconds_spread else ""
     busy = busy_words(point.other_cpu_share)
     return [
@@ -65,7 +65,7 @@ def _kind(point: FrontPoint) -> str:
 
 
 def _circle(axes: "_Axes", point: Combination, kind: str, radius: int) -> str:
-    lines = html.escape("\n".join(told(point)), quote=True)
+    lines = html.escape("\n".join(description(point)), quote=True)
     x, y = axes.place(point.seconds, point.shortfall_db).split(",")
     focus = ' tabindex="0"' if kind.startswith("best") else ""
     return (

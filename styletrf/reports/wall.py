@@ -65,8 +65,8 @@ def write_wall(path: Path, cells: Sequence[Cell]) -> None:
 
 def _header(cells: Sequence[Cell]) -> str:
     failed = sum(map(_has_failed, cells))
-    told = f"{sum(cell.is_made for cell in cells)} of {len(cells)} made"
-    told += f", {failed} failed" if failed else ""
+    counts = f"{sum(cell.is_made for cell in cells)} of {len(cells)} made"
+    counts += f", {failed} failed" if failed else ""
     measures = {score.name: score.best for cell in cells for score in cell.scores}
     buttons = "".join(
         f'<button type="button" data-key="{html.escape(name)}" data-best="{html.escape(best)}" '
@@ -74,7 +74,7 @@ def _header(cells: Sequence[Cell]) -> str:
         for name, best in {"scene": "lowest", "style": "lowest", **measures}.items()
     )
     return (
-        f'<header><div><h1>Scenes and styles</h1><p class="quiet">{told}.</p></div></header>\n'
+        f'<header><div><h1>Scenes and styles</h1><p class="quiet">{counts}.</p></div></header>\n'
         '<div class="bar-of-buttons"><div class="sort" role="group" aria-label="Sort by">'
         f'<span class="quiet small">Sort by</span>{buttons}</div>'
         '<button type="button" class="play-all" aria-pressed="false">Play all</button></div>'

@@ -104,8 +104,8 @@ def _light_at(
     column = np.clip(pixels[:, 0].astype(np.int64), 0, width - 1)
     row = np.clip(pixels[:, 1].astype(np.int64), 0, height - 1)
     encoded = image[row, column].astype(np.float64).mean(axis=1)
-    told = (encoded > 12) & (encoded < 243)
-    return np.log(np.where(told, encoded / 255, np.nan))
+    usable = (encoded > 12) & (encoded < 243)
+    return np.log(np.where(usable, encoded / 255, np.nan))
 
 
 def _blurred(sharp: Float[np.ndarray, " views"]) -> Bool[np.ndarray, " views"]:

@@ -66,8 +66,8 @@ def view_dependence(
     squared = ((color[first] - color[second]) ** 2).mean(axis=1) / noise
     n = np.bincount(points.observed_point[first])
     total = np.bincount(points.observed_point[first], weights=squared)
-    told = n >= _LEAST_PAIRS
-    differ = total[told] > n[told]
+    enough = n >= _LEAST_PAIRS
+    differ = total[enough] > n[enough]
     return ViewDependence(float(differ.mean()) if len(differ) else 0.0, len(differ))
 
 

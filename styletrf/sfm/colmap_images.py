@@ -55,7 +55,7 @@ class ColmapImages:
 class LensSetting:
     """Photographs of one size taken with one focal length, which is known or not.
 
-    Views of panoramas are told apart by their `direction`, and have no distortion.
+    Views of panoramas differ in their `direction`, and have no distortion.
     """
 
     files: tuple[str, ...]

@@ -53,7 +53,7 @@ def paint_by_optimization(
         content: RGB in [0, 1].
         style: RGB in [0, 1].
         config: How.
-        progress: Told the iteration and the loss.
+        progress: Called with the iteration and the loss.
         begin: The view as a network paints it, for the start `network`.
 
     Raises:

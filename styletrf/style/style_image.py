@@ -9,7 +9,7 @@ from jaxtyping import Float
 from styletrf.capture.photographs import read_photograph
 from styletrf.errors import InputError
 from styletrf.files.images import from_integers
-from styletrf.style.style_survey import told_of_painting
+from styletrf.style.style_survey import painting_warnings
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     if image.std(axis=(0, 1)).max() < _FLAT_DEVIATION:
         remedy = "Give a painting, a drawing or a pattern with visible strokes"
         raise InputError(str(path), "is all one colour, or nearly", remedy)
-    for warning in told_of_painting(image):
+    for warning in painting_warnings(image):
         _LOGGER.warning("%s: %s", path.name, warning)
     return image
 

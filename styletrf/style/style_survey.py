@@ -1,4 +1,4 @@
-"""What a painting is likely to give, told before hours are spent on it."""
+"""Warnings of what a painting is likely to give, before hours are spent on it."""
 
 import numpy as np
 import torch
@@ -15,24 +15,24 @@ _ONE_HUE = 0.005  # variance across the main axis of colour, as a share of that 
 _UNSTEADY_TRACE = 2.0  # times the photographs'
 
 
-def told_of_painting(image: Float[np.ndarray, "height width 3"]) -> list[str]:
+def painting_warnings(image: Float[np.ndarray, "height width 3"]) -> list[str]:
     """Returns what is to be expected of a painting, RGB in [0, 1], by its size and colours."""
-    told = []
+    warnings = []
     short = min(image.shape[:2])
     if short < _SMALL_PX:
-        told.append(
+        warnings.append(
             f"the painting has only {short} pixels on its shorter side: expect coarse strokes"
             f" without texture; {_SMALL_PX} or more show the brush"
         )
     variances = np.linalg.eigvalsh(np.cov(image.reshape(-1, 3).astype(np.float64), rowvar=False))
     if np.sqrt(variances.sum()) < _FAINT_DEVIATION:
-        told.append("the painting has hardly any contrast: expect a wash of one colour")
+        warnings.append("the painting has hardly any contrast: expect a wash of one colour")
     elif variances[1] < _ONE_HUE * variances[2]:
-        told.append(
+        warnings.append(
             "the painting's colours lie on one line, such as greys or one hue: expect a scene in"
             " these alone; --colors photograph or luminance keeps the scene's"
         )
-    return told
+    return warnings
 
 
 @torch.no_grad()
@@ -52,7 +52,7 @@ def fine_trace(
     return float(traces[0] / traces[1].clamp(min=torch.finfo(torch.float32).tiny))
 
 
-def told_of_trace(ratio: float) -> list[str]:
+def trace_warnings(ratio: float) -> list[str]:
     """Returns what is to be expected of a painting by its fine Gram trace."""
     if ratio < _UNSTEADY_TRACE:
         return []

@@ -48,7 +48,7 @@ def empty_ground(views: Iterable[FloatImage]) -> EmptyGround | None:
     """Returns the ground that views share; None where it is too small a part of them to matter.
 
     Behind a field there is one colour, whatever the direction (`volume rendering`), so that it can
-    be told from the pixels that show nothing else.
+    be distinguished from the pixels that show nothing else.
     """
     pixels, empty, opaque = 0, 0, 0.0
     of_empty, of_all = np.zeros(3), np.zeros(3)

@@ -72,7 +72,7 @@ def adapt_to_image_loss(
         config: How long.
         adaptation: Rates, parts and the cache.
         kernels: The form to compute with.
-        progress: Told the iteration and the loss.
+        progress: Called with the iteration and the loss.
 
     Returns:
         The curve.
@@ -94,9 +94,9 @@ def adapt_to_image_loss(
         mse = float((image - target).square().mean())
         if not math.isfinite(loss):
             tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
-            told = [("image loss", torch.tensor(loss))]
+            sums = [("image loss", torch.tensor(loss))]
             where = f"at iteration {k}, view {cameras[view].name}"
-            _require_finite(where, parameter_stages(field.appearance, optimizer), *tiles, told)
+            _require_finite(where, parameter_stages(field.appearance, optimizer), *tiles, sums)
         for group in optimizer.param_groups:
             decay = adaptation.rate_decay ** (k / config.iterations)
             group["lr"] = config.rate * group["initial_rate"] * decay

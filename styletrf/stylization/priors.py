@@ -36,8 +36,8 @@ class PriorsConfig:
 
     def __post_init__(self) -> None:
         if self.coverage.count > self.trajectory.frames:
-            told = f"{self.coverage.count} of {self.trajectory.frames}"
-            raise ValueError(f"{told} viewpoints cannot be chosen; raise trajectory.frames")
+            asked = f"{self.coverage.count} of {self.trajectory.frames}"
+            raise ValueError(f"{asked} viewpoints cannot be chosen; raise trajectory.frames")
 
 
 def needed_views(

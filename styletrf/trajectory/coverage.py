@@ -28,7 +28,7 @@ class CoverageConfig:
     count: int = 0  # of views; 0: as many as the cover needs
     times: int = 3  # a place is covered that so many views show
     share: float = 0.95  # of the places that any of the candidates shows
-    depth_px: int = 128  # longer side of the depth that visibility is told by
+    depth_px: int = 128  # longer side of the depth that decides visibility
     tolerance: float = 0.1  # of the depth, within which a view shows a place
     most_hidden: float = 0.02  # of the places, that no candidate shows
 
@@ -38,7 +38,7 @@ class CoverageConfig:
 
 
 def small_camera(camera: Camera, config: CoverageConfig) -> Camera:
-    """Returns the camera at the size that visibility is told by."""
+    """Returns the camera at the size that decides visibility."""
     return fitted_to(camera, config.depth_px)
 
 

@@ -114,8 +114,8 @@ def write_support(file: Path, name: str, path: SupportedPath, config: SupportCon
     }
     write_summary(file, summary)
     if path.stills:
-        told = f"the path {name}: stills of {len(path.stills)} photographs, since {path.reason}"
-        _LOGGER.warning(told)
+        message = f"the path {name}: stills of {len(path.stills)} photographs, since {path.reason}"
+        _LOGGER.warning(message)
     elif support.share >= config.most_unsupported:
         warning = (
             f"the path {name}: fewer than {ENOUGH_VIEWS} photographs see {support.share:.1%} of its"

@@ -40,7 +40,7 @@ def sign(tmp_path: Path) -> Iterator[Sign]:
     config.set("store", "signing_key", "")
 
 
-def told(caplog: pytest.LogCaptureFixture) -> list[str]:
+def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:
     lines = [record.getMessage() for record in caplog.records]
     return [line for line in lines if "counts as absent" in line]
 
@@ -54,7 +54,7 @@ def test_machines_with_the_key_share(shared: Place, elsewhere, sign: Sign, caplo
     assert build(Sentence())
     assert built() == before
     assert is_whole(there)
-    assert not told(caplog)
+    assert not warnings(caplog)
 
 
 def test_without_a_key_signed_records_are_records(shared: Place, elsewhere, sign: Sign):
@@ -78,8 +78,8 @@ def test_what_is_not_signed_by_the_key_is_built_anew_and_replaced(
         assert not Sentence().complete()
         assert build(Sentence())
     assert sorted(built()) == sorted([*before, *before])
-    assert len(told(caplog)) == 1, "said once, not for each record"
-    assert ("unsigned" if not key else "signed by another key") in told(caplog)[0]
+    assert len(warnings(caplog)) == 1, "said once, not for each record"
+    assert ("unsigned" if not key else "signed by another key") in warnings(caplog)[0]
     assert is_whole(there)
     elsewhere("third")
     assert Sentence().complete(), "what was built anew is signed"
@@ -142,7 +142,7 @@ def test_a_checkpoint_that_is_not_signed_is_passed_over(
     sign(OURS)
     with shared_checkpoints(KEY, folder(tmp_path / "there")):
         assert not list((tmp_path / "there").iterdir())
-    assert len(told(caplog)) == 1
+    assert len(warnings(caplog)) == 1
     assert len(uploaded()) == 1
 
 
@@ -161,7 +161,7 @@ def test_a_signed_checkpoint_is_gone_on_from(
 @pytest.mark.parametrize(
     ("content", "problem"), [(None, "cannot be read"), (b"short\n", "holds 5 bytes, fewer than 32")]
 )
-def test_a_key_that_cannot_be_used_is_told_and_nothing_is_shared(
+def test_a_key_that_cannot_be_used_is_reported_and_nothing_is_shared(
     shared: Place, sign: Sign, tmp_path: Path, content: bytes | None, problem: str, caplog
 ):
     """Going on without would upload what no other machine believes."""
@@ -178,7 +178,7 @@ def test_a_key_that_cannot_be_used_is_told_and_nothing_is_shared(
     assert shared.names() == []
 
 
-def test_the_key_is_told_nowhere(shared: Place, sign: Sign, elsewhere, caplog):
+def test_the_key_appears_nowhere(shared: Place, sign: Sign, elsewhere, caplog):
     sign(OURS)
     build(Sentence())
     assert "our key" not in repr(current_remote())

@@ -29,7 +29,7 @@ def encoded(image, suffix=".jpg", *flags):
 
 
 def with_exif(jpeg, orientation=1, focal_35mm=0):
-    """Returns the JPEG with an EXIF block: which way up it is, and the lens (0: not told)."""
+    """Returns the JPEG with an EXIF block: which way up it is, and the lens (0: unknown)."""
     entries = [struct.pack("<HHIHxx", 0x0112, 3, 1, orientation)]
     tail = b""
     if focal_35mm:

@@ -28,8 +28,8 @@ STEPS = AdaptationConfig(iterations=3, batch=64)
 
 
 def stops(stage: str, tensor: str, where: str):
-    told = re.escape(f"{stage}: {tensor} is not finite {where}")
-    return pytest.raises(NotFiniteError, match=f"^{told}$")
+    message = re.escape(f"{stage}: {tensor} is not finite {where}")
+    return pytest.raises(NotFiniteError, match=f"^{message}$")
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_the_first_of_causes_is_named_and_infinity_counts():
         require_finite("a stage", "here", [("fine", fine), ("cause", bad), ("effect", bad)])
 
 
-def test_a_gradient_whose_square_overflows_is_told():
+def test_a_gradient_whose_square_overflows_is_named():
     """Adam divides by an infinite root: no step would ever move the parameter again."""
     module = torch.nn.Linear(2, 1)
     optimizer = torch.optim.Adam(module.parameters())

@@ -52,8 +52,8 @@ def colmap_views(source: Path, photographs: Path) -> list[GivenView]:
         raise InputError(str(source), problem, "Export it again, or remove it") from error
 
 
-def _view(folder: Path, image: pycolmap.Image, lens: pycolmap.Camera) -> GivenView:
-    params = tuple(float(value) for value in lens.params)
+def _view(folder: Path, image: pycolmap.Image, camera: pycolmap.Camera) -> GivenView:
+    params = tuple(float(value) for value in camera.params)
     pose = np.asarray(image.cam_from_world().inverse().matrix(), dtype=np.float64)
-    told = Lens(str(lens.model_name), params, int(lens.width), int(lens.height))
-    return GivenView(folder / image.name, told, pose)
+    lens = Lens(str(camera.model_name), params, int(camera.width), int(camera.height))
+    return GivenView(folder / image.name, lens, pose)

@@ -30,7 +30,7 @@ class Lens:
 class GivenView:
     """A photograph with its lens and its pose, in this project's axes (x right, y down, z ahead).
 
-    `held_out` tells to which side of a published split it belongs; None where there is no split.
+    `held_out` is the side of a published split that it belongs to; None where there is no split.
     """
 
     file: Path
@@ -41,7 +41,7 @@ class GivenView:
 
 @dataclass(frozen=True, slots=True)
 class GivenPoses:
-    """Views with a pose, the file or folder that told them, and photographs it names in vain."""
+    """Views with a pose, the file or folder that has them, and photographs it names in vain."""
 
     source: Path
     views: tuple[GivenView, ...]
@@ -50,8 +50,8 @@ class GivenPoses:
     @property
     def files(self) -> list[Path]:
         """The photographs, and whatever else was read."""
-        told = [self.source] if self.source.is_file() else sorted(self.source.iterdir())
-        return [*(view.file for view in self.views), *told]
+        sources = [self.source] if self.source.is_file() else sorted(self.source.iterdir())
+        return [*(view.file for view in self.views), *sources]
 
 
 def rigid(name: str, source: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:
@@ -105,8 +105,8 @@ def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
     missing = tuple(view.file.name for view in views if not view.file.is_file())
     if len(present) < FEWEST_PHOTOGRAPHS:
         problem = f"has poses of {len(present)} photographs that are there"
-        told = f"; missing: {', '.join(missing[:10])}" if missing else ""
-        raise InputError(str(source), problem + told, "Put the photographs where it says")
+        names = f"; missing: {', '.join(missing[:10])}" if missing else ""
+        raise InputError(str(source), problem + names, "Put the photographs where it says")
     return GivenPoses(source, present, missing)
 
 

@@ -68,7 +68,7 @@ def transforms_cameras(path: Path) -> list[GivenView]:
 
 
 def _parts(folder: Path) -> dict[Path, bool | None]:
-    """Returns the files that tell a scene's poses, and whether their photographs are held out."""
+    """Returns the files that hold a scene's poses, and whether their photographs are held out."""
     whole, train, test = (folder / f"transforms{part}.json" for part in ("", "_train", "_test"))
     if whole.exists():
         return {whole: None}
@@ -78,7 +78,7 @@ def _parts(folder: Path) -> dict[Path, bool | None]:
 
 
 def _frames(path: Path) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
-    """Returns of each frame the photograph's name, the matrix, and all that tells the lens."""
+    """Returns the photograph's name, the matrix and the lens parameters of each frame."""
     try:
         values = json.loads(path.read_text())
         return [
@@ -123,14 +123,14 @@ def _file(path: Path, name: str) -> Path:
 
 
 def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
-    """Returns the lens of images that have, where the file tells no size, this one.
+    """Returns the lens; images have this size where the file gives none.
 
     Without a size, images are square, which a focal length in pixels does not allow.
     """
     try:
         usual = {} if size is None and "fl_x" in values else {"w": 1, "h": 1}
-        told = {**usual, **dict(zip("wh", size or (), strict=False)), **values}
-        width, height = round(float(told["w"])), round(float(told["h"]))
+        sized = {**usual, **dict(zip("wh", size or (), strict=False)), **values}
+        width, height = round(float(sized["w"])), round(float(sized["h"]))
         if "fl_x" in values:
             fx = float(values["fl_x"])
         else:
@@ -139,10 +139,10 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
         cx, cy = float(values.get("cx", width / 2)), float(values.get("cy", height / 2))
         bend = tuple(float(values.get(name, 0)) for name in ("k1", "k2", "p1", "p2"))
     except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
-        raise InputError(str(path), f"tells no lens ({error!r})", _REMEDY) from error
+        raise InputError(str(path), f"has no lens ({error!r})", _REMEDY) from error
     numbers = (fx, fy, cx, cy, *bend)
     if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):
-        raise InputError(str(path), f"tells an impossible lens: {numbers}", _REMEDY)
+        raise InputError(str(path), f"has an impossible lens: {numbers}", _REMEDY)
     if any(bend):
         return Lens("OPENCV", numbers, width, height)
     return Lens("PINHOLE", numbers[:4], width, height)

@@ -96,7 +96,7 @@ def measure_resemblance(
         priors: The painted views that the frames were fitted to; none where there are none.
         judge: What looks at them.
         config: What is looked at.
-        progress: Told after every frame.
+        progress: Called after every frame.
 
     Raises:
         InputError: A frame is smaller than 8x8 pixels.
@@ -110,8 +110,8 @@ def measure_resemblance(
         require_finite("resemblance", f"in frame {view}", [("frame", plain), ("style", stylized)])
         style = style or judge.of_painting(painting, plain)
         row = frame_resemblance(view, judge.of_frame(plain), judge.of_frame(stylized), style)
-        told = [(name, np.array(value)) for name, value in _numbers(row).items()]
-        require_finite("resemblance", f"in frame {view}", told)
+        figures = [(name, np.array(value)) for name, value in _numbers(row).items()]
+        require_finite("resemblance", f"in frame {view}", figures)
         rows.append(row)
         progress(len(rows), len(chosen), patches=row.style_swd_patches)
     return rows, summary(rows, priors)

@@ -85,7 +85,7 @@ def train_field(
 
 
 CURVE_EVERY = 50  # iterations between points of the curve
-LEAST_MISSED = 64  # rays that tell the background
+LEAST_MISSED = 64  # rays that show the background
 LOSS_RAYS = 1 << 14
 
 

@@ -1,8 +1,8 @@
-"""Style as Gram matrices of the network that tells styles apart.
+"""Style as Gram matrices of the network that distinguishes styles.
 
 VGG16 as this project has it (`styletrf.style.perceptual.perceptual_weights`) has learnt contours.
 The predictor of arbitrary style transfer (Ghiasi et al. 2017) has learnt, from some 80,000
-paintings, what makes a style, and tells apart colors and ornaments that contours do not. With the
+paintings, what makes a style, and distinguishes colors and ornaments that contours do not. With the
 Gram matrices G (Gatys et al. 2016, equation 3) of its strides 4, 8 and 16,
 
     loss = sum over strides of log(1 + |G_output - G_style|^2 / |G_style|^2).

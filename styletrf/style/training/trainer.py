@@ -23,7 +23,7 @@ from styletrf.progress import Progress, silent
 from styletrf.style.perceptual.perceptual_loss import PerceptualTerms, shrunk
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import PaintingNetwork, StyleNetwork
-from styletrf.style.style_survey import fine_trace, told_of_trace
+from styletrf.style.style_survey import fine_trace, trace_warnings
 from styletrf.style.training.checkpoint import (
     CurveRow,
     Training,
@@ -69,7 +69,7 @@ def train_style_network(
         predictor: Looks at styles beside the perceptual network; see `predictor_features`.
         pairs: From the number of an iteration to pairs of renders of the scene, which the share
             `steadiness.renders` of the iterations that look at steadiness take, not photographs.
-        progress: Told the iteration and the loss.
+        progress: Called with the iteration and the loss.
         checkpoint_s: Seconds between checkpoints.
         ranks: Who shares each batch; the first of them tells, and writes checkpoints.
 
@@ -116,7 +116,7 @@ def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[
     with closing(few):
         content = next(few).to(vgg.mean.device)
     ratio = fine_trace(vgg, shrunk(style.to(vgg.mean.device), config.style_px), content)
-    for warning in told_of_trace(ratio):
+    for warning in trace_warnings(ratio):
         _LOGGER.warning(warning)
 
 

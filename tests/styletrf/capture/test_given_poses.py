@@ -50,7 +50,7 @@ def as_opengl(pose):
 
 
 def blender(folder, poses):
-    """Train and test apart, and photographs of one name in two folders; no suffix is told."""
+    """Train and test apart, and photographs of one name in two folders; names have no suffix."""
     half = len(poses) // 2
     for part, chosen in (("train", poses[:half]), ("test", poses[half:])):
         names = [f"{part}/r_{index}" for index in range(half)]
@@ -59,20 +59,20 @@ def blender(folder, poses):
             {"file_path": f"./{name}", "transform_matrix": as_opengl(pose)}
             for name, pose in zip(names, chosen, strict=True)
         ]
-        told = {"camera_angle_x": 2 * np.arctan(0.5 * WIDTH / FOCAL), "frames": frames}
-        (folder / f"transforms_{part}.json").write_text(json.dumps(told))
+        content = {"camera_angle_x": 2 * np.arctan(0.5 * WIDTH / FOCAL), "frames": frames}
+        (folder / f"transforms_{part}.json").write_text(json.dumps(content))
 
 
 def instant_ngp(folder, poses):
     """A lens that bends; one photograph is named that is not there, and one there has no pose."""
     photographed(folder, BENT, poses)
     names = ["fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2"]
-    told = dict(zip(names, BENT.params.tolist(), strict=True)) | {"w": WIDTH, "h": HEIGHT}
-    told["frames"] = [
+    content = dict(zip(names, BENT.params.tolist(), strict=True)) | {"w": WIDTH, "h": HEIGHT}
+    content["frames"] = [
         {"file_path": f"images/{index}.png", "transform_matrix": as_opengl(pose)}
         for index, pose in enumerate([*poses, poses[0]])
     ]
-    (folder / "transforms.json").write_text(json.dumps(told))
+    (folder / "transforms.json").write_text(json.dumps(content))
     (folder / "images" / "extra.png").write_bytes((folder / "images" / "0.png").read_bytes())
 
 
@@ -197,7 +197,7 @@ def test_poses_of_another_convention_are_refused(tmp_path):
         solved_with_rows(tmp_path, inverted)
 
 
-def test_poses_in_the_wrong_order_are_told(tmp_path):
+def test_poses_in_the_wrong_order_have_a_warning(tmp_path):
     """Along an even arc the photograph's neighbour stood about as the photograph itself."""
     report = solved_with_rows(tmp_path, lambda rows: np.roll(rows, 3, axis=0))
     assert any("off on average" in warning for warning in report.warnings)
@@ -205,9 +205,9 @@ def test_poses_in_the_wrong_order_are_told(tmp_path):
 
 def ngp_with(folder, **changes):
     instant_ngp(folder, room_poses(3))
-    told = json.loads((folder / "transforms.json").read_text())
-    told["frames"][1] |= changes.pop("frame", {})
-    (folder / "transforms.json").write_text(json.dumps(told | changes))
+    content = json.loads((folder / "transforms.json").read_text())
+    content["frames"][1] |= changes.pop("frame", {})
+    (folder / "transforms.json").write_text(json.dumps(content | changes))
     return folder
 
 
@@ -215,20 +215,20 @@ MIRROR = np.diag([1.0, 1.0, -1.0, 1.0])
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "problem"),
     [
         ({"frame": {"transform_matrix": np.zeros((4, 4)).tolist()}}, "the pose of images/1.png"),
         ({"frame": {"transform_matrix": MIRROR.tolist()}}, "singular, skewed or mirrored"),
         ({"frame": {"transform_matrix": [[1, 2], [3, 4]]}}, "is not 3x4 or 4x4 finite numbers"),
         ({"frame": {"transform_matrix": "none"}}, "is no transforms file"),
-        ({"fl_x": -1}, "tells an impossible lens"),
-        ({"fl_x": "wide"}, "tells no lens"),
+        ({"fl_x": -1}, "has an impossible lens"),
+        ({"fl_x": "wide"}, "has no lens"),
         ({"frames": []}, "has poses of 0 photographs"),
         ({"frames": [{"file_path": "gone"}]}, "is no transforms file"),
     ],
 )
-def test_a_transforms_file_that_cannot_be_used_is_told(tmp_path, changes, told):
-    with pytest.raises(InputError, match=told):
+def test_a_transforms_file_that_cannot_be_used_is_refused(tmp_path, changes, problem):
+    with pytest.raises(InputError, match=problem):
         find_given_poses(ngp_with(tmp_path, **changes))
 
 
@@ -340,7 +340,7 @@ def test_all_photographs_that_transforms_name_are_in_the_key(tmp_path):
     assert {view.file for view in found.views} <= set(scene_files(tmp_path))
 
 
-def test_a_colmap_model_that_is_garbage_is_told(tmp_path):
+def test_a_colmap_model_that_is_garbage_is_refused(tmp_path):
     colmap(tmp_path, room_poses(3))
     (tmp_path / "sparse" / "0" / "images.bin").write_bytes(b"garbage")
     with pytest.raises(InputError, match="COLMAP model"):

@@ -11,11 +11,11 @@ from styletrf.capture.known_scenes import how_to_get
     ],
 )
 def test_public_scenes_are_known_with_archive_and_place(name, archive, folder):
-    told = how_to_get(name)
-    assert told is not None
-    assert archive in told
-    assert folder in told
-    assert f"scenes/{name}/images" in told
+    instructions = how_to_get(name)
+    assert instructions is not None
+    assert archive in instructions
+    assert folder in instructions
+    assert f"scenes/{name}/images" in instructions
 
 
 def test_others_are_not():

@@ -37,12 +37,12 @@ def test_the_focal_length_follows_the_size_of_the_photographs(tmp_path):
 
 
 @pytest.mark.parametrize("rows", [[LEVEL, LEVEL], [LEVEL[:16]], [LEVEL * np.nan]])
-def test_a_table_of_something_else_is_told(tmp_path, rows):
+def test_a_table_of_something_else_is_refused(tmp_path, rows):
     with pytest.raises(InputError, match=r"poses_bounds\.npy: is not 17 finite numbers"):
         read_llff_poses(written(tmp_path, rows), ["a"], 60, 40)
 
 
-def test_a_file_that_is_no_table_is_told(tmp_path):
+def test_a_file_that_is_no_table_is_refused(tmp_path):
     (tmp_path / "poses_bounds.npy").write_bytes(b"no table")
     with pytest.raises(InputError, match="is no table of numbers"):
         read_llff_poses(tmp_path / "poses_bounds.npy", ["a"], 60, 40)

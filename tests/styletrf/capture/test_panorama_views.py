@@ -53,8 +53,8 @@ def rays(camera):
 def test_each_pixel_shows_what_lies_along_its_ray(direction):
     panorama = painted(directions_of_pixels(WIDTH))
     view = dict(cut_views(panorama))[direction]
-    told = (view.astype(float) - 127.5) / 127
-    assert np.abs(told - rays(view_camera(direction, WIDTH))).max() < 1.6 / 127
+    directions = (view.astype(float) - 127.5) / 127
+    assert np.abs(directions - rays(view_camera(direction, WIDTH))).max() < 1.6 / 127
 
 
 def test_a_direction_is_where_its_pixel_is():

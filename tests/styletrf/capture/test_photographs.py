@@ -41,9 +41,9 @@ def test_natural_order_counts():
 def test_a_name_that_is_not_utf8_is_to_be_changed(tmp_path):
     for name in (b"a.jpg", b"b.jpg", b"caf\xe9.jpg"):
         (tmp_path / os.fsdecode(name)).touch()
-    with pytest.raises(InputError, match="Rename it") as told:
+    with pytest.raises(InputError, match="Rename it") as refused:
         list_photographs(tmp_path)
-    assert str(told.value).encode()
+    assert str(refused.value).encode()
 
 
 @settings(deadline=None)
@@ -68,7 +68,7 @@ def test_too_few_photographs_are_refused_with_their_number(tmp_path, count):
         list_photographs(tmp_path)
 
 
-def test_photographs_to_be_converted_are_told(tmp_path):
+def test_photographs_to_be_converted_have_a_warning(tmp_path):
     (tmp_path / "IMG_1.NEF").touch()
     with pytest.raises(InputError, match=r"\.nef files must be converted"):
         list_photographs(tmp_path)

@@ -64,8 +64,8 @@ def test_a_video_is_a_scene(data, place):
 def test_two_videos_that_may_be_two_scenes_are_not_guessed_between(data, names):
     for name in names:
         (data / "scenes" / name).touch()
-    told = ", ".join(sorted(Path(name).name for name in names))
-    with pytest.raises(InputError, match=f"several videos: {told}"):
+    listed = ", ".join(sorted(Path(name).name for name in names))
+    with pytest.raises(InputError, match=f"several videos: {listed}"):
         find_scene(data, "empty")
 
 
@@ -108,7 +108,7 @@ def test_two_images_of_one_name_are_not_guessed_between(data):
         find_style(data, "both")
 
 
-def test_no_data_at_all_is_told(tmp_path):
+def test_no_data_at_all_is_an_error(tmp_path):
     with pytest.raises(InputError, match="none"):
         find_scene(tmp_path, "garden")
     with pytest.raises(InputError, match="none"):

@@ -117,14 +117,14 @@ def test_times_are_those_of_the_file_where_frames_come_unevenly(walk, tmp_path):
     np.testing.assert_allclose(times_s, ticks / 10, atol=1e-3)
 
 
-def test_more_frames_than_there_are_is_told(walk, tmp_path):
+def test_more_frames_than_there_are_have_a_warning(walk, tmp_path):
     write_video(tmp_path / "walk.webm", walk[:6], 12)
     capture = capture_videos([tmp_path / "walk.webm"], tmp_path / "out", 50)
     assert len(capture.photographs) == 6
     assert "gives 6 frames that differ, not 50" in capture.warnings[0]
 
 
-def test_a_turn_on_the_spot_is_told(tmp_path):
+def test_a_turn_on_the_spot_has_a_warning(tmp_path):
     angle = np.linspace(-0.5, 0.5, 24)
     center = np.array([0, -3.5, 1.6])
     ahead = np.stack([4 * np.sin(angle), 4 * np.cos(angle), 0 * angle - 0.5], axis=-1)
@@ -133,7 +133,7 @@ def test_a_turn_on_the_spot_is_told(tmp_path):
     assert "turn.mp4 hardly has parallax" in warning
 
 
-def test_a_blurred_video_is_told(walk, tmp_path):
+def test_a_blurred_video_has_a_warning(walk, tmp_path):
     blurred = [cv2.GaussianBlur(frame, (0, 0), 5.0) for frame in walk]
     write_video(tmp_path / "a.mp4", blurred, 12)
     warnings = capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 8).warnings

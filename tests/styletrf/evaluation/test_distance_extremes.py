@@ -104,8 +104,8 @@ def test_pictures_of_any_contrast_are_between_equal_and_unrelated(contrast, leve
     if contrast < 1e-6:
         assert found.normalized_error > 0.999
     exact = picture.astype(np.float64)
-    told = geometric_errors(scene, exact, Correspondence(scene, exact, seen))
+    precise = geometric_errors(scene, exact, Correspondence(scene, exact, seen))
     stability(
-        f"contrast {contrast:g} about {level:g}", found.normalized_error, told.normalized_error,
+        f"contrast {contrast:g} about {level:g}", found.normalized_error, precise.normalized_error,
         precision="float32",
     )  # fmt: skip

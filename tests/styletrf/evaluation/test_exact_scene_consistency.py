@@ -51,15 +51,15 @@ def measured(views, stylized, vgg, **options):
     cameras, images, _ = views
     frames = [Frame(*parts) for parts in zip(cameras, images, stylized, strict=True)]
     config = ConsistencyConfig(deltas=(1,), perceptual_px=32, **options)
-    told = measure_consistency(frames, FRAMES, stylized[0], Perception(vgg, 32), config)
-    return told.summary["delta_1"]
+    figures = measure_consistency(frames, FRAMES, stylized[0], Perception(vgg, 32), config)
+    return figures.summary["delta_1"]
 
 
 def test_a_consistent_stylisation_scores_at_the_floor(views, vgg):
-    told = measured(views, [painted(p) for p in views[2]], vgg)
-    assert told["geometric_fraction"] > 0.7
-    assert told["geometric_error"] <= told["geometric_floor"]
-    assert told["normalized_error"] <= told["normalized_floor"]
+    figures = measured(views, [painted(p) for p in views[2]], vgg)
+    assert figures["geometric_fraction"] > 0.7
+    assert figures["geometric_error"] <= figures["geometric_floor"]
+    assert figures["normalized_error"] <= figures["normalized_floor"]
 
 
 def test_a_warp_that_is_a_pixel_off_is_far_from_the_floor(views, vgg):
@@ -86,9 +86,9 @@ def test_flicker_of_all_of_a_frame_is_recovered(views, vgg):
     change = np.random.default_rng(0).normal(0, 0.08, FRAMES).astype(np.float32)
     still = [painted(p) for p in views[2]]
     steady = measured(views, still, vgg)
-    told = measured(views, [s + c for s, c in zip(still, change, strict=True)], vgg)
+    figures = measured(views, [s + c for s, c in zip(still, change, strict=True)], vgg)
     injected = float(np.mean(np.diff(change) ** 2))
-    found = told["geometric_error"] - steady["geometric_error"]
+    found = figures["geometric_error"] - steady["geometric_error"]
     assert found == pytest.approx(injected, rel=0.05)
 
 
@@ -98,8 +98,8 @@ def test_flicker_of_every_pixel_is_recovered(views, vgg):
     still = [painted(p) for p in views[2]]
     noisy = [s + random.normal(0, sigma, s.shape).astype(np.float32) for s in still]
     kept = np.mean([_energy_kept(views, k) for k in range(FRAMES - 1)])
-    steady, told = (measured(views, frames, vgg) for frames in (still, noisy))
-    found = told["geometric_error"] - steady["geometric_error"]
+    steady, figures = (measured(views, frames, vgg) for frames in (still, noisy))
+    found = figures["geometric_error"] - steady["geometric_error"]
     assert found == pytest.approx((1 + kept) * sigma**2, rel=0.05)
 
 

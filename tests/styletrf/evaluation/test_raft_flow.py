@@ -1,4 +1,4 @@
-"""RAFT behind the seam of the flow: its absence is told; its network is fed and read aright."""
+"""RAFT as an estimator of flow: missing weights are an error; its images and flow are converted."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from styletrf.evaluation import raft_flow
 from styletrf.files.published_weights import RAFT
 
 
-def test_what_is_not_at_hand_is_told(tmp_path):
+def test_missing_weights_are_reported(tmp_path):
     with pytest.raises(InputError, match=r"torchvision|weights of the flow"):
         raft_flow.raft_estimator(folder=tmp_path)
 

@@ -65,9 +65,9 @@ def test_a_change_shares_the_mean_of_what_it_shares_with_a_repeat():
     """The same artifact has one time, whichever point it is part of."""
     again = replace(style(network=100.0), seconds={"StyleNetwork": 100.0, "StylizedFrames": 30.0})
     priors = replace(style("priors"), seconds={"StyleNetwork": 180.0, "StylizedFrames": 20.0})
-    told = {v.name: v.seconds for v in variants([style(), again, priors], "style")}
-    assert told[""]["StyleNetwork"] == told["priors"]["StyleNetwork"] == 140.0
-    assert told["priors"]["StylizedFrames"] == 20.0
+    seconds = {v.name: v.seconds for v in variants([style(), again, priors], "style")}
+    assert seconds[""]["StyleNetwork"] == seconds["priors"]["StyleNetwork"] == 140.0
+    assert seconds["priors"]["StylizedFrames"] == 20.0
 
 
 def test_no_point_of_the_front_is_beaten_and_every_other_is():
@@ -113,7 +113,7 @@ def test_repeats_tell_the_spread():
     [(26.0, 300.0, False), (26.0, 105.0, True), (25.05, 300.0, True)],
     ids=["another", "as slow", "as good"],
 )
-def test_points_that_cannot_be_told_apart_are_marked(psnr, field, overlaps):
+def test_points_that_noise_may_swap_are_marked(psnr, field, overlaps):
     repeats = [scene(field=t, psnr=q) for t, q in ((90.0, 24.9), (110.0, 25.1))]
     noisy = [style(network=t) for t in (100.0, 300.0)]  # which both points share
     measured = [*repeats, *noisy, scene("other", psnr, field)]
@@ -171,7 +171,7 @@ def written(folder):
     return folder / "page.html"
 
 
-def test_the_page_shows_every_point_and_escapes_what_it_is_told(tmp_path):
+def test_the_page_shows_every_point_and_escapes_all_text(tmp_path):
     points = combinations(MEASURED)
     page = written(tmp_path).read_text()
     assert page.count("<circle") == len(points)

@@ -54,7 +54,7 @@ def test_total_variation_weighs_more_where_there_are_fewer_views(scene, views, f
 
 
 @pytest.mark.parametrize("share", [200.0, 1.0, 0.0, -0.1, float("nan")])
-def test_growth_is_told_in_shares_of_the_iterations(share):
+def test_growth_is_given_in_shares_of_the_iterations(share):
     with pytest.raises(ValueError, match="shares of the iterations"):
         FieldTrainingConfig(upsample_at=(share,))
 

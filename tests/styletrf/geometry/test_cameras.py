@@ -36,9 +36,9 @@ def test_a_point_on_a_pixels_ray_projects_to_the_pixel(seed):
     depth = rng.uniform(0.1, 100, 20)
     rays = rays_through(camera, torch.from_numpy(pixels))
     points = rays.origins.numpy() + depth[:, None] * rays.directions.numpy()
-    told, told_depth = project(camera, points)
-    np.testing.assert_allclose(told, pixels, atol=1e-8)
-    np.testing.assert_allclose(told_depth, depth)
+    found, found_depth = project(camera, points)
+    np.testing.assert_allclose(found, pixels, atol=1e-8)
+    np.testing.assert_allclose(found_depth, depth)
 
 
 def test_first_pixel_center_is_half_half():
@@ -74,8 +74,8 @@ def test_a_similarity_of_the_world_leaves_the_image():
 def test_the_table_returns_what_it_was_given(tmp_path: Path):
     cameras = [camera_at(k) for k in range(3)]
     write_cameras(tmp_path / "cameras.parquet", cameras, ["lost"])
-    told = read_cameras(tmp_path / "cameras.parquet")
-    for ours, theirs in zip(told, cameras, strict=True):
+    found = read_cameras(tmp_path / "cameras.parquet")
+    for ours, theirs in zip(found, cameras, strict=True):
         np.testing.assert_array_equal(ours.world_from_camera, theirs.world_from_camera)
         assert (ours.name, ours.fx, ours.width) == (theirs.name, theirs.fx, theirs.width)
     assert read_unregistered(tmp_path / "cameras.parquet") == ["lost"]

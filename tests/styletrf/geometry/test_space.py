@@ -56,8 +56,8 @@ def test_a_point_lies_on_the_ray_of_its_pixel_at_its_depth(cameras_of, space, fa
         nearest = away.argmin(axis=1)
         np.testing.assert_allclose(away.min(axis=1)[inside], 0, atol=3e-4)
         s = np.take_along_axis(s, nearest[:, None], axis=1)[:, 0]
-        told = segments.depth_along(torch.arange(len(s)), torch.from_numpy(s).float()).numpy()
-        np.testing.assert_allclose(told[inside], depth[inside], rtol=2e-3)
+        found = segments.depth_along(torch.arange(len(s)), torch.from_numpy(s).float()).numpy()
+        np.testing.assert_allclose(found[inside], depth[inside], rtol=2e-3)
         checked += inside.sum()
     assert checked > 100
 

@@ -47,10 +47,10 @@ def test_a_point_on_a_pixels_ray_projects_to_the_pixel(focal_px, depth, stabilit
     pose[:, 3] *= depth  # a centre far from the points' own size would round them away
     pixels = pixel_centers(8, 6)
     rays = rays_through(camera(focal_px, pose), torch.from_numpy(pixels))
-    told, z = project(camera(focal_px, pose), (rays.origins + depth * rays.directions).numpy())
-    np.testing.assert_allclose(told, pixels, atol=1e-6)
+    projected, z = project(camera(focal_px, pose), (rays.origins + depth * rays.directions).numpy())
+    np.testing.assert_allclose(projected, pixels, atol=1e-6)
     np.testing.assert_allclose(z, depth, rtol=1e-6)
-    stability(f"focal length {focal_px:g} px, depth 1e-12 to 1e12", told, pixels)
+    stability(f"focal length {focal_px:g} px, depth 1e-12 to 1e12", projected, pixels)
 
 
 @CAMERAS
@@ -93,8 +93,8 @@ def test_points_of_a_segment_are_seen_at_their_pixel(space, centre, focal_px, st
         assert (np.abs(grid) <= 1 + 1e-5).all()
         world = space.to_world(grid)
         known = np.isfinite(world).all(axis=1)  # not in the gaps between parts, by rounding
-        told = project(view, world[known])[0]
-        tangent = (told - pixels.numpy()[hit][known]) / focal_px
+        projected = project(view, world[known])[0]
+        tangent = (projected - pixels.numpy()[hit][known]) / focal_px
         assert np.abs(tangent).max(initial=0.0) < 1e-5
         case = f"{space.kind}, focal length {focal_px:g} px"
         stability(case, tangent, 0 * tangent, precision="float32", happened="finite")

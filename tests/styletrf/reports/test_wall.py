@@ -13,8 +13,8 @@ from styletrf.reports.wall import Cell, Score, write_wall
 
 
 def scores(psnr, error):
-    told = "not measured" if error is None else f"{error} x floor"
-    return [Score("PSNR", psnr, f"{psnr} dB", "highest"), Score("short-term", error, told)]
+    text = "not measured" if error is None else f"{error} x floor"
+    return [Score("PSNR", psnr, f"{psnr} dB", "highest"), Score("short-term", error, text)]
 
 
 CELLS = [

@@ -35,7 +35,7 @@ def test_views_straight_down_from_a_flat_grid_have_a_box(yaw):
 
 
 @pytest.mark.parametrize("tilt", [-15, 0, 20])
-def test_photographs_that_look_out_of_a_circle_are_told_from_those_that_look_in(tilt):
+def test_photographs_that_look_out_of_a_circle_are_distinguished_from_those_that_look_in(tilt):
     out = decide_scene_model(room(tilt), points_of("room"), SceneModelConfig())
     assert (out.space.kind, out.looking) == ("box", "outward")
     assert out.evidence["looking"]["median_cosine_of_view_to_focus"] < -0.9

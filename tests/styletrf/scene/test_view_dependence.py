@@ -56,7 +56,7 @@ def tracks(cameras: list[Camera], n: int = 900) -> SparsePoints:
 
 
 @pytest.mark.parametrize(("shine", "needed"), [(0.0, False), (0.5, True)])
-def test_a_highlight_is_told_from_paint_under_changing_exposures(shine, needed):
+def test_a_highlight_is_distinguished_from_paint_under_changing_exposures(shine, needed):
     cameras = ring(24, 180)
     gains = 1 + 0.1 * np.sin(np.arange(24))
     images = [photograph(c, shine, g) for c, g in zip(cameras, gains, strict=True)]

@@ -114,7 +114,7 @@ def test_the_report_is_in_the_file_and_names_no_time(solved):
     assert not any("second" in key or "time" in key for key in content)
 
 
-def test_colmap_works_where_it_is_told_to_and_leaves_only_its_log(solved):
+def test_colmap_works_in_the_scratch_folder_and_leaves_only_its_log(solved):
     folder = solved[0].parent
     assert not list((folder / "scratch").iterdir())
     assert any(path.name.startswith("colmap.") for path in (folder / "log").iterdir())
@@ -132,13 +132,13 @@ def test_the_same_photographs_have_the_same_cameras_to_the_last_bit(tmp_path, le
     """Whatever the threads that describe them: else all that is made of them would be new, too."""
     photographs = {f"{i}.png": room_view(pose) for i, pose in enumerate(room_poses(6))}
     capture, _ = captured(tmp_path, photographs)
-    told = []
+    outputs = []
     for k in range(3):
         out = tmp_path / f"out{k}"
         out.mkdir()
         solve_camera_poses(capture, out, CameraPosesConfig(lenses=lenses))
-        told.append({p.name: p.read_bytes() for p in sorted(out.rglob("*")) if p.is_file()})
-    assert told[0] == told[1] == told[2]
+        outputs.append({p.name: p.read_bytes() for p in sorted(out.rglob("*")) if p.is_file()})
+    assert outputs[0] == outputs[1] == outputs[2]
 
 
 def test_photographs_without_overlap_are_refused(tmp_path):

@@ -78,8 +78,8 @@ def test_photographs_are_grouped_by_the_focal_lengths_that_exif_names(focals, ho
     settings = lens_settings(files, [(64, 48)] * len(files), focals, how, [None] * len(files))
     assert [[int(file) for file in setting.files] for setting in settings] == groups
     for group, setting in zip(groups, settings, strict=True):
-        told = [focals[k] for k in group if focals[k]]
-        assert setting.focal_prior_px == (pytest.approx(np.median(told)) if told else None)
+        priors = [focals[k] for k in group if focals[k]]
+        assert setting.focal_prior_px == (pytest.approx(np.median(priors)) if priors else None)
 
 
 @pytest.mark.parametrize("how", ["auto", "one"])

@@ -31,7 +31,7 @@ counts = st.integers(0, 120)
         ([], False),
     ],
 )
-def test_sequences_are_told_by_their_counter(names, sequence):
+def test_sequences_are_found_by_their_counter(names, sequence):
     assert is_sequence(names) is sequence
 
 

@@ -33,7 +33,7 @@ def test_samples_of_different_numbers_are_compared_by_quantiles():
     assert float(sliced_wasserstein(line[::10], line, generator())) < 1e-4
 
 
-def test_distributions_of_one_gram_matrix_are_told_apart():
+def test_distributions_of_one_gram_matrix_are_distinguished():
     """Signs alone and a normal distribution have the same second moments."""
     signs = rows(4096, 3).sign()
     normal = rows(4096, 3, seed=1)

@@ -1,4 +1,4 @@
-"""What is told of a painting before it is learnt."""
+"""Warnings of a painting before it is learned."""
 
 import logging
 
@@ -8,7 +8,7 @@ import torch
 
 from styletrf.files.images import write_rgb
 from styletrf.style.style_image import read_style_image
-from styletrf.style.style_survey import fine_trace, told_of_painting, told_of_trace
+from styletrf.style.style_survey import fine_trace, painting_warnings, trace_warnings
 from styletrf.synthetic.paintings import PAINTINGS
 
 RNG = np.random.default_rng(0)
@@ -18,7 +18,7 @@ COLORFUL = RNG.uniform(size=(300, 300, 3)).astype(np.float32)
 
 
 @pytest.mark.parametrize(
-    ("image", "told"),
+    ("image", "warning"),
     [
         (GREY, "one line"),
         (FAINT, "hardly any contrast"),
@@ -26,14 +26,14 @@ COLORFUL = RNG.uniform(size=(300, 300, 3)).astype(np.float32)
         (np.full((300, 300, 3), 0.25, dtype=np.float32), "hardly any contrast"),
     ],
 )
-def test_a_painting_that_will_disappoint_is_told_of(image, told):
-    (line,) = told_of_painting(image)
-    assert told in line
+def test_a_painting_that_will_disappoint_has_a_warning(image, warning):
+    (line,) = painting_warnings(image)
+    assert warning in line
 
 
 @pytest.mark.parametrize("name", PAINTINGS)
-def test_of_a_good_painting_nothing_is_told(name):
-    assert told_of_painting(PAINTINGS[name](0).astype(np.float32) / 255) == []
+def test_a_good_painting_has_no_warning(name):
+    assert painting_warnings(PAINTINGS[name](0).astype(np.float32) / 255) == []
 
 
 def test_the_warning_reaches_the_log(tmp_path, caplog):
@@ -48,6 +48,6 @@ def test_the_trace_is_relative_to_the_content(vgg):
     assert fine_trace(vgg, content[:1], content[:1]) == pytest.approx(1)
     bright = fine_trace(vgg, content[:1], 0.5 * content[:1])
     assert bright > 1.1
-    assert told_of_trace(0.9) == []
-    assert "3.5 times" in told_of_trace(3.5)[0]
+    assert trace_warnings(0.9) == []
+    assert "3.5 times" in trace_warnings(3.5)[0]
     assert np.isfinite(fine_trace(vgg, content[:1], torch.zeros(1, 3, 32, 32)))

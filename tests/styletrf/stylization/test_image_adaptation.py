@@ -61,13 +61,13 @@ def test_tiles_give_the_gradient_of_the_whole(scene, field, monkeypatch):
 
 def test_the_loss_falls_and_the_density_stays(scene, field):
     before = {name: tensor.clone() for name, tensor in field.density.state_dict().items()}
-    told = []
+    losses = []
     adapt_to_image_loss(
         field, scene.cameras, (scene.images, scene.images), scene.model.space, image_loss,
         ImageAdaptationConfig(iterations=18, rate=1.0), AdaptationConfig(), KERNELS,
-        lambda done, total, loss: told.append(loss),
+        lambda done, total, loss: losses.append(loss),
     )  # fmt: skip
-    assert sum(told[-6:]) < 0.85 * sum(told[:6])
+    assert sum(losses[-6:]) < 0.85 * sum(losses[:6])
     assert all(torch.equal(t, before[name]) for name, t in field.density.state_dict().items())
 
 

@@ -241,18 +241,18 @@ def write_blender(folder, scene):
 
 
 def test_cameras_of_a_path_need_no_photographs(scene, tmp_path):
-    """They lie in no key, so that not even their size counts: the file tells it, or is refused."""
+    """No key holds them, so their size does not count: the file gives it, or is refused."""
     file = write_blender(tmp_path, scene)
     before = read_path(file)
     write_rgb(tmp_path / "0000.png", np.zeros((20, 10, 3), np.float32))
     assert read_path(file) == before
-    told = json.loads(file.read_text())
-    angle = told.pop("camera_angle_x")
+    content = json.loads(file.read_text())
+    angle = content.pop("camera_angle_x")
     focal = 0.5 * 40 / np.tan(angle / 2)
-    file.write_text(json.dumps({**told, "fl_x": focal, "w": 40, "h": 30}))
+    file.write_text(json.dumps({**content, "fl_x": focal, "w": 40, "h": 30}))
     assert np.isclose(read_path(file).frames[0].fov_deg, before.frames[0].fov_deg)
-    file.write_text(json.dumps({**told, "fl_x": focal}))
-    with pytest.raises(InputError, match="tells no lens"):
+    file.write_text(json.dumps({**content, "fl_x": focal}))
+    with pytest.raises(InputError, match="has no lens"):
         read_path(file)
 
 

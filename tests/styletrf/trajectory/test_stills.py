@@ -99,7 +99,7 @@ def test_photographs_that_tell_no_depth_give_stills(measure):
     assert len(found.cameras) == 60
 
 
-def test_a_path_that_stays_unsupported_becomes_stills_and_what_was_tried_is_told():
+def test_a_path_that_stays_unsupported_becomes_stills_and_lists_what_was_tried():
     found = path(unsupported)
     assert len(found.stills) > 1
     assert "30.0%" in found.reason
