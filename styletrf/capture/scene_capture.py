@@ -78,19 +78,13 @@ def capture_photographs(
             that can be read, a mask that is none, or nothing to leave out by such a name. Nothing
             is written then.
     """
-    if given and panoramas == "yes":
-        problem = "are to be panoramas, but the poses that came with them name their lenses"
-        remedy = f"Take {given.source.name} away, or leave the setting panoramas at auto"
-        raise InputError(str(folder), problem, remedy)
+    _require_one_lens_source(folder, given, panoramas)
     files = [view.file for view in given.views] if given else list_photographs(folder)
     files = _without(files, leave_out)
     stored = _stored_names(files)
     examined, problems = _examined(files, stored, progress)
     photographs = list(examined.values())
-    if len(photographs) < max(FEWEST_PHOTOGRAPHS, len(files) / 2):
-        remedy = "Replace these files"
-        problem = "; ".join(problems) or f"only {len(photographs)} photographs are left"
-        raise InputError(str(folder), problem, remedy)
+    _require_enough(folder, len(photographs), len(files), problems)
     masks = find_masks(folder, files)
     for file in masks.keys() & examined.keys():
         require_mask_of(masks[file], examined[file].width, examined[file].height)
@@ -109,6 +103,21 @@ def capture_photographs(
     capture = Capture(tuple(kept), tuple(warnings))
     write_capture(out_dir, capture)
     return capture
+
+
+def _require_one_lens_source(folder: Path, given: GivenPoses | None, panoramas: Choice) -> None:
+    """Refuses photographs that are to be panoramas and have poses, which name their lenses."""
+    if given and panoramas == "yes":
+        problem = "are to be panoramas, but the poses that came with them name their lenses"
+        remedy = f"Take {given.source.name} away, or leave the setting panoramas at auto"
+        raise InputError(str(folder), problem, remedy)
+
+
+def _require_enough(folder: Path, readable: int, total: int, problems: Sequence[str]) -> None:
+    """Refuses a scene with fewer than three photographs, or of which half cannot be read."""
+    if readable < max(FEWEST_PHOTOGRAPHS, total / 2):
+        problem = "; ".join(problems) or f"only {readable} photographs are left"
+        raise InputError(str(folder), problem, "Replace these files")
 
 
 def _stored(

@@ -129,15 +129,11 @@ def march_once(
         if generator is not None:
             jitter = torch.rand(len(segments), generator=generator)
         samples = kernels.trace(field.density.factors, segments, jitter.to(images.device), march)
-        kept = kernels.heavy(samples, min_weight)
-        kept = sharpened(kept, field.appearance.weight_power, kernels)
-        opacity, kept_mass = kernels.opacity(samples), kernels.opacity(kept)
-        covered = torch.where(kept_mass == 0, 0, opacity)  # one that is NaN is kept and seen
-        weights = kept.weights * (covered / kept_mass.clamp(min=1e-6))[kept.ray]
+        kept, opacity, dropped = _kept(samples, min_weight, field.appearance.weight_power, kernels)
         parts.append(
             (
-                kept.offsets.diff(), kept.positions, weights, segments.view_directions, covered,
-                target, opacity - kept_mass,
+                kept.offsets.diff(), kept.positions, kept.weights, segments.view_directions,
+                opacity, target, dropped,
             )
         )  # fmt: skip
         if sum(part.nbytes for ray_part in parts for part in ray_part) > cache_bytes:
@@ -147,3 +143,17 @@ def march_once(
     )
     offsets = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
     return RayCache(offsets, positions, weights, directions, opacity, target, float(dropped.mean()))
+
+
+def _kept(
+    samples: Samples, min_weight: float, power: float, kernels: Kernels
+) -> tuple[Samples, Float[Tensor, " rays"], Float[Tensor, " rays"]]:
+    """Returns the heavy samples, the opacity their weights are scaled up to, and the mass left out.
+
+    The opacity is 0 of a ray that keeps no sample.
+    """
+    kept = sharpened(kernels.heavy(samples, min_weight), power, kernels)
+    opacity, kept_mass = kernels.opacity(samples), kernels.opacity(kept)
+    covered = torch.where(kept_mass == 0, 0, opacity)  # one that is NaN is kept and seen
+    weights = kept.weights * (covered / kept_mass.clamp(min=1e-6))[kept.ray]
+    return replace(kept, weights=weights), covered, opacity - kept_mass

@@ -20,12 +20,14 @@ from typing import Literal
 from styletrf.capture.capture_file import Capture, read_capture
 from styletrf.capture.masks import MASKS
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS, read_photograph
+from styletrf.capture.poses.given_poses import GivenView
 from styletrf.capture.scene_capture import given_views
 from styletrf.capture.views import held_out_names
 from styletrf.colmap import pycolmap
 from styletrf.errors import InputError
 from styletrf.files.images import write_png
 from styletrf.geometry.camera_table import write_cameras
+from styletrf.geometry.cameras import Camera
 from styletrf.geometry.parallax import LEAST_PARALLAX, parallax_share
 from styletrf.geometry.point_table import write_points
 from styletrf.geometry.undistortion import undistorted_image
@@ -39,6 +41,8 @@ from styletrf.sfm.poses_report import BETTER_PHOTOGRAPHS, FLAT, PosesReport, pos
 from styletrf.sfm.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
 
 _LOGGER = logging.getLogger(__name__)
+GivenViews = tuple[str, dict[str, GivenView]]
+"""Where the poses that came with a capture are from, and its views by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,44 +114,78 @@ def solve_camera_poses(
         log_to(log_dir)
     pycolmap.set_random_seed(config.seed)
     capture = read_capture(capture_dir)
-    names = [photograph.name for photograph in capture.photographs]
+    given = given_views(capture_dir) if config.poses != "solved" else None
     with TemporaryDirectory(
         prefix="colmap-", dir=scratch_dir, ignore_cleanup_errors=True
     ) as scratch:
-        given = given_views(capture_dir) if config.poses != "solved" else None
-        lenses = "each" if given else config.lenses
-        folder, long_side = Path(scratch) / "images", config.max_image_long_side
-        images = prepare_images(capture_dir, capture, folder, long_side, lenses, progress)
-        database = Path(scratch) / "colmap.db"
-        if given:
-            views, most = [given[1][name] for name in names], config.max_features
-            of = database, images, views, given[0], most, config.seed, progress
-            may_adjust = config.poses == "auto"
-            mapping, flat = map_known_poses(*of, may_adjust=may_adjust), 0.0
-        else:
-            mapping = _solve(database, images, capture, config, progress)
-            flat = flat_share(database)
-        mapping.models[0].extract_colors_for_all_images(images.folder)
-        files = dict(zip(images.files, names, strict=True))
-        placed = placed_photographs(mapping.models[0], files)
-        _write_undistorted(out_dir, images, placed, progress)
-    cameras, points = [one.camera for one in placed], sparse_points(mapping.models[0], placed)
-    tells_depth = flat < FLAT or parallax_share(points, cameras) >= LEAST_PARALLAX
+        found = _solve(capture_dir, capture, given, config, Path(scratch), progress)
+        _write_undistorted(out_dir, found.images, found.placed, progress)
+    names = [photograph.name for photograph in capture.photographs]
+    cameras = [one.camera for one in found.placed]
+    points = sparse_points(found.mapping.models[0], found.placed)
     report = poses_report(
-        images, names, mapping, placed, flat, tells_depth=tells_depth, is_given=given is not None
-    )
-    panoramas = {one.name: one.panorama for one in capture.photographs if one.panorama}
-    held_out = held_out_names(cameras, given[1] if given else {}, panoramas)
+        found.images, names, found.mapping, found.placed, found.flat,
+        tells_depth=found.flat < FLAT or parallax_share(points, cameras) >= LEAST_PARALLAX,
+        is_given=given is not None,
+    )  # fmt: skip
+    held_out = _held_out(capture, cameras, given)
     write_cameras(out_dir / "cameras.parquet", cameras, report.unregistered, held_out)
     write_points(out_dir / "points.parquet", points)
-    text = json.dumps(asdict(report), sort_keys=True, indent=1, ensure_ascii=False)
-    (out_dir / "poses.json").write_text(text + "\n", encoding="utf-8")
-    for warning in report.warnings:
-        _LOGGER.warning(warning)
+    _write_report(out_dir / "poses.json", report)
     return report
 
 
+@dataclass(frozen=True, slots=True)
+class _Solution:
+    """What COLMAP found: `flat` is the share of its flat pairs, 0 of poses that were given."""
+
+    images: ColmapImages
+    mapping: Mapping
+    flat: float
+    placed: list[PlacedPhotograph]
+
+
 def _solve(
+    capture_dir: Path,
+    capture: Capture,
+    given: GivenViews | None,
+    config: CameraPosesConfig,
+    scratch: Path,
+    progress: Progress,
+) -> _Solution:
+    """Returns the photographs as COLMAP places them; `scratch` receives its images and database."""
+    lenses, long_side = "each" if given else config.lenses, config.max_image_long_side
+    folder, database = scratch / "images", scratch / "colmap.db"
+    images = prepare_images(capture_dir, capture, folder, long_side, lenses, progress)
+    names = [photograph.name for photograph in capture.photographs]
+    if given:
+        mapping, flat = _from_given(database, images, names, given, config, progress), 0.0
+    else:
+        mapping = _from_matches(database, images, capture, config, progress)
+        flat = flat_share(database)
+    mapping.models[0].extract_colors_for_all_images(images.folder)
+    files = dict(zip(images.files, names, strict=True))
+    return _Solution(images, mapping, flat, placed_photographs(mapping.models[0], files))
+
+
+def _from_given(
+    database: Path,
+    images: ColmapImages,
+    names: Sequence[str],
+    given: GivenViews,
+    config: CameraPosesConfig,
+    progress: Progress,
+) -> Mapping:
+    """Returns a mapping at the poses that came with the photographs, or near them."""
+    source, views = given
+    may_adjust = config.poses == "auto"
+    return map_known_poses(
+        database, images, [views[name] for name in names], source, config.max_features,
+        config.seed, progress, may_adjust=may_adjust,
+    )  # fmt: skip
+
+
+def _from_matches(
     database: Path,
     images: ColmapImages,
     capture: Capture,
@@ -178,15 +216,19 @@ def _solve(
             partial(describe, stronger=True),
         )
     )
+    _require_enough(mapping, len(capture.photographs))
+    return mapping
+
+
+def _require_enough(mapping: Mapping, total: int) -> None:
+    """Refuses a mapping of fewer than three photographs."""
     if mapping.registered < FEWEST_PHOTOGRAPHS:
         placed = f"only {mapping.registered}" if mapping.registered else "none"
         problem = (
             f"{placed} of them could be placed "
             f"({mapping.verified_pairs} pairs show the same things)"
         )
-        subject = f"the {len(capture.photographs)} photographs"
-        raise InputError(subject, problem, BETTER_PHOTOGRAPHS)
-    return mapping
+        raise InputError(f"the {total} photographs", problem, BETTER_PHOTOGRAPHS)
 
 
 def _write_undistorted(
@@ -206,3 +248,17 @@ def _write_undistorted(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for done, _ in enumerate(pool.map(write, placed), start=1):
             progress(done, len(placed))
+
+
+def _held_out(capture: Capture, cameras: Sequence[Camera], given: GivenViews | None) -> set[str]:
+    """Returns the names of the views to measure by; those of one panorama are held out together."""
+    panoramas = {one.name: one.panorama for one in capture.photographs if one.panorama}
+    return held_out_names(cameras, given[1] if given else {}, panoramas)
+
+
+def _write_report(path: Path, report: PosesReport) -> None:
+    """Writes the report as JSON, and logs its warnings."""
+    text = json.dumps(asdict(report), sort_keys=True, indent=1, ensure_ascii=False)
+    path.write_text(text + "\n", encoding="utf-8")
+    for warning in report.warnings:
+        _LOGGER.warning(warning)

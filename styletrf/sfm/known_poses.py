@@ -54,11 +54,7 @@ def map_known_poses(
     Raises:
         InputError: The photographs do not fit the poses, or have lenses of several models.
     """
-    lens_models = {view.lens.model for view in views}
-    if len(lens_models) > 1:
-        problem = f"has lenses of several models: {', '.join(sorted(lens_models))}"
-        raise InputError(source, problem, "Export all views with one of them")
-    (lens,) = lens_models
+    lens = _lens_model(views, source)
     images = replace(images, lenses=_given_lenses(images.files, views))
     extract_features(database, images, lens, max_features, progress)
     pairs = neighbouring_pairs(views)
@@ -69,6 +65,23 @@ def map_known_poses(
     if may_adjust:
         found = adjusted_poses(model, database, images.folder, images.long_side, seed)
         model, reason = found.model, found.reason
+    _require_fitting(model, database, source)
+    explained = explained_share(database, [model])
+    return Mapped([model], "neighbours", verified, f"{GIVEN_BY}{source}", reason, explained)
+
+
+def _lens_model(views: Sequence[GivenView], source: str) -> str:
+    """Returns COLMAP's name of the lens model, of which there must be one."""
+    lens_models = {view.lens.model for view in views}
+    if len(lens_models) > 1:
+        problem = f"has lenses of several models: {', '.join(sorted(lens_models))}"
+        raise InputError(source, problem, "Export all views with one of them")
+    (lens,) = lens_models
+    return lens
+
+
+def _require_fitting(model: pycolmap.Reconstruction, database: Path, source: str) -> None:
+    """Refuses poses at which too few of the matched features have a point."""
     share = model.compute_num_observations() / max(_matched_features(database), 1)
     if model.num_points3D() < _FEWEST_POINTS or share < _LEAST_SHARE:
         raise InputError(
@@ -78,8 +91,6 @@ def map_known_poses(
             "Check its axes and the photographs' names, or have the poses solved with"
             """ --CameraPoses-settings '{"poses": "solved"}'""",
         )
-    explained = explained_share(database, [model])
-    return Mapped([model], "neighbours", verified, f"{GIVEN_BY}{source}", reason, explained)
 
 
 def neighbouring_pairs(views: Sequence[GivenView]) -> Pairs:

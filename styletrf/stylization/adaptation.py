@@ -31,6 +31,7 @@ from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.ray_cache import RayBatch, march_once
 from styletrf.field.training.diagnostics import batch_stages
+from styletrf.field.training.optimizer import take_step
 from styletrf.field.view_rays import ViewRays
 from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.geometry.cameras import Camera
@@ -176,14 +177,6 @@ def fit_appearance(
 @torch.no_grad()
 def _psnr(batch: RayBatch, appearance: Appearance, kernels: Kernels) -> float:
     return -10 * math.log10(max(float(batch.error(appearance, kernels)), 1e-10))
-
-
-def take_step(optimizer: torch.optim.Adam, decay: float) -> None:
-    """Takes a step down the gradients, at `decay` times the initial rates, and clears them."""
-    for group in optimizer.param_groups:
-        group["lr"] = group["initial_rate"] * decay
-    optimizer.step()
-    optimizer.zero_grad()
 
 
 def optimizer_of(appearance: Appearance, config: AdaptationConfig) -> torch.optim.Adam:

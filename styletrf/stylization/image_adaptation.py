@@ -8,7 +8,7 @@ to the parameters: of the renders' graphs only a tile's is in memory.
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 
@@ -22,6 +22,7 @@ from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.ray_cache import RayCache, march_once
 from styletrf.field.training.diagnostics import batch_stages
+from styletrf.field.training.optimizer import take_step
 from styletrf.field.view_rays import ViewRays
 from styletrf.finiteness import Named, parameter_stages, require_finite
 from styletrf.geometry.cameras import Camera
@@ -83,7 +84,7 @@ def adapt_to_image_loss(
     plain, painted = views
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
     images = view_images(plain)
-    optimizer = optimizer_of(field.appearance, adaptation)
+    optimizer = optimizer_of(field.appearance, _at_rate(adaptation, config.rate))
     curve, started = [], time.monotonic()
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
         cache = _view_cache(field, rays, images, view, adaptation, kernels)
@@ -97,16 +98,18 @@ def adapt_to_image_loss(
             sums = [("image loss", torch.tensor(loss))]
             where = f"at iteration {k}, view {cameras[view].name}"
             _require_finite(where, parameter_stages(field.appearance, optimizer), *tiles, sums)
-        for group in optimizer.param_groups:
-            decay = adaptation.rate_decay ** (k / config.iterations)
-            group["lr"] = config.rate * group["initial_rate"] * decay
-        optimizer.step()
-        optimizer.zero_grad()
+        take_step(optimizer, adaptation.rate_decay ** (k / config.iterations))
         psnr = -10 * math.log10(max(mse, 1e-10))
         curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, loss=loss)
     _require_finite("after the last iteration", parameter_stages(field.appearance, optimizer))
     return curve
+
+
+def _at_rate(adaptation: AdaptationConfig, rate: float) -> AdaptationConfig:
+    """Returns the configuration with its learning rates multiplied."""
+    factors, network = rate * adaptation.factor_rate, rate * adaptation.network_rate
+    return replace(adaptation, factor_rate=factors, network_rate=network)
 
 
 def _order_of_views(n_views: int, iterations: int, seed: int) -> list[int]:

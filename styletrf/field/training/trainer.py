@@ -28,6 +28,8 @@ from styletrf.field.training.checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
 from styletrf.field.training.distortion import distortion
+from styletrf.field.training.optimizer import optimizer_of, take_step
+from styletrf.field.training.regularization import add_regularization_gradient
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
 from styletrf.field.training.sparse_depth import SparseDepths, depth_loss
 from styletrf.field.training.view_exposures import ViewExposures
@@ -133,19 +135,15 @@ class FieldTrainer:
         mse = float(loss.detach())
         # a NaN among the weights need not reach the loss
         if not math.isfinite(mse + float(samples.weights.detach().sum())):
-            self.require_finite(parameter_stages(self.field, self.optimizer))
-            self.require_finite(
-                iteration_stages(self.field, self.kernels, segments, samples, color.detach())
-            )
-            self.require_finite([("loss", loss.detach())])
+            self._require_finite_iteration(segments, samples, color.detach(), loss.detach())
         if self.config.distortion_weight:
             loss = loss + self.config.distortion_weight * distortion(samples, segments)
         loss.backward()
         self._add_depth_gradient()
-        self._regularize()
-        self._set_rates()
-        self.optimizer.step()
-        self.optimizer.zero_grad()
+        add_regularization_gradient(self.field, self.config, self.iteration, len(self.cameras))
+        since_growth = self.iteration - self.stage_start
+        rate = decay(self.config.rate_decay, since_growth, self.config.iterations)
+        take_step(self.optimizer, rate)
         self.iteration += 1
         keep = 0.98 if self.iteration > 1 else 0.0
         self.smooth_mse = keep * self.smooth_mse + (1 - keep) * mse
@@ -230,25 +228,6 @@ class FieldTrainer:
         loss = depth_loss(self._trace(segments), segments, drawn.depth)
         (config.depth_every * config.depth_weight * loss).backward()
 
-    def _regularize(self) -> None:
-        """Adds the gradients of L1 and, decaying with the iterations, total variation."""
-        config, every = self.config, self.config.tv_every
-        if self.iteration % every:
-            return
-        fading = every * decay(config.rate_decay, self.iteration, config.iterations)
-        density, appearance = self.field.density.factors, self.field.appearance.factors
-        density.add_l1_gradient(every * config.l1_weight)
-        fading *= max(1.0, config.tv_views / len(self.cameras))  # smoothness fills what few see
-        density.add_total_variation_gradient(fading * config.tv_density)
-        appearance.add_total_variation_gradient(fading * config.tv_appearance)
-
-    def _set_rates(self) -> None:
-        since_growth = decay(
-            self.config.rate_decay, self.iteration - self.stage_start, self.config.iterations
-        )
-        for group in self.optimizer.param_groups:
-            group["lr"] = group["initial_rate"] * since_growth
-
     def _grow_and_refresh(self) -> None:
         if self.iteration in (steps := self.config.upsample_steps):
             stage = len([step for step in steps if step <= self.iteration])
@@ -263,18 +242,10 @@ class FieldTrainer:
 
     def begin_stage(self) -> None:
         """Sets the step and a fresh optimiser for the present resolution."""
-        config, self.stage_start = self.config, self.iteration
-        self.field.step_length = march_step(
-            self.space, self.field.resolution, config.steps_per_voxel
-        )
+        self.stage_start, steps_per_voxel = self.iteration, self.config.steps_per_voxel
+        self.field.step_length = march_step(self.space, self.field.resolution, steps_per_voxel)
         self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)
-        field = self.field
-        factors = [*field.density.factors.parameters(), *field.appearance.factors.parameters()]
-        groups = [
-            {"params": factors, "initial_rate": config.factor_rate},
-            {"params": field.appearance.network_parameters(), "initial_rate": config.network_rate},
-        ]
-        self.optimizer = torch.optim.Adam(groups, lr=0.0, betas=(0.9, 0.99), fused=True)
+        self.optimizer = optimizer_of(self.field, self.config)
 
     def refresh_occupancy(self, *, settled: bool = False) -> None:
         """Looks again where the density is; NaN would count as none.
@@ -290,6 +261,14 @@ class FieldTrainer:
         if settled and found.shape == density.occupancy.shape:
             found = unless_nowhere((found & density.occupancy).bool())
         set_occupancy(density, found)
+
+    def _require_finite_iteration(
+        self, segments: Segments, samples: Samples, color: Tensor, loss: Tensor
+    ) -> None:
+        """Stops at the first tensor of an iteration that is not finite, causes before effects."""
+        self.require_finite(parameter_stages(self.field, self.optimizer))
+        self.require_finite(iteration_stages(self.field, self.kernels, segments, samples, color))
+        self.require_finite([("loss", loss)])
 
     def require_finite(self, stages: Iterable[Named]) -> None:
         """Saves the state and stops where one of the named tensors is not finite."""

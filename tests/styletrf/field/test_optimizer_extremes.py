@@ -9,7 +9,8 @@ from kernel_cases import generator
 from styletrf.field.appearance import Appearance
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels.thinning import Thinning, thinned
-from styletrf.stylization.adaptation import AdaptationConfig, optimizer_of, take_step
+from styletrf.field.training.optimizer import take_step
+from styletrf.stylization.adaptation import AdaptationConfig, optimizer_of
 
 pytestmark = pytest.mark.extremes("Optimiser and gradients")
 

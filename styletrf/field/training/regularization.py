@@ -1,0 +1,33 @@
+"""What makes a fit prefer simple fields: L1 of the density, total variation of both grids.
+
+L1 empties what no photograph shows; total variation (TensoRF section 4.1) smooths, and decays with
+the learning rates, for it would blur in the end.
+"""
+
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.schedule import decay
+
+
+def add_regularization_gradient(
+    field: RadianceField, config: FieldTrainingConfig, iteration: int, n_views: int
+) -> None:
+    """Adds the gradients of L1 and, decaying with the iterations, total variation.
+
+    Every `config.tv_every` iterations, as many times as strong.
+
+    Args:
+        field: Whose factors have gradients.
+        config: The weights.
+        iteration: From 0 on.
+        n_views: Of how many photographs; where they are few, smoothness fills what few see.
+    """
+    every = config.tv_every
+    if iteration % every:
+        return
+    fading = every * decay(config.rate_decay, iteration, config.iterations)
+    density, appearance = field.density.factors, field.appearance.factors
+    density.add_l1_gradient(every * config.l1_weight)
+    fading *= max(1.0, config.tv_views / n_views)
+    density.add_total_variation_gradient(fading * config.tv_density)
+    appearance.add_total_variation_gradient(fading * config.tv_appearance)
