@@ -17,21 +17,16 @@ from jaxtyping import Float
 from safetensors import SafetensorError
 from safetensors.torch import save_file
 from torch import Tensor, nn
-from torch.nn import functional
 
 from styletrf.devices import computes_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.finiteness import load_finite, parameter_stages, require_finite
+from styletrf.style.residual_network import ResidualBlock, draw_convolutions, padded_to_quarters
 from styletrf.style.transfer.network import TransferNetwork, TransferNetworkConfig
-
-SMALLEST_PX = 16
-"""Images need at least this many pixels a side: reflection needs something to reflect."""
 
 OUTPUT_SCALE = 0.1
 """Units of the last layer's output. It sums 81 `width` products, and one step of Adam moves each of
 their weights by the learning rate: unscaled, one step could repaint a pixel from black to white."""
-
-_REDUCTION = 4  # the residual blocks see the image at 1/4 of its size
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +59,7 @@ class StyleNetwork(nn.Module):
         self.encoder = nn.Sequential(
             *_block(3, w, kernel=9), *_block(w, 2 * w, stride=2), *_block(2 * w, 4 * w, stride=2)
         )
-        self.residual = nn.Sequential(*(_Residual(4 * w) for _ in range(config.n_residual)))
+        self.residual = nn.Sequential(*(_residual(4 * w) for _ in range(config.n_residual)))
         self.decoder = nn.Sequential(
             nn.Upsample(scale_factor=2, mode="nearest"),
             *_block(4 * w, 2 * w),
@@ -74,7 +69,7 @@ class StyleNetwork(nn.Module):
             nn.Conv2d(w, 3, kernel_size=9),
         )
         if generator is not None:
-            self._initialize(generator)
+            draw_convolutions(self, generator)
 
     def forward(
         self, images: Float[Tensor, "batch 3 height width"]
@@ -91,28 +86,13 @@ class StyleNetwork(nn.Module):
             ValueError: The images are smaller than that.
         """
         height, width = images.shape[-2:]
-        if min(height, width) < SMALLEST_PX:
-            raise ValueError(f"{width}x{height} pixels, at least {SMALLEST_PX} a side are needed")
-        padding = (0, -width % _REDUCTION, 0, -height % _REDUCTION)
-        x = functional.pad(images - 0.5, padding, mode="reflect")
+        x = padded_to_quarters(images - 0.5)
         y = self.decoder(self.residual(self.encoder(x)))
         return cast("Tensor", 0.5 + OUTPUT_SCALE * y[..., :height, :width])
 
-    def _initialize(self, generator: torch.Generator) -> None:
-        for module in self.modules():
-            if isinstance(module, nn.Conv2d):
-                fan_in = module.weight[0].numel()
-                nn.init.normal_(module.weight, std=fan_in**-0.5, generator=generator)
-                nn.init.zeros_(cast("Tensor", module.bias))
 
-
-class _Residual(nn.Module):
-    def __init__(self, channels: int) -> None:
-        super().__init__()
-        self.path = nn.Sequential(*_block(channels, channels), *_block(channels, channels)[:-1])
-
-    def forward(self, x: Tensor) -> Tensor:
-        return cast("Tensor", x + self.path(x))
+def _residual(channels: int) -> ResidualBlock:
+    return ResidualBlock(*_block(channels, channels), *_block(channels, channels)[:-1])
 
 
 def _block(n_in: int, n_out: int, *, kernel: int = 3, stride: int = 1) -> list[nn.Module]:

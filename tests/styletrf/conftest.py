@@ -32,6 +32,14 @@ def form(request: pytest.FixtureRequest) -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
+def scene() -> Any:
+    """A painted plane and its photographs: `mini_scene.MiniScene`."""
+    from mini_scene import painted_plane  # not before its shapes are checked
+
+    return painted_plane()
+
+
+@pytest.fixture(scope="module")
 def vgg() -> VGG16:
     """A perceptual network with random weights, always the same."""
     network = VGG16().requires_grad_(requires_grad=False)

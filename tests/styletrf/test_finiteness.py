@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import painted_plane
 
 from styletrf.errors import NotFiniteError
 from styletrf.field.kernels import kernels_for
@@ -30,11 +29,6 @@ STEPS = AdaptationConfig(iterations=3, batch=64)
 def stops(stage: str, tensor: str, where: str):
     message = re.escape(f"{stage}: {tensor} is not finite {where}")
     return pytest.raises(NotFiniteError, match=f"^{message}$")
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return painted_plane()
 
 
 @pytest.fixture

@@ -19,13 +19,10 @@ from typing import cast
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn import functional
+
+from styletrf.style.residual_network import ResidualBlock, draw_convolutions, padded_to_quarters
 
 EMBEDDING_SIZE = 100
-SMALLEST_PX = 16
-"""Images need at least this many pixels a side: reflection needs something to reflect."""
-
-_REDUCTION = 4  # the residual blocks see the image at 1/4 of its size
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +55,7 @@ class TransferNetwork(nn.Module):
         self.contraction = nn.Sequential(
             *_contracting(3, a, kernel=9), *_contracting(a, b), *_contracting(b, c)
         )
-        self.residual = nn.Sequential(*(_Residual(c) for _ in range(config.n_residual)))
+        self.residual = nn.Sequential(*(_residual(c) for _ in range(config.n_residual)))
         self.expansion = nn.Sequential(
             nn.Upsample(scale_factor=2, mode="nearest"),
             *_normalised(c, b),
@@ -70,7 +67,7 @@ class TransferNetwork(nn.Module):
             nn.Sigmoid(),
         )
         if generator is not None:
-            self._initialize(generator)
+            draw_convolutions(self, generator)
 
     def forward(
         self, images: Float[Tensor, "batch 3 height width"]
@@ -84,11 +81,7 @@ class TransferNetwork(nn.Module):
             ValueError: The images are smaller than that.
         """
         height, width = images.shape[-2:]
-        if min(height, width) < SMALLEST_PX:
-            raise ValueError(f"{width}x{height} pixels, at least {SMALLEST_PX} a side are needed")
-        padding = (0, -width % _REDUCTION, 0, -height % _REDUCTION)
-        x = functional.pad(images, padding, mode="reflect")
-        y = self.expansion(self.residual(self.contraction(x)))
+        y = self.expansion(self.residual(self.contraction(padded_to_quarters(images))))
         return cast("Tensor", y[..., :height, :width])
 
     def style_parameters(self) -> dict[str, nn.Parameter]:
@@ -104,13 +97,6 @@ class TransferNetwork(nn.Module):
         """Returns all other parameters, which serve every style, by name."""
         of_style = self.style_parameters()
         return {name: value for name, value in self.named_parameters() if name not in of_style}
-
-    def _initialize(self, generator: torch.Generator) -> None:
-        for name, parameter in self.shared_parameters().items():
-            if name.endswith("bias"):
-                nn.init.zeros_(parameter)
-            else:
-                nn.init.normal_(parameter, std=parameter[0].numel() ** -0.5, generator=generator)
 
 
 class StyleConditioning(nn.Module):
@@ -151,15 +137,10 @@ def conditioned(
     return copy
 
 
-class _Residual(nn.Module):
-    def __init__(self, channels: int) -> None:
-        super().__init__()
-        self.path = nn.Sequential(
-            *_normalised(channels, channels), nn.ReLU(), *_normalised(channels, channels)
-        )
-
-    def forward(self, x: Tensor) -> Tensor:
-        return cast("Tensor", x + self.path(x))
+def _residual(channels: int) -> ResidualBlock:
+    return ResidualBlock(
+        *_normalised(channels, channels), nn.ReLU(), *_normalised(channels, channels)
+    )
 
 
 def _contracting(n_in: int, n_out: int, *, kernel: int = 3) -> list[nn.Module]:

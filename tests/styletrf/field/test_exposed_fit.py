@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
-from mini_scene import MINI_FIT, MiniScene, painted_plane
+from mini_scene import MINI_FIT, MiniScene
 
 from styletrf.evaluation.metrics import psnr
 from styletrf.field.kernels import kernels_for
@@ -21,11 +20,6 @@ CONFIG = replace(
     iterations=150,
     shrink_rise=0.01,
 )
-
-
-@pytest.fixture(scope="module")
-def scene() -> MiniScene:
-    return painted_plane()
 
 
 def fitted_psnr(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from mini_scene import MINI_FIT, MiniScene, fit, painted_plane
+from mini_scene import MINI_FIT, MiniScene, fit
 
 from styletrf.errors import NotFiniteError
 from styletrf.evaluation.metrics import psnr
@@ -26,11 +26,6 @@ from styletrf.geometry.space import Space
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
 CONFIG = MINI_FIT
-
-
-@pytest.fixture(scope="module")
-def scene() -> MiniScene:
-    return painted_plane()
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 5, 37])

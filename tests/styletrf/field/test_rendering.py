@@ -6,7 +6,7 @@ import pytest
 import torch
 from kernel_cases import segments_between
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit, painted_plane
+from mini_scene import fit
 
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import Samples, kernels_for
@@ -22,11 +22,6 @@ from styletrf.field.view_rays import ViewRays
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return painted_plane()
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit, painted_plane
+from mini_scene import fit
 
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
@@ -18,11 +18,6 @@ from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.space import Bounds
 
 CPU = torch.device("cpu")
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return painted_plane()
 
 
 def shown(scene, field):

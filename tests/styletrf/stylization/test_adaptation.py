@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit, painted_plane
+from mini_scene import fit
 
 from styletrf.capture.view_images import view_images
 from styletrf.field.kernels import kernels_for
@@ -17,11 +17,6 @@ from styletrf.stylization.adaptation import AdaptationConfig, adapt_appearance
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
 ADAPTATION = AdaptationConfig(iterations=60, batch=256)
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return painted_plane()
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit, painted_plane
+from mini_scene import fit
 
 from styletrf.capture.view_images import view_images
 from styletrf.field.kernels import kernels_for
@@ -26,11 +26,6 @@ from styletrf.trajectory.frames import rendered
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return painted_plane()
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit, painted_plane
+from mini_scene import fit
 
 from styletrf.field.kernels import kernels_for
 from styletrf.field.rendering import RenderConfig, render_view
@@ -17,11 +17,6 @@ from styletrf.stylization.region import Box, Masked
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return painted_plane()
 
 
 @pytest.fixture(scope="module")

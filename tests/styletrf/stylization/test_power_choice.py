@@ -6,16 +6,11 @@ import numpy as np
 import pytest
 import torch
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit, painted_plane
+from mini_scene import fit
 
 from styletrf.evaluation.sharpness import sharpness
 from styletrf.stylization.power_choice import PowerChoiceConfig, choose_weight_power
 from styletrf.trajectory.frames import rendered
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return painted_plane()
 
 
 @pytest.fixture(scope="module")
