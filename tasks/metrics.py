@@ -50,6 +50,7 @@ class QualityMetrics(TunedStage):
         from styletrf.capture.views import load_views
         from styletrf.configuration import configured
         from styletrf.devices import device_named
+        from styletrf.evaluation.alignment.photograph_placement import place_unregistered
         from styletrf.evaluation.exposed_image import psnr_exposed
         from styletrf.evaluation.quality import QualityConfig, judges_named, measure_quality
         from styletrf.field.radiance_field import load_field
@@ -77,38 +78,11 @@ class QualityMetrics(TunedStage):
         )
         write_rows(out / "views.parquet", rows)
         write_summary(out / "summary.json", means)
-        self._place(inputs, out, model, radiance, config.render)
-
-    def _place(
-        self, inputs: Mapping[str, Path], out: Path, model: Any, radiance: Any, config: Any
-    ) -> None:
-        """Look for the photographs without a camera in the field."""
-        import numpy as np
-
-        from styletrf.capture.views import load_views
-        from styletrf.devices import device_named
-        from styletrf.evaluation.alignment.photograph_placement import (
-            place_photographs,
-            unplaced_photographs,
-            write_placements,
-        )
-        from styletrf.files.images import from_integers
-        from styletrf.geometry.camera_table import read_split
-        from styletrf.trajectory.frames import rendered
 
         def render(camera: Any) -> Any:
-            device = device_named(self.device)
-            return next(rendered(radiance, model.space, [camera], config, device))
+            return next(rendered(radiance, model.space, [camera], config.render, device))
 
-        unplaced = list(unplaced_photographs(inputs["capture"], inputs["poses"]))
-        known = []
-        if unplaced:
-            cameras = model.normalized(read_split(inputs["poses"] / "cameras.parquet")[0])
-            images = load_views(inputs["poses"] / "images", cameras)
-            pixels = (np.ascontiguousarray(image[..., :3].numpy()) for image in images)
-            known = list(zip(cameras, map(from_integers, pixels), strict=True))
-        placements = place_photographs(unplaced, known, render)
-        write_placements(out / "placed.json", placements, model.normalized_from_world)
+        place_unregistered(out / "placed.json", inputs["capture"], inputs["poses"], model, render)
 
 
 class FrameMetrics(TunedStage, FrameControls):

@@ -62,9 +62,9 @@ def aligned(
     """
     found = Alignment(camera, 0.0, 0.0)
     for long_side in sorted(long_sides):
-        sized = _at_pose_of(fitted_to(camera, long_side), found.camera)
+        sized = at_pose_of(fitted_to(camera, long_side), found.camera)
         found = _aligned_at(sized, photograph, render)
-    return replace(found, camera=_at_pose_of(camera, found.camera))
+    return replace(found, camera=at_pose_of(camera, found.camera))
 
 
 def _aligned_at(camera: Camera, photograph: Image, render: Render) -> Alignment:
@@ -80,7 +80,8 @@ def _aligned_at(camera: Camera, photograph: Image, render: Render) -> Alignment:
     return Alignment(best.camera, best.correlation, detail)
 
 
-def _at_pose_of(camera: Camera, other: Camera) -> Camera:
+def at_pose_of(camera: Camera, other: Camera) -> Camera:
+    """Returns the camera, with its own lens, at the pose of another."""
     return replace(camera, world_from_camera=other.world_from_camera)
 
 

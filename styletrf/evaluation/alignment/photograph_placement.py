@@ -7,7 +7,7 @@ agrees with the render's nearly as well as that of photographs whose cameras are
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -16,20 +16,24 @@ from jaxtyping import Float, UInt8
 
 from styletrf.capture.capture_file import read_capture
 from styletrf.capture.photographs import read_photograph
+from styletrf.capture.views import load_views
 from styletrf.colmap import pycolmap
 from styletrf.evaluation.alignment.image_alignment import (
     LONG_SIDES_PX,
     Image,
     Render,
     aligned,
+    at_pose_of,
     correlation,
     likeness,
     reduced,
 )
+from styletrf.files.images import from_integers
 from styletrf.files.tables import read_summary, write_summary
-from styletrf.geometry.camera_table import read_unregistered
+from styletrf.geometry.camera_table import read_split, read_unregistered
 from styletrf.geometry.cameras import Camera, fitted_to, moved
 from styletrf.geometry.undistortion import pinhole_for, undistorted_image
+from styletrf.scene.scene_model import SceneModel
 
 LEAST_DETAIL = 0.5  # correlation with the render, below which a photograph is of something else
 LEAST_SHARE = 0.75  # of the way from a photograph beside another's render to it beside its own
@@ -39,6 +43,24 @@ _SAME_SHAPE = 0.01  # by how much the proportions of a photograph may differ fro
 
 View = tuple[Camera, Image]
 """A photograph at the size of its camera, RGB in [0, 1]."""
+
+
+def place_unregistered(
+    path: Path, capture_dir: Path, poses_dir: Path, model: SceneModel, render: Render
+) -> None:
+    """Looks in the field for the photographs without a camera, and writes what it found.
+
+    Args:
+        path: Of the file, see `write_placements`.
+        capture_dir: What `capture_photographs` wrote.
+        poses_dir: What `solve_camera_poses` wrote.
+        model: Of the scene.
+        render: The field from a camera, in the normalized world.
+    """
+    unplaced = list(unplaced_photographs(capture_dir, poses_dir))
+    known = training_views(poses_dir, model) if unplaced else []
+    placements = place_photographs(unplaced, known, render)
+    write_placements(path, placements, model.normalized_from_world)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +111,14 @@ def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
                 yield camera, undistorted_image(image, lens, camera) / 255.0
 
 
+def training_views(poses_dir: Path, model: SceneModel) -> list[View]:
+    """Returns the photographs that are not held out, their cameras in the normalized world."""
+    cameras = model.normalized(read_split(poses_dir / "cameras.parquet")[0])
+    images = load_views(poses_dir / "images", cameras)
+    pixels = (np.ascontiguousarray(image[..., :3].numpy()) for image in images)
+    return list(zip(cameras, map(from_integers, pixels), strict=True))
+
+
 def _has_shape(image: UInt8[np.ndarray, "height width 3"], width: int, height: int) -> bool:
     return bool(abs(image.shape[1] / image.shape[0] / (width / height) - 1) < _SAME_SHAPE)
 
@@ -108,7 +138,7 @@ def place_photographs(
     needed = _needed(placed, render)
     found = []
     for camera, image in unplaced:
-        starts = [_at(camera, known) for known in _most_alike(image, camera, placed)]
+        starts = [at_pose_of(camera, known) for known in _most_alike(image, camera, placed)]
         coarse = [aligned(start, image, render, LONG_SIDES_PX[:1]) for start in starts]
         best = max(coarse, key=lambda alignment: alignment.correlation)
         fine = aligned(best.camera, image, render, LONG_SIDES_PX[1:])
@@ -125,7 +155,7 @@ def _needed(placed: Sequence[View], render: Render) -> float:
     own, other = [], []
     for camera, image in placed[:: -(-len(placed) // _COMPARED)]:
         others = [view for view in placed if view[0] is not camera]
-        wrong = [_at(camera, known) for known in _most_alike(image, camera, others)[:1]]
+        wrong = [at_pose_of(camera, known) for known in _most_alike(image, camera, others)[:1]]
         own.append(likeness(camera, image, render, max(LONG_SIDES_PX)))
         other += [likeness(one, image, render, max(LONG_SIDES_PX)) for one in wrong]
     usual, confused = float(np.median(own)), float(np.median(other)) if other else 0.0
@@ -149,10 +179,6 @@ def write_placements(
             row["world_from_camera"] = camera.world_from_camera.tolist()
         rows[one.camera.name] = row
     write_summary(path, rows)
-
-
-def _at(camera: Camera, known: Camera) -> Camera:
-    return replace(camera, world_from_camera=known.world_from_camera)
 
 
 def _most_alike(image: Image, camera: Camera, placed: Sequence[View]) -> list[Camera]:

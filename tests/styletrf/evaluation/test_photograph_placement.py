@@ -4,11 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from mini_scene import painted_plane
 
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.content.procedural_images import procedural_image
 from styletrf.evaluation.alignment.photograph_placement import (
     PhotographPlacement,
+    place_unregistered,
     unplaced_photographs,
     write_placements,
 )
@@ -47,6 +49,14 @@ def test_only_photographs_of_the_shape_of_the_lens_are_looked_for(scene):
     assert (camera.width, camera.height) == (64, 48)
     assert camera.fx == pytest.approx(70.0)
     assert 0 <= image.min() < image.max() <= 1
+
+
+def test_where_all_photographs_have_a_camera_nothing_is_rendered(scene, tmp_path):
+    capture, poses = scene
+    write_cameras(poses / "cameras.parquet", [view(n) for n in "abc"])
+    model = painted_plane(3).model
+    place_unregistered(tmp_path / "placed.json", capture, poses, model, pytest.fail)
+    assert read_summary(tmp_path / "placed.json") == {}
 
 
 def test_poses_are_written_in_the_world_of_the_poses_and_only_of_what_is_placed(tmp_path):
