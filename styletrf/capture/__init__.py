@@ -1,5 +1,5 @@
 """What users bring: photographs, videos, panoramas, masks, and poses if they have them.
 
-Enters: a scene's folder. Leaves: exact copies and `capture.json`, and the views that all
-later stages read. Begin with `scene_capture` (photographs) or `clips.video_capture`.
+Enters: a scene's folder. Leaves: exact copies and `capture.json`. Begin with `scene_capture`
+(photographs) or `clips.video_capture`; later stages read undistorted photographs by `views`.
 """

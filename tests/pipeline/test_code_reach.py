@@ -169,7 +169,7 @@ def test_an_edit_within_one_tick_of_the_clock_counts(project):
     assert made.code() != before
 
 
-@pytest.mark.xfail(reason="documented in docs/store.md: nothing in the text says so", strict=True)
+@pytest.mark.xfail(reason="docs/store.md, Code: reading the text cannot find these", strict=True)
 @pytest.mark.parametrize(
     "files",
     [

@@ -1,5 +1,9 @@
 """The hot loops of the field, in forms that all pass one conformance suite.
 
+Enters: factors of a field, and its rays as segments. Leaves: samples with weights, features,
+colors, and the gradients of all. Begin with `reference`, which defines what each form computes;
+`differentiable` makes a form of forward and backward loops.
+
 `kernels_for(device)` gives the fastest form for a device: numba on the CPU, Triton on a GPU where
 it is installed, else the plain-torch reference; a name overrides the choice.
 """

@@ -1,5 +1,6 @@
 """Fitting a field to photographs (TensoRF section 4), coarse to fine.
 
 Enters: cameras, photographs and the scene's model. Leaves: a `RadianceField` and its curve.
-Begin with `trainer`; the settings are in `config`, what grows when in `schedule`.
+Begin with `trainer`; the settings are in `config`, what grows when in `schedule`, the terms
+beside the colors in `regularization`, `distortion` and `sparse_depth`.
 """

@@ -1,8 +1,8 @@
 """The style transfer network of Ghiasi et al. (BMVC 2017, arXiv 1705.06830), for one style.
 
-It is Johnson's network (see `styletrf.style.style_network`), four times narrower. What tells one
-style from another are the scale `w` and the shift `b` of every instance normalisation (Dumoulin et
-al. 2017, arXiv 1610.07629),
+It is Johnson's network (see `styletrf.style.style_network`), four times narrower. Styles differ in
+the scale `w` and the shift `b` of every instance normalisation (Dumoulin et al. 2017, arXiv
+1610.07629),
 
     y = w (x - mean(x)) / sqrt(var(x) + 1e-5) + b,
 

@@ -1,6 +1,7 @@
 """The embedded scene: a small ray-traced courtyard, photographed from exactly known cameras.
 
-It enters the pipeline as photographs; its truth (cameras, depth, flow) serves the tests.
+Enters: a `CourtyardConfig`. Leaves: photographs, which enter the pipeline as any others do, and
+the truth (cameras, depth, flow) for tests. Begin with `capture`; the geometry is in `scene`.
 `python -m styletrf.synthetic.courtyard DIR` writes it.
 """
 

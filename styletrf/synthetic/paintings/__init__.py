@@ -1,7 +1,8 @@
 """Four style images by the project's own code: stained glass, brush strokes, ink waves, dots.
 
-`python -m styletrf.synthetic.paintings OUT_DIR` writes them; those shipped in `data/styles` were
-made so. A painting is `height width 3` uint8 sRGB, 512 x 512, the same for the same seed.
+Enters: a seed. Leaves: a painting, `height width 3` uint8 sRGB, 512 x 512, the same for the same
+seed. Begin with `stained_glass`; `canvas` has what all four draw with.
+`python -m styletrf.synthetic.paintings OUT_DIR` writes them, as those in `data/styles`.
 """
 
 from collections.abc import Callable

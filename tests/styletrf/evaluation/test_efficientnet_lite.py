@@ -16,7 +16,10 @@ def network():
 
 
 def test_its_features_are_those_of_the_package_that_published_the_weights(network):
-    published = pytest.importorskip("efficientnet_lite_pytorch").EfficientNet
+    package = pytest.importorskip(
+        "efficientnet_lite_pytorch", reason="its package is not installed (extra dev)"
+    )
+    published = package.EfficientNet
     path = EfficientnetLite0ModelFile.get_model_file_path()
     reference = published.from_pretrained("efficientnet-lite0", weights_path=path).eval()
     seen = {}

@@ -132,8 +132,8 @@ def test_what_is_no_such_network_is_refused(tmp_path, network, damage):
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")  # torch's own
 def test_onnx_paints_the_same_at_any_size(tmp_path, network):
-    pytest.importorskip("onnxscript", reason="needs pip install .[onnx]")
-    runtime = pytest.importorskip("onnxruntime", reason="needs pip install .[onnx]")
+    pytest.importorskip("onnxscript", reason="onnxscript is not installed (extra onnx)")
+    runtime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed (extra dev)")
     to_onnx(network, tmp_path / "n.onnx")
     session = runtime.InferenceSession(str(tmp_path / "n.onnx"))
     for size in ((24, 32), (37, 50)):
