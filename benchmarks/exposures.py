@@ -101,10 +101,10 @@ def photographs_of(name: str, changes: Changes) -> Photographs:
 
 def evidence_of(photographs: Photographs) -> tuple[ExposureEvidence, ViewDependence]:
     """Returns what the scene's model is decided from."""
-    cameras, points, fitted = photographs.cameras, photographs.points, photographs.fitted
-    observed = observed_colors(photographs.images, points)
-    log_color = observed.of(np.isin(points.observed_image, fitted)).log_color
-    exposure = exposure_evidence(points.of_images(fitted), log_color, [cameras[k] for k in fitted])
+    fitted, points = photographs.fitted, photographs.points.of_images(photographs.fitted)
+    cameras = [photographs.cameras[k] for k in fitted]
+    observed = observed_colors([photographs.images[k] for k in fitted], points)
+    exposure = exposure_evidence(points, observed.log_color, cameras)
     return exposure, view_dependence(observed, points, cameras)
 
 
@@ -129,8 +129,8 @@ def fit(photographs: Photographs, exposure: str, config: argparse.Namespace) -> 
     settings = SceneModelConfig(
         exposure=exposure, image_long_side=config.long_side_px, max_voxels=config.points**3
     )
-    model = decide_scene_model(cameras, points.xyz_world, settings, dependence, exposure=found)
     train, observed = [cameras[k] for k in fitted], points.of_images(fitted)
+    model = decide_scene_model(train, points.xyz_world, settings, dependence, exposure=found)
     views, images = reduced(photographs, model, fitted)
     field, curve = train_field(
         views, torch.from_numpy(images), model.space, model.resolution,

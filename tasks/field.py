@@ -44,20 +44,18 @@ class RadianceField(TunedStage):
         from styletrf.field.training.trainer import train_field
         from styletrf.field.training.view_exposures import view_exposures
         from styletrf.files.tables import write_curve
-        from styletrf.geometry.camera_table import read_fitted_rows, read_split
-        from styletrf.geometry.point_table import read_points
         from styletrf.scene.free_space import free_space
         from styletrf.scene.scene_model import read_scene_model
+        from styletrf.scene.training_photographs import read_training_photographs
 
         device = device_named(self.device)
         model = read_scene_model(inputs["model"] / "scene.json")
-        table = inputs["poses"] / "cameras.parquet"
-        fitted = read_split(table)[0]
-        points = read_points(inputs["poses"] / "points.parquet").of_images(read_fitted_rows(table))
+        photographs = read_training_photographs(inputs["poses"])
+        fitted, points = photographs.cameras, photographs.points
         cameras = model.normalized(fitted)
         field, curve = train_field(
             cameras,
-            load_views(inputs["poses"] / "images", cameras, device),
+            load_views(photographs.folder, cameras, device),
             model.space,
             model.resolution,
             configured(FieldTrainingConfig, {"field.shading": model.shading, **self.values()}),

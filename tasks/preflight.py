@@ -115,25 +115,23 @@ def _costs(poses: Path, decided: Any, device: Any, run: RunContext) -> dict[str,
     from styletrf.field.kernels import kernels_for
     from styletrf.field.training.config import FieldTrainingConfig
     from styletrf.field.training.cost import field_cost
-    from styletrf.geometry.camera_table import read_cameras, read_split
-    from styletrf.geometry.point_table import read_points
     from styletrf.scene.placement import transformed
     from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
+    from styletrf.scene.training_photographs import read_training_photographs
 
     costs = {}
-    every = read_cameras(poses / "cameras.parquet")
-    train = read_split(poses / "cameras.parquet")[0]
-    xyz = read_points(poses / "points.parquet").xyz_world
+    photographs = read_training_photographs(poses)
+    xyz = photographs.points.xyz_world
     for k, quality in enumerate(TIMED):
         run.progress(k, len(TIMED))
         settings = {**settings_for("SceneModel", quality), "space": decided.space.kind}
         config = configured(SceneModelConfig, settings)
-        model = decide_scene_model(every, xyz, config)
-        cameras = model.normalized(train)
+        model = decide_scene_model(photographs.cameras, xyz, config)
+        cameras = model.normalized(photographs.cameras)
         costs[quality] = field_cost(
             model,
             cameras,
-            load_views(poses / "images", cameras, device),
+            load_views(photographs.folder, cameras, device),
             model.space.to_grid(transformed(model.normalized_from_world, xyz)),
             configured(
                 FieldTrainingConfig,

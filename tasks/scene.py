@@ -77,7 +77,7 @@ class CameraPoses(TunedStage):
 class SceneModel(TunedStage):
     """The space, box, near and far, resolution and working size that the scene requires.
 
-    Leaves `scene.json`, each decision with its evidence.
+    Photographs held out have no part in it. Leaves `scene.json`, each decision with its evidence.
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
@@ -88,40 +88,14 @@ class SceneModel(TunedStage):
         return {"poses": self.need(CameraPoses)}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Decide."""
-        import numpy as np
-
-        from styletrf.capture.masks import mask_of_view
+        """Decide from the photographs that are not held out."""
         from styletrf.configuration import configured
-        from styletrf.files.images import read_rgb
-        from styletrf.geometry.camera_table import read_cameras, read_fitted_rows
-        from styletrf.geometry.point_table import read_points
-        from styletrf.scene.explained_pixels import explained_pixels
-        from styletrf.scene.exposure_choice import exposure_evidence
-        from styletrf.scene.observed_colors import observed_colors
-        from styletrf.scene.scene_model import (
-            SceneModelConfig,
-            decide_scene_model,
-            write_scene_model,
+        from styletrf.scene.scene_model import SceneModelConfig, write_scene_model
+        from styletrf.scene.training_photographs import (
+            model_of_photographs,
+            read_training_photographs,
         )
-        from styletrf.scene.view_dependence import view_dependence
 
-        cameras = read_cameras(inputs["poses"] / "cameras.parquet")
-        points = read_points(inputs["poses"] / "points.parquet")
-        images = [inputs["poses"] / "images" / f"{camera.name}.png" for camera in cameras]
-        masks = (mask_of_view(inputs["poses"] / "images", camera.name) for camera in cameras)
-        observed = observed_colors(map(read_rgb, images), points)
-        fitted = read_fitted_rows(inputs["poses"] / "cameras.parquet")
-        model = decide_scene_model(
-            cameras,
-            points.xyz_world,
-            configured(SceneModelConfig, self.values()),
-            view_dependence(observed, points, cameras),
-            explained_pixels(map(read_rgb, images), cameras, points, masks),
-            exposure_evidence(
-                points.of_images(fitted),
-                observed.of(np.isin(points.observed_image, fitted)).log_color,
-                [cameras[row] for row in fitted],
-            ),
-        )
+        photographs = read_training_photographs(inputs["poses"])
+        model = model_of_photographs(photographs, configured(SceneModelConfig, self.values()))
         write_scene_model(out / "scene.json", model)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from styletrf.geometry.point_table import SparsePoints
 
@@ -32,10 +32,6 @@ class ObservedColors:
         relative = self.contrast / np.maximum(self.color.mean(axis=1), _DARKEST)
         is_even = relative <= (np.median(relative) if len(relative) else 0.0)
         return np.log(np.where(is_known & is_even[:, None], self.color, np.nan))
-
-    def of(self, chosen: Bool[np.ndarray, " observations"]) -> "ObservedColors":
-        """Returns those of some observations."""
-        return ObservedColors(self.color[chosen], self.contrast[chosen])
 
 
 def observed_colors(

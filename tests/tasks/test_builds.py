@@ -15,7 +15,7 @@ from safetensors.torch import load_file
 from styletrf.capture.capture_file import Capture, Photograph, write_capture
 from styletrf.field.radiance_field import load_field
 from styletrf.files.float_images import read_float_image
-from styletrf.files.images import read_rgb
+from styletrf.files.images import read_rgb, write_rgb
 from styletrf.files.tables import read_rows, read_summary, write_summary
 from styletrf.files.video import video_info
 from styletrf.geometry.camera_table import read_cameras, read_split, write_cameras
@@ -175,6 +175,26 @@ def test_quality_is_measured_on_the_view_held_out(mini: Mini):
     assert read_summary(mini("QualityMetrics") / "placed.json") == {}, "all have a camera"
     assert summary["psnr"] == pytest.approx(rows[0]["psnr"])
     assert math.isfinite(summary["ssim"])
+
+
+def test_model_and_field_are_the_same_whatever_the_view_held_out_shows(
+    stage_of, build, mini_poses: Path, tmp_path: Path
+):
+    poses = tmp_path / "poses"
+    shutil.copytree(mini_poses, poses)
+    noise = np.random.default_rng(1).random((16, 16, 3)).astype(np.float32)
+    write_rgb(poses / "images" / "0.png", noise)
+    cameras = read_cameras(poses / "cameras.parquet")
+    farther = cameras[0].world_from_camera - [0, 0, 0, 2.0]
+    cameras[0] = replace(cameras[0], world_from_camera=farther)
+    write_cameras(poses / "cameras.parquet", cameras, held_out={"0"})
+    left = []
+    for given in (mini_poses, poses):
+        model = build(stage_of("SceneModel")[0], poses=given)
+        field = build(stage_of("RadianceField")[0], poses=given, model=model)
+        files = model / "scene.json", *sorted(field.glob("*.safetensors"))
+        left.append([path.read_bytes() for path in files])
+    assert left[0] == left[1]
 
 
 def test_exposures_of_the_model_are_taken_out_of_the_fit_and_given_back_to_measure(

@@ -1,0 +1,128 @@
+"""A photograph held out has no part in the scene model, nor in what a field is fitted to."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from captures import orbit_cameras, points_of, seen
+
+from styletrf.capture.views import load_views
+from styletrf.errors import InputError
+from styletrf.field.training.sparse_depth import sparse_depths
+from styletrf.field.training.view_exposures import view_exposures
+from styletrf.files.images import write_rgb
+from styletrf.geometry.camera_table import read_cameras, write_cameras
+from styletrf.geometry.point_table import read_points, write_points
+from styletrf.scene.free_space import free_space
+from styletrf.scene.scene_model import SceneModelConfig, write_scene_model
+from styletrf.scene.training_photographs import model_of_photographs, read_training_photographs
+
+CONFIG = SceneModelConfig(space="unbounded", exposure="each", image_long_side=60)
+HELD_OUT, FITTED = "8", "3"
+
+
+@pytest.fixture
+def poses(tmp_path: Path) -> Path:
+    """What CameraPoses leaves of twelve photographs around a block, two of them held out."""
+    rng, folder = np.random.default_rng(0), tmp_path / "poses"
+    (folder / "images").mkdir(parents=True)
+    (folder / "masks").mkdir()
+    cameras = orbit_cameras()
+    for camera in cameras:
+        image = rng.uniform(0.2, 0.8, (4, 6, 3)).repeat(10, axis=0).repeat(10, axis=1)
+        write_rgb(folder / "images" / f"{camera.name}.png", image.astype(np.float32))
+        write_rgb(folder / "masks" / f"{camera.name}.png", np.ones((40, 60, 3), np.float32))
+    write_cameras(folder / "cameras.parquet", cameras, held_out={"0", HELD_OUT})
+    write_points(folder / "points.parquet", seen(cameras, points_of("block")))
+    return folder
+
+
+def other_pixels(poses: Path, name: str) -> None:
+    dark = np.zeros((40, 60, 3), np.float32)
+    write_rgb(poses / "images" / f"{name}.png", dark)
+
+
+def other_mask(poses: Path, name: str) -> None:
+    half = np.zeros((40, 60, 3), np.float32)
+    half[:, :30] = 1
+    write_rgb(poses / "masks" / f"{name}.png", half)
+
+
+def other_camera(poses: Path, name: str) -> None:
+    """The photograph was taken from far away, with a longer lens."""
+    table = poses / "cameras.parquet"
+    cameras = [
+        replace(c, fx=2 * c.fx, fy=2 * c.fy, world_from_camera=c.world_from_camera * [1, 1, 1, 5])
+        if c.name == name
+        else c
+        for c in read_cameras(table)
+    ]
+    write_cameras(table, cameras, held_out={"0", HELD_OUT})
+
+
+def other_tracks(poses: Path, name: str) -> None:
+    """The photograph observes none of the points."""
+    points, row = read_points(poses / "points.parquet"), int(name)
+    images = np.arange(len(read_cameras(poses / "cameras.parquet")))
+    kept = np.isin(points.observed_image, images[images != row])
+    write_points(
+        poses / "points.parquet",
+        replace(
+            points,
+            observed_point=points.observed_point[kept],
+            observed_image=points.observed_image[kept],
+            observed_pixel=points.observed_pixel[kept],
+        ),
+    )
+
+
+CHANGES = [other_pixels, other_mask, other_camera, other_tracks]
+
+
+def fitted_to(poses: Path, out: Path) -> list[np.ndarray]:
+    """The bytes of the scene model, and all that a field is trained on."""
+    photographs = read_training_photographs(poses)
+    model = model_of_photographs(photographs, CONFIG)
+    write_scene_model(out / "scene.json", model)
+    cameras = model.normalized(photographs.cameras)
+    depths = sparse_depths(model, photographs.cameras, photographs.points)
+    exposures = view_exposures(photographs.cameras, model.exposures, torch.device("cpu"))
+    assert exposures is not None
+    return [
+        np.frombuffer((out / "scene.json").read_bytes(), np.uint8),
+        free_space(model, photographs.cameras, photographs.points),
+        *(part.numpy() for part in (depths.view, depths.pixel, depths.depth)),
+        *(part.numpy() for part in (exposures.log_gain, exposures.power)),
+        *(camera.world_from_camera for camera in cameras),
+        *(view.numpy() for view in load_views(photographs.folder, cameras)),
+    ]
+
+
+def is_changed(poses: Path, name: str, change: Callable[[Path, str], None]) -> bool:
+    before = fitted_to(poses, poses)
+    change(poses, name)
+    after = fitted_to(poses, poses)
+    return len(before) != len(after) or any(
+        not np.array_equal(a, b) for a, b in zip(before, after, strict=True)
+    )
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_fitted_does_not_depend_on_a_photograph_held_out(poses, change):
+    assert not is_changed(poses, HELD_OUT, change)
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_fitted_depends_on_the_other_photographs(poses, change):
+    assert is_changed(poses, FITTED, change)
+
+
+def test_a_scene_whose_photographs_are_all_held_out_is_refused(poses):
+    table = poses / "cameras.parquet"
+    cameras = read_cameras(table)
+    write_cameras(table, cameras, held_out={camera.name for camera in cameras})
+    with pytest.raises(InputError, match="all held out"):
+        read_training_photographs(poses)
