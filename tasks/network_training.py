@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from pipeline.execute import die_with
 from pipeline.host import THREADS, usable_cores
 from pipeline.progress import Display
 from styletrf.errors import InputError
+from tasks.stage import TunedStage
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,7 @@ class Asked:
         out: The folder to fill.
         resume: That of checkpoints.
         device: `auto`, `cpu` or `cuda`.
+        measured: The settings that decide which pairs of renders are measured, and kept out.
     """
 
     settings: Mapping[str, Any]
@@ -43,6 +45,7 @@ class Asked:
     out: str
     resume: str
     device: str
+    measured: Mapping[str, Any] = field(default_factory=dict)
 
 
 def train(asked: Asked, display: Display) -> None:
@@ -96,7 +99,6 @@ def train_here(asked: Asked, display: Display) -> None:
     from styletrf.style.style_network import save_style_network
     from styletrf.style.training.config import StyleTrainingConfig, steered
     from styletrf.style.training.data_parallel import joined
-    from styletrf.style.training.render_pairs import RenderPairs
     from styletrf.style.training.trainer import train_style_network
     from styletrf.style.transfer.weights import load_style_transfer
 
@@ -107,8 +109,7 @@ def train_here(asked: Asked, display: Display) -> None:
     config = configured(StyleTrainingConfig, asked.settings)
     config, pairs = steered(config, asked.stroke_scale, asked.content_weight), None
     if "renders" in inputs:
-        sizes = {"batch": config.batch, "crop_px": config.crop_px, "seed": config.seed}
-        pairs = RenderPairs(inputs["renders"], **sizes)
+        pairs = _pairs_to_train_on(inputs["renders"], config, asked.measured)
     style = torch.from_numpy(read_rgb(inputs["style"] / "style.png"))
     initial = predictor = None
     if config.warm_start:
@@ -129,6 +130,47 @@ def train_here(asked: Asked, display: Display) -> None:
     if ranks.is_first:
         save_style_network(network, Path(asked.out))
         write_curve(Path(asked.out) / "curve.parquet", curve)
+
+
+def _pairs_to_train_on(renders: Path, config: Any, measured: Mapping[str, Any]) -> Any:
+    """Returns the pairs of renders but for those that ConsistencyMetrics measures."""
+    from styletrf.configuration import configured
+    from styletrf.evaluation.frame_pairs import PairPlan, planned_pairs
+    from styletrf.files.tables import read_summary
+    from styletrf.geometry.camera_table import read_cameras
+    from styletrf.style.training.render_pairs import RenderPairs
+    from styletrf.trajectory.stills import cuts_of
+
+    n_renders = len(read_cameras(renders / "cameras.parquet"))
+    cuts = cuts_of(read_summary(renders / "support.json"))
+    planned = planned_pairs(n_renders, configured(PairPlan, measured), cuts)
+    return RenderPairs(
+        renders,
+        batch=config.batch,
+        crop_px=config.crop_px,
+        seed=config.seed,
+        measured={(pair.first, pair.second) for pair in planned},
+    )
+
+
+def looks_at_renders(settings: Mapping[str, Any]) -> bool:
+    """Returns whether a training with these settings takes pairs of renders of the scene."""
+    share = settings.get("steadiness.renders", 0)
+    return isinstance(share, int | float) and share > 0
+
+
+def measured_pairs(network: TunedStage) -> dict[str, dict[str, Any]]:
+    """Returns `measured_pairs`, the settings of ConsistencyMetrics that choose what it measures.
+
+    Nothing where the network takes no pairs of renders.
+    """
+    if not looks_at_renders(network.values()):
+        return {}
+    from tasks.metrics import ConsistencyMetrics
+
+    values = network.need(ConsistencyMetrics).values()
+    chosen = {"deltas", "depth_deltas", "pairs"} & set(values)
+    return {"measured_pairs": {name: values[name] for name in sorted(chosen)}}
 
 
 def batch_of(settings: Mapping[str, Any]) -> int:

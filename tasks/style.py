@@ -15,6 +15,7 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
+from tasks.network_training import looks_at_renders, measured_pairs
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
 
@@ -200,8 +201,7 @@ class StyleNetwork(TunedStage, NetworkControls):
             return needed
         needed["content"] = self.need(ContentImages)
         needed["perceptual"] = self.need(PerceptualWeights)
-        share = self.values().get("steadiness.renders", 0)
-        if isinstance(share, int | float) and share > 0:
+        if looks_at_renders(self.values()):
             from tasks.field import TrajectoryFrames
 
             needed["renders"] = self.need(TrajectoryFrames)
@@ -222,6 +222,7 @@ class StyleNetwork(TunedStage, NetworkControls):
             "settings": self.values(),
             "stroke_scale": self.stroke_scale if self.is_trained else 1.0,
             "content_weight": self.content_weight if self.is_trained else 1.0,
+            **measured_pairs(self),
         }
 
     def values(self) -> dict[str, Any]:
@@ -282,6 +283,7 @@ class StyleNetwork(TunedStage, NetworkControls):
             out=str(out),
             resume=str(run.resume),
             device=self.device,
+            measured=measured_pairs(self).get("measured_pairs", {}),
         )
         train(asked, run.progress)
 

@@ -15,7 +15,7 @@ import numpy as np
 from styletrf.errors import InputError
 from styletrf.evaluation.flow import FlowEstimator, Method
 from styletrf.evaluation.flow_consistency import FlowErrors, flow_errors
-from styletrf.evaluation.frame_pairs import Frame, Pair, paired
+from styletrf.evaluation.frame_pairs import Frame, Pair, PairPlan, paired, planned_pairs
 from styletrf.evaluation.geometric_consistency import (
     Correspondence,
     GeometricErrors,
@@ -34,42 +34,27 @@ from styletrf.finiteness import require_finite
 from styletrf.progress import Progress, silent
 from styletrf.style.perceptual.vgg import REDUCTION
 
-SHORT_TERM, LONG_TERM, LONG_TERM_OF_THE_FIELD = 1, 5, 7
 _OF_FLOW = ("error", "floor")
 _OF_STYLE = ("style_distance", "style_distance_unstylized")
 """Finite in every pair that has them; others are NaN where nothing is seen in both frames."""
 
 
 @dataclass(frozen=True, slots=True)
-class ConsistencyConfig:
+class ConsistencyConfig(PairPlan):
     """Which frames are compared, and how.
 
     Attributes:
         method: The flow, see `styletrf.evaluation.flow`.
-        deltas: Frames between the two of a pair.
-        depth_deltas: The same for pairs that are compared along the depth alone; 7 is what the
-            papers since StyleTRF call long term.
-        pairs: The most pairs of a delta, spread evenly over the trajectory.
-        perceptual_pairs: The most of these that go through the perceptual network.
         tolerance: Fraction of the depth, beyond which a place counts as hidden.
         perceptual_px: The longer side at which frames go through the perceptual network.
     """
 
     method: Method = "dis"
-    deltas: tuple[int, ...] = (SHORT_TERM, LONG_TERM)
-    depth_deltas: tuple[int, ...] = (LONG_TERM_OF_THE_FIELD,)
-    pairs: int = 12
-    perceptual_pairs: int = 4
     tolerance: float = 0.02
     perceptual_px: int = 192
 
     def __post_init__(self) -> None:
-        if not self.deltas or min(self.deltas) < 1:
-            raise ValueError(f"deltas are {self.deltas}, not distances from 1")
-        if min(self.depth_deltas, default=1) < 1:
-            raise ValueError(f"depth_deltas are {self.depth_deltas}, not distances from 1")
-        if min(self.pairs, self.perceptual_pairs) < 1:
-            raise ValueError("pairs and perceptual_pairs are at least 1")
+        PairPlan.__post_init__(self)
         if self.tolerance <= 0 or self.perceptual_px < REDUCTION:
             raise ValueError(f"tolerance is above 0, perceptual_px at least {REDUCTION}")
 
@@ -149,32 +134,6 @@ def measure_consistency(
     rows.sort(key=lambda row: (row["delta"], row["first"]))
     deltas = sorted({*config.deltas, *(pair.delta for pair in planned)})
     return Consistency(rows, {f"delta_{d}": _summary(rows, planned, d) for d in deltas})
-
-
-def planned_pairs(n_frames: int, config: ConsistencyConfig, cuts: Sequence[int] = ()) -> list[Pair]:
-    """Returns the pairs to compare, in the order of their second frames.
-
-    Of each delta `config.pairs`, spread evenly from the first to the last frame, or all; of these
-    in turn `config.perceptual_pairs` go through the perceptual network. Frames before and after
-    one of the `cuts`, at which another still begins, are no pair.
-    """
-    planned = []
-    for delta in {*config.deltas, *config.depth_deltas}:
-        has_flow = delta in config.deltas
-        within = [
-            k for k in range(n_frames - delta) if not any(k < cut <= k + delta for cut in cuts)
-        ]
-        firsts = _spread(within, config.pairs)
-        looked_at = _spread(firsts, config.perceptual_pairs) if has_flow else []
-        planned += [Pair(k, k + delta, delta, has_flow, k in looked_at) for k in firsts]
-    return sorted(planned, key=lambda pair: (pair.second, pair.delta))
-
-
-def _spread(values: Sequence[int], count: int) -> list[int]:
-    if not values:
-        return []
-    at = np.unique(np.linspace(0, len(values) - 1, count).round().astype(int))
-    return [values[k] for k in at]
 
 
 class _Comparison:

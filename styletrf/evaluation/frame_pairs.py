@@ -1,8 +1,10 @@
 """Pairs of frames along a trajectory, each frame read once and kept no longer than it is needed."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from styletrf.errors import InputError
 from styletrf.evaluation.metrics import Image
@@ -10,6 +12,34 @@ from styletrf.files.float_images import FloatImage, read_float_image
 from styletrf.files.images import read_rgb
 from styletrf.finiteness import require_finite
 from styletrf.geometry.cameras import Camera
+
+SHORT_TERM, LONG_TERM, LONG_TERM_OF_THE_FIELD = 1, 5, 7
+
+
+@dataclass(frozen=True, slots=True)
+class PairPlan:
+    """Which frames are compared.
+
+    Attributes:
+        deltas: Frames between the two of a pair.
+        depth_deltas: The same for pairs that are compared along the depth alone; 7 is what the
+            papers since StyleTRF call long term.
+        pairs: The most pairs of a delta, spread evenly over the trajectory.
+        perceptual_pairs: The most of these that go through the perceptual network.
+    """
+
+    deltas: tuple[int, ...] = (SHORT_TERM, LONG_TERM)
+    depth_deltas: tuple[int, ...] = (LONG_TERM_OF_THE_FIELD,)
+    pairs: int = 12
+    perceptual_pairs: int = 4
+
+    def __post_init__(self) -> None:
+        if not self.deltas or min(self.deltas) < 1:
+            raise ValueError(f"deltas are {self.deltas}, not distances from 1")
+        if min(self.depth_deltas, default=1) < 1:
+            raise ValueError(f"depth_deltas are {self.depth_deltas}, not distances from 1")
+        if min(self.pairs, self.perceptual_pairs) < 1:
+            raise ValueError("pairs and perceptual_pairs are at least 1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +60,32 @@ class Pair:
     delta: int
     has_flow: bool
     has_looks: bool
+
+
+def planned_pairs(n_frames: int, plan: PairPlan, cuts: Sequence[int] = ()) -> list[Pair]:
+    """Returns the pairs to compare, in the order of their second frames.
+
+    Of each delta `plan.pairs`, spread evenly from the first to the last frame, or all; of these
+    in turn `plan.perceptual_pairs` go through the perceptual network. Frames before and after
+    one of the `cuts`, at which another still begins, are no pair.
+    """
+    planned = []
+    for delta in {*plan.deltas, *plan.depth_deltas}:
+        has_flow = delta in plan.deltas
+        within = [
+            k for k in range(n_frames - delta) if not any(k < cut <= k + delta for cut in cuts)
+        ]
+        firsts = _spread(within, plan.pairs)
+        looked_at = _spread(firsts, plan.perceptual_pairs) if has_flow else []
+        planned += [Pair(k, k + delta, delta, has_flow, k in looked_at) for k in firsts]
+    return sorted(planned, key=lambda pair: (pair.second, pair.delta))
+
+
+def _spread(values: Sequence[int], count: int) -> list[int]:
+    if not values:
+        return []
+    at = np.unique(np.linspace(0, len(values) - 1, count).round().astype(int))
+    return [values[k] for k in at]
 
 
 def read_frame(unstylized: Path, stylized: Path, camera: Camera) -> Frame:

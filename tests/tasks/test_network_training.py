@@ -42,6 +42,17 @@ def asked(stage_of, tmp_path):
     return ask
 
 
+def test_a_network_trains_on_no_pair_of_renders_that_this_command_measures(stage_of, build):
+    """Here all are measured, so that none is left."""
+    settings = {"steadiness.renders": 1.0, "steadiness.weight": 1.0}
+    every = {"ConsistencyMetrics": {"deltas": [1, 2, 3, 4, 5], "pairs": 99}}
+    usual, _ = stage_of("StyleNetwork", settings=settings)
+    stage, inputs = stage_of("StyleNetwork", settings=settings, tuning=every)
+    assert usual.identity_parameters() != stage.identity_parameters()
+    with pytest.raises(InputError, match="not measured"):
+        build(stage, **inputs)
+
+
 @pytest.mark.slow
 def test_two_processes_train_one_network(asked, tmp_path):
     display = Display()

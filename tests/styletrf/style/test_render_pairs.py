@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from styletrf.errors import InputError
+from styletrf.evaluation.frame_pairs import PairPlan, planned_pairs
 from styletrf.field.rendering import Rendering
 from styletrf.geometry.cameras import Camera
-from styletrf.style.training.render_pairs import RenderPairs
+from styletrf.style.training.render_pairs import RenderPairs, training_pairs
 from styletrf.style.training.temporal_loss import steadiness
 from styletrf.trajectory.frames import write_float_frames
 
@@ -57,3 +60,34 @@ def test_one_render_has_no_pair(tmp_path):
     write_float_frames(tmp_path, [camera], iter([render]))
     with pytest.raises(InputError, match="no two renders"):
         RenderPairs(tmp_path, batch=1, crop_px=16, seed=0)
+
+
+@given(
+    st.integers(2, 90),
+    st.lists(st.integers(1, 9), min_size=1, max_size=4),
+    st.integers(1, 99),
+    st.lists(st.integers(1, 89), max_size=3),
+)
+def test_no_pair_is_trained_on_and_measured(n_renders, deltas, pairs, cuts):
+    plan = PairPlan(deltas=tuple(deltas), pairs=pairs)
+    measured = {(p.first, p.second) for p in planned_pairs(n_renders, plan, cuts)}
+    found = training_pairs(n_renders, measured)
+    trained = {(k, k + apart) for apart, firsts in found.items() for k in firsts}
+    near = {(a, b) for b in range(n_renders) for a in range(max(0, b - 5), b)}
+    assert not trained & measured
+    assert trained | measured >= near
+
+
+def test_only_the_pairs_that_are_left_are_drawn(folder):
+    """A render 3 steps of 0.1 on shows the wall at depth 4 as 3 pixels farther left."""
+    others = {(a, b) for b in range(7) for a in range(b)} - {(2, 5)}
+    draw = RenderPairs(folder, batch=3, crop_px=16, seed=0, measured=others)
+    for k in range(3):
+        flow = draw(k).flow_px
+        torch.testing.assert_close(flow[..., 0], torch.full_like(flow[..., 0], -3.0))
+
+
+def test_renders_that_are_all_measured_are_refused(folder):
+    every = {(a, b) for b in range(7) for a in range(b)}
+    with pytest.raises(InputError, match="not measured"):
+        RenderPairs(folder, batch=1, crop_px=16, seed=0, measured=every)
