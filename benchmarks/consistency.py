@@ -16,6 +16,7 @@ from typing import Any
 import luigi
 
 from pipeline.task import artifact
+from tasks.measures import significant
 from tasks.metrics import ConsistencyMetrics
 
 METHODS: dict[str, dict[str, str]] = {
@@ -28,6 +29,8 @@ COLUMNS = {
     "along the flow": ("error", "floor"),
     "along the depth": ("geometric_error", "geometric_floor"),
     "by contrast": ("normalized_error", "normalized_floor"),
+    "along its own depth": ("own_error", "geometric_floor"),
+    "by contrast along its own depth": ("own_normalized_error", "normalized_floor"),
     "in features": ("perceptual_error", "perceptual_floor"),
 }
 
@@ -58,9 +61,12 @@ def main() -> None:
 
 def _row(summary: Mapping[str, Any]) -> str:
     terms = [summary["delta_1"], summary["delta_5"]]
-    cells = [f"{t[e]:.4f} ({t[f]:.4f})" for e, f in COLUMNS.values() for t in terms]
-    far = f"{terms[0]['style_distance']:.2f} ({terms[0]['style_distance_unstylized']:.2f})"
-    return " | ".join([*cells, far])
+    pairs = [(t.get(error), t[floor]) for error, floor in COLUMNS.values() for t in terms]
+    pairs.append((terms[0]["style_distance"], terms[0]["style_distance_unstylized"]))
+    return " | ".join(
+        "" if error is None else f"{significant(error)} ({significant(floor)})"
+        for error, floor in pairs
+    )
 
 
 if __name__ == "__main__":

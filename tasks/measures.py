@@ -1,5 +1,6 @@
 """What the measures of a result are called, what they mean, and what they are compared with."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,15 +14,18 @@ NOT_MEASURED = "not measured"
 class Measure:
     """A measure by its name in `summary.json`, and that of what it is compared with, if anything.
 
-    `form` writes its value, `word` says what the other value is.
+    `form` writes its value, `word` says what the other value is; "" is three significant digits.
+    `flickers` says that it grows with what differs between frames, which a blurred video has less
+    of.
     """
 
     key: str
     name: str
     meaning: str
-    form: str = "{:.5f}"
+    form: str = ""
     other: str = ""
     word: str = "floor"
+    flickers: bool = False
 
 
 QUALITY = (
@@ -60,22 +64,29 @@ PATH = (
 CONSISTENCY = (
     Measure("error", "error along the flow",
             "the paper's: squared difference to the other frame, moved along the flow of the"
-            " unstylised ones; all pixels", other="floor"),
+            " unstylised ones; all pixels", other="floor", flickers=True),
     Measure("masked_error", "error where the flow holds",
-            "the same, where flow there and back agree", other="masked_floor"),
+            "the same, where flow there and back agree", other="masked_floor", flickers=True),
     Measure("valid_fraction", "pixels where the flow holds", "share of all", "{:.0%}"),
     Measure("geometric_error", "error along the geometry",
             "the other frame moved by the field's own depth, where nothing hides it",
-            other="geometric_floor"),
+            other="geometric_floor", flickers=True),
     Measure("geometric_fraction", "pixels seen in both frames", "share of all", "{:.0%}"),
     Measure("normalized_error", "error by contrast",
-            "along the geometry; 1 is as unlike as unrelated frames", "{:.4f}",
-            other="normalized_floor"),
-    Measure("perceptual_error", "perceptual change", "how unlike the two look to a VGG16", "{:.4f}",
-            other="perceptual_floor"),
+            "along the geometry; 1 is as unlike as unrelated frames", other="normalized_floor",
+            flickers=True),
+    Measure("own_error", "error along its own geometry",
+            "the other frame moved by the depth of the stylised field, where it has one of its"
+            " own (S1, S2)", other="geometric_floor", flickers=True),
+    Measure("own_normalized_error", "error by contrast along its own geometry",
+            "the same by contrast", other="normalized_floor", flickers=True),
+    Measure("own_fraction", "pixels seen in both frames by its own geometry", "share of all",
+            "{:.0%}"),
+    Measure("perceptual_error", "perceptual change", "how unlike the two look to a VGG16",
+            other="perceptual_floor", flickers=True),
     Measure("style_distance", "style distance",
             "of the frames to the painting, by Gram matrices: a grey video is steady, and far off",
-            "{:.4f}", other="style_distance_unstylized", word="unstylised"),
+            other="style_distance_unstylized", word="unstylised"),
     Measure("pairs", "pairs of frames", "compared", "{}"),
     Measure("perceptual_pairs", "pairs looked at", "by the network: perceptual change and style"
             " distance", "{}"),
@@ -94,7 +105,8 @@ def metric_tables(summary: Mapping[str, Any]) -> list[MetricTable]:
     painted = _table("Against the painting and the unstylised frames", RESEMBLANCE, resembling)
     deltas = {term(delta): values for delta, values in by_delta(summary).items()}
     apart = ", ".join(f"{term(delta)}: {delta} apart" for delta in by_delta(summary))
-    between = _table(f"Between frames ({apart})", CONSISTENCY, deltas)
+    sharpness = resembling[""].get("sharpness_to_unstylized")
+    between = _table(f"Between frames ({apart})", CONSISTENCY, deltas, sharpness)
     return [
         held_out,
         painted,
@@ -115,25 +127,55 @@ def term(delta: int) -> str:
     return {1: "short term", 5: "long term"}.get(delta, f"{delta} frames")
 
 
+def significant(value: float, digits: int = 3) -> str:
+    """Returns a number with so many significant digits, without an exponent."""
+    if not value or not math.isfinite(value):
+        return f"{value:.0f}"
+    rounded = float(f"{value:.{digits - 1}e}")
+    return f"{rounded:.{max(0, digits - 1 - math.floor(math.log10(abs(rounded))))}f}"
+
+
 def _table(
-    title: str, measures: Sequence[Measure], columns: Mapping[str, Mapping[str, Any]]
+    title: str,
+    measures: Sequence[Measure],
+    columns: Mapping[str, Mapping[str, Any]],
+    sharpness: float | None = None,
 ) -> MetricTable:
     metrics = [
-        Metric(m.name, m.meaning, [_figure(m, values) for values in columns.values()])
+        Metric(m.name, m.meaning, [_figure(m, values, sharpness) for values in columns.values()])
         for m in measures
         if any(m.key in values for values in columns.values())
     ]
     return MetricTable(title, list(columns), metrics)
 
 
-def _figure(measure: Measure, values: Mapping[str, Any]) -> Figure:
+def _figure(measure: Measure, values: Mapping[str, Any], sharpness: float | None) -> Figure:
     value, other = values.get(measure.key), values.get(measure.other)
     if value is None:
         return Figure(NOT_MEASURED)
-    told = measure.form.format(value)
+    write = measure.form.format if measure.form else significant
     if not measure.other:
-        return Figure(told)
+        return Figure(write(value))
     if other is None:
-        return Figure(told, f"{measure.word} {NOT_MEASURED}")
-    times = f", {value / other:.2g}\N{NO-BREAK SPACE}times" if other > 0 else ""
-    return Figure(told, f"{measure.word} {measure.form.format(other)}{times}")
+        return Figure(write(value), f"{measure.word} {NOT_MEASURED}")
+    beside = f"{measure.word} {write(other)}"
+    if other > 0:
+        beside += f", {significant(value / other)}\N{NO-BREAK SPACE}times"
+    if measure.flickers and value < other:
+        beside += f": {_why_below(sharpness)}"
+    return Figure(write(value), beside)
+
+
+def _why_below(sharpness: float | None) -> str:
+    """Returns why stylised frames differ by less than unstylised ones, by what their detail is.
+
+    `sharpness` is that of the stylised frames over that of the unstylised ones.
+    """
+    if sharpness is None:
+        return (
+            "less fine detail than the unstylised frames, or less contrast; sharpness not measured"
+        )
+    times = f"sharpness {significant(sharpness)}\N{NO-BREAK SPACE}times theirs"
+    if sharpness < 1:
+        return f"less fine detail than the unstylised frames ({times})"
+    return f"less change than the unstylised frames, not for want of fine detail ({times})"

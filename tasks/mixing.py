@@ -1,6 +1,7 @@
 """How the frames of StylizedFrames come about: from one field, a mixture, or frame by frame."""
 
 import functools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,12 +91,19 @@ def _is_box(region: Mapping[str, Any]) -> bool:
     return are_points and all(a < b for a, b in zip(*corners, strict=True))
 
 
+_FRAMES_FOR_COLORS, _SIDE_FOR_COLORS_PX = 12, 512
+
+
 def frames_by_network(
     mixture: Mixture, inputs: Mapping[str, Path], cameras: Sequence[Any], device: Any,
     progress: Any,
 ) -> Iterator[Any]:  # fmt: skip
-    """Yields every frame painted by itself, mixed with what it was by the strength."""
+    """Yields every frame painted by itself, mixed with what it was by the strength.
+
+    Frames get the painting's colors and contrast by one map for all, as painted priors do.
+    """
     from styletrf.stylization.background import after_painting, before_painting, empty_ground
+    from styletrf.stylization.color_transfer import recolored
     from styletrf.stylization.painters import each_painted, network_painter
     from styletrf.trajectory.frames import float_images
 
@@ -103,18 +111,44 @@ def frames_by_network(
     plain, again = (float_images(inputs["trajectory"], cameras) for _ in range(2))
     content = (before_painting([view], ground)[0] for view in plain)
     paint = network_painter(inputs["network"], device)
+    colors = _map_to_painting(inputs, paint, ground)
     views = each_painted(paint, content, len(cameras), progress)
     for image, before in zip(views, again, strict=True):
-        (shown,) = after_painting([image], [before], ground)
+        (shown,) = after_painting([recolored(image, colors)], [before], ground)
         yield mixture.strength * shown + (1 - mixture.strength) * before.color
+
+
+def _map_to_painting(inputs: Mapping[str, Path], paint: Any, ground: Any) -> Any:
+    """Returns the map of colors of frames spread over the whole path, the same for each part."""
+    import numpy as np
+
+    from styletrf.files.images import read_rgb
+    from styletrf.geometry.camera_table import read_cameras
+    from styletrf.stylization.background import before_painting
+    from styletrf.stylization.color_transfer import map_to_painting
+    from styletrf.stylization.painters import each_painted
+    from styletrf.trajectory.frames import float_images
+
+    path = read_cameras(inputs["trajectory"] / "cameras.parquet")
+    chosen = np.unique(np.linspace(0, len(path) - 1, _FRAMES_FOR_COLORS).round().astype(int))
+    views = float_images(inputs["trajectory"], [path[k] for k in chosen])
+    content = (before_painting([view], ground)[0] for view in views)
+    step = math.ceil(max(path[0].width, path[0].height) / _SIDE_FOR_COLORS_PX)
+    painted = each_painted(paint, content, len(chosen))
+    shown = [image[::step, ::step].copy() for image in painted]
+    return map_to_painting(shown, read_rgb(inputs["style"] / "style.png"))
 
 
 def frames_of_field(
     mixture: Mixture, inputs: Mapping[str, Path], cameras: Sequence[Any], render: Any,
-    device: Any, progress: Any,
+    device: Any, progress: Any, depths: Path | None = None,
 ) -> Iterator[Any]:  # fmt: skip
-    """Yields the frames of the stylised field, or of the mixture that is asked for."""
+    """Yields the frames of the stylised field, or of the mixture that is asked for.
+
+    Writes `NAME.exr` with their depth into the folder `depths`, where one is given.
+    """
     from styletrf.field.radiance_field import load_stylized_field
+    from styletrf.files.float_images import write_float_image
     from styletrf.scene.scene_model import read_scene_model
     from styletrf.trajectory.frames import rendered
 
@@ -123,8 +157,12 @@ def frames_of_field(
     mixed = None
     if mixture.blend or mixture.region or mixture.strength < 1:
         mixed = _mixed(mixture, inputs, field, space)
-    for shown in rendered(field, space, cameras, render, device, progress, mixed):
-        yield shown.color.numpy()
+    shown = rendered(field, space, cameras, render, device, progress, mixed)
+    for camera, view in zip(cameras, shown, strict=True):
+        color, opacity, depth = (p.numpy() for p in (view.color, view.opacity, view.depth))
+        if depths is not None:
+            write_float_image(depths / f"{camera.name}.exr", color, opacity, depth)
+        yield color
 
 
 def _mixed(mixture: Mixture, inputs: Mapping[str, Path], field: Any, space: Any) -> Any:

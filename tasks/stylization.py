@@ -200,6 +200,7 @@ class StylizedField(TunedStage, StyleControls):
 class StylizedFrames(ShardedStage, FrameControls):
     """The fly-through in style: `frames/NAME.png` and `video.mp4`; of a part `cameras.parquet`.
 
+    Where the field has a density of its own (s1, s2), `own_depths/NAME.exr` has its depth.
     Path and frame rate are those of TrajectoryFrames.
     """
 
@@ -210,7 +211,8 @@ class StylizedFrames(ShardedStage, FrameControls):
         """The density, the appearances, and the path; or the network that paints each frame."""
         needed: dict[str, Stage] = {"trajectory": self.need(TrajectoryFrames), **self.parts()}
         if self.method == "per-frame":
-            return {**needed, "network": self.need(StyleNetwork)}
+            painters = {"network": self.need(StyleNetwork), "style": self.need(StyleImage)}
+            return {**needed, **painters}
         needed["field"] = self.need(RadianceField)
         needed["stylized"] = self.need(StylizedField)
         needed["model"] = self.need(SceneModel)
@@ -236,7 +238,13 @@ class StylizedFrames(ShardedStage, FrameControls):
         """The settings, and what is mixed where."""
         words = {"strength": self.strength, "blend": dict(self.blend), "region": self._region()}
         part = self.identity_of_part()
-        return {"settings": self.values(), "method": self.method, **words, **part}
+        own = {"own_depths": True} if self.has_own_depths else {}
+        return {"settings": self.values(), "method": self.method, **words, **part, **own}
+
+    @property
+    def has_own_depths(self) -> bool:
+        """Whether the frames are of a field whose density is not that of RadianceField."""
+        return bool(self.method == "field" and self.strategy != "s3")
 
     def external_digests(self) -> Mapping[str, str]:
         """The digest of the mask."""
@@ -272,15 +280,18 @@ class StylizedFrames(ShardedStage, FrameControls):
         """Writes `frames/NAME.png` of some of the path's cameras."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
+        from styletrf.evaluation.frame_pairs import OWN_DEPTHS
         from styletrf.field.rendering import RenderConfig
         from styletrf.trajectory.frames import write_pictures
         from tasks.mixing import Mixture, frames_by_network, frames_of_field
 
         mixture = Mixture(self.strength, self.blend, self.region)
+        if depths := out / OWN_DEPTHS if self.has_own_depths else None:
+            depths.mkdir()
         device, render = device_named(self.device), configured(RenderConfig, self.values())
         frames: Iterator[Any] = (
             frames_by_network(mixture, inputs, cameras, device, progress)
             if "network" in inputs
-            else frames_of_field(mixture, inputs, cameras, render, device, progress)
+            else frames_of_field(mixture, inputs, cameras, render, device, progress, depths)
         )
         write_pictures(out, [camera.name for camera in cameras], frames)

@@ -19,6 +19,7 @@ from styletrf.evaluation.frame_pairs import Frame, Pair, PairPlan, paired, plann
 from styletrf.evaluation.geometric_consistency import (
     Correspondence,
     GeometricErrors,
+    OwnErrors,
     corresponding,
     geometric_errors,
 )
@@ -81,12 +82,13 @@ class Consistency:
     """The pairs, and their means: `summary["delta_1"]["error"]` is the paper's short term error.
 
     A pair is a row of `first`, `second` (indices of frames), `delta`, and the attributes of
-    `FlowErrors`, `GeometricErrors` and `PerceptualErrors`, NaN where a pair was not compared so. An
-    entry of the summary has the means of these, null where there is nothing to average; `pairs` and
-    `perceptual_pairs`, their numbers; and those that a mean leaves out: `pairs_without_flow` (no
-    pixel returns to itself), `pairs_without_correspondence` (nothing is seen in both frames) and
-    `pairs_without_contrast` (the scene has no detail there). An entry of `depth_deltas` has the
-    attributes of `GeometricErrors` alone.
+    `FlowErrors`, `GeometricErrors`, `OwnErrors` and `PerceptualErrors`, NaN where a pair was not
+    compared so. An entry of the summary has the means of these, null where there is nothing to
+    average; `pairs` and `perceptual_pairs`, their numbers; and those that a mean leaves out:
+    `pairs_without_flow` (no pixel returns to itself), `pairs_without_correspondence` (nothing is
+    seen in both frames) and `pairs_without_contrast` (the scene has no detail there). An entry of
+    `depth_deltas` has the attributes of `GeometricErrors` alone, and those of `OwnErrors` are there
+    where frames have depths of their own.
     """
 
     pairs: list[dict[str, Any]]
@@ -156,8 +158,18 @@ class _Comparison:
         cameras = a.camera, b.camera
         warped = corresponding(cameras, depths, plain[1], b.stylized, self._tolerance)
         along_depth = geometric_errors(plain[0], a.stylized, warped)
+        along_own = self._along_own_depth(a, b)
         looks = self._looks(a, warped) if pair.has_looks else _NO_LOOKS
-        return asdict(along_flow) | asdict(along_depth) | asdict(looks)
+        return asdict(along_flow) | asdict(along_depth) | asdict(along_own) | asdict(looks)
+
+    def _along_own_depth(self, a: Frame, b: Frame) -> OwnErrors:
+        """Compares along the depth of the stylised field, where it has one of its own."""
+        if a.own_depth is None or b.own_depth is None:
+            return _NO_OWN_DEPTH
+        depths, plain = (a.own_depth, b.own_depth), b.unstylized.color
+        warped = corresponding((a.camera, b.camera), depths, plain, b.stylized, self._tolerance)
+        found = geometric_errors(a.unstylized.color, a.stylized, warped)
+        return OwnErrors(found.geometric_fraction, found.geometric_error, found.normalized_error)
 
     def _looks(self, a: Frame, warped: Correspondence) -> PerceptualErrors:
         """Looks at the first frame and at the second one warped into it."""
@@ -170,6 +182,7 @@ class _Comparison:
 
 
 _NO_FLOW = FlowErrors("", *[math.nan] * 5)
+_NO_OWN_DEPTH = OwnErrors(*[math.nan] * 3)
 _NO_LOOKS = PerceptualErrors(*[math.nan] * 4)
 
 
@@ -186,6 +199,8 @@ def _summary(
         ),
     }
     names = [field.name for field in fields(GeometricErrors)]
+    if not all(math.isnan(row["own_fraction"]) for row in chosen):
+        names += [field.name for field in fields(OwnErrors)]
     if all(pair.has_flow for pair in kinds):
         names += [field.name for kind in (FlowErrors, PerceptualErrors) for field in fields(kind)]
         names.remove("flow")

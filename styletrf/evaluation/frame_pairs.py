@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from styletrf.errors import InputError
 from styletrf.evaluation.metrics import Image
@@ -13,6 +14,9 @@ from styletrf.files.images import read_rgb
 from styletrf.finiteness import require_finite
 from styletrf.geometry.cameras import Camera
 
+Depth = Float[np.ndarray, "height width"]
+
+OWN_DEPTHS = "own_depths"
 SHORT_TERM, LONG_TERM, LONG_TERM_OF_THE_FIELD = 1, 5, 7
 
 
@@ -44,11 +48,15 @@ class PairPlan:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One view of the trajectory, without and with style."""
+    """One view of the trajectory, without and with style.
+
+    `own_depth` is that of the stylised field, where its density is not that of the unstylised one.
+    """
 
     camera: Camera
     unstylized: FloatImage
     stylized: Image
+    own_depth: Depth | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +97,14 @@ def _spread(values: Sequence[int], count: int) -> list[int]:
 
 
 def read_frame(unstylized: Path, stylized: Path, camera: Camera) -> Frame:
-    """Returns the frame `frames/NAME.exr` and `frames/NAME.png` of two folders."""
+    """Returns `frames/NAME.exr` and `frames/NAME.png` of two folders.
+
+    Beside them the depth of `own_depths/NAME.exr`, where the second folder has one.
+    """
     plain = read_float_image(unstylized / "frames" / f"{camera.name}.exr")
-    return Frame(camera, plain, read_rgb(stylized / "frames" / f"{camera.name}.png"))
+    own = stylized / OWN_DEPTHS / f"{camera.name}.exr"
+    own_depth = read_float_image(own).depth if own.exists() else None
+    return Frame(camera, plain, read_rgb(stylized / "frames" / f"{camera.name}.png"), own_depth)
 
 
 def paired(

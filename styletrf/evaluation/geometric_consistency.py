@@ -46,6 +46,23 @@ class GeometricErrors:
 
 
 @dataclass(frozen=True, slots=True)
+class OwnErrors:
+    """The same along the stylised field's own depth, where its density has changed (S1, S2).
+
+    All NaN where there is no such depth. The floors are those of `GeometricErrors`.
+
+    Attributes:
+        own_fraction: As `geometric_fraction`.
+        own_error: As `geometric_error`.
+        own_normalized_error: As `normalized_error`.
+    """
+
+    own_fraction: float
+    own_error: float
+    own_normalized_error: float
+
+
+@dataclass(frozen=True, slots=True)
 class Correspondence:
     """The second frame seen from the first, and where it shows what the first one does."""
 

@@ -9,6 +9,8 @@ from jaxtyping import Float
 
 Image = Float[np.ndarray, "_ _ 3"]
 Colors = Literal["style", "photograph", "luminance"]
+ColorMap = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
+"""A matrix, and what is added after it."""
 
 MOST_GAIN = 8.0
 """Of the map along any axis of colour: a painting in greys cannot be given hues by noise."""
@@ -40,15 +42,28 @@ def in_colors(
     if colors == "style":
         wanted, most_gain = ([painting], MOST_GAIN_TO_PAINTING)
     source, target = (np.concatenate([i.reshape(-1, 3) for i in s]) for s in (painted, wanted))
-    matrix, offset = color_map(source, target, most_gain)
-    return [np.clip(i @ matrix.T + offset, 0, 1).astype(np.float32) for i in painted]
+    found = color_map(source, target, most_gain)
+    return [recolored(image, found) for image in painted]
+
+
+def map_to_painting(painted: Sequence[Image], painting: Image) -> ColorMap:
+    """Returns the map of `in_colors` that gives these views the colors `style`."""
+    source, target = np.concatenate([i.reshape(-1, 3) for i in painted]), painting.reshape(-1, 3)
+    return color_map(source, target, MOST_GAIN_TO_PAINTING)
+
+
+def recolored(image: Image, found: ColorMap) -> Image:
+    """Returns the image under a map of colors, within [0, 1]."""
+    matrix, offset = found
+    shown: Image = np.clip(image @ matrix.T + offset, 0, 1).astype(np.float32)
+    return shown
 
 
 def color_map(
     source: Float[np.ndarray, "source 3"],
     target: Float[np.ndarray, "target 3"],
     most_gain: float = MOST_GAIN,
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+) -> ColorMap:
     """Returns matrix and offset that give colours the mean and the covariance of others.
 
     The symmetric map T = S^-1/2 (S^1/2 R S^1/2)^1/2 S^-1/2 of covariances S to R, which moves the

@@ -126,10 +126,10 @@ def join_float_frames(parts: Sequence[Path], folder: Path) -> None:
 
 
 def join_pictures(parts: Sequence[Path], folder: Path) -> None:
-    """Copies the `frames/` of all parts."""
-    (folder / "frames").mkdir()
-    for file in chain.from_iterable(part.glob("frames/*") for part in parts):
-        shutil.copyfile(file, folder / "frames" / file.name)
+    """Copies the `frames/` of all parts, and what other folders they have."""
+    for file in chain.from_iterable(part.glob("*/*") for part in parts):
+        (folder / file.parent.name).mkdir(exist_ok=True)
+        shutil.copyfile(file, folder / file.parent.name / file.name)
 
 
 def float_images(folder: Path, cameras: Sequence[Camera] | None = None) -> Iterator[FloatImage]:

@@ -29,9 +29,10 @@ def camera(k):
     return Camera(f"{k}", WIDTH, HEIGHT, FOCAL_PX, FOCAL_PX, WIDTH / 2, HEIGHT / 2, pose)
 
 
-def shown(plain, painted, cameras=None):
-    """The frames of a trajectory, one by one."""
+def shown(plain, painted, cameras=None, own_depth=None):
+    """The frames of a trajectory, one by one; `own_depth` is that of the stylised field."""
     cameras = cameras or [camera(k) for k in range(len(plain))]
     for k, (image, style) in enumerate(zip(plain, painted, strict=True)):
         whole = np.ones(image.shape[:2], np.float32)
-        yield Frame(cameras[k], FloatImage(image, whole, DEPTH * whole), style)
+        own = None if own_depth is None else own_depth * whole
+        yield Frame(cameras[k], FloatImage(image, whole, DEPTH * whole), style, own)

@@ -11,6 +11,7 @@ import torch
 
 from styletrf.field.radiance_field import load_field, load_stylized_field
 from styletrf.files.images import read_rgb, write_rgb
+from styletrf.files.tables import read_rows
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.style.interchange import to_fast_neural_style
 from styletrf.style.style_network import load_style_network
@@ -77,7 +78,11 @@ def test_free_strategies_leave_a_density_of_their_own(mini: Mini, strategy: str)
     plain = list(load_field(mini("RadianceField")).density.parameters())
     assert all(map(torch.equal, usual.density.parameters(), plain)), "which appearance alone keeps"
     assert not any(map(torch.equal, own.density.parameters(), plain))
-    assert len(pictures(mini("StylizedFrames", strategy=strategy))) == 7
+    frames = mini("StylizedFrames", strategy=strategy)
+    assert len(pictures(frames)) == len(list((frames / "own_depths").iterdir())) == 7
+    pairs = read_rows(mini("ConsistencyMetrics", strategy=strategy) / "pairs.parquet")
+    assert all(0 <= pair["own_fraction"] <= 1 for pair in pairs)
+    assert not (mini("StylizedFrames") / "own_depths").exists(), "the field's is theirs"
 
 
 def test_whole_renders_are_matched_after_the_pixels(mini: Mini):
@@ -115,14 +120,17 @@ def test_every_surface_point_can_learn_from_all_priors(mini: Mini):
     assert not torch.equal(first.factors.planes[0], second.factors.planes[0])
 
 
-def test_per_frame_paints_what_the_network_paints(mini: Mini):
+def test_per_frame_paints_what_the_network_paints_in_the_colors_of_painted_priors(mini: Mini):
     from styletrf.style.style_network import stylize
+    from styletrf.stylization.color_transfer import in_colors
     from styletrf.trajectory.frames import float_frames
 
     network = load_style_network(mini("StyleNetwork"))
-    first = next(iter(float_frames(mini("TrajectoryFrames"))))
-    painted = stylize(network, torch.from_numpy(first)).numpy()
-    assert same(pictures(mini("StylizedFrames", method="per-frame"))[0], painted)
+    plain = list(float_frames(mini("TrajectoryFrames")))
+    painted = [stylize(network, torch.from_numpy(frame)).numpy() for frame in plain]
+    painting = read_rgb(mini("StyleImage") / "style.png")
+    colored = np.stack(in_colors(painted, plain, painting, "style"))
+    assert same(pictures(mini("StylizedFrames", method="per-frame")), colored)
 
 
 def test_a_network_that_is_given_is_used(mini: Mini, tmp_path: Path):
