@@ -175,6 +175,13 @@ class ConsistencyMetrics(FrameMetrics):
         write_summary(out / "summary.json", consistency.summary)
 
 
+def pair_settings(stage: Stage) -> dict[str, dict[str, Any]]:
+    """Returns `measured_pairs`: the settings of a command that choose the pairs it measures."""
+    values = stage.need(ConsistencyMetrics).values()
+    chosen = sorted({"deltas", "depth_deltas", "pairs"} & set(values))
+    return {"measured_pairs": {name: values[name] for name in chosen}}
+
+
 class StylizationMetrics(FrameMetrics):
     """The style and content loss of the stylised frames: what all stages together achieve.
 

@@ -20,7 +20,6 @@ from pipeline.execute import die_with
 from pipeline.host import THREADS, usable_cores
 from pipeline.progress import Display
 from styletrf.errors import InputError
-from tasks.stage import TunedStage
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,26 +150,6 @@ def _pairs_to_train_on(renders: Path, config: Any, measured: Mapping[str, Any]) 
         seed=config.seed,
         measured={(pair.first, pair.second) for pair in planned},
     )
-
-
-def looks_at_renders(settings: Mapping[str, Any]) -> bool:
-    """Returns whether a training with these settings takes pairs of renders of the scene."""
-    share = settings.get("steadiness.renders", 0)
-    return isinstance(share, int | float) and share > 0
-
-
-def measured_pairs(network: TunedStage) -> dict[str, dict[str, Any]]:
-    """Returns `measured_pairs`, the settings of ConsistencyMetrics that choose what it measures.
-
-    Nothing where the network takes no pairs of renders.
-    """
-    if not looks_at_renders(network.values()):
-        return {}
-    from tasks.metrics import ConsistencyMetrics
-
-    values = network.need(ConsistencyMetrics).values()
-    chosen = {"deltas", "depth_deltas", "pairs"} & set(values)
-    return {"measured_pairs": {name: values[name] for name in sorted(chosen)}}
 
 
 def batch_of(settings: Mapping[str, Any]) -> int:

@@ -15,7 +15,6 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.controls import NetworkControls
 from tasks.large_files import remembered_digests
-from tasks.network_training import looks_at_renders, measured_pairs
 from tasks.scene import SceneCapture
 from tasks.stage import Stage, TunedStage
 
@@ -201,7 +200,8 @@ class StyleNetwork(TunedStage, NetworkControls):
             return needed
         needed["content"] = self.need(ContentImages)
         needed["perceptual"] = self.need(PerceptualWeights)
-        if looks_at_renders(self.values()):
+        share = self.values().get("steadiness.renders", 0)
+        if isinstance(share, int | float) and share > 0:
             from tasks.field import TrajectoryFrames
 
             needed["renders"] = self.need(TrajectoryFrames)
@@ -222,8 +222,14 @@ class StyleNetwork(TunedStage, NetworkControls):
             "settings": self.values(),
             "stroke_scale": self.stroke_scale if self.is_trained else 1.0,
             "content_weight": self.content_weight if self.is_trained else 1.0,
-            **measured_pairs(self),
+            **self.measured_pairs(),
         }
+
+    def measured_pairs(self) -> dict[str, Any]:
+        """The settings that choose the pairs of renders to measure, where it looks at renders."""
+        from tasks.metrics import pair_settings
+
+        return pair_settings(self) if "renders" in self.requires() else {}
 
     def values(self) -> dict[str, Any]:
         """The settings; a network that is not trained here has none."""
@@ -237,8 +243,8 @@ class StyleNetwork(TunedStage, NetworkControls):
                 is not relative, and the network is not the one of ImageNet.
         """
         super().require_sound()
-        if self.network:
-            self._require_given_network()
+        if self.network and not Path(self.network).is_file():
+            raise InputError(f"--network {self.network}", "there is no such file", "Give its path")
         if not self.is_trained:
             self._require_no_factors()
             return
@@ -249,10 +255,6 @@ class StyleNetwork(TunedStage, NetworkControls):
                 "the loss of --quality paper has weights that fit torchvision's VGG16 only",
                 "Add --perceptual torchvision, or the path of its vgg16-397923af.pth",
             )
-
-    def _require_given_network(self) -> None:
-        if not Path(self.network).is_file():
-            raise InputError(f"--network {self.network}", "there is no such file", "Give its path")
 
     def _require_no_factors(self) -> None:
         is_plain = (self.stroke_scale, self.content_weight) == (1, 1)
@@ -283,7 +285,7 @@ class StyleNetwork(TunedStage, NetworkControls):
             out=str(out),
             resume=str(run.resume),
             device=self.device,
-            measured=measured_pairs(self).get("measured_pairs", {}),
+            measured=self.measured_pairs().get("measured_pairs", {}),
         )
         train(asked, run.progress)
 
