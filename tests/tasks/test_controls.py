@@ -10,7 +10,7 @@ WHERE = {  # a control: the first stages that it changes
     "stroke_scale": (2.0, {"StyleNetwork"}),
     "content_weight": (0.5, {"StyleNetwork"}),
     "colors": ("luminance", {"StylizedPriors"}),
-    "strategy": ("s2", {"StylizedField"}),
+    "strategy": ("s2", {"StylizedField", "StylizedFrames"}),  # which leave depths of their own
     "match": ("gram", {"StylizedField"}),
     "strength": (0.5, {"StylizedFrames"}),
     "blend": ({"udnie": 0.3}, {"StylizedFrames"}),
