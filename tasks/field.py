@@ -177,7 +177,7 @@ class PriorRenders(PathRenders):
             given.inputs["trajectory"],
             load_field(given.inputs["field"]),
             given.model.space,
-            given.config.coverage,
+            given.config,
             device_named(self.device),
         )
 

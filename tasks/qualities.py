@@ -2,7 +2,8 @@
 
 A row is a field of the stage's configuration (dots reach into nested ones); what is not listed is
 the configuration's own default. `draft` is for a look in minutes on two CPU cores, `standard` is
-the default, `paper` are the publication's settings for a GPU.
+the default, `paper` are the publication's settings for a GPU; `docs/paper.md` compares them with
+the publication line by line.
 """
 
 from typing import Any
@@ -28,8 +29,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "occupancy_alpha": (0.02, 0.02, 5e-3),
         "factor_rate": (0.03, 0.03, 0.02),
         "network_rate": (3e-3, 3e-3, 1e-3),
-        "field.density_ranks": ([16], [16], [16, 16, 16]),
-        "field.appearance_ranks": ([24], [24], [48, 48, 48]),
+        "field.density_ranks": ([16], [16], [4, 4, 4]),
+        "field.appearance_ranks": ([24], [24], [12, 12, 12]),
         "field.hidden": (64, 64, 128),
     },
     "ContentImages": {
@@ -65,7 +66,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "bfloat16": (True, True, False),
     },
     "PriorRenders": {
-        "trajectory.frames": (40, 40, 40),
+        "trajectory.frames": (40, 40, 30),
         "coverage.count": (0, 0, 30),
         "render.termination": (1e-2, 3e-3, 1e-3),
         "render.min_weight": (1e-2, 5e-3, 1e-3),
@@ -107,8 +108,16 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     },
 }
 
+_PAPER: dict[str, dict[str, Any]] = {  # what `paper` alone sets
+    "SceneModel": {"max_box_voxels": 300**3},
+    "RadianceField": {"tv_density": 0.01, "tv_appearance": 0.001},
+    "PriorRenders": {"viewpoints": "path"},
+    "StylizedPriors": {"start": "noise", "iterations": [300, 100]},
+}
+
 
 def settings_for(family: str, quality: str) -> dict[str, Any]:
     """Returns a stage's settings at a quality, by field name."""
     column = QUALITIES.index(quality)
-    return {name: row[column] for name, row in _TABLE.get(family, {}).items()}
+    settings = {name: row[column] for name, row in _TABLE.get(family, {}).items()}
+    return settings | (_PAPER.get(family, {}) if quality == "paper" else {})

@@ -36,8 +36,8 @@ class SceneModelConfig:
 
     `space`, `shading` and `exposure` (`one` for all photographs, or `each` its own) override the
     decisions; `image_long_side` is the working size in pixels;
-    `max_voxels` bounds the finest grid; `oversampling` is its lattice points per pixel along x and
-    y of NDC.
+    `max_voxels` bounds the finest grid, `max_box_voxels` that of a box (0: as any other);
+    `oversampling` is its lattice points per pixel along x and y of NDC.
     """
 
     space: Literal["auto", "ndc", "box", "unbounded"] = "auto"
@@ -45,7 +45,13 @@ class SceneModelConfig:
     exposure: Literal["auto", "one", "each"] = "auto"
     image_long_side: int = 504
     max_voxels: int = 256**3
+    max_box_voxels: int = 0
     oversampling: float = 0.75
+
+    def bound(self, space_kind: str) -> int:
+        """Returns the most voxels of the finest grid in a space of this kind."""
+        is_own = space_kind == "box" and self.max_box_voxels > 0
+        return self.max_box_voxels if is_own else self.max_voxels
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +126,7 @@ def decide_scene_model(
     shading, of_shading = _shading(config, dependence)
     exposures, of_exposure = _exposures(config, exposure)
     view = fitted_to(typical_view(cameras), config.image_long_side)
-    model = _sized(placement, view, shading, config.max_voxels)
+    model = _sized(placement, view, shading, config.bound(placement.space.kind))
     evidence = model.evidence | {"shading": of_shading, "exposure": of_exposure}
     model = replace(model, exposures=exposures, evidence=evidence)
     made_of = f"of {len(cameras)} cameras and {len(points_world)} points"

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
@@ -25,10 +26,12 @@ _PLACES = 20_000  # of those that the trajectory sees
 class PriorsConfig:
     """Candidates (`trajectory`), how many of them are needed, and how they are rendered.
 
-    A `long_side_px` of 0 is the scene's working size.
+    Viewpoints are `spread` over what the fly-through goes around, or lie on its own `path`, as the
+    publication's lie on a spiral. A `long_side_px` of 0 is the scene's working size.
     """
 
     long_side_px: int = 0
+    viewpoints: Literal["spread", "path"] = "spread"
     trajectory: TrajectoryConfig = field(default_factory=lambda: TrajectoryConfig(frames=40))
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
@@ -45,7 +48,7 @@ def needed_views(
     trajectory: Path,
     radiance: RadianceField,
     space: Space,
-    config: CoverageConfig,
+    config: PriorsConfig,
     device: torch.device,
 ) -> list[Camera]:
     """Returns the candidates that cover what the renders of a trajectory show.
@@ -54,30 +57,34 @@ def needed_views(
     trajectory are candidates, too.
 
     Args:
-        candidates: Viewpoints in the normalised world.
+        candidates: Viewpoints in the normalised world; of the size of the first are those along the
+            trajectory, where these are asked for.
         trajectory: What `write_float_frames` wrote.
         radiance: The field, whose depth tells what a candidate shows.
         space: Of the field.
-        config: How well they are to cover it.
+        config: Which viewpoints, and how well they are to cover it.
         device: Where to render.
     """
-    cameras = read_cameras(trajectory / "cameras.parquet")
+    cameras, coverage = read_cameras(trajectory / "cameras.parquet"), config.coverage
     places = _places_along(cameras, trajectory)
+    if config.viewpoints == "path":
+        candidates = views_along(cameras, candidates[0], config.trajectory.frames)
 
     def seen_from(views: Sequence[Camera]) -> Bool[np.ndarray, "views places"]:
         """Returns which of the places each view shows."""
-        small = [small_camera(camera, config) for camera in views]
+        small = [small_camera(camera, coverage) for camera in views]
         renders = rendered(radiance, space, small, RenderConfig(), device)
         return np.stack([
-            shown(camera, render.depth.numpy(), places, config.tolerance)
+            shown(camera, render.depth.numpy(), places, coverage.tolerance)
             for camera, render in zip(small, renders, strict=True)
         ])  # fmt: skip
 
     views, seen = list(candidates), seen_from(candidates)
-    if (~seen.any(axis=0)).sum() > config.most_hidden * len(places):
-        own = _own_views(cameras, candidates[0], len(candidates))
+    hidden = (~seen.any(axis=0)).sum()
+    if config.viewpoints == "spread" and hidden > coverage.most_hidden * len(places):
+        own = views_along(cameras, candidates[0], len(candidates))
         views, seen = [*views, *own], np.concatenate([seen, seen_from(own)])
-    chosen = covering(seen, config)
+    chosen = covering(seen, coverage)
     return [replace(views[k], name=f"{i:04d}") for i, k in enumerate(chosen)]
 
 
@@ -91,7 +98,7 @@ def _places_along(cameras: Sequence[Camera], trajectory: Path) -> Float[np.ndarr
     ])  # fmt: skip
 
 
-def _own_views(cameras: Sequence[Camera], size: Camera, count: int) -> list[Camera]:
-    """Returns some views along the path itself, of the size of another one."""
-    some = np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int)
-    return [resized(cameras[k], size.width, size.height) for k in some]
+def views_along(path: Sequence[Camera], size: Camera, count: int) -> list[Camera]:
+    """Returns at most `count` views evenly along a path, of the size of a camera."""
+    some = np.linspace(0, len(path) - 1, min(count, len(path))).round().astype(int)
+    return [resized(path[k], size.width, size.height) for k in some]

@@ -1,0 +1,56 @@
+"""Priors: which viewpoints are painted."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from mini_scene import fit, painted_plane
+
+from styletrf.field.rendering import RenderConfig
+from styletrf.stylization.priors import PriorsConfig, needed_views, views_along
+from styletrf.trajectory.coverage import CoverageConfig
+from styletrf.trajectory.frames import rendered, write_float_frames
+from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through, prior_views
+
+CPU = torch.device("cpu")
+
+
+@pytest.mark.parametrize("count", [1, 3, 7, 20])
+def test_views_along_a_path_are_cameras_of_it_in_order_from_end_to_end(count):
+    cameras = painted_plane(7).cameras
+    views = views_along(cameras, cameras[0], count)
+    places = [next(k for k, c in enumerate(cameras) if c.name == view.name) for view in views]
+    assert len(views) == min(count, 7)
+    assert places == sorted(set(places))
+    assert places[0] == 0
+    assert count == 1 or places[-1] == 6
+
+
+def test_views_along_a_path_have_the_size_that_is_asked_for():
+    cameras = painted_plane(3).cameras
+    size = replace(cameras[0], width=12, height=9)
+    assert {(view.width, view.height) for view in views_along(cameras, size, 3)} == {(12, 9)}
+
+
+def test_priors_on_the_path_stand_where_its_cameras_do(tmp_path):
+    scene = painted_plane()
+    field, config = fit(scene), TrajectoryConfig(frames=8)
+    path = fly_through(scene.cameras, scene.model, config)
+    write_float_frames(
+        tmp_path, path, rendered(field, scene.model.space, path, RenderConfig(), CPU)
+    )
+    candidates = prior_views(scene.cameras, scene.model, config)
+    own = {camera.center_world.tobytes() for camera in path}
+
+    def standing_on_the_path(viewpoints):
+        priors = PriorsConfig(
+            viewpoints=viewpoints,
+            trajectory=TrajectoryConfig(frames=4),
+            coverage=CoverageConfig(count=4),
+        )
+        views = needed_views(candidates, tmp_path, field, scene.model.space, priors, CPU)
+        assert len(views) == 4
+        return sum(view.center_world.tobytes() in own for view in views)
+
+    assert standing_on_the_path("path") == 4
+    assert standing_on_the_path("spread") < 4
