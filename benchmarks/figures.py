@@ -1,0 +1,128 @@
+"""Today's figures beside their targets: `python benchmarks/figures.py`.
+
+    figures.py measure "cold draft" "new painting" --folder /tmp/figures
+    figures.py table
+
+`measure` runs commands of `targets.toml` from the root of the repository, one after the other, with
+a store and results below `--folder`, and notes what they reach in `figures.json`, with commit, day
+and machine. `table` writes the table in `README.md` from both. Measure with nothing beside it.
+"""
+
+import argparse
+import datetime
+import json
+import os
+import shlex
+import subprocess
+import time
+import tomllib
+from collections.abc import Iterator, Mapping
+from functools import reduce
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+from tasks.measuring import machine
+
+HERE = Path(__file__).parent
+ROOT, FIGURES, PAGE = HERE.parent, HERE / "figures.json", HERE / "README.md"
+BEGIN, END = "<!-- figures: begin -->\n", "<!-- figures: end -->\n"
+
+
+def runs() -> list[dict[str, Any]]:
+    """Returns the commands and their targets."""
+    return list(tomllib.loads((HERE / "targets.toml").read_text())["run"])
+
+
+def measured(run: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Runs a command; returns its figures, and of which commit, day and machine they are.
+
+    Raises:
+        CalledProcessError: The command failed.
+    """
+    store, out = folder / "store", folder / "out"
+    if run["store"] == "empty":
+        for old in (store, out):
+            rmtree(old, ignore_errors=True)
+    environment = {**os.environ, "STYLETRF_STORE": str(store), "STYLETRF_OUT": str(out)}
+    started = time.monotonic()
+    subprocess.run(shlex.split(run["command"]), cwd=ROOT, env=environment, check=True)
+    summary = {"seconds": time.monotonic() - started}
+    if "out" in run:
+        summary |= json.loads((out / run["out"] / "summary.json").read_text())
+    return {
+        "figures": {figure["what"]: _value(summary, figure) for figure in run["figures"]},
+        "commit": _output("git", "rev-parse", "--short", "HEAD"),
+        "day": datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
+        "machine": machine([]),
+    }
+
+
+def _value(summary: Mapping[str, Any], figure: Mapping[str, Any]) -> float:
+    value = _at(summary, figure["value"])
+    return value / _at(summary, figure["over"]) if "over" in figure else value
+
+
+def _at(summary: Mapping[str, Any], name: str) -> float:
+    return float(reduce(lambda part, key: part[key], name.split("."), summary))  # type: ignore[arg-type,return-value]
+
+
+def _output(*command: str) -> str:
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
+def table(found: Mapping[str, Any]) -> Iterator[str]:
+    """Yields the table's lines; a figure that misses its target is marked."""
+    yield "| what | command | figure | target | measured | commit, day |"
+    yield "|---|---|---|---|---|---|"
+    for run in runs():
+        of_run = found.get(run["name"], {"figures": {}})
+        made = f"{of_run['commit']}, {of_run['day']}" if of_run["figures"] else ""
+        first = f"{run['what']} | `{run['command']}`"
+        for figure in run["figures"]:
+            value = of_run["figures"].get(figure["what"])
+            cells = first, figure["what"], _target(figure), _shown(figure, value), made
+            yield f"| {' | '.join(cells)} |"
+            first, made = " | ", ""
+
+
+def _target(figure: Mapping[str, Any]) -> str:
+    return (
+        f"at most {figure['at_most']:g}"
+        if "at_most" in figure
+        else f"at least {figure['at_least']:g}"
+    )
+
+
+def _shown(figure: Mapping[str, Any], value: float | None) -> str:
+    if value is None:
+        return "not measured"
+    reached = figure.get("at_least", value) <= value <= figure.get("at_most", value)
+    number = f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+    return number if reached else f"**missed: {number}**"
+
+
+def main() -> None:
+    """Measures, or writes the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    measure = commands.add_parser("measure")
+    measure.add_argument("names", nargs="+", choices=[run["name"] for run in runs()])
+    measure.add_argument("--folder", type=Path, required=True)
+    commands.add_parser("table")
+    asked = parser.parse_args()
+    found = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
+    if asked.command == "measure":
+        for run in runs():
+            if run["name"] in asked.names:
+                found[run["name"]] = measured(run, asked.folder)
+                FIGURES.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n")
+    before, _, rest = PAGE.read_text().partition(BEGIN)
+    _, _, after = rest.partition(END)
+    PAGE.write_text(before + BEGIN + "\n".join(table(found)) + "\n" + END + after)
+
+
+if __name__ == "__main__":
+    main()
