@@ -2,8 +2,9 @@
 
 A stage takes what its libraries take, and what grows: with the pixels of a frame, of a prior, or of
 all photographs together, and with the points of the field's grid. The coefficients are measured:
-`benchmarks/history.md` has predictions beside measurements. A grid that is not decided yet counts as
-large as it may become. Of stages that compute on a GPU only those count whose frames are not there.
+`benchmarks/history.md` has predictions beside measurements. A grid that is not decided yet counts
+as large as it may become. Of stages that compute on a GPU only those count whose frames are not
+there.
 """
 
 import json
