@@ -86,7 +86,7 @@ def splatted(
     total, colors = np.zeros(height * width), np.zeros((height * width, 3))
     for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
         column, row = left + dx, top + dy
-        inside = (0 <= column) & (column < width) & (0 <= row) & (row < height)
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
         share = ((1 - np.abs(x - column)) * (1 - np.abs(y - row)) * weight)[inside]
         at = (row * width + column)[inside].astype(np.int64)
         total += np.bincount(at, share, height * width)
