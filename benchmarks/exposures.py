@@ -23,8 +23,8 @@ import numpy as np
 import torch
 
 from pipeline.task import artifact
+from styletrf.evaluation.consistency.geometric_consistency import corresponding, geometric_errors
 from styletrf.evaluation.exposed_image import psnr_exposed
-from styletrf.evaluation.geometric_consistency import corresponding, geometric_errors
 from styletrf.evaluation.metrics import Image, psnr
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField

@@ -16,8 +16,11 @@ import luigi
 import torch
 
 from pipeline.task import artifact
-from styletrf.evaluation.consistency import ConsistencyConfig, measure_consistency
-from styletrf.evaluation.frame_pairs import read_frame
+from styletrf.evaluation.consistency.frame_pairs import read_frame
+from styletrf.evaluation.consistency.trajectory_consistency import (
+    ConsistencyConfig,
+    measure_consistency,
+)
 from styletrf.evaluation.perceptual_distance import Perception
 from styletrf.files.images import read_rgb
 from styletrf.geometry.camera_table import read_cameras

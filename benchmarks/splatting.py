@@ -2,8 +2,9 @@
 
     splatting.py stylized=out/horns/mosaic/frames photographs=data/scenes/horns/images --width 504
 
-A row of Markdown for each folder and gap: see `styletrf.evaluation.splatting_consistency`. Frames
-are PNG, JPEG or EXR files in the order of their names.
+A row of Markdown for each folder and gap, as `splatting_consistency` of
+`styletrf.evaluation.consistency` has them. Frames are PNG, JPEG or EXR files in the order of their
+names.
 """
 
 import argparse
@@ -14,8 +15,8 @@ from typing import get_args
 import cv2
 import numpy as np
 
+from styletrf.evaluation.consistency.splatting_consistency import splatting_consistency
 from styletrf.evaluation.flow import FlowEstimator, Image, Method
-from styletrf.evaluation.splatting_consistency import splatting_consistency
 from styletrf.files.float_images import read_float_image
 from styletrf.files.images import read_rgb
 

@@ -84,7 +84,7 @@ def configurations() -> dict[str, type]:
     """Returns the configuration of each stage that takes settings, by family."""
     from styletrf.capture.scene_capture import CaptureConfig
     from styletrf.content.content_images import ContentConfig
-    from styletrf.evaluation.consistency import ConsistencyConfig
+    from styletrf.evaluation.consistency.trajectory_consistency import ConsistencyConfig
     from styletrf.evaluation.quality import QualityConfig
     from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig
     from styletrf.evaluation.stylization_loss import StylizationLossConfig

@@ -102,7 +102,7 @@ class FrameMetrics(TunedStage, FrameControls):
     @staticmethod
     def frames(inputs: Mapping[str, Path]) -> tuple[list[str], Callable[[str], tuple[Any, Any]]]:
         """Returns the names of the views, and what reads one without and with style."""
-        from styletrf.evaluation.frame_pairs import read_frame
+        from styletrf.evaluation.consistency.frame_pairs import read_frame
         from styletrf.geometry.camera_table import read_cameras
 
         cameras = {c.name: c for c in read_cameras(inputs["unstylized"] / "cameras.parquet")}
@@ -150,8 +150,11 @@ class ConsistencyMetrics(FrameMetrics):
         """Warp and compare."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.evaluation.consistency import ConsistencyConfig, measure_consistency
-        from styletrf.evaluation.frame_pairs import read_frame
+        from styletrf.evaluation.consistency.frame_pairs import read_frame
+        from styletrf.evaluation.consistency.trajectory_consistency import (
+            ConsistencyConfig,
+            measure_consistency,
+        )
         from styletrf.evaluation.perceptual_distance import Perception
         from styletrf.files.images import read_rgb
         from styletrf.files.tables import read_summary, write_rows, write_summary

@@ -134,7 +134,7 @@ def train_here(asked: Asked, display: Display) -> None:
 def _pairs_to_train_on(renders: Path, config: Any, measured: Mapping[str, Any]) -> Any:
     """Returns the pairs of renders but for those that ConsistencyMetrics measures."""
     from styletrf.configuration import configured
-    from styletrf.evaluation.frame_pairs import PairPlan, planned_pairs
+    from styletrf.evaluation.consistency.frame_pairs import PairPlan, planned_pairs
     from styletrf.files.tables import read_summary
     from styletrf.geometry.camera_table import read_cameras
     from styletrf.style.training.render_pairs import RenderPairs

@@ -11,7 +11,7 @@ from styletrf.errors import InputError
 from tasks.controls import FrameControls, StyleControls
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.qualities import settings_for
-from tasks.scene import SceneModel
+from tasks.scene import CameraPoses, SceneModel
 from tasks.shards import ShardedStage, parts_in
 from tasks.stage import Stage, TunedStage
 from tasks.style import PerceptualWeights, StyleImage, StyleNetwork
@@ -130,6 +130,8 @@ class StylizedField(TunedStage, StyleControls):
             "priors": self.need(PriorRenders),
             "stylized": self.need(StylizedPriors),
         }
+        if self.strategy == "s1":
+            needed["poses"] = self.need(CameraPoses)
         if self.match != "pixels":
             needed["style"] = self.need(StyleImage)
             needed["perceptual"] = self.need(PerceptualWeights)
@@ -280,7 +282,7 @@ class StylizedFrames(ShardedStage, FrameControls):
         """Writes `frames/NAME.png` of some of the path's cameras."""
         from styletrf.configuration import configured
         from styletrf.devices import device_named
-        from styletrf.evaluation.frame_pairs import OWN_DEPTHS
+        from styletrf.evaluation.consistency.frame_pairs import OWN_DEPTHS
         from styletrf.field.rendering import RenderConfig
         from styletrf.trajectory.frames import write_pictures
         from tasks.mixing import Mixture, frames_by_network, frames_of_field

@@ -7,7 +7,7 @@ The views disagree about where the strokes are, and a free density invents shape
 from collections.abc import Sequence
 from dataclasses import replace
 
-from jaxtyping import UInt8
+from jaxtyping import Bool, UInt8
 from torch import Tensor
 
 from styletrf.field.kernels import Kernels
@@ -28,9 +28,15 @@ def fit_anew(
     config: FieldTrainingConfig,
     kernels: Kernels,
     progress: Progress = silent,
+    free: Bool[Tensor, "cells cells cells"] | None = None,
 ) -> tuple[RadianceField, list[AdaptationPoint]]:
-    """Returns a field fitted to the stylised views alone (S1), and its curve."""
-    field, curve = train_field(cameras, stylized, space, resolution, config, kernels, progress)
+    """Returns a field fitted to the stylised views alone (S1), and its curve.
+
+    Its density stays out of the cells that are `free`, as that of the photographs' field does.
+    """
+    field, curve = train_field(
+        cameras, stylized, space, resolution, config, kernels, progress, free=free
+    )
     return field, [AdaptationPoint(p.iteration, p.seconds, p.psnr) for p in curve]
 
 

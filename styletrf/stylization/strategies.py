@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from styletrf.capture.views import load_views
@@ -19,7 +19,9 @@ from styletrf.files.images import read_rgb, to_integers
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera
 from styletrf.progress import Progress, silent
+from styletrf.scene.free_space import free_space
 from styletrf.scene.scene_model import SceneModel, read_scene_model
+from styletrf.scene.training_photographs import read_training_photographs
 from styletrf.style.perceptual.perceptual_loss import (
     PerceptualLossConfig,
     perceptual_loss,
@@ -78,19 +80,28 @@ class Stylization:
     kernels: Kernels
     style: tuple[Path, Path] | None  # the painting and the perceptual weights
     match: Match
+    free: Bool[Tensor, "cells cells cells"] | None = None  # of the grid, for a new field
 
 
 def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
-    """Returns what the folders hold: field, model, priors, stylized; style and perceptual."""
+    """Returns what the folders hold: field, model, priors, stylized; style and perceptual; poses.
+
+    With `poses`, whose photographs the field was fitted to, also the space that is free by them.
+    """
     cameras = read_cameras(inputs["priors"] / "cameras.parquet")
     priors = list(float_images(inputs["priors"]))
     plain = [torch.from_numpy(to_integers(image.color)) for image in priors]
     style = None
     if match != "pixels":
         style = inputs["style"] / "style.png", inputs["perceptual"] / "vgg16.safetensors"
+    model = read_scene_model(inputs["model"] / "scene.json")
+    free = None
+    if "poses" in inputs:
+        photographs = read_training_photographs(inputs["poses"])
+        free = torch.from_numpy(free_space(model, photographs.cameras, photographs.points))
     return Stylization(
         field=load_field(inputs["field"]).to(device),
-        model=read_scene_model(inputs["model"] / "scene.json"),
+        model=model,
         cameras=cameras,
         depths=[image.depth for image in priors],
         plain=torch.stack(plain).to(device),
@@ -98,6 +109,7 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
         kernels=kernels_for(device),
         style=style,
         match=match,
+        free=free,
     )
 
 
@@ -142,8 +154,9 @@ def freely_stylized(
     training, space = replace(config.fit, field=shading), job.model.space
     if anew:
         return fit_anew(
-            job.cameras, job.painted, space, job.model.resolution, training, job.kernels, progress
-        )
+            job.cameras, job.painted, space, job.model.resolution, training, job.kernels,
+            progress, job.free,
+        )  # fmt: skip
     rays = config.adaptation.iterations * config.adaptation.batch
     training = replace(training, iterations=max(1, rays // training.batch), batch_samples=0)
     return adapt_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)

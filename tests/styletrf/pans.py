@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from styletrf.evaluation.frame_pairs import Frame
+from styletrf.evaluation.consistency.frame_pairs import Frame
 from styletrf.files.float_images import FloatImage
 from styletrf.geometry.cameras import Camera
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 from kernel_cases import generator
 
-from styletrf.evaluation.geometric_consistency import (
+from styletrf.evaluation.consistency.geometric_consistency import (
     Correspondence,
     corresponding,
     geometric_errors,

@@ -4,7 +4,7 @@ import pytest
 
 from styletrf.configuration import configured
 from styletrf.errors import InputError
-from styletrf.evaluation.consistency import ConsistencyConfig
+from styletrf.evaluation.consistency.trajectory_consistency import ConsistencyConfig
 from styletrf.evaluation.flow import METHODS, FlowEstimator, agreement, warp_to_a
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from styletrf.errors import InputError
-from styletrf.evaluation.frame_pairs import PairPlan, planned_pairs
+from styletrf.evaluation.consistency.frame_pairs import PairPlan, planned_pairs
 from styletrf.field.rendering import Rendering
 from styletrf.geometry.cameras import Camera
 from styletrf.style.training.render_pairs import RenderPairs, training_pairs

@@ -14,9 +14,12 @@ from test_style_training import TINY, style, trained
 from styletrf.content.content_images import ContentConfig, write_content_images
 from styletrf.content.content_sources import embedded_source
 from styletrf.errors import InputError
-from styletrf.evaluation.consistency import ConsistencyConfig, measure_consistency
+from styletrf.evaluation.consistency.flow_consistency import flow_errors
+from styletrf.evaluation.consistency.trajectory_consistency import (
+    ConsistencyConfig,
+    measure_consistency,
+)
 from styletrf.evaluation.flow import FlowEstimator
-from styletrf.evaluation.flow_consistency import flow_errors
 from styletrf.evaluation.perceptual_distance import Perception
 from styletrf.evaluation.quality import measure_quality
 from styletrf.evaluation.stylization_loss import StylizationLossConfig, measure_stylization

@@ -13,6 +13,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.ray_cache import march_once
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.view_rays import ViewRays
+from styletrf.scene.free_space import CELLS
 from styletrf.stylization.adaptation import AdaptationConfig
 from styletrf.stylization.free_adaptation import adapt_all, fit_anew
 from styletrf.stylization.image_adaptation import (
@@ -103,6 +104,23 @@ def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, fiel
     )
     assert curve[-1].psnr > curve[0].psnr + 3
     assert anew.resolution == scene.model.resolution
+
+
+def test_a_new_field_leaves_free_space_empty(scene):
+    free = torch.zeros(CELLS, CELLS, CELLS, dtype=torch.bool)
+    free[: CELLS // 2] = True
+    config = replace(CONFIG, iterations=40)
+
+    def occupied(free):
+        new, _ = fit_anew(
+            scene.cameras, scene.images, scene.model.space, scene.model.resolution, config,
+            KERNELS, free=free,
+        )  # fmt: skip
+        half = new.density.occupancy.shape[0] // 2
+        return new.density.occupancy[: half - 1].any()
+
+    assert occupied(None)
+    assert not occupied(free)
 
 
 def test_the_factors_of_the_controls_steer_the_loss_of_renders():

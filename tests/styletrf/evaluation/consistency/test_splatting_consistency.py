@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from styletrf.evaluation.flow import FlowEstimator
-from styletrf.evaluation.splatting_consistency import (
+from styletrf.evaluation.consistency.splatting_consistency import (
     splatted,
     splatting_consistency,
     splatting_errors,
 )
+from styletrf.evaluation.flow import FlowEstimator
 
 HEIGHT, WIDTH = 20, 30
 

@@ -8,8 +8,11 @@ from hypothesis import strategies as st
 from pans import FRAMES, HEIGHT, STEP, WIDTH, camera, pan, shown, texture
 
 from styletrf.errors import InputError
-from styletrf.evaluation.consistency import ConsistencyConfig, measure_consistency
-from styletrf.evaluation.frame_pairs import planned_pairs, read_frame
+from styletrf.evaluation.consistency.frame_pairs import planned_pairs, read_frame
+from styletrf.evaluation.consistency.trajectory_consistency import (
+    ConsistencyConfig,
+    measure_consistency,
+)
 from styletrf.evaluation.perceptual_distance import Perception
 from styletrf.field.rendering import Rendering
 from styletrf.files.float_images import FloatImage

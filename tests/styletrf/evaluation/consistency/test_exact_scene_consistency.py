@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from styletrf.evaluation.consistency import ConsistencyConfig, measure_consistency
+from styletrf.evaluation.consistency.frame_pairs import Frame
+from styletrf.evaluation.consistency.trajectory_consistency import (
+    ConsistencyConfig,
+    measure_consistency,
+)
 from styletrf.evaluation.flow import METHODS, FlowEstimator
-from styletrf.evaluation.frame_pairs import Frame
 from styletrf.evaluation.perceptual_distance import Perception
 from styletrf.files.float_images import FloatImage
 from styletrf.geometry.cameras import pixel_centers

@@ -2,9 +2,9 @@
 
 Stylos (ICLR 2026) and AnyStyle (arXiv 2602.04043, appendix E) move stylised frame t along its own
 flow to frame t + 1 or t + 7 by softmax splatting (Niklaus and Liu, CVPR 2020), and take the root of
-the mean squared difference. It differs from `styletrf.evaluation.flow_consistency` in all of this:
-the flow is that of the stylised frames, which follows flicker; pixels that nothing is splatted to
-count as errors of zero, so that more disocclusion lowers the figure.
+the mean squared difference. It differs from the error of `flow_consistency` in all of this: the
+flow is that of the stylised frames, which follows flicker; pixels that nothing is splatted to count
+as errors of zero, so that more disocclusion lowers the figure.
 """
 
 from collections.abc import Iterable
@@ -62,7 +62,7 @@ def importance(a: Image, b: Image, flow: Flow) -> Float[np.ndarray, "height widt
     Of two pixels that are splatted to one place, that prevails which looks like it.
     """
     warped, _ = warp_to_a(b, flow)
-    return np.maximum(-_SHARPNESS * np.abs(a - warped).mean(axis=-1), -_MOST)
+    return np.asarray(np.maximum(-_SHARPNESS * np.abs(a - warped).mean(axis=-1), -_MOST))
 
 
 def splatted(

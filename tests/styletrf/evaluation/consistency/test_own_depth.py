@@ -5,7 +5,11 @@ import math
 import pytest
 from pans import DEPTH, FRAMES, STEP, WIDTH, pan, shown, texture
 
-from styletrf.evaluation.consistency import Consistency, ConsistencyConfig, measure_consistency
+from styletrf.evaluation.consistency.trajectory_consistency import (
+    Consistency,
+    ConsistencyConfig,
+    measure_consistency,
+)
 from styletrf.evaluation.perceptual_distance import Perception
 
 

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from styletrf.errors import InputError
-from styletrf.evaluation.flow import FlowEstimator, Method
-from styletrf.evaluation.flow_consistency import FlowErrors, flow_errors
-from styletrf.evaluation.frame_pairs import Frame, Pair, PairPlan, paired, planned_pairs
-from styletrf.evaluation.geometric_consistency import (
+from styletrf.evaluation.consistency.flow_consistency import FlowErrors, flow_errors
+from styletrf.evaluation.consistency.frame_pairs import Frame, Pair, PairPlan, paired, planned_pairs
+from styletrf.evaluation.consistency.geometric_consistency import (
     Correspondence,
     GeometricErrors,
     OwnErrors,
     corresponding,
     geometric_errors,
 )
+from styletrf.evaluation.flow import FlowEstimator, Method
 from styletrf.evaluation.metrics import Image
 from styletrf.evaluation.perceptual_distance import (
     Grams,
