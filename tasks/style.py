@@ -285,7 +285,7 @@ class StyleNetwork(TunedStage, NetworkControls):
             out=str(out),
             resume=str(run.resume),
             device=self.device,
-            measured=self.measured_pairs().get("measured_pairs", {}),
+            measured=self.measured_pairs()["measured_pairs"] if "renders" in inputs else {},
         )
         train(asked, run.progress)
 
