@@ -114,12 +114,23 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
         record = publish(store, workspace / "out", action, provenance)
         shutil.rmtree(resume, ignore_errors=True)
         _note(log, f"{DONE} {report.seconds:.0f} s")
-        spent = Cost(report.earlier_seconds + report.seconds, report.peak_memory_bytes)
-        note(store, task.task_family, Spent(significant(task), spent))
+        _note_cost(task, report, record, store)
     give(store, record)
     forget_checkpoints(action.key)
     screen.info("%s: done in %.0f s", task.label, report.seconds)
     return record
+
+
+def _note_cost(task: "StoredTask", report: Report, record: ActionRecord, store: Store) -> None:
+    """Keep what the build took for plans of later ones."""
+    is_whole = not report.earlier_seconds  # whose CPU time is not known
+    cost = Cost(
+        report.earlier_seconds + report.seconds,
+        report.peak_memory_bytes,
+        report.cpu_seconds if is_whole else None,
+        record.output.size,
+    )
+    note(store, task.task_family, Spent(significant(task), cost, socket.gethostname()))
 
 
 def _provenance(task: "StoredTask", report: Report, log: Path, store: Store) -> dict[str, Json]:

@@ -7,7 +7,7 @@ before it took that share most of its parameters.
 import contextlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
@@ -24,18 +24,21 @@ USUAL_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What a build takes."""
+    """What a build takes; `cpu_seconds` and `output_bytes` are None where they were not noted."""
 
     seconds: float
     peak_memory_bytes: int
+    cpu_seconds: float | None = None
+    output_bytes: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """What a build took: its parameters, serialised, and its cost."""
+    """What a build took: its parameters, serialised, its cost, and the host that built it."""
 
     parameters: Mapping[str, str]
     cost: Cost
+    host: str = ""
 
 
 def note(store: Store, family: str, spent: Spent) -> None:
@@ -60,13 +63,18 @@ def expected(spendings: list[Spent], parameters: Mapping[str, str]) -> Cost | No
     The median time, and the largest memory and a fifth more, of the five newest that share most
     parameters.
     """
-    if not spendings:
+    costs = [spent.cost for spent in alike(spendings, parameters)]
+    if not costs:
         return None
+    memory = _RESERVE * max(c.peak_memory_bytes for c in costs)
+    return Cost(median(c.seconds for c in costs), int(memory))
+
+
+def alike(spendings: Sequence[Spent], parameters: Mapping[str, str]) -> list[Spent]:
+    """Returns the newest builds, at most five, of those that share most of the parameters."""
     shared = [len(spent.parameters.items() & parameters.items()) for spent in spendings]
-    most = max(shared)
-    alike = [s.cost for s, n in zip(spendings, shared, strict=True) if n == most][-_NEWEST:]
-    memory = _RESERVE * max(c.peak_memory_bytes for c in alike)
-    return Cost(median(c.seconds for c in alike), int(memory))
+    most = max(shared, default=0)
+    return [s for s, n in zip(spendings, shared, strict=True) if n == most][-_NEWEST:]
 
 
 def _lines(file: Path) -> Iterator[Spent]:
@@ -74,9 +82,10 @@ def _lines(file: Path) -> Iterator[Spent]:
     with contextlib.suppress(OSError), file.open("rb") as lines:
         lines.seek(max(0, file.stat().st_size - _READ_BYTES))
         for line in lines:
-            with contextlib.suppress(ValueError, TypeError, KeyError):
-                told: dict[str, Any] = json.loads(line)
-                yield Spent(dict(told["parameters"]), Cost(**told["cost"]))
+            with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
+                noted: dict[str, Any] = json.loads(line)
+                host = str(noted.get("host", ""))
+                yield Spent(dict(noted["parameters"]), Cost(**noted["cost"]), host)
 
 
 def _file(store: Store, family: str) -> Path:

@@ -221,13 +221,18 @@ class StoredTask(luigi.Task):
         Raises:
             NotBuiltError: When an upstream artifact was never built.
         """
+        inputs = {n: task._recorded().output.digest for n, task in self.requires().items()}
+        return self.action_with(inputs, refresh=refresh)
+
+    def action_with(self, inputs: Mapping[str, str], *, refresh: bool = False) -> Action:
+        """`action`, with these digests as those of the inputs."""
         if refresh or self._sources is None:
             self._sources = dict(self.external_digests())
         return Action(
             family=self.task_family,
             code=(code_in_key if refresh else _first_code)(type(self)),
             parameters=canonical(self.identity_parameters()),
-            inputs={n: task._recorded().output.digest for n, task in self.requires().items()},
+            inputs=inputs,
             sources=self._sources,
             tools={name: _tool_version(name) for name in self.tools},
             salt=setting("store", "salt"),

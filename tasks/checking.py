@@ -11,6 +11,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -34,10 +35,25 @@ LEAST_ROOM_BYTES = 64 << 20  # of the disk, for a command to begin
 
 @functools.cache
 def check_command(command: CmdlineParser) -> None:
-    """Ends a command that is bound to fail, with one line, before its first stage.
+    """Ends a command that is bound to fail; of one that is not, the time expected is shown.
 
     Raises:
-        SystemExit: A setting, the device or a combination of words cannot be used.
+        SystemExit: See `refuse_unsound`.
+    """
+    stages = refuse_unsound(command)
+    if board := board_of_command():
+        board.expect(seconds_ahead(stages))
+
+
+@functools.cache
+def refuse_unsound(command: CmdlineParser) -> Sequence[luigi.Task]:
+    """Ends a command that is bound to fail, with one line, before its first stage.
+
+    Returns:
+        Its stages.
+
+    Raises:
+        SystemExit: A setting, the device, a budget or a combination of words cannot be used.
     """
     try:
         root = command.get_task_obj()  # type: ignore[no-untyped-call]
@@ -46,6 +62,8 @@ def check_command(command: CmdlineParser) -> None:
         for stage in stages:
             if hasattr(stage, "require_sound"):  # not of Luigi's own
                 stage.require_sound()
+            if hasattr(stage, "require_reachable"):
+                stage.require_reachable()
         require_room(current_store().root)
         demands = demands_of(stages) if may_stop(root) else []
     except InputError as error:
@@ -61,8 +79,7 @@ def check_command(command: CmdlineParser) -> None:
     }
     if any(asked.values()) and (refusal := _refusal(asked)):
         raise SystemExit(refusal)
-    if board := board_of_command():
-        board.expect(seconds_ahead(stages))
+    return stages
 
 
 def require_room(root: Path) -> None:

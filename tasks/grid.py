@@ -7,8 +7,9 @@ import luigi
 from pipeline.errors import TaskFailure
 from pipeline.parameters import ListParameter
 from styletrf.errors import InputError
-from tasks.at_exit import acting_at_exit
+from tasks.at_exit import acting_at_exit, root_of_command
 from tasks.night import conclude
+from tasks.plan_report import end_with_plan
 from tasks.shards import part_of
 from tasks.showing import show_all
 from tasks.trajectory import CONTROLS, StylizedTrajectory
@@ -27,6 +28,8 @@ class Grid(luigi.WrapperTask):
     styles = ListParameter(description='such as ["mosaic", "udnie"]')
     quality = StylizedTrajectory.quality
     budget = StylizedTrajectory.budget
+    plan = StylizedTrajectory.plan  # type: ignore[misc]
+    json = StylizedTrajectory.json  # type: ignore[misc]
     tuning = StylizedTrajectory.tuning
     keep_going = StylizedTrajectory.keep_going  # type: ignore[misc]
     device = StylizedTrajectory.device
@@ -60,6 +63,8 @@ class Grid(luigi.WrapperTask):
             InputError: With what to give instead.
         """
         self.cells()
+        if self.json and not self.plan:
+            raise InputError("--json", "is for --plan alone", "Add --plan, or leave it out")
         if self.network and len(self.styles) > 1:
             problem = "is one painting's network, for several styles"
             raise InputError(f"--network {self.network}", problem, "Give one style")
@@ -67,8 +72,10 @@ class Grid(luigi.WrapperTask):
     def complete(self) -> bool:
         """Whether every cell is; the command ends with the index, and with what became of them.
 
-        Not if it is refused.
+        Not if it is refused. A command with `--plan` prints its plan instead, and ends.
         """
+        if self.plan and root_of_command() == self:
+            return end_with_plan(self, as_json=self.json)
         with acting_at_exit(self, conclude):
             return bool(super().complete())  # type: ignore[no-untyped-call]
 

@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import platform
 import socket
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, TypeVar
 
 from pipeline.record import ActionRecord
 from styletrf.evaluation.trade_off import Measurement, Part
+from tasks.machine_calibration import processor
 from tasks.sweep import Variant
 
 Amount = TypeVar("Amount", int, float)
@@ -112,19 +112,12 @@ def machine(records: Iterable[ActionRecord]) -> str:
     elsewhere = (
         f"; measured on {', '.join(sorted(hosts))}" if hosts - {socket.gethostname()} else ""
     )
-    return f"{os.cpu_count()} cores, {_processor()}{elsewhere}"
+    return f"{os.cpu_count()} cores, {processor()}{elsewhere}"
 
 
 def measured_on(records: Iterable[ActionRecord]) -> str:
     """Returns the day on which the last of the records was made."""
     return max(str(record.provenance.get("started", ""))[:10] for record in records)
-
-
-def _processor() -> str:
-    path = Path("/proc/cpuinfo")
-    lines = path.read_text().splitlines() if path.exists() else []
-    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(named, platform.processor() or platform.machine())
 
 
 def _by_family(

@@ -89,9 +89,9 @@ class Photographs:
 
 def demands_of(stages: Iterable[luigi.Task]) -> list[Demand]:
     """Returns the demands of those stages whose memory grows with what the user gives."""
-    grown = (s for s in stages if isinstance(s, TunedStage) and _name(s) in GROWTH)
+    grown = (s for s in stages if isinstance(s, TunedStage) and demand_name(s) in GROWTH)
     to_make = (s for s in grown if not is_made(s))
-    return [demand_of(s) for s in to_make if GROWTH[_name(s)].frame or not _is_on_a_card(s)]
+    return [demand_of(s) for s in to_make if GROWTH[demand_name(s)].frame or not _is_on_a_card(s)]
 
 
 def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float]:
@@ -170,7 +170,7 @@ def demand_of(stage: TunedStage) -> Demand:
     model = stage.need(SceneModel)
     limit_gib = stage.memory_gib or float(setting("store", "memory_gib"))
     return Demand(
-        stage=_name(stage),
+        stage=demand_name(stage),
         scene=str(stage.param_kwargs["scene"]),
         photograph_px=model.values()["image_long_side"],
         frame_px=stage.need(TrajectoryFrames).values().get("long_side_px", 0),
@@ -189,7 +189,7 @@ def _grid_points(model: SceneModel) -> int:
     return cast("int", model.values()["max_voxels"])
 
 
-def _name(stage: TunedStage) -> str:
+def demand_name(stage: TunedStage) -> str:
     """Returns the family, and the method where that decides what a stage does."""
     is_stylized = stage.task_family == "StylizedFrames"
     is_painted = is_stylized and stage.param_kwargs.get("method") == "per-frame"

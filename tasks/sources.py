@@ -61,11 +61,11 @@ def may_stop(root: luigi.Task) -> bool:
 
     It does if it has a `keep_going` that was not given, and no luigid hands its stages to others.
     """
-    return not getattr(root, "keep_going", True) and _is_alone()
+    return not getattr(root, "keep_going", True) and builds_alone()
 
 
-def _is_alone() -> bool:
-    """Whether no luigid hands the stages to several machines."""
+def builds_alone() -> bool:
+    """Whether no luigid hands the stages of the command to several machines."""
     return bool(luigi.interface.core().local_scheduler)  # type: ignore[no-untyped-call]
 
 

@@ -17,6 +17,7 @@ from styletrf.evaluation.trade_off import Measurement, Tuning, merged
 from tasks.command import main_command
 from tasks.field import TrajectoryFrames
 from tasks.graph import graph
+from tasks.machine_calibration import calibration_of_machine
 from tasks.measuring import lineage_of, measurement, summary_in
 from tasks.metrics import QualityMetrics, StyleMetrics, StylizationMetrics
 from tasks.scene import SceneModel
@@ -59,12 +60,12 @@ class TradeOff(ShownStage, GradedStage):
         if self.repeats < 1:
             raise InputError(f"--repeats {self.repeats}", "measures nothing", "Give 1 or more")
         if changed := stages_with_settings(graph(self)):
-            told = f"settings of {', '.join(changed)}"
-            raise InputError(told, "would hide what a sweep changes", "Give them by --tuning")
+            subject = f"settings of {', '.join(changed)}"
+            raise InputError(subject, "would hide what a sweep changes", "Give them by --tuning")
         names = [v.name for v in sweep(middle_of(self.quality, self.tuning), 1) if v.name]
         if unknown := set(self.only) - set(names):
-            told = f"--only {sorted(unknown)}"
-            raise InputError(told, "is no change of the sweep", f"Give some of {names}")
+            subject = f"--only {sorted(unknown)}"
+            raise InputError(subject, "is no change of the sweep", f"Give some of {names}")
 
     def variants(self) -> list[Variant]:
         """What is measured."""
@@ -117,13 +118,15 @@ class TradeOff(ShownStage, GradedStage):
         rows = [_flat(asdict(p.combination)) | {"overlaps": p.overlaps} for p in front]
         write_rows(out / "front.parquet", rows)
         evidence = json.loads((inputs["model"] / "scene.json").read_text())["evidence"]
-        told = {
+        description = {
             "scene": self.scene, "style": self.painting, "quality": self.quality,
             "space": evidence["space"]["chosen"], "machine": machine(run.lineage),
             "measured": measured_on(run.lineage), "changes": self._changes(),
         }  # fmt: skip
-        write_summary(out / "front.json", {**told, "points": [asdict(p) for p in front]})
-        content = TradeOffContent(**told, points=points, front=front, measurements=measured,
+        calibration = asdict(calibration_of_machine(self.device))
+        measured_front = {"points": [asdict(p) for p in front], "calibration": calibration}
+        write_summary(out / "front.json", {**description, **measured_front})
+        content = TradeOffContent(**description, points=points, front=front, measurements=measured,
                                   command=self.command)  # fmt: skip
         write_trade_off_page(out / "report.html", content)
 

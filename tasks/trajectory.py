@@ -14,13 +14,26 @@ from pipeline.parameters import BoolParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
+from styletrf.evaluation.trade_off import Tuning
 from tasks.at_exit import acting_at_exit, root_of_command
-from tasks.choosing import Choice, Wish, WishedQuality, choose, space_of, wish_of
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.graph import graph
+from tasks.kept_choice import choice_for, keep_choice
 from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics
+from tasks.plan import is_made
+from tasks.plan_report import end_with_plan
 from tasks.qualities import QUALITIES
+from tasks.quality_choice import (
+    Choice,
+    Front,
+    fronts_for,
+    possible_choices,
+    require_reachable,
+    space_of,
+)
+from tasks.quality_request import QualityParameter, QualityRequest, quality_request
+from tasks.remaining_time import timing_of
 from tasks.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.showing import ShownStage
 from tasks.sources import is_source
@@ -49,30 +62,38 @@ class StylizedTrajectory(ShownStage, FrameControls):
     to the videos and priors in the store, and is restored by every run.
     """
 
-    quality = WishedQuality(
+    quality = QualityParameter(
         choices=list(QUALITIES),
         default="standard",
         description='draft, standard or paper; or "within 0.5 dB": the fastest settings that fall'
         " short of the best by no more, by a measured front",
     )
     budget = luigi.Parameter(
-        default="", description="such as 5min: the best settings that take no longer, by a front"
+        default="",
+        description="such as 5min: the best settings that take no longer on this machine, by a"
+        " measured front",
     )
+    plan = BoolParameter(
+        significant=False,
+        description="prints what is found and what would be made, why, and at what cost; builds"
+        " nothing",
+    )
+    json = BoolParameter(significant=False, description="has --plan print JSON")
     keep_going = BoolParameter(
         significant=False,
         description="makes what it can where a painting, photographs or weights cannot be used,"
         " instead of stopping",
     )
     tools = ("av", "opencv-contrib-python-headless")
-    _is_told = False
+    _is_described = False
 
     @property
-    def wish(self) -> Wish | None:
-        """What is wanted of time and accuracy, where that is not a quality by its name."""
-        return wish_of(self.quality, self.budget)
+    def request(self) -> QualityRequest | None:
+        """What is asked of time and accuracy, where that is not a quality by its name."""
+        return quality_request(self.quality, self.budget)
 
     def require_sound(self) -> None:
-        """Refuses a wish that cannot be understood.
+        """Refuses a request for time or accuracy that is unclear, or goes with settings.
 
         Raises:
             InputError: With what to give instead.
@@ -80,19 +101,34 @@ class StylizedTrajectory(ShownStage, FrameControls):
         super().require_sound()
         if self.style in PAGES:
             raise InputError(f"style {self.style}", "is the name of a page", "Rename the image")
+        if self.json and not self.plan:
+            raise InputError("--json", "is for --plan alone", "Add --plan, or leave it out")
         if self.budget and not self.is_usual("quality") and self.quality in QUALITIES:
-            told = f"--quality {self.quality} --budget {self.budget}"
-            raise InputError(told, "ask for settings twice", "Leave one of them out")
-        if self.wish and self.tuning:
-            problem = "goes without a wish for time or accuracy, which chooses the settings"
+            subject = f"--quality {self.quality} --budget {self.budget}"
+            raise InputError(subject, "ask for settings twice", "Leave one of them out")
+        if self.request and self.tuning:
+            problem = "does not go with a bound on time or accuracy, which chooses the settings"
             raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
-        if self.wish and (changed := stages_with_settings(graph(self._plain()))):
-            problem = "go without a wish for time or accuracy, which chooses them"
+        if self.request and (changed := stages_with_settings(graph(self._plain()))):
+            problem = "do not go with a bound on time or accuracy, which chooses them"
             raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
+
+    def require_reachable(self) -> None:
+        """Refuses a budget below what the fastest settings take, before the first stage.
+
+        Of the fronts that may apply to the scene the fastest point counts, until it is known which
+        front does. What is in the store takes no time.
+
+        Raises:
+            InputError: It names the nearest budget that can be reached.
+        """
+        if self.request and not self.resolved():
+            fronts = fronts_for(self._measured_front(), self._space())
+            require_reachable(self.request, fronts, timing_of(self))
 
     def requires(self) -> Mapping[str, Stage]:
         """Everything the report shows; to choose settings, the kind of scene and the sources."""
-        if self.wish:
+        if self.request:
             sources = [task for task in graph(self._plain()) if is_source(task)]
             named = {task.task_family: cast("Stage", task) for task in sources}
             return {"model": self.need(SceneModel, quality=QUALITIES[0]), **named}
@@ -133,52 +169,92 @@ class StylizedTrajectory(ShownStage, FrameControls):
 
     def cells(self) -> "list[StylizedTrajectory]":
         """The results asked for."""
-        return [self.granted() or self]
+        return [self.resolved() or self]
 
     def _plain(self) -> "StylizedTrajectory":
         """The same at the first quality; any quality needs the same photographs and painting."""
-        return StylizedTrajectory(**{**self.param_kwargs, "quality": QUALITIES[0], "budget": ""})
+        return self.with_settings(QUALITIES[0], {})
+
+    def with_settings(self, quality: str, tuning: Tuning) -> "StylizedTrajectory":
+        """Returns the same fly-through at a quality by its name, with settings of stages."""
+        words = {**self.param_kwargs, "quality": quality, "tuning": tuning, "budget": ""}
+        return StylizedTrajectory(**words)
 
     def complete(self) -> bool:
-        """Whether the result is in the store and in `out/`; the command refreshes the index."""
+        """Whether the result is in the store and in `out/`; the command refreshes the index.
+
+        A command with `--plan` prints its plan instead, and ends.
+        """
+        if self.plan and root_of_command() == self:
+            return end_with_plan(self, as_json=self.json)
         with acting_at_exit(self, refresh_at_exit):
-            granted = self.granted()
-            return granted.complete() if granted else super().complete()
+            resolved = self.resolved()
+            return resolved.complete() if resolved else super().complete()
 
     def run(self) -> "Generator[StoredTask, None, None] | None":
-        """Make the result; for a wish, have Luigi make the one that grants it."""
-        return self._grant() if self.wish else super().run()
+        """Make the result; for a request, have Luigi make the one with the chosen settings."""
+        return self._run_resolved() if self.request else super().run()
 
-    def _grant(self) -> "Generator[StoredTask, None, None]":
+    def _run_resolved(self) -> "Generator[StoredTask, None, None]":
         try:
-            self._choice()
+            keep_choice(self, self._front(), self._choice())
         except InputError as error:
             raise TaskFailure("user", str(self), str(error)) from error
-        yield cast("StoredTask", self.granted())
+        yield cast("StoredTask", self.resolved())
 
-    def granted(self) -> "StylizedTrajectory | None":
-        """The result that grants the wish.
+    def resolved(self) -> "StylizedTrajectory | None":
+        """The result with the settings that a request for time or accuracy leads to.
 
-        None without a wish; while the kind of scene is unknown; and where no result will do, which
-        `require_sound` or `run` tell.
+        None without a request; while the kind of scene is unknown; and where no result will do,
+        which `require_reachable` or `run` report.
         """
         try:
             self.require_sound()
-            if not self.wish or not self.requires()["model"].complete():
+            if not self.request or not self._space():
                 return None
             choice = self._choice()
         except InputError:
             return None
-        if not self._is_told:
-            self._is_told = True
-            screen.info("%s: %s", self.label, choice.told)
-        found = {**self.param_kwargs, "quality": choice.quality, "tuning": choice.point.tuning}
-        return StylizedTrajectory(**{**found, "budget": ""})
+        if not self._is_described:
+            self._is_described = True
+            screen.info("%s: %s", self.label, choice.description)
+        return self.with_settings(choice.quality, choice.point.tuning)
+
+    def planned(self) -> "tuple[StylizedTrajectory, str]":
+        """Returns what `--plan` describes, and how its settings were chosen.
+
+        While it is not known which front applies, of those that may the one that takes longest.
+
+        Raises:
+            InputError: No settings will do.
+        """
+        if not self.request:
+            return self, ""
+        if self._space():
+            choice = self._choice()
+            return self.with_settings(choice.quality, choice.point.tuning), choice.description
+        fronts, timing = fronts_for(self._measured_front(), None), timing_of(self)
+        require_reachable(self.request, fronts, timing)
+        choices = possible_choices(self.request, fronts, timing)
+        choice = max(choices, key=lambda c: c.point.seconds)
+        description = f"while the kind of space is unknown, supposing {choice.description}"
+        return self.with_settings(choice.quality, choice.point.tuning), description
 
     def _choice(self) -> Choice:
-        model = json.loads((artifact(self.requires()["model"]) / "scene.json").read_text())
-        measured = out_root() / self.scene / "trade-off" / "front.json"
-        return choose(cast("Wish", self.wish), measured, space_of(model))
+        return choice_for(self, cast("QualityRequest", self.request), self._front())
+
+    def _front(self) -> Front:
+        return fronts_for(self._measured_front(), self._space())[0]
+
+    def _measured_front(self) -> Path:
+        return Path(out_root(), self.scene, "trade-off", "front.json")
+
+    def _space(self) -> str | None:
+        """The kind of the scene's space; None before it is decided."""
+        model = self.requires()["model"]
+        if not is_made(model):
+            return None
+        return space_of(json.loads((artifact(model) / "scene.json").read_text()))
 
     def publish(self, object_path: Path) -> None:
         """Make the links, and have the index show the result."""

@@ -7,7 +7,7 @@ front are worth a run.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from statistics import fmean, stdev
 from typing import Any, Literal
 
@@ -71,6 +71,7 @@ class Combination:
         other_cpu_share: As of the measurement that was disturbed more; None if not known of one.
         peak_memory_bytes: Of the stage that takes most.
         model_bytes: Of all that is kept to render from.
+        stage_seconds: The seconds by stage, where they are known.
     """
 
     scene: str
@@ -84,6 +85,7 @@ class Combination:
     other_cpu_share: float | None
     peak_memory_bytes: int
     model_bytes: int
+    stage_seconds: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +194,7 @@ def _combined(
         other_cpu_share=max(shares) if len(shares) == len(pair) else None,
         peak_memory_bytes=max(m.peak_memory_bytes for m in pair),
         model_bytes=_bytes_kept(scene, style, usual[0]),
+        stage_seconds=seconds,
     )
 
 
