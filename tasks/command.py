@@ -15,6 +15,6 @@ def main_command(words: Mapping[str, Any], tuning: Mapping[str, Mapping[str, Any
     """
     command = ["luigi", "--module", "tasks", "StylizedTrajectory"]
     for name, value in {**words, **({"tuning": tuning} if tuning else {})}.items():
-        text = json.dumps(dict(value)) if isinstance(value, Mapping) else str(value)
-        command += [f"--{name.replace('_', '-')}", text]
+        told = json.dumps(dict(value)) if isinstance(value, Mapping) else str(value)
+        command += [f"--{name.replace('_', '-')}", told]
     return shlex.join(command)

@@ -68,7 +68,7 @@ class ReferenceCosts:
 
     def stage_like(self, stage: luigi.Task) -> luigi.Task:
         """Returns the stage of the reference that a stage is compared with."""
-        words = {"scene": self.scene, "style": "reference", "quality": "draft"}
+        words = {"scene": self.scene, "style": "reference", "quality": "draft", "settings": {}}
         names = {n for n, _ in stage.get_params()}  # type: ignore[no-untyped-call]
         return type(stage)(**{n: v for n, v in words.items() if n in names})
 
@@ -101,7 +101,7 @@ class CostModel:
     ) -> None:
         self.here, self.reference = here, reference
         self._sizes = {**sizes, reference.scene: reference.photographs}
-        self._known_drivers: dict[luigi.Task, Mapping[str, float]] = {}
+        self._known_drivers: dict[tuple[luigi.Task, bool], Mapping[str, float]] = {}
         self._spendings = functools.cache(_spendings_here if uses_own_builds else _no_spendings)
 
     def expected(self, stage: luigi.Task, measured_s: float | None = None) -> ExpectedCost:
@@ -141,7 +141,7 @@ class CostModel:
 
     def _scale(self, stage: luigi.Task, earlier: luigi.Task, cost: Cost) -> tuple[float, float]:
         """The ratio of the work, and that of what is written."""
-        here, there = self._drivers(stage), self._drivers(earlier)
+        here, there = self._drivers(stage), self._drivers(earlier, settings={})
         family = stage.task_family
         bytes_ratio = 1.0
         for name in WRITTEN.get(family, ()):
@@ -157,10 +157,11 @@ class CostModel:
         size = round(written * (cost.output_bytes or 0))
         return ExpectedCost(seconds, share * cpu_seconds, cost.peak_memory_bytes, size, evidence)
 
-    def _drivers(self, stage: luigi.Task) -> Mapping[str, float]:
-        if stage not in self._known_drivers:
-            self._known_drivers[stage] = drivers_of(stage, self._sizes)
-        return self._known_drivers[stage]
+    def _drivers(self, stage: luigi.Task, **upstream: Any) -> Mapping[str, float]:
+        name = stage, bool(upstream)
+        if name not in self._known_drivers:
+            self._known_drivers[name] = drivers_of(stage, self._sizes, **upstream)
+        return self._known_drivers[name]
 
     def _memory(self, stage: luigi.Task) -> int | None:
         """By `tasks.memory`, where it knows the stage and the photographs."""

@@ -21,7 +21,7 @@ from tasks.shards import ShardedStage
 from tasks.stage import GradedStage, TunedStage
 from tasks.sweep import USUAL
 
-START_S = 2.5
+START_S = 1.5
 """Seconds of a stage in which its interpreter starts and its libraries load, where measured."""
 _FRAMES_PER_SECOND = 24
 _OF_PRIORS = {"PriorRenders", "StylizedField", "StylizedPriors"}
@@ -66,12 +66,21 @@ def work_ratio(family: str, here: Mapping[str, float], there: Mapping[str, float
     return ratio * here.get("part", 1.0) / there.get("part", 1.0)
 
 
-def drivers_of(stage: luigi.Task, sizes: Mapping[str, Photographs]) -> dict[str, float]:
-    """Returns the values of the drivers of a stage: its settings, and the sizes of its scene."""
+def drivers_of(
+    stage: luigi.Task, sizes: Mapping[str, Photographs], **upstream: Any
+) -> dict[str, float]:
+    """Returns the values of the drivers of a stage: its settings, and the sizes of its scene.
+
+    Args:
+        stage: Of which.
+        sizes: The photographs of scenes, by name.
+        upstream: Parameters of the stages upstream, where they are not those of this command:
+            `settings={}`, since a command's settings of a family are otherwise its default.
+    """
     settings: dict[str, Any] = {}
     if isinstance(stage, GradedStage):
-        for upstream in _deciding(stage):
-            settings |= USUAL.get(upstream.task_family, {}) | upstream.values()
+        for each in _deciding(stage, upstream):
+            settings |= USUAL.get(each.task_family, {}) | each.values()
     numbers = {name: number for name, value in settings.items() for number in _number(value)}
     numbers["frames"] = _frames(settings)
     if isinstance(stage, ShardedStage) and (stage.shard or stage.shards > 1):
@@ -80,13 +89,13 @@ def drivers_of(stage: luigi.Task, sizes: Mapping[str, Photographs]) -> dict[str,
     return numbers | (_pixels(photographs, settings) if photographs else {})
 
 
-def _deciding(stage: GradedStage) -> Iterator[TunedStage]:
+def _deciding(stage: GradedStage, upstream: Mapping[str, Any]) -> Iterator[TunedStage]:
     """The stages whose settings decide the work of this one, itself last."""
     renders = PriorRenders if stage.task_family in _OF_PRIORS else TrajectoryFrames
     if "scene" in stage.param_kwargs:
         for kind in (SceneModel, RadianceField, renders):
             if type(stage) is not kind:
-                yield stage.need(kind)
+                yield stage.need(kind, **upstream)
     if isinstance(stage, TunedStage):
         yield stage
 

@@ -49,11 +49,11 @@ def test_what_cannot_be_made_is_told_once_and_not_that_it_cannot_be_shown(out, c
     assert not caplog.messages
 
 
-def test_a_granted_wish_is_the_cell(out, monkeypatch):
-    """What was wished for is made under the settings that were chosen."""
+def test_the_resolved_request_is_the_cell(out, monkeypatch):
+    """What was asked for is made with the settings that were chosen."""
     grid = tasks.Grid(scenes=["mini"], styles=["p"], budget="5min", content="embedded")
     chosen = tasks.StylizedTrajectory(scene="mini", style="none", **WORDS)
-    monkeypatch.setattr(tasks.StylizedTrajectory, "granted", lambda self: chosen)
+    monkeypatch.setattr(tasks.StylizedTrajectory, "resolved", lambda self: chosen)
     (cell,) = look_back(grid.cells(), datetime.now(UTC)).cells
     assert (cell.style, cell.outcome) == ("none", "failed")
 

@@ -1,0 +1,70 @@
+"""The commands of the README: each is parsed, and planned on a small scene."""
+
+import re
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from luigi.cmdline_parser import CmdlineParser
+
+from tasks.build_plan import plan_of
+from tasks.graph import graph
+from tasks.machine_calibration import calibration_of_machine, keep_calibration, this_machine
+from tasks.quality_request import quality_request
+from tasks.stage_costs import reference_costs
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+NAMES = {
+    "NAME": "mini", "horns": "mini", "fern": "mini", "PAINTING": "p", "mosaic": "p", "udnie": "q",
+    "FILE": "orbit", "PATH": "embedded",
+}  # fmt: skip
+
+
+def on_the_mini_scene(words: list[str]) -> list[str]:
+    names = re.compile("|".join(rf"\b{name}\b" for name in NAMES))
+    return [names.sub(lambda found: NAMES[found[0]], word) for word in words]
+
+
+def commands() -> list[list[str]]:
+    """Every command line of Luigi: in blocks, and in the text."""
+    found = re.findall(r"luigi (--module tasks [^`\n]+)", README)
+    return [on_the_mini_scene(shlex.split(line)) for line in found]
+
+
+def options() -> list[list[str]]:
+    """Every option with its value in the table, for the main command."""
+    rows = [row for row in README.splitlines() if row.startswith("| `--")]
+    found = [each for row in rows for each in re.findall(r"`(--[^`]+)`", row.split(" | ")[0])]
+    main = ["--module", "tasks", "StylizedTrajectory", "--scene", "mini", "--style", "p"]
+    usual = ["--content", "embedded"]
+    return [
+        [*main, *([] if "--content" in option else usual), *on_the_mini_scene(shlex.split(option))]
+        for option in found
+        if option not in ("--blend", "--region")  # named there without a value
+    ]
+
+
+def test_the_readme_asks_for_time_and_for_accuracy():
+    asked = [words for words in (*commands(), *options()) if "--budget" in words]
+    assert asked
+    assert any(
+        quality_request(words[words.index("--quality") + 1], "")
+        for words in options()
+        if "--quality" in words
+    )
+
+
+@pytest.mark.parametrize("words", [*commands(), *options()], ids=" ".join)
+def test_a_command_of_the_readme_can_be_planned(words, out):
+    calibration_of_machine.cache_clear()
+    keep_calibration(replace(reference_costs().calibration, machine=this_machine()))
+    with CmdlineParser.global_instance(words) as command:
+        root = command.get_task_obj()
+    stages = graph(root)
+    assert len(stages) > 1
+    for stage in stages:
+        for check in ("require_sound", "require_reachable"):
+            getattr(stage, check, lambda: None)()
+    if hasattr(root, "cells"):
+        assert plan_of(root).to_make
