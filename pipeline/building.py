@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from pipeline.canonical import Json
 from pipeline.checkpoints import forget_checkpoints, shared_checkpoints
 from pipeline.code_identity import closure, keep
+from pipeline.console.display import build_display
 from pipeline.costs import USUAL_SECONDS, Cost, Spent, note
-from pipeline.display import display_of
 from pipeline.engines import ENGINES
 from pipeline.errors import LostInputError, TaskFailure
 from pipeline.execution import EXECUTORS, Job, Report
@@ -84,7 +84,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
         store.resume(action.key, workspace) as resume,
         card_for(task) as (environment, card),
         share_for(task, cost) as share,
-        display_of(task, cost.seconds if cost else USUAL_SECONDS) as display,
+        build_display(task, task.label, cost.seconds if cost else USUAL_SECONDS) as display,
     ):
         require_time(task, action.key, cost, store)  # now that it need not wait
         log, started = store.new_log(task.task_family, action.key), datetime.now(UTC)

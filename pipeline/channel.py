@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-from pipeline.progress import Display
+from pipeline.console.progress import Display
 
 _SECONDS_BETWEEN_MESSAGES = 0.2
 

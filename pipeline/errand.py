@@ -24,7 +24,7 @@ from pipeline.errors import (
     TaskFailure,
     tells_of_full_disk,
 )
-from pipeline.execute import die_with
+from pipeline.parent_process import die_with
 from pipeline.resources import CORES
 from pipeline.settings import PATIENCE, current_remote, current_store, setting
 from pipeline.sharing import give

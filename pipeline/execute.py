@@ -8,7 +8,6 @@ what the build itself prints goes to standard error, the log.
 """
 
 import contextlib
-import ctypes
 import json
 import os
 import re
@@ -22,7 +21,8 @@ from typing import Any
 
 import psutil
 
-_PR_SET_PDEATHSIG = 1
+from pipeline.parent_process import die_with
+
 _SECONDS_BETWEEN_LOOKS, _SECONDS_BETWEEN_NOTES = 0.1, 0.5
 _SPENT = ".seconds"
 _MAXRSS_UNIT = 1 if sys.platform == "darwin" else 1024
@@ -97,14 +97,6 @@ def _build(job: dict[str, Any]) -> int:
 def _say(descriptor: int, **fields: object) -> None:
     with open(descriptor, "w") as file:
         file.write(f"\n{json.dumps(fields)}\n")  # the line before may be half one of the killed
-
-
-def die_with(parent: int) -> None:
-    """Have the kernel kill us when the process that started us dies."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _end(group: int) -> None:

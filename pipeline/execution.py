@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, cast
 
 from pipeline.channel import follow
+from pipeline.console.progress import Display
 from pipeline.errors import FailureKind, explain
 from pipeline.host import openmp_wait_settings
-from pipeline.progress import Display
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errand import NO_ENGINE, NODE, Errand, command
-from pipeline.execute import die_with
+from pipeline.parent_process import die_with
 
 _TIMES = 3
 _SECONDS_TO_ANSWER = 10.0

@@ -17,12 +17,12 @@ from luigi.parameter import UnconsumedParameterWarning
 
 from pipeline.building import find_or_build
 from pipeline.canonical import canonical
+from pipeline.console.log_handler import report_exception
 from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
-from pipeline.execute import die_with
 from pipeline.execution import RunContext, append_trace
 from pipeline.fleet import announce, heed, require_agreement
-from pipeline.logs import report_plainly
 from pipeline.parameters import ChoiceParameter, FloatParameter
+from pipeline.parent_process import die_with
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import current_store, require_configuration, setting
 from pipeline.sharing import is_available, recorded
@@ -33,7 +33,7 @@ from pipeline.until import Until
 
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
 
-sys.excepthook = report_plainly  # Luigi looks for the task's name after importing its module
+sys.excepthook = report_exception  # Luigi looks for the task's name after importing its module
 warnings.filterwarnings("ignore", ".*'rpc_retry_", UnconsumedParameterWarning)  # they are consumed
 
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pipeline import roots, sharing
 from pipeline.collection import closure, collect
 from pipeline.commands import Answer, Rows, find_all, row_of, totals
-from pipeline.display import is_interactive
+from pipeline.console.display import is_interactive
+from pipeline.console.progress import ProgressBar
 from pipeline.errors import StoreError
-from pipeline.progress import ProgressBar
 from pipeline.record import ActionRecord
 from pipeline.settings import current_remote
 from pipeline.store import Store

@@ -10,7 +10,7 @@ import luigi
 from luigi.cmdline_parser import CmdlineParser
 from luigi.task_register import Register
 
-from pipeline.ending import at_end, begin_again, was_interrupted
+from pipeline.exit_hooks import register_exit_hook, restart_process, was_interrupted
 from pipeline.fleet import forgive, is_forgotten
 from tasks.graph import graph
 
@@ -31,7 +31,7 @@ def at_exit(act: Callable[[], None]) -> Callable[[], None]:
         _adopt(parameters)  # Luigi has forgotten the command line by then
         act()
 
-    return at_end(run)
+    return register_exit_hook(run)
 
 
 @contextmanager
@@ -67,7 +67,7 @@ def _ask_for(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Callable[[]
 def _end(task: luigi.Task, act: Callable[[luigi.Task], None]) -> None:
     if not was_interrupted() and is_forgotten() and not task.complete() and _has_time(task):  # type: ignore[no-untyped-call]
         screen.warning("luigid was restarted, and knows of nothing to do. Asking again for all.")
-        begin_again()
+        restart_process()
     act(task)
 
 

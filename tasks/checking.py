@@ -19,7 +19,7 @@ from typing import Any
 import luigi
 from luigi.cmdline_parser import CmdlineParser
 
-from pipeline.board import board_of_command
+from pipeline.console.progress_client import progress_client
 from pipeline.host import available_memory_bytes
 from pipeline.settings import current_store, data_root
 from styletrf.errors import InputError
@@ -41,8 +41,8 @@ def check_command(command: CmdlineParser) -> None:
         SystemExit: See `refuse_unsound`.
     """
     stages = refuse_unsound(command)
-    if board := board_of_command():
-        board.expect(seconds_ahead(stages))
+    if client := progress_client():
+        client.start_total(seconds_ahead(stages))
 
 
 @functools.cache

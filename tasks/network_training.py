@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.channel import Channel, follow
-from pipeline.execute import die_with
+from pipeline.console.progress import Display
 from pipeline.host import THREADS, usable_cores
-from pipeline.progress import Display
+from pipeline.parent_process import die_with
 from styletrf.errors import InputError
 
 

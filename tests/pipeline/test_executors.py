@@ -14,9 +14,9 @@ import pytest
 from build_toys import MEBIBYTE
 from test_command import are_gone, pids_of_slow
 
+from pipeline.console.progress import ProgressBar
 from pipeline.execution import EXECUTORS, Job, Report
 from pipeline.locks import try_lock
-from pipeline.progress import ProgressBar
 
 
 @pytest.fixture
@@ -168,7 +168,7 @@ def test_the_kernels_own_limit_is_recognised(job, cramped):
         "import json, os, pathlib, sys\n"
         "pathlib.Path(sys.argv[1], 'cgroup.procs').write_text(str(os.getpid()))\n"
         "from pipeline.execution import EXECUTORS, Job\n"
-        "from pipeline.progress import ProgressBar\n"
+        "from pipeline.console.progress import ProgressBar\n"
         "job, bar = Job(**json.loads(sys.argv[2])), ProgressBar('', sys.stderr, interactive=0)\n"
         "print(EXECUTORS['subprocess'].run(job, bar).kind)\n"
     )

@@ -1,12 +1,14 @@
+"""The progress bar, on a terminal and in a file."""
+
 import io
 
 import pytest
 
-from pipeline import progress
-from pipeline.progress import ProgressBar
+from pipeline.console import progress
+from pipeline.console.progress import ProgressBar
 
 
-def test_a_terminal_gets_a_bar_that_goes_away():
+def test_a_terminal_shows_a_bar_until_it_is_closed():
     screen = io.StringIO()
     bar = ProgressBar("RadianceField horns", screen, interactive=True)
     for step in range(0, 101, 50):
@@ -27,7 +29,7 @@ def clock(monkeypatch):
     return now
 
 
-def test_a_file_gets_a_line_now_and_then(clock):
+def test_a_file_gets_a_line_every_15_seconds(clock):
     screen = io.StringIO()
     bar = ProgressBar("RadianceField horns", screen, interactive=False)
     for second in range(40):
@@ -40,7 +42,7 @@ def test_a_file_gets_a_line_now_and_then(clock):
     assert "\r" not in screen.getvalue()
 
 
-def test_a_further_phase_starts_again(clock):
+def test_a_further_phase_starts_a_new_bar(clock):
     screen = io.StringIO()
     bar = ProgressBar("Poses", screen, interactive=False)
     bar(10, 10)
@@ -50,7 +52,7 @@ def test_a_further_phase_starts_again(clock):
     assert "1/500" in screen.getvalue()
 
 
-def test_silent_without_work():
+def test_a_bar_without_progress_draws_nothing():
     screen = io.StringIO()
     ProgressBar("Poses", screen, interactive=True).close()
     assert screen.getvalue() == ""

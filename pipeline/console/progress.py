@@ -1,4 +1,4 @@
-"""How a build tells where it stands, and how that is shown."""
+"""How a build reports its progress, and the bar that shows it."""
 
 import contextlib
 import io
@@ -7,47 +7,47 @@ from typing import Protocol, TextIO
 
 from tqdm import tqdm
 
-tqdm.monitor_interval = 0  # no thread of its own
+tqdm.monitor_interval = 0  # tqdm starts no thread of its own
 SECONDS_BETWEEN_LINES = 15.0
 
 
 class Progress(Protocol):
-    """Called with the work done so far, the whole of it, and the quality reached (psnr, loss)."""
+    """A callback with the work done, the total and the quality reached (such as psnr or loss)."""
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
         """Report `done` of `total` units of work; both may restart for a further phase."""
 
 
 class Display(Progress, Protocol):
-    """Where it is shown how a build goes."""
+    """A place that shows the progress of one build."""
 
     def say(self, line: str) -> None:
-        """Show a line that stays."""
+        """Show a line that stays on the screen."""
 
     def close(self) -> None:
-        """Take off what does not."""
+        """Remove the progress from the screen."""
 
 
 class ProgressBar:
-    """A bar on a terminal; elsewhere (a file, a pipe) the same text, a line now and then.
+    """A bar on a terminal. In a file or a pipe the same text is a line every 15 seconds.
 
     Args:
-        label: What is being built.
-        stream: Where to draw.
-        interactive: Whether the stream is a terminal that nobody else draws on.
+        label: The name of what is built.
+        stream: Where the bar is drawn.
+        interactive: Whether the stream is a terminal on which no other process draws.
     """
 
     def __init__(self, label: str, stream: TextIO, *, interactive: bool) -> None:
         self._label, self._stream = label, stream
         self._canvas: TextIO = stream if interactive else io.StringIO()
         self._bar: tqdm | None = None
-        self._written = time.monotonic()
+        self._written_s = time.monotonic()
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Draw `done` of `total`, the rate, the time that remains and the quality."""
+        """Draw `done` of `total`, the rate, the time left and the quality."""
         if self._bar is None or done < self._bar.n or total != self._bar.total:
             self.close()
-            self._bar = self._begin(done, total)
+            self._bar = self._new_bar(done, total)
         self._bar.set_postfix(
             {name: f"{value:.4g}" for name, value in quality.items()}, refresh=False
         )
@@ -56,18 +56,18 @@ class ProgressBar:
             self._write_line(self._bar)
 
     def say(self, line: str) -> None:
-        """Write a line above the bar; a terminal that is gone is no reason to end."""
+        """Write a line above the bar. A closed terminal does not stop the build."""
         with contextlib.suppress(OSError):
             tqdm.write(line, file=self._stream)
             self._stream.flush()
 
     def close(self) -> None:
-        """Take the bar off the terminal."""
+        """Remove the bar from the terminal."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None
 
-    def _begin(self, done: int, total: int) -> tqdm:
+    def _new_bar(self, done: int, total: int) -> tqdm:
         return tqdm(
             total=total,
             initial=done,
@@ -79,9 +79,9 @@ class ProgressBar:
         )
 
     def _write_line(self, bar: tqdm) -> None:
-        now = time.monotonic()
-        if now - self._written >= SECONDS_BETWEEN_LINES:
-            self._written = now
+        now_s = time.monotonic()
+        if now_s - self._written_s >= SECONDS_BETWEEN_LINES:
+            self._written_s = now_s
             text = tqdm.format_meter(**{**bar.format_dict, "ncols": 0})
             self._stream.write(f"{text.strip()}\n")
             self._stream.flush()
