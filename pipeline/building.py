@@ -16,6 +16,7 @@ from pipeline.checkpoints import forget_checkpoints, shared_checkpoints
 from pipeline.code_identity import closure, keep
 from pipeline.console.display import build_display
 from pipeline.costs import USUAL_SECONDS, Cost, Spent, note
+from pipeline.deadline import require_time_left
 from pipeline.engines import ENGINES
 from pipeline.errors import LostInputError, TaskFailure
 from pipeline.execution import EXECUTORS, Job, Report
@@ -27,7 +28,6 @@ from pipeline.resources import card_for, executor_of, expected_cost, share_for, 
 from pipeline.settings import setting
 from pipeline.sharing import fetch, give, is_available, recorded
 from pipeline.store import Store
-from pipeline.until import require_time
 from pipeline.verify import damage, mend
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _attempt(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
         share_for(task, cost) as share,
         build_display(task, task.label, cost.seconds if cost else USUAL_SECONDS) as display,
     ):
-        require_time(task, action.key, cost, store)  # now that it need not wait
+        require_time_left(task, task.until, action.key, cost, store)  # now that it need not wait
         log, started = store.new_log(task.task_family, action.key), datetime.now(UTC)
         screen.info("%s: started", task.label)
         (workspace / "out").mkdir()

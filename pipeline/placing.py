@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.deadline import require_time_left
 from pipeline.engines import ENGINES, Engine
 from pipeline.errand import Errand, Outcome
 from pipeline.errors import LostInputError, TaskFailure
@@ -16,7 +17,6 @@ from pipeline.resources import executor_of, expected_cost
 from pipeline.settings import current_remote
 from pipeline.sharing import give, is_available, recorded
 from pipeline.store import Store
-from pipeline.until import require_time
 
 if TYPE_CHECKING:
     from pipeline.task import StoredTask
@@ -43,7 +43,7 @@ def place(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
         StoreError: The engine cannot be used.
     """
     engine, cost = executor_of(task), expected_cost(task, store)
-    require_time(task, action.key, cost, store)
+    require_time_left(task, task.until, action.key, cost, store)
     screen.info("%s: sent out by %s", task.label, engine)
     for upstream in task.requires().values():
         if record := upstream.record():

@@ -18,6 +18,7 @@ from luigi.parameter import UnconsumedParameterWarning
 from pipeline.building import find_or_build
 from pipeline.canonical import canonical
 from pipeline.console.log_handler import report_exception
+from pipeline.deadline import Deadline
 from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
 from pipeline.execution import RunContext, append_trace
 from pipeline.fleet import announce, heed, require_agreement
@@ -29,7 +30,6 @@ from pipeline.sharing import is_available, recorded
 from pipeline.snapshot import code_in_key
 from pipeline.store import Store
 from pipeline.target import StoreTarget, artifact
-from pipeline.until import Until
 
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
 
@@ -70,7 +70,7 @@ class StoredTask(luigi.Task):
         description="what runs builds: a process here (subprocess), or machines of a ray or slurm"
         " cluster; [store] executor where this is empty",
     )
-    until = Until(
+    until = Deadline(
         default=None,
         significant=False,
         positional=False,

@@ -18,11 +18,11 @@ from urllib.error import HTTPError, URLError
 import luigi
 
 from pipeline.attempts import obstacle
+from pipeline.deadline import NOT_STARTED
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root, setting
 from pipeline.sharing import list_night
 from pipeline.task import StoredTask
-from pipeline.until import NOT_BEGUN
 from tasks.graph import graph
 from tasks.showing import show_all
 from tasks.sources import begin_of_command
@@ -173,7 +173,7 @@ def _outcome(cell: Any, begun: datetime) -> CellOutcome:
     problem = obstacle(cell, current_store(), since=begun)
     if problem is None:
         return CellOutcome(*name, "not begun", "this machine has tried nothing")
-    is_late = problem.reason.startswith(NOT_BEGUN)
+    is_late = problem.reason.startswith(NOT_STARTED)
     outcome: Outcome = "under way" if problem.is_under_way else "late" if is_late else "failed"
     return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
 

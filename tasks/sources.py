@@ -14,10 +14,10 @@ import luigi
 import psutil
 
 from pipeline.attempts import obstacle
+from pipeline.deadline import NOT_STARTED
 from pipeline.errors import TaskFailure
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
-from pipeline.until import NOT_BEGUN
 from tasks.graph import graph
 
 SOURCE_PRIORITY = 10**9
@@ -51,7 +51,7 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
     begun = begin_of_command()
     for source in sources_of(root):
         problem = obstacle(source, current_store(), since=begun)
-        if problem and not problem.is_under_way and not problem.reason.startswith(NOT_BEGUN):
+        if problem and not problem.is_under_way and not problem.reason.startswith(NOT_STARTED):
             reason = f"not begun, for {problem.task} failed. --keep-going begins it all the same."
             raise TaskFailure("user", str(stage), reason)
 

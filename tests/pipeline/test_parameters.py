@@ -4,6 +4,7 @@ import luigi
 import pytest
 from luigi.parameter import ParameterException
 
+from pipeline.deadline import Deadline
 from pipeline.parameters import (
     BoolParameter,
     ChoiceParameter,
@@ -12,7 +13,6 @@ from pipeline.parameters import (
     IntParameter,
     ListParameter,
 )
-from pipeline.until import Until
 
 
 class Declared(luigi.Task):
@@ -24,7 +24,7 @@ class Declared(luigi.Task):
     shares = DictParameter(default={})
     names = ListParameter(default=[])
     is_quick = BoolParameter()
-    until = Until(default=None)
+    until = Deadline(default=None)
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ import luigi
 import pytest
 
 import tasks
+from pipeline.deadline import require_time_left
 from pipeline.errors import TaskFailure
 from pipeline.settings import current_store
-from pipeline.until import require_time
 from tasks.night import CellOutcome, Night, Spending, in_words, look_back, tell
 from tasks.showing import show_all
 
@@ -74,7 +74,7 @@ def test_what_was_late_is_told_from_what_nobody_came_to(out):
     (image,) = (t for t in tasks.graph.graph(grid) if t.task_family == "StyleImage")
     begun, key = datetime.now(UTC), image.action().key
     with pytest.raises(TaskFailure) as failure:
-        require_time(image.clone(until=begun), key, None, current_store())
+        require_time_left(image, begun, key, None, current_store())
     assert failure.value.kind == "late"
     (cell,) = look_back(grid.cells(), begun).cells
     assert cell.outcome == "late"

@@ -9,9 +9,9 @@ import pytest
 from test_checking import said
 
 import tasks
+from pipeline.deadline import NOT_STARTED
 from pipeline.errors import TaskFailure
 from pipeline.settings import current_store
-from pipeline.until import NOT_BEGUN
 from tasks.graph import graph
 from tasks.sources import begin_of_command, is_source, require_sources, sources_of
 
@@ -68,7 +68,7 @@ def test_source_that_was_not_begun_in_time_did_not_fail(out):
     root = tasks.StylizedTrajectory(**WORDS)
     image = stage(root, "StyleImage")
     log = current_store().new_log("StyleImage", image.action().key)
-    log.write_text(f"{NOT_BEGUN}: 5 s are left\n")
+    log.write_text(f"{NOT_STARTED}: 5 s are left\n")
     require_sources(stage(root, "CameraPoses"), root)
 
 

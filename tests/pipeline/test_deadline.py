@@ -1,4 +1,4 @@
-"""Nothing is begun that would not end in time."""
+"""The deadline: which moment it is, and which builds do not start."""
 
 import contextlib
 import time
@@ -14,51 +14,51 @@ from test_command import luigi as command
 
 from pipeline.attempts import attempts
 from pipeline.costs import Cost, Spent, note
+from pipeline.deadline import NOT_STARTED, Deadline
 from pipeline.host import Share
 from pipeline.resources import significant
 from pipeline.settings import current_store
-from pipeline.until import NOT_BEGUN, Until
 
 
 def soon(seconds: float) -> datetime:
     return (datetime.now(UTC) + timedelta(seconds=seconds)).replace(microsecond=0)
 
 
-def test_a_time_of_day_is_the_next_one():
-    """After the process began: a command that runs again is to end when it was told at first."""
-    begun = datetime.fromtimestamp(psutil.Process().create_time(), UTC).astimezone()
-    for clock in ("00:00", "06:00", "23:59", f"{begun:%H:%M}"):
-        moment = Until().parse(clock)
-        assert begun < moment <= begun + timedelta(days=1)
+def test_a_time_of_day_means_its_next_occurrence():
+    """After the process started, so that a command that restarts itself keeps its deadline."""
+    started = datetime.fromtimestamp(psutil.Process().create_time(), UTC).astimezone()
+    for clock in ("00:00", "06:00", "23:59", f"{started:%H:%M}"):
+        moment = Deadline().parse(clock)
+        assert started < moment <= started + timedelta(days=1)
         assert f"{moment:%H:%M}" == clock
 
 
-@pytest.mark.parametrize("told", ["2031-01-02T03:04:05", "2031-01-02T03:04:05+02:00", "06:00"])
-def test_a_moment_means_the_same_wherever_it_is_read(told, monkeypatch):
-    moment = Until().parse(told)
+@pytest.mark.parametrize("text", ["2031-01-02T03:04:05", "2031-01-02T03:04:05+02:00", "06:00"])
+def test_a_serialized_moment_means_the_same_in_every_time_zone(text, monkeypatch):
+    moment = Deadline().parse(text)
     monkeypatch.setenv("TZ", "Pacific/Auckland")
     time.tzset()
-    assert Until().parse(Until().serialize(moment)) == moment
+    assert Deadline().parse(Deadline().serialize(moment)) == moment
     monkeypatch.undo()
     time.tzset()
 
 
-def test_no_limit_is_told_by_no_word():
-    assert Until().parse("") is None
-    assert Until().serialize(None) == ""
+def test_an_empty_string_means_no_deadline():
+    assert Deadline().parse("") is None
+    assert Deadline().serialize(None) == ""
 
 
-@pytest.mark.parametrize("told", ["six", "25:00", "06:00:99"])
-def test_what_is_no_time_is_refused_with_what_to_give(told):
+@pytest.mark.parametrize("text", ["six", "25:00", "06:00:99"])
+def test_other_text_is_refused_with_an_example(text):
     with pytest.raises(ParameterException, match="such as 06:00"):
-        Until().parse(told)
+        Deadline().parse(text)
 
 
-def test_it_is_no_part_of_what_a_task_is():
+def test_the_deadline_is_not_part_of_the_key():
     assert Act("succeed", until=soon(5)).action().key == Act("succeed").action().key
 
 
-def test_what_is_known_to_take_longer_is_not_begun():
+def test_a_build_expected_to_end_after_the_deadline_does_not_start():
     note(current_store(), "Act", Spent(significant(Act("sleep_a_little")), Cost(3600.0, 1)))
     tasks = [Act("sleep_a_little", until=soon(60)), Act("succeed", until=soon(60))]
     note(current_store(), "Act", Spent(significant(Act("succeed")), Cost(1.0, 1)))
@@ -66,8 +66,8 @@ def test_what_is_known_to_take_longer_is_not_begun():
     assert built() == ["Act succeed"]
 
 
-def test_the_time_is_looked_at_when_nothing_more_is_waited_for(monkeypatch):
-    """What would have ended in time when it began to wait for a core may not any more."""
+def test_the_deadline_is_checked_after_the_build_has_its_cores(monkeypatch):
+    """It may pass while the build waits for them."""
     limit = soon(4)
 
     @contextlib.contextmanager
@@ -79,10 +79,10 @@ def test_the_time_is_looked_at_when_nothing_more_is_waited_for(monkeypatch):
     assert not luigi.build([Act("succeed", until=limit)], local_scheduler=True)
     assert built() == []
     (attempt,) = attempts(current_store())
-    assert attempt.end.startswith(NOT_BEGUN)
+    assert attempt.end.startswith(NOT_STARTED)
 
 
-def test_after_the_hour_nothing_begins_and_the_same_command_goes_on_later():
+def test_after_the_deadline_nothing_starts_and_a_later_command_goes_on():
     words = ["Word", "--word", "hello"]
     status, screen = command(*words, "--until", "2020-01-01T06:00")
     assert status == 30
@@ -90,4 +90,4 @@ def test_after_the_hour_nothing_begins_and_the_same_command_goes_on_later():
     assert "Run the same command again to go on." in screen
     assert built() == []
     assert command(*words)[0] == 0
-    assert command(*words, "--until", "2020-01-01T06:00")[0] == 0, "what is there needs no time"
+    assert command(*words, "--until", "2020-01-01T06:00")[0] == 0, "a made artifact needs none"
