@@ -5,11 +5,11 @@ import logging
 import shutil
 import socket
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pipeline.canonical import Json
 from pipeline.checkpoints import forget_checkpoints, shared_checkpoints
@@ -17,11 +17,9 @@ from pipeline.code_identity import closure, keep
 from pipeline.console.display import build_display
 from pipeline.costs import USUAL_SECONDS, Cost, Spent, note
 from pipeline.deadline import require_time_left
-from pipeline.engines import ENGINES
 from pipeline.errors import LostInputError, TaskFailure
 from pipeline.execution import EXECUTORS, Job, Report
 from pipeline.gpu import VISIBLE
-from pipeline.placing import place
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
 from pipeline.resources import card_for, executor_of, expected_cost, share_for, significant
@@ -35,17 +33,30 @@ if TYPE_CHECKING:
 
 DONE = "done in"
 """How the log of a build that was published ends; then come the seconds."""
+Builder: TypeAlias = Callable[["StoredTask", Action, Store], ActionRecord]
+"""Builds a task, here or on a cluster, and returns the record of its artifact."""
 screen = logging.getLogger("pipeline")
 
 
-def find_or_build(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
-    """The record of the action: the one there is, or that of a build of our own."""
+def find_or_build(
+    task: "StoredTask", action: Action, store: Store, builder: "Builder | None" = None
+) -> ActionRecord:
+    """The record of the action: the one in the store, or else that of a new build.
+
+    Args:
+        task: The task.
+        action: Its action.
+        store: The store of this machine.
+        builder: What builds the task; `build_here` if it is None.
+    """
     record = recorded(store, action.key)
     if record and is_available(store, record) and (task.published() or fetch(store, record)):
         return record
+    return (builder or build_here)(task, action, store)
 
-    if executor_of(task) in ENGINES:
-        return place(task, action, store)
+
+def build_here(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
+    """The record of a build on this machine, after any other process here that builds the same."""
     say_so = partial(screen.info, "%s: another process is at it, waiting", task.label)
     is_locking = setting("store", "locks") == "true"
     with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():

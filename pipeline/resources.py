@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pipeline.task import StoredTask
 
 CORES = "STYLETRF_CORES"
-"""Tells a command how many cores each of its builds uses; of an errand, who sends it does."""
+"""How many cores each build of a command uses; a cluster sets it for its remote jobs."""
 screen = logging.getLogger("pipeline")
 
 

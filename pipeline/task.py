@@ -17,11 +17,12 @@ from luigi.parameter import UnconsumedParameterWarning
 
 from pipeline.building import find_or_build
 from pipeline.canonical import canonical
+from pipeline.cluster.luigid import publish_key, require_same_key, stop_requesting_work
+from pipeline.cluster.submission import builder_of
 from pipeline.console.log_handler import report_exception
 from pipeline.deadline import Deadline
 from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
 from pipeline.execution import RunContext, append_trace
-from pipeline.fleet import announce, heed, require_agreement
 from pipeline.parameters import ChoiceParameter, FloatParameter
 from pipeline.parent_process import die_with
 from pipeline.record import Action, ActionRecord
@@ -178,18 +179,20 @@ class StoredTask(luigi.Task):
             if (missing := self._missing()) is not None:
                 return self._run_after(missing)
             action = self.action()
-            announce(self, action.key)
-            record = self._records[store.root] = find_or_build(self, action, store)
+            publish_key(self, action.key)
+            record = self._records[store.root] = find_or_build(
+                self, action, store, builder_of(self)
+            )
             if not self.published():
                 self.publish(store.object(record.output.digest))
         except LostInputError as lost:
             return self._run_after(lost.args[0])
         except TaskFailure as failure:
-            heed(failure)
+            stop_requesting_work(failure)
             raise
         except Exception as error:
             met = self._failure(error, store)
-            heed(met)
+            stop_requesting_work(met)
             raise met from error
         return None
 
@@ -204,7 +207,7 @@ class StoredTask(luigi.Task):
 
     def _run_after(self, upstream: "StoredTask") -> "Generator[StoredTask, None, None]":
         self.forget()
-        require_agreement(upstream, upstream.action().key)
+        require_same_key(upstream, upstream.action().key)
         yield upstream
         if self.run():
             reason = f"its input {upstream} is lost again and again. Run the same command again."

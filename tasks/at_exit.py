@@ -10,8 +10,8 @@ import luigi
 from luigi.cmdline_parser import CmdlineParser
 from luigi.task_register import Register
 
+from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_tasks
 from pipeline.exit_hooks import register_exit_hook, restart_process, was_interrupted
-from pipeline.fleet import forgive, is_forgotten
 from tasks.graph import graph
 
 screen = logging.getLogger("pipeline")
@@ -56,7 +56,7 @@ def acting_at_exit(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Itera
 @functools.cache
 def _try_again(task: luigi.Task) -> None:
     """Once a command, for all that it asks for."""
-    forgive(functools.partial(graph, task))
+    reenable_failed_tasks(functools.partial(graph, task))
 
 
 @functools.cache
@@ -65,15 +65,17 @@ def _ask_for(task: luigi.Task, act: Callable[[luigi.Task], None]) -> Callable[[]
 
 
 def _end(task: luigi.Task, act: Callable[[luigi.Task], None]) -> None:
-    if not was_interrupted() and is_forgotten() and not task.complete() and _has_time(task):  # type: ignore[no-untyped-call]
+    if not was_interrupted() and is_forgotten_by_luigid() and _is_to_go_on(task):
         screen.warning("luigid was restarted, and knows of nothing to do. Asking again for all.")
         restart_process()
     act(task)
 
 
-def _has_time(task: luigi.Task) -> bool:
+def _is_to_go_on(task: luigi.Task) -> bool:
+    """Whether something is missing, and the deadline has not passed."""
     until = getattr(task, "until", None)
-    return until is None or datetime.now(until.tzinfo) < until
+    has_time = until is None or datetime.now(until.tzinfo) < until
+    return has_time and not task.complete()  # type: ignore[no-untyped-call]
 
 
 def root_of_command() -> luigi.Task | None:

@@ -1,4 +1,4 @@
-"""Several commands under a real `luigid`, some of them killed."""
+"""Several commands under a real luigid, some of them killed."""
 
 import configparser
 import json
@@ -38,7 +38,7 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
 
 @pytest.mark.usefixtures("luigid")
 def test_two_workers_build_a_batch_once():
-    """Status 10 and 25 say that the other did, or does, a part."""
+    """Status 10 and 25 mean that the other worker built, or is building, a part."""
     words = ["Acts", "--acts", '["succeed", "sleep_a_little"]']
     outcomes = [finish(process) for process in [worker(*words), worker(*words)]]
     assert {status for status, _ in outcomes} <= {0, 10, 25}, outcomes
@@ -46,7 +46,7 @@ def test_two_workers_build_a_batch_once():
 
 
 @pytest.mark.usefixtures("luigid")
-def test_what_a_killed_worker_was_building_is_built_by_another(toys):
+def test_another_worker_finishes_the_build_of_a_killed_worker(toys):
     lost = worker("SlowBatch")
     pids = pids_of_slow(toys)
     other = worker("SlowBatch")
@@ -63,7 +63,7 @@ def test_what_a_killed_worker_was_building_is_built_by_another(toys):
     assert not list(problems(current_store(), deep=True))
 
 
-def test_a_killed_luigid_costs_no_build(luigid):
+def test_a_build_outlives_a_killed_luigid(luigid):
     process = worker("Lasting", "--steps", "20")
     while not built():
         time.sleep(0.02)
@@ -87,7 +87,7 @@ def restart_while_it_builds(luigid: Luigid, n_begun: int = 1) -> None:
     luigid.start()
 
 
-def test_a_luigid_that_comes_back_is_not_missed(luigid):
+def test_a_command_goes_on_when_luigid_is_back(luigid):
     process = worker("Lasting", "--steps", "40")
     restart_while_it_builds(luigid)
     status, screen = finish(process)
@@ -97,25 +97,25 @@ def test_a_luigid_that_comes_back_is_not_missed(luigid):
 
 @pytest.fixture
 def patient(luigid: Luigid) -> Luigid:
-    """Whose commands wait for it longer than it takes to begin."""
+    """Commands wait for this luigid longer than it takes to start."""
     settings = luigid.config.read_text()
     assert "rpc-retry-attempts = 2" in settings
     luigid.config.write_text(settings.replace("rpc-retry-attempts = 2", "rpc-retry-attempts = 60"))
     return luigid
 
 
-def test_a_luigid_that_forgot_everything_is_asked_again(patient):
-    """It comes back while the command is at the first of several: the rest is made all the same."""
+def test_a_command_asks_a_restarted_luigid_again(patient):
+    """It restarts during the first of several builds; the command builds the others, too."""
     process = worker("Steps", "--names", '["a", "b", "c"]')
     restart_while_it_builds(patient)
     status, screen = finish(process)
     assert status == 0, screen
     assert screen.count("luigid was restarted") == 1, screen
     assert built() == ["Large a", "Large b", "Large c"]
-    assert screen.count("whole") == 1, "the end of the command is that of the last run"
+    assert screen.count("whole") == 1, "only the last run of the command ends it"
 
 
-def test_a_command_that_is_interrupted_does_not_begin_again(patient, toys):
+def test_an_interrupted_command_does_not_restart(patient, toys):
     process = worker("Steps", "--names", '["a", "b"]', "--acts", '["sleep"]', "--workers", "3")
     restart_while_it_builds(patient, n_begun=3)
     while process.poll() is None:  # again, where the worker was waiting for luigid
@@ -125,12 +125,12 @@ def test_a_command_that_is_interrupted_does_not_begin_again(patient, toys):
     assert "Interrupted" in screen
     assert "luigid was restarted" not in screen
     assert "whole" not in screen
-    assert len(built()) == 3, "nothing was begun anew"
+    assert len(built()) == 3, "no further build started"
 
 
 @pytest.mark.usefixtures("luigid")
-def test_a_machine_with_a_full_disk_leaves_the_rest_to_others(tmp_path, monkeypatch):
-    """It meets that once, and asks for nothing more: soon it would have failed everything."""
+def test_a_command_with_a_full_disk_leaves_the_rest_to_others(tmp_path, monkeypatch):
+    """It requests no more tasks after the first failure; otherwise it would fail all of them."""
     (tmp_path / "shared").mkdir()
     monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
     names = list("abcdefghijkl")
@@ -145,14 +145,14 @@ def test_a_machine_with_a_full_disk_leaves_the_rest_to_others(tmp_path, monkeypa
         assert status in (0, 10, 25), other
         left = built()
         assert sorted({*left}) == [f"Large {name}" for name in names]
-        assert len(left) == len(names) + 1, "one was begun twice, and nothing lost"
+        assert len(left) == len(names) + 1, "one was started twice, and none was lost"
         assert not list(problems(current_store(), deep=True))
 
 
-def test_a_shared_store_that_errs_for_a_while_costs_no_build(
+def test_commands_wait_for_a_shared_store_that_fails_for_a_while(
     luigid, proxied, tmp_path, monkeypatch
 ):
-    """Both machines wait for it; without that, each would build what it cannot see."""
+    """Otherwise each machine would build what the other one has built."""
     _, proxy = proxied
     settings = luigid.config.read_text()
     assert "patience_seconds = 300" in settings
@@ -179,15 +179,15 @@ def test_a_missing_input_ends_the_batch(tmp_path):
 
 
 @pytest.mark.usefixtures("luigid")
-def test_a_failure_is_a_failure_here_too():
+def test_a_failure_is_tried_twice_and_reported():
     status, screen = finish(worker("Acts", "--acts", '["crash", "succeed"]'))
     assert status == 30, screen
-    assert built() == ["Act crash", "Act crash", "Act succeed"], "a lost machine looks the same"
+    assert built() == ["Act crash", "Act crash", "Act succeed"], "a machine may have been lost"
 
 
 @pytest.mark.usefixtures("luigid")
-def test_what_failed_and_was_mended_is_made_by_the_next_command(toys):
-    """Luigi alone would not let anybody try it for a day."""
+def test_the_next_command_builds_what_failed_before_its_repair(toys):
+    """Luigi alone would let no command try it for a day."""
     words = ["Steps", "--names", '["a"]', "--acts", '["refuse_until_mended"]']
     status, screen = finish(worker(*words))
     assert status == 30, screen
@@ -205,16 +205,17 @@ def test_a_slow_answer_does_not_make_a_worker_lost():
     assert settings.getint("scheduler", "retry_count") == 2
 
 
-def test_a_machine_stays_until_it_could_take_over_from_one_that_is_lost():
+def test_an_idle_worker_stays_until_it_can_take_over_from_a_lost_one():
     settings = configparser.ConfigParser()
     settings.read(ROOT / "luigi.cluster.cfg")
-    told = settings["scheduler"]
-    until_free = told.getint("worker_disconnect_delay") + told.getint("retry_delay") + 60  # pruning
+    times = settings["scheduler"]
+    delays = times.getint("worker_disconnect_delay"), times.getint("retry_delay")
+    until_free = sum(delays) + 60  # pruning
     idle = luigi.TimeDeltaParameter().parse(settings["worker"]["max_keep_alive_idle_duration"])
     assert idle.total_seconds() > 4 * until_free
 
 
-def test_machines_with_other_code_are_told_so_and_spoil_nothing(luigid, toys):
+def test_a_machine_with_other_code_is_refused(luigid, toys):
     """Another salt stands for another commit: the same task, another key."""
     first = worker("HelloAndSlow", "--workers", "2")
     pids_of_slow(toys)
@@ -231,7 +232,7 @@ def test_machines_with_other_code_are_told_so_and_spoil_nothing(luigid, toys):
     assert not list(problems(current_store(), deep=True))
 
 
-def test_the_page_of_luigid_tells_the_progress(luigid):
+def test_the_page_of_luigid_shows_progress_and_keys(luigid):
     from luigi.rpc import RemoteScheduler
 
     process = worker("Lasting", "--steps", "150")
@@ -245,7 +246,7 @@ def test_the_page_of_luigid_tells_the_progress(luigid):
     assert {p for p in seen if p and 0 < p < 100}
 
 
-def test_the_end_of_a_command_without_luigid_asks_none():
+def test_a_command_without_luigid_asks_none_at_its_end():
     status, screen = finish(worker("Steps", "--names", '["a"]'))
     assert status == 0, screen
     assert "whole" in screen

@@ -1,0 +1,133 @@
+"""The messages between a command and luigid, where several machines share one luigid.
+
+Each command publishes the key of a task that it starts. Two machines that compute different keys
+for one task have different commits, packages or photographs: the second one stops there. Without a
+luigid (`local_scheduler`), and while luigid does not answer, every function here does nothing.
+"""
+
+import contextlib
+import logging
+import multiprocessing
+import os
+import re
+import signal
+import socket
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import luigi
+import psutil
+from luigi.rpc import RemoteScheduler, RPCError
+
+from pipeline.errors import TaskFailure
+
+_log = logging.getLogger("pipeline")
+_KEY_MESSAGE = re.compile(r"key (?P<key>\w+) on (?P<host>\S+), process (?P<pid>\d+)")
+
+
+def publish_key(task: luigi.Task, key: str) -> None:
+    """Publishes the key of a task that starts, as its status message on luigid.
+
+    Raises:
+        TaskFailure: A command that is running has published another key for the task.
+    """
+    if not _has_luigid() or not getattr(task, "set_status_message", None):
+        return
+    require_same_key(task, key)
+    host, pid = _own_command()
+    with contextlib.suppress(RPCError):
+        task.set_status_message(f"key {key[:16]} on {host}, process {pid}")  # type: ignore[misc]
+
+
+def require_same_key(task: luigi.Task, key: str) -> None:
+    """Compares the key of a task with the one that another command has published.
+
+    Raises:
+        TaskFailure: A command that is running has published another key.
+    """
+    if not _has_luigid():
+        return
+    with contextlib.suppress(RPCError):  # without luigid's answer the build is right all the same
+        scheduler = _scheduler()
+        message = scheduler.get_task_status_message(task.task_id)["statusMessage"] or ""
+        published = _KEY_MESSAGE.search(message)
+        if not published or published["key"] == key[:16]:
+            return
+        command = published["host"], published["pid"]
+        if command != _own_command() and _is_running(scheduler, *command):
+            raise TaskFailure(
+                "user",
+                str(task),
+                f"{published['host']} has {published['key']} for it and this machine {key[:16]}:"
+                " they have other code, packages, settings or photographs. Give all machines under"
+                " a luigid the same; if its command is over, go on in ten minutes, or restart"
+                " luigid.",
+            )
+
+
+def stop_requesting_work(failure: TaskFailure) -> None:
+    """After a full disk, has the command request no more tasks from luigid.
+
+    Otherwise it would request and fail one task after the other, until luigid disables them for all
+    machines.
+    """
+    handles_signal = callable(signal.getsignal(signal.SIGUSR1))  # as in a worker of Luigi
+    if failure.kind == "disk" and handles_signal and _has_luigid():
+        _log.warning("This command takes nothing more from luigid, and ends after its builds.")
+        os.kill(int(_own_command()[1]), signal.SIGUSR1)
+
+
+def reenable_failed_tasks(tasks: Callable[[], Iterable[luigi.Task]]) -> None:
+    """Has luigid let this command try tasks that failed in earlier ones; by itself it waits a day.
+
+    Args:
+        tasks: Returns all tasks of the command; called only if luigid has disabled any task.
+    """
+    if not _has_luigid():
+        return
+    with contextlib.suppress(RPCError):
+        scheduler = _scheduler()
+        disabled = scheduler.task_list("DISABLED", "", limit=False)
+        own = {task.task_id for task in tasks()} if disabled else set()
+        for task_id in own.intersection(disabled):
+            scheduler.re_enable_task(task_id)
+
+
+def is_forgotten_by_luigid() -> bool:
+    """Whether luigid no longer knows this command, because it was restarted.
+
+    Its answer to the worker is then that there is no work, and the worker ends.
+    """
+    if not _has_luigid():
+        return False
+    luigi.configuration.get_config().set("core", "rpc-retry-attempts", "1")  # type: ignore[no-untyped-call]
+    with contextlib.suppress(RPCError):  # the worker has already waited for luigid
+        return not _knows(_scheduler(), *_own_command())
+    return False
+
+
+def _scheduler() -> Any:
+    return RemoteScheduler(luigi.interface.core().scheduler_url)  # type: ignore[no-untyped-call]
+
+
+def _has_luigid() -> bool:
+    return not luigi.interface.core().local_scheduler  # type: ignore[no-untyped-call]
+
+
+def _own_command() -> tuple[str, str]:
+    """The name of this host, and the id of the command's main process."""
+    command = multiprocessing.parent_process()
+    return socket.gethostname(), str((command and command.pid) or os.getpid())
+
+
+def _is_running(scheduler: Any, host: str, pid: str) -> bool:
+    """Whether a command is running; luigid knows that of commands on other hosts."""
+    if host == socket.gethostname():
+        return bool(psutil.pid_exists(int(pid)))
+    return _knows(scheduler, host, pid)
+
+
+def _knows(scheduler: Any, host: str, pid: str) -> bool:
+    """Whether luigid knows the worker of a command."""
+    workers = scheduler.worker_list(include_running=False)
+    return (host, pid) in [(w.get("host"), str(w.get("pid"))) for w in workers]

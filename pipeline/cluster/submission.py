@@ -1,0 +1,167 @@
+"""Submission of builds to a cluster, and their records in the shared store."""
+
+import contextlib
+import logging
+import os
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.building import Builder, build_here
+from pipeline.cluster.backends import BACKENDS, ClusterBackend
+from pipeline.cluster.remote_job import JobResult, RemoteJob
+from pipeline.deadline import require_time_left
+from pipeline.errors import LostInputError, TaskFailure
+from pipeline.record import Action, ActionRecord
+from pipeline.resources import CORES, executor_of, expected_cost
+from pipeline.settings import PATIENCE, current_remote, setting
+from pipeline.sharing import give, is_available, recorded
+from pipeline.store import Store
+
+if TYPE_CHECKING:
+    from pipeline.task import StoredTask
+
+_PATIENCE_S = 300.0  # of a node, for a shared store that fails
+_SECONDS_FOR_REMOTE = 600.0
+_SECONDS_TO_APPEAR = 90.0  # NFS may cache for a minute that a file does not exist
+_SECONDS_EXCLUDED = 600.0
+_MAX_NODES = 3
+_FULL = ".full"
+_log = logging.getLogger("pipeline")
+
+
+def builder_of(task: "StoredTask") -> Builder:
+    """The builder that the task's executor names: a cluster, or this machine."""
+    return build_on_cluster if executor_of(task) in BACKENDS else build_here
+
+
+def build_on_cluster(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
+    """Has a node of the cluster build the task; returns the record that the node left.
+
+    Args:
+        task: The task to build.
+        action: Its action on this machine.
+        store: The store of this machine. The node uses the same one, or both share a remote.
+
+    Raises:
+        TaskFailure: The build failed, or its record cannot be found.
+        LostInputError: An input is missing or damaged on the node.
+        StoreError: The cluster cannot be used.
+    """
+    executor, cost = executor_of(task), expected_cost(task, store)
+    require_time_left(task, task.until, action.key, cost, store)
+    _log.info("%s: sent out by %s", task.label, executor)
+    for upstream in task.requires().values():
+        if record := upstream.record():
+            give(store, record)  # it may have been made before there was a shared store
+    job = remote_job_of(task, action.key, cost.peak_memory_bytes if cost else 0)
+    result = _submit(BACKENDS[executor], job, store)
+    if record := _await_record(action, store, result):  # a node may be lost right after its build
+        _log.info("%s: done on %s", task.label, result.host or record.provenance["host"])
+        return record
+    raise _failure(task, action, store, result)
+
+
+def remote_job_of(task: "StoredTask", key: str, memory_bytes: int) -> RemoteJob:
+    """The job that builds a task on a node."""
+    cores = int(setting("host", "cores"))
+    parameters: dict[str, str] = task.to_str_params()  # type: ignore[no-untyped-call]
+    return RemoteJob(
+        module=type(task).__module__,
+        task=type(task).__qualname__,
+        parameters=parameters | {"executor": "subprocess"},
+        key=key,
+        cores=cores,
+        gpus=task.most_cards if task.needs_gpu else 0,
+        memory_bytes=memory_bytes,
+        folder=str(Path.cwd()),
+        environment={
+            **{name: value for name, value in os.environ.items() if _is_forwarded(name)},
+            CORES: str(cores),
+            PATIENCE: str(current_remote().patience_seconds or _PATIENCE_S),
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+        },
+    )
+
+
+def _is_forwarded(variable: str) -> bool:
+    """Whether nodes get a variable. They get the project's own, and no credentials."""
+    return variable.startswith("STYLETRF_") or variable == "LUIGI_CONFIG_PATH"
+
+
+def _submit(
+    backend: ClusterBackend, job: RemoteJob, store: Store, max_nodes: int = _MAX_NODES
+) -> JobResult:
+    """Runs the job; while a node's disk is full, on another one, up to `max_nodes` in all.
+
+    If the nodes share one folder, its full disk is that of all nodes, and one attempt suffices.
+    """
+    job = replace(job, excluded_nodes=_full_nodes(store))
+    result = backend.run(job)
+    is_known = result.node in ("", *job.excluded_nodes)
+    if result.kind != "disk" or is_known or not current_remote().url or max_nodes == 1:
+        return result
+    _log.info("%s on %s: sent on. %s", job.task, result.host, result.message)
+    (store.root / "quarantine" / f"{result.node}{_FULL}").touch()
+    return _submit(backend, job, store, max_nodes - 1)
+
+
+def _full_nodes(store: Store) -> tuple[str, ...]:
+    """The nodes whose disks were full in the last ten minutes, in any command on this store."""
+    since = time.time() - _SECONDS_EXCLUDED
+    marks = sorted((store.root / "quarantine").glob(f"*{_FULL}"))
+    return tuple(p.name.removesuffix(_FULL) for p in marks if p.stat().st_mtime > since)
+
+
+def _await_record(action: Action, store: Store, result: JobResult) -> ActionRecord | None:
+    """The record that a node left; None if there is none.
+
+    After a successful job it waits for the record: the shared store may not answer, and NFS may
+    show the folder as it was a minute ago.
+    """
+    started_s = time.monotonic()
+    while True:
+        record = recorded(store, action.key)
+        if record and is_available(store, record):
+            return record
+        is_away = current_remote().is_silent("reading")
+        limit_s = _SECONDS_FOR_REMOTE if is_away else _SECONDS_TO_APPEAR
+        if result.kind != "built" or time.monotonic() > started_s + limit_s:
+            return None
+        _refresh_nfs_cache(store.action(action.key))
+        time.sleep(1)
+
+
+def _refresh_nfs_cache(path: Path) -> None:
+    """Lists the folders above a path, for which an NFS client asks its server."""
+    for folder in (path.parent.parent, path.parent):
+        with contextlib.suppress(OSError):
+            os.listdir(folder)  # noqa: PTH208
+
+
+def _failure(
+    task: "StoredTask", action: Action, store: Store, result: JobResult
+) -> TaskFailure | LostInputError:
+    """The error for a job that left no record; a log in this store says the same."""
+    for upstream in task.requires().values():
+        if (result.kind, result.message) == ("lost", upstream.task_id):
+            return LostInputError(upstream)
+    where = f" (on {result.host})" if result.host else ""
+    kind, reason = result.kind, f"{result.message.rstrip('.')}{where}."
+    if kind == "built" or kind == "lost":
+        kind, reason = "user", _without_shared_store(result)
+    if kind != "late":
+        store.new_log(task.task_family, action.key).write_text(f"{reason}\n")
+    return TaskFailure(kind, str(task), reason)
+
+
+def _without_shared_store(result: JobResult) -> str:
+    is_built = result.kind == "built"
+    problem = "has built it, but its result cannot be found here" if is_built else "has no input"
+    return (
+        f"{result.host} {problem}. The two machines share no store, or the shared store does not"
+        " answer. Name the same folder as STYLETRF_STORE, or the same STYLETRF_REMOTE, on all"
+        " machines."
+    )
