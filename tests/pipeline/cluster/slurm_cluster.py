@@ -141,7 +141,7 @@ class SlurmCluster:
 
 
 def _node(number: int, name: str) -> str:
-    """What the cluster is told of a node; the last ones are chosen first."""
+    """The configuration of a node; SLURM chooses the last ones first."""
     memory_mib = psutil.virtual_memory().total * 9 // 10 >> 20
     return (
         f"NodeName={name} NodeHostname={name} NodeAddr=127.0.0.1 Port={_free_port()} CPUs=2"
@@ -150,7 +150,7 @@ def _node(number: int, name: str) -> str:
 
 
 def _host(pid: int) -> str:
-    """What tells the processes of one node from those of another."""
+    """The namespace by which a process belongs to a node."""
     with contextlib.suppress(OSError):
         return os.readlink(f"/proc/{pid}/ns/uts")  # noqa: PTH115  it is no path
     return ""
