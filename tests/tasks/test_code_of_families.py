@@ -175,24 +175,24 @@ def test_an_edit_changes_exactly_what_depends_on_it(
 
 
 def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
-    users = {"RadianceField", "QualityMetrics", "SceneReport", "TrajectoryFrames"}
-    for path in project.folder.rglob("*.py"):
-        if "read_split" in path.read_text():
-            project.edit(path.relative_to(project.folder), r"\bread_split\b", "split_read")
+    def rename(old: str, new: str) -> None:
+        for path in project.folder.rglob("*.py"):
+            if old in path.read_text():
+                project.edit(str(path.relative_to(project.folder)), rf"\b{old}\b", new)
+
+    users = {"QualityMetrics", "TrajectoryFrames"}
+    rename("read_split", "split_read")
     assert project.changed() == users
-    project.pipeline("adopt", "RadianceField", "--reason", "a rename")
-    others = users - {"RadianceField"}
-    assert project.changed() == others, "a declaration speaks of its family only"
-    project.pipeline("adopt", *others, "--reason", "a rename")
+    project.pipeline("adopt", "QualityMetrics", "--reason", "a rename")
+    assert project.changed() == {"TrajectoryFrames"}, "a declaration speaks of its family only"
+    project.pipeline("adopt", "TrajectoryFrames", "--reason", "a rename")
     assert project.changed() == set()
-    project.edit("styletrf/geometry/camera_table.py", "split_read", "parted")
-    project.edit("tasks/field.py", "split_read", "parted")
-    project.edit("tasks/metrics.py", "split_read", "parted")
-    project.edit("tasks/preflight.py", "split_read", "parted")
+    rename("split_read", "parted")
     assert project.changed() == users
     project.pipeline("adopt", *users, "--reason", "another rename")
     assert project.changed() == set(), "adoptions form a chain"
-    project.edit("styletrf/geometry/camera_table.py", "parts.held_out", "parts[not held_out")
+    path = "styletrf/geometry/camera_table.py"
+    project.edit(path, r"parts\[held_out\]", "parts[not held_out]")
     assert project.changed() == users
 
 

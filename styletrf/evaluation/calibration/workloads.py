@@ -130,13 +130,15 @@ def _field_steps(device: torch.device) -> Callable[[], None]:
 
 def _network_steps(device: torch.device) -> Callable[[], None]:
     """Returns what takes some iterations of a style training on random weights."""
-    torch.manual_seed(0)
     config = StyleTrainingConfig(batch=1, crop_px=_CROP_PX, style_px=_CROP_PX, predictor_weight=0.0)
     config = replace(config, color_weight=0.0)
     painting = torch.from_numpy(_picture(_CROP_PX).astype(np.float32) / 255)
     network = TransferNetwork(TransferNetworkConfig(), torch.Generator().manual_seed(0))
     training = new_training(network.to(device))
-    step = StyleStep(config, VGG16().to(device), painting)
+    with torch.random.fork_rng(devices=[]):  # these layers take no generator
+        torch.manual_seed(0)
+        vgg = VGG16().to(device)
+    step = StyleStep(config, vgg, painting)
     content = painting.movedim(2, 0)[None]
 
     def steps() -> None:
