@@ -22,10 +22,13 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
+import psutil
+
 from tasks.measuring import machine
 
 HERE = Path(__file__).parent
 ROOT, FIGURES, PAGE = HERE.parent, HERE / "figures.json", HERE / "README.md"
+_NOTABLE = 0.03  # of the cores, taken by others
 BEGIN, END = "<!-- figures: begin -->\n", "<!-- figures: end -->\n"
 
 
@@ -45,9 +48,11 @@ def measured(run: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         for old in (store, out):
             rmtree(old, ignore_errors=True)
     environment = {**os.environ, "STYLETRF_STORE": str(store), "STYLETRF_OUT": str(out)}
-    started = time.monotonic()
+    started, taken_s = time.monotonic(), _taken_s()
     subprocess.run(shlex.split(run["command"]), cwd=ROOT, env=environment, check=True)
-    summary = {"seconds": time.monotonic() - started}
+    seconds = time.monotonic() - started
+    share = (_taken_s() - taken_s) / seconds / (os.cpu_count() or 1)
+    summary: dict[str, Any] = {"seconds": seconds}
     if "out" in run:
         summary |= json.loads((out / run["out"] / "summary.json").read_text())
     return {
@@ -55,7 +60,13 @@ def measured(run: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         "commit": _output("git", "rev-parse", "--short", "HEAD"),
         "day": datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
         "machine": machine([]),
+        "remark": f"the hypervisor took {share:.0%} of the cores" if share > _NOTABLE else "",
     }
+
+
+def _taken_s() -> float:
+    """Returns the seconds of all cores that the hypervisor gave to others since the start."""
+    return float(getattr(psutil.cpu_times(), "steal", 0.0))
 
 
 def _value(summary: Mapping[str, Any], figure: Mapping[str, Any]) -> float:
@@ -79,13 +90,18 @@ def table(found: Mapping[str, Any]) -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     for run in runs():
         of_run = found.get(run["name"], {"figures": {}})
-        made = f"{of_run['commit']}, {of_run['day']}" if of_run["figures"] else ""
+        made = _provenance(of_run) if of_run["figures"] else ""
         first = f"{run['what']} | `{run['command']}`"
         for figure in run["figures"]:
             value = of_run["figures"].get(figure["what"])
             cells = first, figure["what"], _target(figure), _shown(figure, value), made
             yield f"| {' | '.join(cells)} |"
             first, made = " | ", ""
+
+
+def _provenance(of_run: Mapping[str, Any]) -> str:
+    remark = of_run.get("remark", "")
+    return ", ".join(part for part in (of_run["commit"], of_run["day"], remark) if part)
 
 
 def _target(figure: Mapping[str, Any]) -> str:
