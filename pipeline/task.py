@@ -278,8 +278,7 @@ class StoredTask(luigi.Task):
 
     def _failure(self, error: Exception, store: Store) -> TaskFailure:
         """What went wrong around the build, its trace put into a log of its own."""
-        log = store.new_log(self.task_family, self._log_name())
-        append_trace(log)
+        append_trace(log := store.new_log(self.task_family, self._log_name()))
         kind, message = explain(error, log, self.user_errors, self.transient_errors)
         return TaskFailure(kind, str(self), message)
 
@@ -287,7 +286,7 @@ class StoredTask(luigi.Task):
         """The key; where that is what failed, something that is this task's, too."""
         try:
             return self.action().key
-        except Exception:  # noqa: BLE001  which is told by who asks for the log
+        except Exception:  # noqa: BLE001  the caller reports it
             return hashlib.sha256(self.task_id.encode()).hexdigest()
 
 
