@@ -33,6 +33,8 @@ QUALITY = (
             "{:.2f} dB"),
     Measure("psnr_exposed", "PSNR, exposed alike", "the same once a render has the exposure of its"
             " photograph, found from both", "{:.2f} dB"),
+    Measure("psnr_aligned", "PSNR, aligned", "the same once each camera is where its render agrees"
+            " best with the photograph; for measuring only", "{:.2f} dB"),
     Measure("ssim", "SSIM", "the structure kept of them; 1 is the photograph itself", "{:.3f}"),
     Measure("perceptual", "perceptual distance", "how unlike them it looks to a VGG16; 0 is alike",
             "{:.4f}"),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import luigi
@@ -50,6 +51,7 @@ class QualityMetrics(TunedStage):
         from styletrf.capture.views import load_views
         from styletrf.configuration import configured
         from styletrf.devices import device_named
+        from styletrf.evaluation.alignment.held_out_alignment import aligned_psnr
         from styletrf.evaluation.alignment.photograph_placement import place_unregistered
         from styletrf.evaluation.exposed_image import psnr_exposed
         from styletrf.evaluation.quality import QualityConfig, judges_named, measure_quality
@@ -76,12 +78,17 @@ class QualityMetrics(TunedStage):
             judges,
             out / "views",
         )
-        write_rows(out / "views.parquet", rows)
-        write_summary(out / "summary.json", means)
 
         def render(camera: Any) -> Any:
             return next(rendered(radiance, model.space, [camera], config.render, device))
 
+        if config.aligned:
+            photographs = load_views(inputs["poses"] / "images", cameras)
+            psnr = aligned_psnr(cameras, photographs, render)
+            rows = [{**row, "psnr_aligned": value} for row, value in zip(rows, psnr, strict=True)]
+            means["psnr_aligned"] = fmean(psnr)
+        write_rows(out / "views.parquet", rows)
+        write_summary(out / "summary.json", means)
         place_unregistered(out / "placed.json", inputs["capture"], inputs["poses"], model, render)
 
 

@@ -34,12 +34,15 @@ class QualityConfig:
             compare at one size only.
         perceptual_px: The longer side at which views go through the perceptual network.
         lpips: Whether LPIPS is measured as well, see `styletrf.evaluation.lpips_distance`.
+        aligned: Whether PSNR is measured with aligned cameras as well, see
+            `styletrf.evaluation.alignment.held_out_alignment`.
     """
 
     render: RenderConfig = field(default_factory=RenderConfig)
     long_side_px: int = 0
     perceptual_px: int = 504
     lpips: bool = False
+    aligned: bool = False
 
     def __post_init__(self) -> None:
         if self.long_side_px < 0 or self.perceptual_px < REDUCTION:
@@ -81,7 +84,7 @@ def measure_quality(
     rows: list[dict[str, Any]] = []
     for camera, render, photograph in zip(cameras, renders, photographs, strict=True):
         reference = from_integers(np.ascontiguousarray(photograph[..., :3].numpy()))
-        image, counts = render.color.numpy(), _counts(photograph)
+        image, counts = render.color.numpy(), counted_pixels(photograph)
         judged = np.where(counts[..., None], image, reference)
         figures = {name: judge(judged, reference) for name, judge in judges.items()}
         if "psnr" in figures:
@@ -96,7 +99,7 @@ def measure_quality(
     return rows, means | {"views": float(len(rows))}
 
 
-def _counts(photograph: ViewImage) -> Bool[np.ndarray, "height width"]:
+def counted_pixels(photograph: ViewImage) -> Bool[np.ndarray, "height width"]:
     """Returns which pixels of a photograph count, by its alpha where it has one."""
     whole = torch.ones(photograph.shape[:2], dtype=torch.bool)
     counts: Bool[np.ndarray, "height width"] = (
