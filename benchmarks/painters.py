@@ -25,6 +25,7 @@ from styletrf.evaluation.perceptual_distance import Perception
 from styletrf.files.images import read_rgb
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.style.perceptual.vgg import load_vgg
+from tasks.style import PerceptualWeights
 from tasks.stylization import StylizedPriors
 
 PAINTERS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -56,7 +57,8 @@ def main() -> None:
             stylizer=stylizer,
             tuning={**tuning, "StylizedPriors": settings},
         )
-        if not luigi.build([task], local_scheduler=True, log_level="WARNING"):
+        wanted = [task, task.need(PerceptualWeights)]
+        if not luigi.build(wanted, local_scheduler=True, log_level="WARNING"):
             raise SystemExit(f"{task} failed")
         print(f"| {name} | {_row(task, options.views)} |", flush=True)  # noqa: T201
 
@@ -64,8 +66,8 @@ def main() -> None:
 def _row(task: StylizedPriors, count: int) -> str:
     needed = task.requires()
     priors, painted = artifact(needed["priors"]), artifact(task)
-    weights = artifact(needed["perceptual"]) if "perceptual" in needed else None
-    vgg = load_vgg((weights or _weights(task)) / "vgg16.safetensors", torch.device("cpu"))
+    weights = artifact(task.need(PerceptualWeights)) / "vgg16.safetensors"
+    vgg = load_vgg(weights, torch.device("cpu"))
     config = ConsistencyConfig(deltas=(1,), depth_deltas=())
     cameras = read_cameras(priors / "cameras.parquet")
     found = measure_consistency(
@@ -80,12 +82,6 @@ def _row(task: StylizedPriors, count: int) -> str:
     error = f"{found['normalized_error']:.3f} ({found['normalized_floor']:.3f})"
     style = f"{found['style_distance']:.2f} ({found['style_distance_unstylized']:.2f})"
     return f"{error} | {style} | {seconds:.1f}"
-
-
-def _weights(task: StylizedPriors) -> Any:
-    from tasks.style import PerceptualWeights
-
-    return artifact(task.need(PerceptualWeights))
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ def require_time_left(
 
     Args:
         task: The task to build.
-        until: The deadline; None: there is none.
+        until: The deadline; None where none is set.
         key: The key of the artifact, which names the log.
         cost: What the build is expected to take. If that is unknown, it may start until the
             deadline.

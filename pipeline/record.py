@@ -5,6 +5,7 @@ import functools
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import version
 
 from pipeline.canonical import Json, canonical_json
 from pipeline.digest import Tree, typed_digest
@@ -91,3 +92,9 @@ class ActionRecord:
 
 def _check(fields: Mapping[str, Json]) -> str:
     return typed_digest("pipeline-record-v2", canonical_json(fields))
+
+
+@functools.cache
+def public_version(distribution: str) -> str:
+    """Returns 2.13.0 of 2.13.0+cpu: the build does not say what it computes."""
+    return version(distribution).partition("+")[0]

@@ -8,7 +8,6 @@ import sys
 import warnings
 from abc import abstractmethod
 from collections.abc import Generator, Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -25,7 +24,7 @@ from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, explain
 from pipeline.execution import RunContext, append_trace
 from pipeline.parameters import ChoiceParameter, FloatParameter
 from pipeline.parent_process import die_with
-from pipeline.record import Action, ActionRecord
+from pipeline.record import Action, ActionRecord, public_version
 from pipeline.settings import current_store, require_configuration, setting
 from pipeline.sharing import is_available, recorded
 from pipeline.snapshot import code_in_key
@@ -237,7 +236,7 @@ class StoredTask(luigi.Task):
             parameters=canonical(self.identity_parameters()),
             inputs=inputs,
             sources=self._sources,
-            tools={name: _tool_version(name) for name in self.tools},
+            tools={name: public_version(name) for name in self.tools},
             salt=setting("store", "salt"),
         )
 
@@ -292,9 +291,3 @@ class StoredTask(luigi.Task):
 
 _first_code = functools.cache(code_in_key)
 """The code as this process met it: what it imported stays the same, whatever an editor does."""
-
-
-@functools.cache
-def _tool_version(distribution: str) -> str:
-    """The public version: 2.13.0 of 2.13.0+cpu, since the build does not tell what it computes."""
-    return version(distribution).partition("+")[0]

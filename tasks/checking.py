@@ -23,10 +23,10 @@ from pipeline.console.progress_client import progress_client
 from pipeline.host import available_memory_bytes
 from pipeline.settings import current_store, data_root
 from styletrf.errors import InputError
+from tasks.build_order import seconds_ahead
 from tasks.field import TrajectoryFrames
 from tasks.graph import graph
 from tasks.memory import Demand, demands_of, photographs_of, require_memory
-from tasks.plan import seconds_ahead
 from tasks.sources import may_stop, sources_of
 from tasks.stage import Stage, TunedStage
 

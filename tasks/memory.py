@@ -20,8 +20,8 @@ from pipeline.gpu import visible_cards
 from pipeline.settings import data_root, setting
 from pipeline.task import artifact
 from styletrf.errors import InputError
+from tasks.build_order import is_made
 from tasks.field import TrajectoryFrames
-from tasks.plan import is_made
 from tasks.scene import SceneCapture, SceneModel
 from tasks.stage import TunedStage
 

@@ -84,9 +84,9 @@ class QualityMetrics(TunedStage):
 
         if config.aligned:
             photographs = load_views(inputs["poses"] / "images", cameras)
-            psnr = aligned_psnr(cameras, photographs, render)
-            rows = [{**row, "psnr_aligned": value} for row, value in zip(rows, psnr, strict=True)]
-            means["psnr_aligned"] = fmean(psnr)
+            found = aligned_psnr(cameras, [row["psnr"] for row in rows], photographs, render)
+            rows = [{**row, "psnr_aligned": value} for row, value in zip(rows, found, strict=True)]
+            means["psnr_aligned"] = fmean(found)
         write_rows(out / "views.parquet", rows)
         write_summary(out / "summary.json", means)
         place_unregistered(out / "placed.json", inputs["capture"], inputs["poses"], model, render)
@@ -185,11 +185,11 @@ class ConsistencyMetrics(FrameMetrics):
         write_summary(out / "summary.json", consistency.summary)
 
 
-def pair_settings(stage: Stage) -> dict[str, dict[str, Any]]:
-    """Returns `measured_pairs`: the settings of a command that choose the pairs it measures."""
+def pair_settings(stage: Stage) -> dict[str, Any]:
+    """Returns the settings of a command that choose the pairs of frames it measures."""
     values = stage.need(ConsistencyMetrics).values()
     chosen = sorted({"deltas", "depth_deltas", "pairs"} & set(values))
-    return {"measured_pairs": {name: values[name] for name in chosen}}
+    return {name: values[name] for name in chosen}
 
 
 class StylizationMetrics(FrameMetrics):

@@ -10,8 +10,8 @@ import luigi
 from pipeline.canonical import canonical, canonical_json
 from pipeline.task import StoredTask
 from styletrf.evaluation.trade_off import Combination
+from tasks.build_order import is_made
 from tasks.machine_calibration import calibration_of_machine
-from tasks.plan import is_made
 from tasks.quality_choice import Front, Timing
 from tasks.scene_sizes import sizes_of
 from tasks.sources import builds_alone
@@ -94,18 +94,17 @@ def timing_of(task: Any) -> Timing:
     known: dict[tuple[str, str], float] = {}
 
     def seconds(front: Front, point: Combination) -> float:
+        """Returns the seconds of a point, found once."""
         name = front.description, json.dumps(point.tuning, sort_keys=True)
-        if name not in known:
-            known[name] = predicted(front, point)
-        return known[name]
-
-    def predicted(front: Front, point: Combination) -> float:
+        if name in known:
+            return known[name]
         model = models.get(front.description) or cost_model(task, front)
         models[front.description] = model
         is_found = found.has if builds_alone() else _never
         stages = stages_to_make(task.with_settings(front.quality, point.tuning), is_found)
         measured = point.stage_seconds if front.calibration else {}
-        return sum(model.expected(s, measured.get(s.task_family)).seconds for s in stages)
+        known[name] = sum(model.expected(s, measured.get(s.task_family)).seconds for s in stages)
+        return known[name]
 
     return seconds
 

@@ -58,7 +58,7 @@ class Stage(StoredTask):
         command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
         if command is None:
             return 0
-        from tasks.plan import seconds_to_the_end
+        from tasks.build_order import seconds_to_the_end
 
         seconds = round(seconds_to_the_end(command.get_task_obj()).get(self.task_id, 0.0))
         return seconds + SOURCE_PRIORITY * is_source(self)

@@ -222,7 +222,7 @@ class StyleNetwork(TunedStage, NetworkControls):
             "settings": self.values(),
             "stroke_scale": self.stroke_scale if self.is_trained else 1.0,
             "content_weight": self.content_weight if self.is_trained else 1.0,
-            **self.measured_pairs(),
+            **({"measured_pairs": pairs} if (pairs := self.measured_pairs()) else {}),
         }
 
     def measured_pairs(self) -> dict[str, Any]:
@@ -270,11 +270,10 @@ class StyleNetwork(TunedStage, NetworkControls):
         from styletrf.style.style_network import save_style_network
         from tasks.network_training import Asked, train
 
-        if self.network:
-            save_style_network(from_fast_neural_style(Path(self.network)), out)
-            return
         if not self.is_trained:
-            save_style_network(self._for_painting(inputs), out)
+            given = Path(self.network) if self.network else None
+            network = from_fast_neural_style(given) if given else self._for_painting(inputs)
+            save_style_network(network, out)
             return
         run.resume.mkdir(parents=True, exist_ok=True)
         asked = Asked(
@@ -285,7 +284,7 @@ class StyleNetwork(TunedStage, NetworkControls):
             out=str(out),
             resume=str(run.resume),
             device=self.device,
-            measured=self.measured_pairs()["measured_pairs"] if "renders" in inputs else {},
+            measured=self.measured_pairs(),
         )
         train(asked, run.progress)
 

@@ -16,12 +16,12 @@ from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Tuning
 from tasks.at_exit import acting_at_exit, root_of_command
+from tasks.build_order import is_made
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
 from tasks.graph import graph
 from tasks.kept_choice import choice_for, keep_choice
 from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics
-from tasks.plan import is_made
 from tasks.plan_report import end_with_plan
 from tasks.qualities import QUALITIES
 from tasks.quality_choice import (

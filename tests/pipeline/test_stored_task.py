@@ -265,16 +265,16 @@ def test_pinned_revision_replaces_the_code():
 
 
 def test_tools_are_keyed_by_public_version(monkeypatch):
-    import pipeline.task
+    import pipeline.record
 
-    monkeypatch.setattr(pipeline.task, "version", lambda name: "2.13.0+cpu")
-    pipeline.task._tool_version.cache_clear()
+    monkeypatch.setattr(pipeline.record, "version", lambda name: "2.13.0+cpu")
+    pipeline.record.public_version.cache_clear()
     monkeypatch.setattr(Word, "tools", ("torch",))
     assert Word("a").action().tools == {"torch": "2.13.0"}
-    pipeline.task._tool_version.cache_clear()
+    pipeline.record.public_version.cache_clear()
 
 
-def test_a_full_disk_is_told_as_such(monkeypatch):
+def test_a_full_disk_is_reported_as_such(monkeypatch):
     import errno
     import os
 

@@ -1,4 +1,4 @@
-"""Mistakes in the words of a command are told before its first stage."""
+"""A command reports mistakes in its words before its first stage."""
 
 import os
 import shutil
@@ -31,7 +31,7 @@ def said(photographs: Path, *words: str) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (
             ["--StylizedField-settings", '{"iteration": 3}'],
@@ -57,10 +57,10 @@ def said(photographs: Path, *words: str) -> tuple[int, str]:
         (["--quality", "within 1 dB", "--budget", "5min"], "--quality 'within 1 dB' --budget 5min"),
     ],
 )
-def test_a_mistake_is_one_line_before_the_first_stage(photographs, words, told):
+def test_a_mistake_is_one_line_before_the_first_stage(photographs, words, message):
     status, screen = said(photographs, "StylizedTrajectory", *CELL, *words)
     assert status == 1
-    assert screen.startswith(told)
+    assert screen.startswith(message)
     assert screen.count("\n") == 1
 
 

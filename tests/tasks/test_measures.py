@@ -1,4 +1,4 @@
-"""What is told of a result's measures: each beside its floor, and what is not there as such."""
+"""The figures of a result's measures: each beside its floor, and what was not measured as such."""
 
 import math
 
@@ -17,7 +17,7 @@ SUMMARY = {
 }
 
 
-def told(summary) -> dict[str, list[tuple[str, str]]]:
+def figures(summary) -> dict[str, list[tuple[str, str]]]:
     return {
         metric.name: [(figure.value, figure.beside) for figure in metric.figures]
         for table in metric_tables(summary)
@@ -25,25 +25,25 @@ def told(summary) -> dict[str, list[tuple[str, str]]]:
     }
 
 
-def test_every_measure_is_told_once_beside_its_floor_short_term_first():
-    assert len(told(SUMMARY)) == len(QUALITY) + len(RESEMBLANCE) + len(CONSISTENCY)
+def test_every_measure_is_shown_once_beside_its_floor_short_term_first():
+    assert len(figures(SUMMARY)) == len(QUALITY) + len(RESEMBLANCE) + len(CONSISTENCY)
     between = metric_tables(SUMMARY)[2]
     assert list(between.columns) == ["short term", "long term"]
     for measure, metric in zip(CONSISTENCY, between.metrics, strict=True):
         assert all(bool(figure.beside) == bool(measure.other) for figure in metric.figures)
-    assert told(SUMMARY)["error along the flow"] == [
+    assert figures(SUMMARY)["error along the flow"] == [
         ("0.00200", "floor 0.00100, 2.00\N{NO-BREAK SPACE}times")
     ] * 2  # fmt: skip
 
 
 def test_a_distance_to_the_painting_stands_beside_the_unstylised_frames():
     beside = "unstylised 0.80, 0.625\N{NO-BREAK SPACE}times"
-    assert told(SUMMARY)["texture"] == [("0.50", beside)]
+    assert figures(SUMMARY)["texture"] == [("0.50", beside)]
 
 
 def test_what_has_no_value_is_not_measured():
     deltas = {"delta_1": {"error": None, "floor": 0.1}, "delta_5": {"error": 0.1, "floor": None}}
-    lost = told({"quality": {"psnr": None}, "consistency": deltas})
+    lost = figures({"quality": {"psnr": None}, "consistency": deltas})
     assert lost["PSNR"] == [("not measured", "")]
     assert lost["error along the flow"] == [
         ("not measured", ""),
@@ -52,8 +52,8 @@ def test_what_has_no_value_is_not_measured():
 
 
 def test_what_was_not_asked_is_left_out_and_a_floor_of_nothing_divides_nothing():
-    told_of_one = told({"quality": {}, "consistency": {"delta_2": {"error": 0.5, "floor": 0.0}}})
-    assert told_of_one == {"error along the flow": [("0.500", "floor 0")]}
+    of_one = figures({"quality": {}, "consistency": {"delta_2": {"error": 0.5, "floor": 0.0}}})
+    assert of_one == {"error along the flow": [("0.500", "floor 0")]}
 
 
 @pytest.mark.parametrize(
@@ -80,11 +80,11 @@ def test_a_ratio_below_one_is_explained_beside_the_sharpness(sharpness, why):
     }
     summary = {"quality": {}, "consistency": {"delta_1": errors}}
     summary["resemblance"] = {"sharpness_to_unstylized": sharpness}
-    found = told(summary)
+    found = figures(summary)
     ((_, beside),) = found["error along the flow"]
     assert why in beside
     assert significant(sharpness) in beside
     ((_, distance),) = found["style distance"]
     assert "detail" not in distance, "nearer to the painting is no want of detail"
     above = summary | {"consistency": {"delta_1": {"error": 0.004, "floor": 0.002}}}
-    assert "detail" not in told(above)["error along the flow"][0][1]
+    assert "detail" not in figures(above)["error along the flow"][0][1]

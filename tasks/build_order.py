@@ -42,17 +42,17 @@ def is_made(stage: StoredTask) -> bool:
     """Whether the stage's artifact is recorded."""
     try:
         return stage.record() is not None
-    except Exception:  # noqa: BLE001  what it is its run tells
+    except Exception:  # noqa: BLE001  its own run reports why
         return False
 
 
 def _seconds(stages: Sequence[luigi.Task]) -> dict[str, float]:
     store = current_store()
     earlier = {family: spendings(store, family) for family in {s.task_family for s in stages}}
-    told: dict[str, float] = {}
+    expected_s: dict[str, float] = {}
     for stage in stages:
         cost = None
         if isinstance(stage, StoredTask):
             cost = expected(earlier[stage.task_family], significant(stage))
-        told[stage.task_id] = cost.seconds if cost else USUAL_SECONDS
-    return told
+        expected_s[stage.task_id] = cost.seconds if cost else USUAL_SECONDS
+    return expected_s

@@ -6,8 +6,8 @@ import tasks
 from pipeline.costs import Cost, Spent, note
 from pipeline.resources import significant
 from pipeline.settings import current_store
+from tasks.build_order import seconds_to_the_end
 from tasks.graph import graph
-from tasks.plan import seconds_to_the_end
 
 WORDS = {"quality": "draft", "content": "embedded"}
 
