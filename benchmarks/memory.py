@@ -5,7 +5,7 @@ in `STYLETRF_DATA`.
 """
 
 import tasks
-from pipeline.costs import spendings
+from pipeline.execution.cost_history import cost_history
 from pipeline.settings import current_store
 from tasks.memory import GROWTH, demand_of, photographs_of, predicted_bytes
 
@@ -19,7 +19,7 @@ def main() -> None:
     )
     _print_row(*["---"] * 7)
     for family in sorted({name.split()[0] for name in GROWTH}):
-        for spent in spendings(current_store(), family):
+        for spent in cost_history(current_store(), family):
             stage = getattr(tasks, family).from_str_params(dict(spent.parameters))
             demand = demand_of(stage)
             photographs = photographs_of(demand.scene, demand.video_frames)

@@ -11,7 +11,7 @@ import json
 import os
 from dataclasses import asdict
 
-from pipeline.costs import Cost
+from pipeline.execution.cost_history import Cost
 from pipeline.record import ActionRecord
 from tasks import StylizedTrajectory
 from tasks.graph import graph

@@ -1,8 +1,10 @@
-"""A content-addressed store under Luigi: what a task makes is kept by what it was made from.
+"""A content-addressed store under Luigi: an artifact is found again by what it was made from.
 
-Read in this order: `canonical`, `digest` and `code_identity` (what an artifact *is*), `record`,
-`store` and `publication` (where it lies and how it gets there), `execution`, `execute` and `gpu`
-(who builds it, on what), `building` (one build from first to last), `task` (what a Luigi task
-inherits), `snapshot` and `explanation` (what an edit changes, and why a task would run).
-`docs/store.md` states the promises.
+The core stands in this folder. Read `canonical`, `digest` and `record` (what an artifact *is*), then
+`store`, `locks`, `publication` and `artifacts` (where it lies, how it gets there and is found), `job`
+and `build` (one build from first to last), `artifact_task` (what Luigi asks of a task).
+
+Around it, and unknown to it, are packages: `code` (the identity of a task's code), `execution`
+(builds on this machine), `shared_store`, `cluster`, `console` and `maintenance` (`python -m pipeline`).
+`task` puts them together: stages derive from its `StoredTask`. `docs/store.md` states the promises.
 """

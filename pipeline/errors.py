@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import shutil
+import traceback
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -52,13 +53,13 @@ def is_full(error: BaseException | None) -> bool:
     return getattr(error, "errno", None) in _NO_ROOM
 
 
-def tells_of_full_disk(error: Exception) -> bool:
+def is_disk_full(error: Exception) -> bool:
     """Whether an error is, or quotes, that of the system for a full disk; not another machine's."""
     is_quoted = any(os.strerror(number) in str(error) for number in _NO_ROOM)
     return is_full(error) or (is_quoted and not isinstance(error, StoreError))
 
 
-def explain(
+def describe_error(
     error: Exception, log: Path, user_errors: Errors = (), transient_errors: Errors = ()
 ) -> tuple[FailureKind, str]:
     """Whose an error is, and its line on the screen; `log` lies in the store and has the trace."""
@@ -66,7 +67,7 @@ def explain(
     if isinstance(error, (*user_errors, StoreError)):
         return ("user" if other == "crash" else other), str(error)
     told = f"{type(error).__name__}: {error}"
-    if tells_of_full_disk(error) or _is_short(log.parent):
+    if is_disk_full(error) or _is_short(log.parent):
         where = getattr(error, "filename", None) or log.parent
         return "disk", (
             f"no space left on the disk of {where} ({told}). Nothing half-made was kept: free some"
@@ -81,3 +82,9 @@ def _is_short(folder: Path) -> bool:
     with contextlib.suppress(OSError):
         return shutil.disk_usage(folder).free < _NEXT_TO_NOTHING_BYTES
     return False
+
+
+def append_trace(log: Path) -> None:
+    """Adds the exception being handled to a log, if the disk has room for it."""
+    with contextlib.suppress(OSError), log.open("a") as file:
+        traceback.print_exc(file=file)

@@ -1,24 +1,33 @@
-"""Locks that save work. Correctness rests on publishing without replacing, never on these."""
+"""Locks on files: they save work, and say what a living process still uses.
+
+Correctness rests on publishing without replacing, never on a lock. The kernel releases a lock when
+its holder dies, however it dies.
+"""
 
 import contextlib
 import errno
 import fcntl
 import os
-from collections.abc import Callable, Iterator
+import socket
+from collections.abc import Callable, Iterator, Set
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypeAlias
 
 # EBADF: NFS locks no directory for writing, since none can be opened for writing.
 _UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF)
+References: TypeAlias = list[tuple[Path, Set[str]]]
+"""Files that keep something, each with the keys and digests it keeps."""
 
 
 @contextlib.contextmanager
 def locked(
     path: Path, on_wait: Callable[[], None] = lambda: None, *, shared: bool = False
 ) -> Iterator[None]:
-    """Hold the flock of the file `path`; call `on_wait` first where another holds it.
+    """Holds the flock of the file `path`; calls `on_wait` first if another process holds it.
 
-    The kernel releases the lock when its holder dies, however it dies. The file stays: unlinking
-    it would give a waiter a lock on nothing. A file system without flock goes unlocked.
+    The file stays: unlinking it would give a waiter a lock on nothing. A file system without flock
+    goes unlocked.
     """
     mode = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
     reads = shared or (path.exists() and not os.access(path, os.W_OK))
@@ -33,12 +42,12 @@ def locked(
 
 
 def try_lock(descriptor: int) -> bool:
-    """Take the flock of an open file or directory without waiting; False where another has it."""
+    """Takes the flock of an open file or directory; returns False if another process has it."""
     return _flock(descriptor, fcntl.LOCK_EX) is not False
 
 
 def is_held(path: Path) -> bool | None:
-    """Whether a living process holds the flock of `path`; None where it cannot be told."""
+    """Whether a living process holds the flock of `path`; None if the file system cannot say."""
     try:
         descriptor = os.open(path, os.O_RDONLY)
     except FileNotFoundError:
@@ -51,7 +60,7 @@ def is_held(path: Path) -> bool | None:
 
 
 def _flock(descriptor: int, mode: int) -> bool | None:
-    """Whether the lock was to be had at once; None on a file system without flock."""
+    """Whether the lock was free; None on a file system without flock."""
     try:
         fcntl.flock(descriptor, mode | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -61,3 +70,51 @@ def _flock(descriptor: int, mode: int) -> bool | None:
             raise
         return None
     return True
+
+
+class Run:
+    """The keys that this process uses in the store at `root`: a lease first, then history.
+
+    `runs/UTC-HOST-PID.keys` holds a key a line. It is created with the first key, and its flock is
+    held while its process, or a worker forked from it, lives. A garbage collection holds `gc.lock`
+    exclusively; a process that leases or publishes a key holds it shared meanwhile.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self._root, self._keys, self._descriptor = root, set[str](), -1
+
+    @contextlib.contextmanager
+    def lease(self, key: str) -> Iterator[None]:
+        """Holds off collections; what the key refers to stays while this process lives.
+
+        A read-only store, or a full disk, goes without a lease: there the grace period of the
+        collection protects what is in use.
+        """
+        with contextlib.ExitStack() as stack:
+            with contextlib.suppress(OSError):
+                stack.enter_context(locked(self._root / "gc.lock", shared=True))
+                self._write(key)
+            yield
+
+    def _write(self, key: str) -> None:
+        if self._descriptor < 0:
+            name = f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}-{socket.gethostname()}-{os.getpid()}"
+            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL
+            self._descriptor = os.open(self._root / "runs" / f"{name}.keys", flags, 0o666)
+            try_lock(self._descriptor)
+        if key not in self._keys:
+            os.write(self._descriptor, f"{key}\n".encode())
+            self._keys.add(key)
+
+
+def runs(root: Path) -> tuple[References, References]:
+    """The runs of living processes, and the finished ones, oldest first: file and keys of each.
+
+    The caller holds `gc.lock` exclusively.
+    """
+    living, past = References(), References()
+    for path in sorted((root / "runs").glob("*.keys")):
+        lines = path.read_text("ascii", "replace").splitlines()
+        keys = {line[-64:] for line in lines}  # a full disk may have cut the line before
+        (living if is_held(path) else past).append((path, keys))
+    return living, past

@@ -19,7 +19,7 @@ from pipeline.digest import Tree, is_tree, tree_digest, walk
 from pipeline.record import Action, ActionRecord
 from pipeline.store import Store
 
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 
 
 def publish(
@@ -46,7 +46,7 @@ def publish(
     store.reached("hashed")
     _sync_tree(out)
     store.reached("synced")
-    with store.run.taking(action.key):
+    with store.run.lease(action.key):
         _place(store, out, tree)
         store.reached("placed")
         record = commit(store, ActionRecord(action, tree, provenance), store.find)
@@ -100,7 +100,7 @@ def commit(
 
 def _tell_of_change(lost: ActionRecord | None, record: ActionRecord) -> None:
     if lost and lost.output != record.output:
-        screen.warning(
+        _log.warning(
             "%s: what was lost is made anew with other bytes (%s, before %s); what was made from it"
             " will be made again.",
             record.provenance["label"],

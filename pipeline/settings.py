@@ -9,12 +9,8 @@ import luigi
 from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.errors import StoreError
-from pipeline.remote import Remote, open_remote
-from pipeline.signatures import SHORTEST_KEY
 from pipeline.store import Store, open_store
 
-PATIENCE = "STYLETRF_PATIENCE"
-"""Where another machine is told how long to wait for the shared store."""
 _DEFAULTS = {
     ("store", "root"): "store",  # STYLETRF_STORE wins
     ("store", "salt"): "",  # another word disowns all artifacts
@@ -59,35 +55,6 @@ def current_store(*, create: bool = True) -> Store:
     return open_store(root)
 
 
-def current_remote() -> Remote:
-    """The shared store in STYLETRF_REMOTE, or in [store] remote of `luigi.cfg`; or none."""
-    url = os.environ.get("STYLETRF_REMOTE", setting("store", "remote"))
-    patience_seconds = os.environ.get(PATIENCE, setting("store", "patience_seconds"))
-    options = setting("store", "remote_options")
-    return open_remote(url, options, float(patience_seconds), signing_key() if url else b"")
-
-
-def signing_key() -> bytes:
-    """The key in the file that [store] signing_key of `luigi.cfg` names; empty where none is named.
-
-    Raises:
-        StoreError: The file cannot be read, or holds too little.
-    """
-    if not setting("store", "signing_key"):
-        return b""
-    path = _configured_path("store", "signing_key").expanduser()
-    remedy = f"Make one for all machines: (umask 077; openssl rand -hex 32 > {path})"
-    try:
-        key = path.read_bytes().strip()
-    except OSError as error:
-        problem = f"[store] signing_key: {path} cannot be read ({error.strerror})"
-        raise StoreError(f"{problem}. {remedy}.") from error
-    if len(key) < SHORTEST_KEY:
-        problem = f"[store] signing_key: {path} holds {len(key)} bytes, fewer than {SHORTEST_KEY}"
-        raise StoreError(f"{problem}. {remedy}.")
-    return key
-
-
 def data_root() -> Path:
     """The user's data: STYLETRF_DATA, or [data] root of `luigi.cfg`, or ./data."""
     return _place("STYLETRF_DATA", "data")
@@ -100,20 +67,25 @@ def out_root() -> Path:
 
 def identity_file() -> Path:
     """The snapshot of the code: [store] identity of `luigi.cfg`, or ./tasks/identity.json."""
-    return _configured_path("store", "identity")
+    return configured_path("store", "identity")
 
 
 def _place(variable: str, section: str) -> Path:
     """The folder in an environment variable, or in `root` of a section."""
     told = os.environ.get(variable)
-    return (Path(told) if told else _configured_path(section, "root")).absolute()
+    return (Path(told) if told else configured_path(section, "root")).absolute()
 
 
-def _configured_path(section: str, name: str) -> Path:
+def configured_path(section: str, name: str) -> Path:
     """A path in the settings; a relative one starts at the folder of the file that names it."""
     other = os.environ.get("LUIGI_CONFIG_PATH")
     folder = Path(other).parent if other and _defines(other, section, name) else Path()
     return folder / setting(section, name)
+
+
+def workers_of_command() -> int:
+    """How many builds the command of this process runs at once (`--workers`)."""
+    return max(1, int(luigi.interface.core().workers))  # type: ignore[no-untyped-call]
 
 
 @functools.cache

@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.digest import measure
+from pipeline.digest import is_tree, measure, walk
 from pipeline.errors import StoreError
-from pipeline.leases import Run
-from pipeline.locks import is_held, locked, try_lock
+from pipeline.locks import Run, is_held, locked, try_lock
 from pipeline.record import ActionRecord
 
 FORMAT = "styletrf store 1\n"
@@ -112,14 +111,20 @@ class Store:
             return None
         return record if record.action.key == key else None
 
-    def hold(self, key: str) -> ActionRecord | None:
+    def lease_record(self, key: str) -> ActionRecord | None:
         """`record`; what it names, and was made from, stays while this process lives."""
-        with self.run.taking(key):
+        with self.run.lease(key):
             return self.record(key)
+
+    def records(self) -> Iterator[ActionRecord]:
+        """Every readable record, in the order of the keys."""
+        for path in sorted((self.root / "actions").glob("*/*.json")):
+            if record := self.record(path.stem):
+                yield record
 
     def find(self, key: str) -> ActionRecord | None:
         """The record of the key if the object it names is intact, too; both stay while we live."""
-        record = self.hold(key)
+        record = self.lease_record(key)
         return record if record and self.intact(record) else None
 
     def intact(self, record: ActionRecord) -> bool:
@@ -129,6 +134,21 @@ class Store:
         except (OSError, ValueError):
             return False
         return (size, files) == (record.output.size, record.output.files)
+
+    def find_damage(self, record: ActionRecord, *, deep: bool) -> str | None:
+        """What is wrong with the record's object: it is "missing", "altered" or "writable".
+
+        Args:
+            record: Of the object.
+            deep: Read every byte; otherwise only count the files and their sizes.
+        """
+        path = self.object(record.output.digest)
+        if not os.path.lexists(path):
+            return "missing"
+        if not (is_tree(path, record.output) if deep else self.intact(record)):
+            return "altered"
+        modes = [path.stat().st_mode, *(status.st_mode for _, status in walk(path))]
+        return "writable" if any(mode & 0o222 for mode in modes) else None
 
     def quarantine(self, path: Path) -> None:
         """Set something damaged aside, where nothing looks for it."""
@@ -157,7 +177,7 @@ class Store:
         Its flock tells that its maker lives; those that died at the same key leave theirs to us.
         """
         self._sweep(key)
-        with self.run.taking(key):
+        with self.run.lease(key):
             fresh = Path(tempfile.mkdtemp(dir=self.root / "tmp"))
             descriptor = os.open(fresh, os.O_RDONLY)
             try_lock(descriptor)

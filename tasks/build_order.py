@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import luigi
 
-from pipeline.costs import USUAL_SECONDS, expected, spendings
-from pipeline.resources import significant
+from pipeline.execution.cost_history import DEFAULT_SECONDS, cost_history, expected
+from pipeline.execution.resources import significant
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
 from tasks.graph import graph
@@ -48,11 +48,11 @@ def is_made(stage: StoredTask) -> bool:
 
 def _seconds(stages: Sequence[luigi.Task]) -> dict[str, float]:
     store = current_store()
-    earlier = {family: spendings(store, family) for family in {s.task_family for s in stages}}
+    earlier = {family: cost_history(store, family) for family in {s.task_family for s in stages}}
     expected_s: dict[str, float] = {}
     for stage in stages:
         cost = None
         if isinstance(stage, StoredTask):
             cost = expected(earlier[stage.task_family], significant(stage))
-        expected_s[stage.task_id] = cost.seconds if cost else USUAL_SECONDS
+        expected_s[stage.task_id] = cost.seconds if cost else DEFAULT_SECONDS
     return expected_s

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.canonical import Json
-from pipeline.explanation import TO_BE_MADE, Explanation, explanations
+from pipeline.maintenance.why import TO_BE_MADE, Explanation, explanations
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
 from tasks.remaining_time import cost_model, stages_to_make

@@ -20,7 +20,7 @@ import luigi
 from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.console.progress_client import progress_client
-from pipeline.host import available_memory_bytes
+from pipeline.execution.cpu_memory import available_memory_bytes
 from pipeline.settings import current_store, data_root
 from styletrf.errors import InputError
 from tasks.build_order import seconds_ahead

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.digest import typed_digest
-from pipeline.gpu import VISIBLE, visible_cards
-from pipeline.host import usable_cores
+from pipeline.execution.cpu_memory import usable_cores
+from pipeline.execution.gpu import VISIBLE, visible_cards
 from tasks.local_memory import recalled, remember
 
 _MAIN = "from tasks.machine_calibration import main; main()"

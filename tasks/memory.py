@@ -16,7 +16,7 @@ from typing import cast
 
 import luigi
 
-from pipeline.gpu import visible_cards
+from pipeline.execution.gpu import visible_cards
 from pipeline.settings import data_root, setting
 from pipeline.task import artifact
 from styletrf.errors import InputError

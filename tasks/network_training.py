@@ -15,10 +15,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.channel import Channel, follow
 from pipeline.console.progress import Display
-from pipeline.host import THREADS, usable_cores
-from pipeline.parent_process import die_with
+from pipeline.execution.cpu_memory import THREADS, usable_cores
+from pipeline.execution.parent_process import die_with
+from pipeline.execution.progress_pipe import ProgressPipe, read_messages
 from styletrf.errors import InputError
 
 
@@ -79,7 +79,7 @@ def train_together(asked: Asked, processes: int, display: Display) -> None:
             stdout=subprocess.PIPE,
             env={**os.environ, **dict.fromkeys(THREADS, threads)},
         ) as together:
-            told = follow(together.stdout or [], display)
+            told = read_messages(together.stdout or [], display)
     if "refused" in told:
         raise InputError(*told["refused"])
     if together.returncode:
@@ -168,7 +168,7 @@ def processes_for(batch: int, most: int) -> int:
 class _Told(logging.Handler):
     """Warnings, to whoever shows how the training goes."""
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: ProgressPipe) -> None:
         super().__init__(logging.WARNING)
         self._channel = channel
 
@@ -180,12 +180,12 @@ class _Told(logging.Handler):
 def main() -> None:
     """Trains as one of several."""
     die_with(os.getppid())  # torchrun gives its processes sessions of their own
-    asked, channel = Asked(**json.loads(Path(sys.argv[1]).read_text())), Channel(1)
+    asked, channel = Asked(**json.loads(Path(sys.argv[1]).read_text())), ProgressPipe(1)
     logging.getLogger().addHandler(_Told(channel))
     try:
         train_here(asked, channel)
     except InputError as error:
-        channel.tell(refused=[error.subject, error.problem, error.remedy])
+        channel.send(refused=[error.subject, error.problem, error.remedy])
         raise
 
 

@@ -17,11 +17,11 @@ from urllib.error import HTTPError, URLError
 
 import luigi
 
-from pipeline.attempts import obstacle
-from pipeline.deadline import NOT_STARTED
+from pipeline.execution.deadline import NOT_STARTED
+from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root, setting
-from pipeline.sharing import list_night
+from pipeline.shared_store.sync import list_night
 from pipeline.task import StoredTask
 from tasks.graph import graph
 from tasks.showing import show_all
@@ -170,7 +170,7 @@ def _outcome(cell: Any, begun: datetime) -> CellOutcome:
     name = cell.scene, cell.style
     if record := _record(cell):
         return CellOutcome(*name, "made" if _began(record) >= begun else "found")
-    problem = obstacle(cell, current_store(), since=begun)
+    problem = find_blocking_failure(cell, current_store(), since=begun)
     if problem is None:
         return CellOutcome(*name, "not begun", "this machine has tried nothing")
     is_late = problem.reason.startswith(NOT_STARTED)

@@ -8,7 +8,8 @@ from typing import Any
 
 from luigi.cmdline_parser import CmdlineParser
 
-from pipeline.host import usable_cores, workers_of_command
+from pipeline.execution.cpu_memory import usable_cores
+from pipeline.settings import workers_of_command
 from styletrf.errors import InputError
 from styletrf.reports.page import duration
 from tasks.build_plan import BuildPlan, StagePlan, plan_of

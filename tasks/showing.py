@@ -9,8 +9,8 @@ from typing import Any
 
 from luigi.cmdline_parser import CmdlineParser
 
-from pipeline.attempts import obstacle
-from pipeline.roots import show_in
+from pipeline.maintenance.attempts import find_blocking_failure
+from pipeline.maintenance.roots import add_folder_root
 from pipeline.settings import current_store
 from pipeline.task import StoredTask, artifact
 from styletrf.errors import InputError
@@ -54,7 +54,7 @@ class ShownStage(Stage):
         """Make the links, replacing what an earlier run left."""
         links = self.links(artifact)
         self.folder.mkdir(parents=True, exist_ok=True)
-        show_in(current_store(), self.folder, links.values())
+        add_folder_root(current_store(), self.folder, links.values())
         for name, target in links.items():
             partial = self.folder / f".{name}.{os.getpid()}"
             partial.unlink(missing_ok=True)
@@ -90,7 +90,11 @@ def _announce_at_exit(task: ShownStage) -> None:
             print(task.folder / "report.html")  # noqa: T201  the command's answer
             return
         try:
-            problem = obstacle(task, current_store(), since=begin_of_command()) if is_all else None
+            problem = (
+                find_blocking_failure(task, current_store(), since=begin_of_command())
+                if is_all
+                else None
+            )
         except InputError:  # the command was refused with this very error
             return
         if problem and not problem.is_under_way:

@@ -13,9 +13,9 @@ from datetime import UTC, datetime
 import luigi
 import psutil
 
-from pipeline.attempts import obstacle
-from pipeline.deadline import NOT_STARTED
 from pipeline.errors import TaskFailure
+from pipeline.execution.deadline import NOT_STARTED
+from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
 from tasks.graph import graph
@@ -50,7 +50,7 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
         return
     begun = begin_of_command()
     for source in sources_of(root):
-        problem = obstacle(source, current_store(), since=begun)
+        problem = find_blocking_failure(source, current_store(), since=begun)
         if problem and not problem.is_under_way and not problem.reason.startswith(NOT_STARTED):
             reason = f"not begun, for {problem.task} failed. --keep-going begins it all the same."
             raise TaskFailure("user", str(stage), reason)

@@ -17,8 +17,8 @@ from typing import Any, Literal
 import luigi
 from luigi.task_register import Register
 
-from pipeline.costs import Cost, Spent, alike, spendings
-from pipeline.resources import significant
+from pipeline.execution.cost_history import Cost, CostSample, alike, cost_history
+from pipeline.execution.resources import significant
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
 from tasks.machine_calibration import Calibration
@@ -186,13 +186,13 @@ WRITTEN: dict[str, tuple[str, ...]] = {
 """What the bytes of an artifact are in proportion to, by stage."""
 
 
-def _spendings_here(family: str) -> list[Spent]:
+def _spendings_here(family: str) -> list[CostSample]:
     """The builds of this machine; those that name no host are from before hosts were noted."""
     ours = ("", socket.gethostname())
-    return [spent for spent in spendings(current_store(), family) if spent.host in ours]
+    return [spent for spent in cost_history(current_store(), family) if spent.host in ours]
 
 
-def _no_spendings(_family: str) -> list[Spent]:
+def _no_spendings(_family: str) -> list[CostSample]:
     return []
 
 

@@ -183,7 +183,7 @@ class StyleNetwork(TunedStage, NetworkControls):
     )
 
     @property
-    def most_cards(self) -> int:
+    def max_gpus(self) -> int:
         """As many as asked for, if each gets an equal part of the batch."""
         from tasks.network_training import batch_of, processes_for
 

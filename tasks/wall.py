@@ -9,7 +9,7 @@ from typing import Any
 
 import luigi
 
-from pipeline.attempts import obstacle
+from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.settings import current_store, out_root
 from styletrf.reports.page import duration
 from styletrf.reports.wall import Cell, Score, write_wall
@@ -44,7 +44,7 @@ def refresh_at_exit(root: Any) -> None:
 def _cells(asked: Iterable[Any]) -> list[Cell]:
     cells = {(cell.scene, cell.style): cell for cell in map(_shown, _folders())}
     for task in asked:
-        name, problem = (task.scene, task.style), obstacle(task, current_store())
+        name, problem = (task.scene, task.style), find_blocking_failure(task, current_store())
         cells.setdefault(name, Cell(*name))
         if problem:
             family, is_under_way = problem.task.task_family, problem.is_under_way

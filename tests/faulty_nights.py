@@ -27,9 +27,9 @@ from ray_process import RayCluster
 from shared_stores import Proxy, Server, proxy_of
 from small_disk import small_disk
 
-from pipeline.attempts import attempts
+from pipeline.maintenance.attempts import attempts
+from pipeline.maintenance.verify import problems
 from pipeline.store import Store
-from pipeline.verify import problems, records
 
 Fault = Callable[[], None]
 _MEBIBYTE = 1 << 20
@@ -131,7 +131,7 @@ def _kill_a_build(command: psutil.Popen) -> None:
 def _is_training(process: psutil.Process) -> bool:
     """Whether it builds a field; what it is to build lies on the disk that it alone sees."""
     with contextlib.suppress(OSError, psutil.Error):
-        if "pipeline.execute" in (words := process.cmdline()):
+        if "pipeline.execution.supervisor" in (words := process.cmdline()):
             told = Path(f"/proc/{process.pid}/root{words[-1]}").read_text()
             return '"RadianceField"' in told
     return False
@@ -163,7 +163,7 @@ def _tell(stores: list[Store]) -> None:
     finished = Counter(a.log.name[:16] for s in stores for a in attempts(s) if a.is_published)
     twice = [
         (record.provenance["label"], finished[record.action.key[:16]])
-        for record in records(stores[-1])
+        for record in stores[-1].records()
         if finished[record.action.key[:16]] > 1
     ]
     print(f"built {finished.total()}, of these twice: {twice or 'none'}")  # noqa: T201

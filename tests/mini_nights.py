@@ -22,10 +22,10 @@ from pathlib import Path
 import psutil
 from luigid_process import Luigid
 
-from pipeline.attempts import attempts
 from pipeline.locks import is_held
+from pipeline.maintenance.attempts import attempts
+from pipeline.maintenance.verify import problems
 from pipeline.store import Store
-from pipeline.verify import problems, records
 from styletrf.synthetic.courtyard.capture import CourtyardConfig
 from styletrf.synthetic.courtyard.folder import write_courtyard
 
@@ -99,7 +99,7 @@ def prepare(root: Path, n_scenes: int, n_styles: int) -> Night:
 def digests(night: Night) -> dict[str, str]:
     """What each result is made of, by its label; without the reports, which tell what it took."""
     store = night.store()
-    found = {str(r.provenance["label"]): r.output.digest for r in records(store)}
+    found = {str(r.provenance["label"]): r.output.digest for r in store.records()}
     return {label: d for label, d in found.items() if "StylizedTrajectory" not in label}
 
 

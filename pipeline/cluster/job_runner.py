@@ -9,38 +9,33 @@ import os
 import socket
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from pipeline.building import find_or_build
+from pipeline.artifact_task import ArtifactTask
 from pipeline.cluster.remote_job import NODE, JobResult, RemoteJob
 from pipeline.errors import (
     FailureKind,
     LostInputError,
     NotBuiltError,
     TaskFailure,
-    tells_of_full_disk,
+    is_disk_full,
 )
-from pipeline.parent_process import die_with
+from pipeline.execution.parent_process import die_with
 from pipeline.settings import current_store
-from pipeline.sharing import give
-
-if TYPE_CHECKING:
-    from pipeline.task import StoredTask
 
 
-def run_job(job: RemoteJob) -> JobResult:
+def run_remote_job(job: RemoteJob) -> JobResult:
     """Builds the job's task on this machine; every failure is in the result."""
     host = socket.gethostname()
     node = os.environ.get(NODE) or os.environ.get("SLURMD_NODENAME", "")
     try:
         store = current_store()
-        task_class: type[StoredTask] = getattr(importlib.import_module(job.module), job.task)
-        task: StoredTask = task_class.from_str_params(dict(job.parameters))  # type: ignore[no-untyped-call]
+        task_class: type[ArtifactTask] = getattr(importlib.import_module(job.module), job.task)
+        task: ArtifactTask = task_class.from_str_params(dict(job.parameters))  # type: ignore[no-untyped-call]
         action = task.action()
         if action.key != job.key:
             return JobResult("user", _other_key(host, action.key, job.key), host)
-        record = find_or_build(task, action, store)
-        give(store, record)  # an artifact found here may never have been uploaded
+        record = task.make(action, store)
+        task.artifacts.upload(record)  # an artifact found here may never have been uploaded
     except LostInputError as lost:
         return JobResult("lost", lost.args[0].task_id, host)
     except NotBuiltError as error:
@@ -48,7 +43,7 @@ def run_job(job: RemoteJob) -> JobResult:
     except TaskFailure as failure:
         return JobResult(failure.kind, failure.reason, host, node)
     except Exception as error:  # noqa: BLE001  the machine that submitted the job reports it
-        kind: FailureKind = "disk" if tells_of_full_disk(error) else "crash"
+        kind: FailureKind = "disk" if is_disk_full(error) else "crash"
         return JobResult(kind, f"{type(error).__name__}: {error}", host, node)
     return JobResult("built", host=host)
 
@@ -64,7 +59,7 @@ def _other_key(host: str, own: str, expected: str) -> str:
 def main() -> None:
     """Runs the job and prints its result."""
     die_with(os.getppid())
-    result = run_job(RemoteJob.from_json(Path(sys.argv[1]).read_text()))
+    result = run_remote_job(RemoteJob.from_json(Path(sys.argv[1]).read_text()))
     sys.stdout.write(f"\n{result.to_json()}\n")
 
 

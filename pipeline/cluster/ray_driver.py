@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.cluster.remote_job import NODE, RemoteJob, runner_command
-from pipeline.parent_process import die_with
+from pipeline.execution.parent_process import die_with
 
 _MAX_RETRIES = 3
 _SECONDS_TO_CONNECT = 10.0

@@ -7,21 +7,18 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from pipeline.building import Builder, build_here
+from pipeline.artifact_task import ArtifactTask
 from pipeline.cluster.backends import BACKENDS, ClusterBackend
 from pipeline.cluster.remote_job import JobResult, RemoteJob
-from pipeline.deadline import require_time_left
 from pipeline.errors import LostInputError, TaskFailure
+from pipeline.execution.deadline import require_time_left
+from pipeline.execution.options import BuildOptions
+from pipeline.execution.resources import CORES, expected_cost
 from pipeline.record import Action, ActionRecord
-from pipeline.resources import CORES, executor_of, expected_cost
-from pipeline.settings import PATIENCE, current_remote, setting
-from pipeline.sharing import give, is_available, recorded
+from pipeline.settings import setting
+from pipeline.shared_store.settings import PATIENCE, current_remote
 from pipeline.store import Store
-
-if TYPE_CHECKING:
-    from pipeline.task import StoredTask
 
 _PATIENCE_S = 300.0  # of a node, for a shared store that fails
 _SECONDS_FOR_REMOTE = 600.0
@@ -32,39 +29,45 @@ _FULL = ".full"
 _log = logging.getLogger("pipeline")
 
 
-def builder_of(task: "StoredTask") -> Builder:
-    """The builder that the task's executor names: a cluster, or this machine."""
-    return build_on_cluster if executor_of(task) in BACKENDS else build_here
+def is_cluster(executor: str) -> bool:
+    """Whether an executor is a cluster, rather than this machine."""
+    return executor in BACKENDS
 
 
-def build_on_cluster(task: "StoredTask", action: Action, store: Store) -> ActionRecord:
+def build_on_cluster(
+    task: ArtifactTask, action: Action, store: Store, options: BuildOptions
+) -> ActionRecord:
     """Has a node of the cluster build the task; returns the record that the node left.
 
     Args:
         task: The task to build.
         action: Its action on this machine.
         store: The store of this machine. The node uses the same one, or both share a remote.
+        options: How it is built; its executor is the name of a backend.
 
     Raises:
         TaskFailure: The build failed, or its record cannot be found.
         LostInputError: An input is missing or damaged on the node.
         StoreError: The cluster cannot be used.
     """
-    executor, cost = executor_of(task), expected_cost(task, store)
-    require_time_left(task, task.until, action.key, cost, store)
-    _log.info("%s: sent out by %s", task.label, executor)
+    cost = expected_cost(task, store)
+    require_time_left(task, options.until, action.key, cost, store)
+    _log.info("%s: sent out by %s", task.label, options.executor)
     for upstream in task.requires().values():
         if record := upstream.record():
-            give(store, record)  # it may have been made before there was a shared store
-    job = remote_job_of(task, action.key, cost.peak_memory_bytes if cost else 0)
-    result = _submit(BACKENDS[executor], job, store)
-    if record := _await_record(action, store, result):  # a node may be lost right after its build
+            task.artifacts.upload(record)  # it may have been made before there was a shared store
+    memory_bytes = cost.peak_memory_bytes if cost else 0
+    job = remote_job_of(task, action.key, memory_bytes, options.max_gpus)
+    result = _submit(BACKENDS[options.executor], job, store)
+    if record := _await_record(
+        task, action, store, result
+    ):  # a node may be lost right after its build
         _log.info("%s: done on %s", task.label, result.host or record.provenance["host"])
         return record
     raise _failure(task, action, store, result)
 
 
-def remote_job_of(task: "StoredTask", key: str, memory_bytes: int) -> RemoteJob:
+def remote_job_of(task: ArtifactTask, key: str, memory_bytes: int, max_gpus: int) -> RemoteJob:
     """The job that builds a task on a node."""
     cores = int(setting("host", "cores"))
     parameters: dict[str, str] = task.to_str_params()  # type: ignore[no-untyped-call]
@@ -74,7 +77,7 @@ def remote_job_of(task: "StoredTask", key: str, memory_bytes: int) -> RemoteJob:
         parameters=parameters | {"executor": "subprocess"},
         key=key,
         cores=cores,
-        gpus=task.most_cards if task.needs_gpu else 0,
+        gpus=max_gpus,
         memory_bytes=memory_bytes,
         folder=str(Path.cwd()),
         environment={
@@ -115,7 +118,9 @@ def _full_nodes(store: Store) -> tuple[str, ...]:
     return tuple(p.name.removesuffix(_FULL) for p in marks if p.stat().st_mtime > since)
 
 
-def _await_record(action: Action, store: Store, result: JobResult) -> ActionRecord | None:
+def _await_record(
+    task: ArtifactTask, action: Action, store: Store, result: JobResult
+) -> ActionRecord | None:
     """The record that a node left; None if there is none.
 
     After a successful job it waits for the record: the shared store may not answer, and NFS may
@@ -123,8 +128,8 @@ def _await_record(action: Action, store: Store, result: JobResult) -> ActionReco
     """
     started_s = time.monotonic()
     while True:
-        record = recorded(store, action.key)
-        if record and is_available(store, record):
+        record = task.artifacts.lookup(action.key)
+        if record and task.artifacts.is_available(record):
             return record
         is_away = current_remote().is_silent("reading")
         limit_s = _SECONDS_FOR_REMOTE if is_away else _SECONDS_TO_APPEAR
@@ -142,7 +147,7 @@ def _refresh_nfs_cache(path: Path) -> None:
 
 
 def _failure(
-    task: "StoredTask", action: Action, store: Store, result: JobResult
+    task: ArtifactTask, action: Action, store: Store, result: JobResult
 ) -> TaskFailure | LostInputError:
     """The error for a job that left no record; a log in this store says the same."""
     for upstream in task.requires().values():

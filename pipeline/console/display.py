@@ -9,8 +9,9 @@ from collections.abc import Iterator
 
 import luigi
 
-from pipeline.console.progress import Display, ProgressBar
+from pipeline.console.progress import ProgressBar
 from pipeline.console.progress_client import ProgressLine, progress_client
+from pipeline.job import Display
 
 _SECONDS_BETWEEN_REPORTS = 5.0
 

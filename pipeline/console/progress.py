@@ -1,31 +1,14 @@
-"""How a build reports its progress, and the bar that shows it."""
+"""The bar that shows the progress of a build."""
 
 import contextlib
 import io
 import time
-from typing import Protocol, TextIO
+from typing import TextIO
 
 from tqdm import tqdm
 
 tqdm.monitor_interval = 0  # tqdm starts no thread of its own
 SECONDS_BETWEEN_LINES = 15.0
-
-
-class Progress(Protocol):
-    """A callback with the work done, the total and the quality reached (such as psnr or loss)."""
-
-    def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Report `done` of `total` units of work; both may restart for a further phase."""
-
-
-class Display(Progress, Protocol):
-    """A place that shows the progress of one build."""
-
-    def say(self, line: str) -> None:
-        """Show a line that stays on the screen."""
-
-    def close(self) -> None:
-        """Remove the progress from the screen."""
 
 
 class ProgressBar:

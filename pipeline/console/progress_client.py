@@ -13,7 +13,7 @@ import sys
 from dataclasses import dataclass
 
 from pipeline.exit_hooks import register_exit_hook
-from pipeline.host import workers_of_command
+from pipeline.settings import workers_of_command
 
 _MAX_CHARACTERS = 300  # of a string; Linux may split a write of more than 4 KiB to a pipe
 _SECONDS_TO_CLOSE = 5.0
@@ -71,7 +71,7 @@ class ProgressClient:
 
 
 class ProgressLine:
-    """The live line of one build; implements `pipeline.console.progress.Display`."""
+    """The live line of one build; implements `pipeline.job.Display`."""
 
     def __init__(self, label: str, client: ProgressClient) -> None:
         self._label, self._client = label, client

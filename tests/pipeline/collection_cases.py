@@ -4,13 +4,12 @@ from killing import make, run
 
 from pipeline.record import ActionRecord
 from pipeline.store import Store
-from pipeline.verify import records
 
 
 def made(store: Store, *arguments, **options) -> ActionRecord:
     """An artifact of a process that is gone."""
     run(lambda: make(Store(store.root), *arguments, **options))
-    return next(r for r in records(store) if r.provenance["label"] == arguments[0])
+    return next(r for r in store.records() if r.provenance["label"] == arguments[0])
 
 
 def used(store: Store, *found: ActionRecord) -> None:
@@ -20,4 +19,4 @@ def used(store: Store, *found: ActionRecord) -> None:
 
 def names(store: Store) -> list[str]:
     """The labels of all artifacts that are there."""
-    return sorted(str(record.provenance["label"]) for record in records(store))
+    return sorted(str(record.provenance["label"]) for record in store.records())

@@ -10,8 +10,8 @@ import pytest
 from fsspec import get_filesystem_class
 from shared_stores import Place, Server, proxy_of
 
-from pipeline.remote import open_remote
 from pipeline.settings import current_store
+from pipeline.shared_store.remote import open_remote
 from pipeline.store import Store
 
 

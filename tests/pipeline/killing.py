@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import TypeAlias
 
 from pipeline.digest import tree_digest
+from pipeline.maintenance.verify import problems
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
 from pipeline.store import Store
-from pipeline.verify import problems
 
 WRITES = ("open", "write", "mkdir", "rename", "replace", "link", "symlink", "chmod", "fsync")
 """Calls that write or make way for it. (What only deletes does not need space.)"""

@@ -4,10 +4,10 @@ import json
 
 import luigi
 
-from pipeline.__main__ import main
+from pipeline.maintenance.command_line import main
+from pipeline.maintenance.verify import problems
 from pipeline.store import Store
 from pipeline.task import StoredTask
-from pipeline.verify import problems
 
 
 def build(*tasks: StoredTask) -> bool:

@@ -17,9 +17,9 @@ from killing import make
 from store_toys import built
 
 from pipeline.errors import StoreError
-from pipeline.roots import only
+from pipeline.maintenance.roots import only
+from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
-from pipeline.verify import problems, records
 
 ROOT = Path(__file__).parents[2]
 
@@ -91,7 +91,7 @@ def test_success_is_quiet_and_quick_again():
 def test_a_build_is_told_what_is_upstream_in_the_graph_of_the_command():
     status, screen = luigi("Account", "--Word-loudness", "3.5")
     assert status == 0, screen
-    made = {str(record.provenance["label"]): record for record in records(current_store())}
+    made = {str(record.provenance["label"]): record for record in current_store().records()}
     artifact = current_store().object(made["Account"].output.digest)
     told = json.loads((artifact / "told.json").read_text())
     assert [family for family, _, _ in told] == ["Word", "Word", "Sentence"]
@@ -109,7 +109,7 @@ def test_a_batch_finishes_what_it_can_and_fails():
     assert "Traceback" not in screen
     log = Path(screen.split("The trace is in ")[1].split()[0])
     assert "RuntimeError: a defect" in log.read_text()
-    assert [record.provenance["label"] for record in records(current_store())].count(
+    assert [record.provenance["label"] for record in current_store().records()].count(
         "Word bad"
     ) == 0
 
@@ -141,10 +141,10 @@ def test_interrupt_ends_all_and_the_next_command_resumes(toys, workers):
     assert are_gone(pids)
     assert workers or "The same command goes on from here" in screen
     assert workers or "Traceback" not in screen
-    assert not list(records(current_store()))
+    assert not list(current_store().records())
     status, _ = luigi("Slow")
     assert status == 0
-    (record,) = records(current_store())
+    (record,) = current_store().records()
     artifact = current_store().object(record.output.digest)
     assert [path.name for path in artifact.iterdir()] == ["result.txt"]
     assert not list((current_store().root / "resume").iterdir())
@@ -160,7 +160,7 @@ def test_a_killed_command_leaves_no_orphan(toys, sent, workers):
     process.send_signal(sent)
     process.communicate(timeout=20)
     assert are_gone(pids)
-    assert not list(records(current_store()))
+    assert not list(current_store().records())
     assert luigi("Slow")[0] == 0
 
 
@@ -206,7 +206,7 @@ def test_two_commands_one_build(toys):
 def test_a_pin_is_of_one_artifact_and_of_its_makers_the_newest():
     for words in (["hello", "2"], ["hello", "1"], ["hello", "3"], ["bye", "1"]):
         assert luigi("Word", "--word", words[0], "--loudness", words[1])[0] == 0
-    made = sorted(records(current_store()), key=lambda r: str(r.provenance["started"]))
+    made = sorted(current_store().records(), key=lambda r: str(r.provenance["started"]))
     process = start("pipeline", "pin", made[0].output.digest, "--json")
     (pinned,) = json.loads(process.communicate(timeout=30)[0])
     assert pinned["key"] == made[2].action.key
@@ -224,7 +224,7 @@ def test_failed_attempts_are_those_that_published_nothing(toys):
     assert luigi("Batch", "--words", '["hello", "bad"]')[0] != 0
     ((state, end),) = failed()
     assert (state, "is no word" in end) == ("ended", True)
-    for record in records(current_store()):
+    for record in current_store().records():
         current_store().action(record.action.key).unlink()  # as a collection does
     assert len(failed()) == 1, "what was built did not fail"
     process = start("luigi", "--module", "store_toys", "Slow", stderr=subprocess.DEVNULL)
@@ -239,7 +239,7 @@ def test_failed_attempts_are_those_that_published_nothing(toys):
 def test_what_is_no_longer_here_is_shown_so():
     luigi("Word", "--word", "hello")
     store = current_store()
-    (record,) = records(store)
+    (record,) = store.records()
     (store.root / str(record.provenance["log"])).unlink()
     store.object(record.output.digest).rename(store.root / "elsewhere")
     said = start("pipeline", "show", record.action.key).communicate(timeout=30)[0]
@@ -258,7 +258,7 @@ def test_an_artifact_is_not_shown_as_made_from_itself(store):
 
 def test_store_commands():
     luigi("Sentence")
-    (record,) = (r for r in records(current_store()) if r.action.family == "Sentence")
+    (record,) = (r for r in current_store().records() if r.action.family == "Sentence")
 
     def pipeline(*arguments: str) -> tuple[int, str]:
         process = start("pipeline", *arguments)

@@ -20,10 +20,9 @@ from killing import (
     run,
 )
 
-from pipeline.collection import collect
-from pipeline.roots import pin, show_in
+from pipeline.maintenance.garbage_collection import collect
+from pipeline.maintenance.roots import add_folder_root, pin
 from pipeline.store import Store
-from pipeline.verify import records
 
 KEY = action_of("a").key
 POINTS = ["hashed", "synced", "renamed", "placed", "record-written", "linked", "committed"]
@@ -31,7 +30,7 @@ collect_all = partial(collect, keep_last=0, grace_hours=0, delete=True)
 
 
 def named(store: Store, *names: str):
-    return [record for record in records(store) if record.provenance["label"] in names]
+    return [record for record in store.records() if record.provenance["label"] in names]
 
 
 def has(*names: str) -> Callable[[Store], None]:
@@ -49,7 +48,7 @@ def has_only(*names: str) -> Callable[[Store], None]:
 
     def check(store: Store) -> None:
         has(*names)(store)
-        kept = list(records(store))
+        kept = list(store.records())
         assert len(kept) == len(names)
         objects = {path.name for path in (store.root / "objects").glob("*/*")}
         assert objects == {record.output.digest for record in kept}
@@ -177,7 +176,7 @@ def shown(store: Store) -> None:
     folder = store.root.with_name(f"{store.root.name}-out")
     folder.mkdir()
     target = store.object(make(store, "shown").output.digest) / "deep" / "0"
-    show_in(store, folder, [target])
+    add_folder_root(store, folder, [target])
     (folder / "file").symlink_to(target)
 
 

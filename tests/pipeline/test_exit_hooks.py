@@ -69,7 +69,7 @@ register_exit_hook(interrupt)
 def test_a_hook_can_send_the_first_request_to_a_bucket(server):
     """A command that ends early fetches the results of other machines in a hook."""
     code = f"""
-from pipeline.remote import open_remote
+from pipeline.shared_store.remote import open_remote
 register_exit_hook(lambda: print("found", open_remote("{server.bucket().url}").read("nothing")))
 """
     assert output_of(code, **server.environment()).strip() == "found None"

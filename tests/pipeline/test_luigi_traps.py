@@ -12,7 +12,6 @@ from store_toys import built
 from test_command import are_gone, pids_of_slow, start
 
 from pipeline.settings import current_store
-from pipeline.verify import records
 
 
 def luigi(*arguments: str) -> tuple[int, str]:
@@ -56,7 +55,7 @@ def test_failures_are_found_again_without_the_screen():
         "ended by SIGKILL",
     ]
     assert all("printed by python" in Path(row["log"]).read_text() for row in listed)
-    (record,) = records(current_store())
+    (record,) = current_store().records()
     shown = json.loads(start("pipeline", "show", record.action.key, "--json").communicate()[0])
     (log,) = (row["value"] for row in shown if row["fact"] == "log")
     assert "printed by python" in Path(log).read_text()
@@ -105,7 +104,7 @@ def test_a_batch_with_one_bad_part_finishes_the_others(workers, tmp_path, monkey
     assert status == 30
     assert "Act(act=refuse): words/bad: is no word. Choose another one.\n" in screen
     assert "1 failed" in screen
-    assert {r.provenance["label"] for r in records(current_store())} == {
+    assert {r.provenance["label"] for r in current_store().records()} == {
         "Act succeed",
         "Act lose_once",
     }

@@ -4,7 +4,7 @@ import luigi
 import pytest
 from luigi.parameter import ParameterException
 
-from pipeline.deadline import Deadline
+from pipeline.execution.deadline import Deadline
 from pipeline.parameters import (
     BoolParameter,
     ChoiceParameter,

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from killing import make
 
+from pipeline.maintenance.verify import problems
 from pipeline.publication import publish
 from pipeline.record import Action
 from pipeline.store import Store
-from pipeline.verify import problems
 
 POINTS = ["hashed", "synced", "renamed", "placed", "record-written", "linked", "committed"]
 ACTION = Action("Word", "code", {"word": "a"}, {}, {}, {})

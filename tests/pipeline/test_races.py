@@ -13,12 +13,11 @@ import pytest
 from killing import Gate, action_of, ended, forked, holds, living, make, paused, run, wrong
 from store_toys import built, mark
 
-from pipeline.collection import collect
 from pipeline.locks import is_held
+from pipeline.maintenance.garbage_collection import collect
 from pipeline.settings import current_store
 from pipeline.store import Store
 from pipeline.task import RunContext, StoredTask
-from pipeline.verify import records
 
 collect_all = partial(collect, keep_last=0, grace_hours=0, delete=True)
 KEY = action_of("a").key
@@ -71,7 +70,7 @@ def test_eight_processes_at_one_key_are_one_build_and_seven_adoptions(crowd, sto
     assert len(built()) == 1
     assert len(digests) - len(built()) == 7
     assert len(set(digests)) == 1
-    assert len(list(records(store))) == len(list((store.root / "objects").glob("*/*"))) == 1
+    assert len(list(store.records())) == len(list((store.root / "objects").glob("*/*"))) == 1
     assert not wrong(store)
 
 
@@ -80,7 +79,7 @@ def test_eight_processes_without_locks_are_one_record(crowd, store):
     digests = crowd(digest_of_chance)
     assert len(built()) > 1, "nobody waited"
     assert len(set(digests)) == 1, "the losers adopted the winner's"
-    assert len(list(records(store))) == 1
+    assert len(list(store.records())) == 1
     assert not wrong(store)
     assert not list((store.root / "tmp").iterdir())
     collect(store, keep_last=1, grace_hours=0, delete=True)
@@ -103,7 +102,7 @@ class Checkpointing(StoredTask):
         (out / "done").touch()
 
     def wait_for_the_other(self) -> bool:
-        while not list(records(current_store())):
+        while not list(current_store().records()):
             time.sleep(0.01)
         time.sleep(0.2)
         return True
@@ -115,7 +114,7 @@ def test_two_builds_of_one_key_share_no_checkpoint_and_one_record(store, stumble
     """Whoever fails where another has the record adopts that."""
     children = [forked(Checkpointing(stumbles).run) for _ in range(2)]
     assert [ended(child) for child in children] == [0, 0]
-    assert len(list(records(store))) == 1
+    assert len(list(store.records())) == 1
     assert not list((store.root / "resume").iterdir())
     assert not list((store.root / "tmp").iterdir())
 
@@ -156,16 +155,16 @@ def test_what_a_living_process_published_stays_with_all_it_was_made_from(store):
         make(mine, "a", inputs=[source])
 
     def still_there() -> None:
-        assert holds(mine, *records(mine))
-        assert len(list(records(mine))) == 2
+        assert holds(mine, *mine.records())
+        assert len(list(mine.records())) == 2
 
     mine = Store(store.root)
     with living(publish, still_there):
         run(lambda: collect_all(Store(store.root)))
-        assert holds(store, *records(store))
-        assert len(list(records(store))) == 2
+        assert holds(store, *store.records())
+        assert len(list(store.records())) == 2
     run(lambda: collect_all(Store(store.root)))
-    assert not list(records(store))
+    assert not list(store.records())
     assert not list((store.root / "objects").glob("*/*"))
 
 

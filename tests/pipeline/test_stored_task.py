@@ -8,9 +8,9 @@ import pytest
 from store_toys import Sentence, ToyError, Word, built, mark
 
 from pipeline.errors import NotBuiltError, TaskFailure
+from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
 from pipeline.task import RunContext, StoredTask, artifact
-from pipeline.verify import problems
 
 pytestmark = pytest.mark.usefixtures("inline")
 

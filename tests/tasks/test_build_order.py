@@ -3,8 +3,8 @@
 import pytest
 
 import tasks
-from pipeline.costs import Cost, Spent, note
-from pipeline.resources import significant
+from pipeline.execution.cost_history import Cost, CostSample, record_cost
+from pipeline.execution.resources import significant
 from pipeline.settings import current_store
 from tasks.build_order import seconds_to_the_end
 from tasks.graph import graph
@@ -23,7 +23,7 @@ def of_family(root, family):
 
 
 def took(task, seconds):
-    note(current_store(), task.task_family, Spent(significant(task), Cost(seconds, 1)))
+    record_cost(current_store(), task.task_family, CostSample(significant(task), Cost(seconds, 1)))
 
 
 def test_a_stage_has_a_longer_way_than_all_that_wait_for_it():

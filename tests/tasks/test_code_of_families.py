@@ -13,19 +13,21 @@ from pathlib import Path
 import pytest
 
 import tasks
-from pipeline.code_commands import families
-from pipeline.code_identity import closure
+from pipeline.code.adoption import snapshot_of
+from pipeline.code.closure import code_closure
+from pipeline.code.snapshot import Snapshot
+from pipeline.code.source import dotted_names, imports_in, read
+from pipeline.maintenance.code_commands import families
 from pipeline.settings import current_store
-from pipeline.snapshot import Snapshot
-from pipeline.source import dotted_names, imports_in, read
 
 ROOT = Path(__file__).parents[2]
 SERVER = """
 import json, sys
-from pipeline.code_commands import families
-from pipeline.snapshot import code_in_key
+from pipeline.maintenance.code_commands import families
+from pipeline.code.snapshot import code_in_key
 for _ in sys.stdin:
-    codes = {str(task.task_family): code_in_key(task) for task in families("tasks")}
+    tasks = families("tasks")
+    codes = {t.task_family: code_in_key(t, t.task_family, t.revision) for t in tasks}
     print(json.dumps(codes), flush=True)
 """
 
@@ -94,7 +96,7 @@ def project(bench: Workbench) -> Iterator[Workbench]:
 
 
 def test_the_snapshot_is_that_of_the_code():
-    there, now = Snapshot.read(), Snapshot.of(families("tasks"))
+    there, now = Snapshot.read(), snapshot_of(families("tasks"))
     names = {f for f, code in now.families.items() if there.families.get(f) != code}
     assert (there.families, there.code) == (now.families, now.code), (
         f"tasks/identity.json is behind the code of {sorted(names) or 'families that are gone'}."
@@ -210,7 +212,7 @@ def test_why_of_the_whole_graph_is_quick_and_loads_no_torch(photographs: Path):
     code = f"""
 import sys, time
 started = time.perf_counter()
-from pipeline.__main__ import main
+from pipeline.maintenance.command_line import main
 assert main(["why", "StylizedTrajectory", *{words}]) == 0
 assert not {{"torch", "numba", "pycolmap"}} & set(sys.modules)
 assert time.perf_counter() - started < 5, "usually 1.3 s"
@@ -257,7 +259,7 @@ def _packages(module: str, name: str) -> set[str]:
 def test_the_versions_of_what_computes_are_in_the_key():
     """A new PyAV, OpenCV, numba or pycolmap makes anew what it decodes or computes."""
     for stage in families("tasks"):
-        members = [name.partition(":") for name in closure(stage) if ":" in name]
+        members = [name.partition(":") for name in code_closure(stage) if ":" in name]
         packages = {p for module, _, name in members for p in _packages(module, name)}
         needed = {DISTRIBUTIONS[package] for package in packages & DISTRIBUTIONS.keys()}
         assert needed <= set(stage.tools), stage.task_family
@@ -286,7 +288,7 @@ def test_all_that_a_build_runs_is_in_its_code(
     """Every function that Python runs while a stage builds was found without running anything."""
     for family in sorted(set(tasks.__all__) - COMMANDS - {"CameraPoses"}):
         mini(family)
-        told = closure(getattr(tasks, family)).keys() | BY_VALUE
+        told = code_closure(getattr(tasks, family)).keys() | BY_VALUE
         names = {re.sub(r"\.?<.*", "", name) for name in ran[family]}
         named = {name for name in names if not name.endswith(":")}  # no lambda of a table
         assert {name for name in named if not {name, name.rpartition(".")[0]} & told} == set()

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import tasks
-from pipeline.collection import collect
+from pipeline.maintenance.garbage_collection import collect
 from pipeline.store import Store
 from pipeline.task import artifact
 from styletrf.files.images import write_rgb
@@ -172,9 +172,11 @@ def test_colmaps_messages_lie_beside_the_log(workplace: Workplace):
 
 def test_what_is_shown_outlives_a_collection(workplace: Workplace, first: Run):
     store = Store.open(workplace.root / "store")
-    verdicts = collect(store, keep_last=0, grace_hours=0, delete=True)
-    assert {verdict.why for verdict in verdicts if not verdict.goes} == {"pinned or shown"}
-    assert not [verdict for verdict in verdicts if verdict.goes and verdict.what[0].isupper()]
+    decisions = collect(store, keep_last=0, grace_hours=0, delete=True)
+    assert {decision.why for decision in decisions if not decision.delete} == {"pinned or shown"}
+    assert not [
+        decision for decision in decisions if decision.delete and decision.what[0].isupper()
+    ]
     assert all(link.exists() for link in first.report.parent.iterdir())
 
 

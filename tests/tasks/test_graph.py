@@ -6,8 +6,8 @@ import sys
 import pytest
 
 import tasks
-from pipeline.code_identity import closure
-from pipeline.source import dotted_names, read
+from pipeline.code.closure import closure
+from pipeline.code.source import dotted_names, read
 from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.field.rendering import RenderConfig

@@ -6,8 +6,8 @@ import pytest
 from test_checking import CELL, said
 
 import tasks
-from pipeline import host
-from pipeline.host import available_memory_bytes
+from pipeline.execution import cpu_memory
+from pipeline.execution.cpu_memory import available_memory_bytes
 from styletrf.errors import InputError
 from tasks.graph import graph
 from tasks.memory import (
@@ -112,7 +112,7 @@ def test_keep_going_does_not_look_at_memory(out):
 
 
 def test_available_is_what_the_group_of_the_container_leaves(tmp_path, monkeypatch):
-    monkeypatch.setattr(host, "_CGROUP", tmp_path)
+    monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path)
     free = available_memory_bytes()
     (tmp_path / "memory.max").write_text(f"{1 << 29}\n")
     (tmp_path / "memory.current").write_text(f"{1 << 28}\n")

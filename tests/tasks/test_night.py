@@ -12,8 +12,8 @@ import luigi
 import pytest
 
 import tasks
-from pipeline.deadline import require_time_left
 from pipeline.errors import TaskFailure
+from pipeline.execution.deadline import require_time_left
 from pipeline.settings import current_store
 from tasks.night import CellOutcome, Night, Spending, in_words, look_back, tell
 from tasks.showing import show_all

@@ -9,8 +9,8 @@ import pytest
 from test_checking import said
 
 import tasks
-from pipeline.deadline import NOT_STARTED
 from pipeline.errors import TaskFailure
+from pipeline.execution.deadline import NOT_STARTED
 from pipeline.settings import current_store
 from tasks.graph import graph
 from tasks.sources import begin_of_command, is_source, require_sources, sources_of

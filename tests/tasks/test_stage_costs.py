@@ -8,8 +8,8 @@ import pytest
 from luigi.cmdline_parser import CmdlineParser
 
 import tasks
-from pipeline.costs import Cost, Spent, note
-from pipeline.resources import significant
+from pipeline.execution.cost_history import Cost, CostSample, record_cost
+from pipeline.execution.resources import significant
 from pipeline.settings import current_store
 from tasks.memory import Photographs
 from tasks.stage_costs import REFERENCE, CostModel, reference_costs
@@ -29,7 +29,7 @@ def stage(family="RadianceField", quality="draft", **words):
 
 def took(task, seconds, host=""):
     cost = Cost(seconds, 1 << 20, seconds, 1000)
-    note(current_store(), task.task_family, Spent(significant(task), cost, host))
+    record_cost(current_store(), task.task_family, CostSample(significant(task), cost, host))
 
 
 def test_the_reference_expects_of_itself_what_it_took():

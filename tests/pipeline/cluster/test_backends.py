@@ -18,16 +18,15 @@ from slurm_cluster import SlurmCluster, is_installed
 from store_toys import Sentence, Word, built
 from test_command import are_gone, pids_of_slow, start
 
-from pipeline.attempts import attempts
-from pipeline.building import build
 from pipeline.cluster.backends import BACKENDS
-from pipeline.cluster.job_runner import run_job
+from pipeline.cluster.job_runner import run_remote_job
 from pipeline.cluster.ray_driver import resource_request
 from pipeline.cluster.remote_job import JobResult, RemoteJob
 from pipeline.cluster.submission import build_on_cluster, remote_job_of
 from pipeline.errors import LostInputError, TaskFailure
+from pipeline.maintenance.attempts import attempts
+from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
-from pipeline.verify import problems, records
 
 pytestmark = pytest.mark.slow
 
@@ -106,7 +105,7 @@ def test_the_command_reports_the_reason_of_a_failure_on_a_node(backend, act, wor
 
 
 def test_a_node_refuses_a_job_whose_key_it_does_not_compute(backend):
-    result = BACKENDS[backend].run(remote_job_of(Act("succeed"), "0" * 64, 0))
+    result = BACKENDS[backend].run(remote_job_of(Act("succeed"), "0" * 64, 0, 0))
     assert result.kind == "user"
     assert "has other code, inputs or files than the machine that asks" in result.message
     assert built() == []
@@ -131,7 +130,7 @@ def test_the_job_of_a_lost_node_goes_on_from_its_checkpoint(backend, machines, t
     machines.do("add")
     status, screen = finish(process)
     assert status == 0, screen
-    (record,) = records(current_store())
+    (record,) = current_store().records()
     artifact = current_store().object(record.output.digest)
     assert (artifact / "result.txt").read_text() == "resumed"
     assert not list(problems(current_store(), deep=True))
@@ -214,14 +213,14 @@ class FixedResult:
 
 def built_by(monkeypatch, task, backend):
     monkeypatch.setitem(BACKENDS, "ray", backend)
-    return build_on_cluster(task, task.action(), current_store())
+    return build_on_cluster(task, task.action(), current_store(), task.options)
 
 
 def test_an_artifact_counts_even_if_its_node_was_lost_right_after(monkeypatch):
     task = Act("succeed", executor="ray")
     lost = FixedResult(
         JobResult.from_output("garbage"),
-        lambda: build(Act("succeed"), task.action(), current_store()),
+        lambda: Act("succeed").make(task.action(), current_store()),
     )
     assert built_by(monkeypatch, task, lost).action == task.action()
 
@@ -237,7 +236,7 @@ def test_an_input_that_a_node_lost_is_built_again(monkeypatch):
 def test_the_command_waits_until_it_sees_the_record(monkeypatch):
     """An NFS client may cache for a minute that the record does not exist."""
     task = Act("succeed", executor="ray")
-    later = threading.Timer(1.5, lambda: build(Act("succeed"), task.action(), current_store()))
+    later = threading.Timer(1.5, lambda: Act("succeed").make(task.action(), current_store()))
     backend = FixedResult(JobResult("built", "", "n1"), later.start)
     assert built_by(monkeypatch, task, backend).action == task.action()
     later.join()
@@ -260,9 +259,9 @@ def test_inputs_are_uploaded_before_the_job_is_submitted(monkeypatch, tmp_path):
 def test_a_node_that_finds_no_inputs_says_so(monkeypatch):
     sentence = Sentence(executor="ray")
     assert luigi.build([Word("hello"), Word("world")], local_scheduler=True)
-    job = remote_job_of(sentence, sentence.action().key, 0)
+    job = remote_job_of(sentence, sentence.action().key, 0, 0)
     monkeypatch.setenv("STYLETRF_STORE", str(current_store().root.with_name("another")))
-    assert run_job(job).kind == "lost"
+    assert run_remote_job(job).kind == "lost"
 
 
 class FullDisks:
@@ -337,7 +336,7 @@ def test_a_build_into_another_store_is_reported(monkeypatch):
 
 def test_a_job_requests_what_one_node_has():
     """The GPUs of one node and the cores of another do not add up."""
-    job = replace(remote_job_of(Act("succeed"), "0" * 64, 8 << 30), cores=8, gpus=2)
+    job = replace(remote_job_of(Act("succeed"), "0" * 64, 8 << 30, 0), cores=8, gpus=2)
     nodes = {
         "small": {"CPU": 4.0, "GPU": 1.0, "memory": 4.0 * 2**30},
         "large": {"CPU": 64.0, "memory": 256.0 * 2**30},
@@ -357,7 +356,7 @@ def test_a_job_requests_what_one_node_has():
 
 
 def test_a_job_survives_json():
-    job = remote_job_of(Act("succeed"), "0" * 64, 5 << 30)
+    job = remote_job_of(Act("succeed"), "0" * 64, 5 << 30, 0)
     assert RemoteJob.from_json(job.to_json()) == job
     assert job.parameters["executor"] == "subprocess", "the node does not submit it again"
 

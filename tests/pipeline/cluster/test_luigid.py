@@ -15,8 +15,8 @@ from small_disk import small_disk
 from store_toys import built
 from test_command import ROOT, are_gone, pids_of_slow, start
 
+from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
-from pipeline.verify import problems, records
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_another_worker_finishes_the_build_of_a_killed_worker(toys):
     status, screen = finish(other)
     assert status in (0, 10), screen
     assert "Slow sleep: done in" in screen
-    (record,) = records(current_store())
+    (record,) = current_store().records()
     artifact = current_store().object(record.output.digest)
     assert (artifact / "result.txt").read_text() == "resumed"
     assert not list(problems(current_store(), deep=True))
@@ -219,7 +219,7 @@ def test_a_machine_with_other_code_is_refused(luigid, toys):
     """Another salt stands for another commit: the same task, another key."""
     first = worker("HelloAndSlow", "--workers", "2")
     pids_of_slow(toys)
-    while not list(records(current_store())):
+    while not list(current_store().records()):
         time.sleep(0.02)
     settings = luigid.config.read_text()
     luigid.config.write_text(settings.replace("[store]", "[store]\nsalt = another"))
@@ -228,7 +228,7 @@ def test_a_machine_with_other_code_is_refused(luigid, toys):
     first.communicate()
     assert "they have other code, packages, settings or photographs" in screen, screen
     assert status == 30
-    assert {record.action.salt for record in records(current_store())} == {""}
+    assert {record.action.salt for record in current_store().records()} == {""}
     assert not list(problems(current_store(), deep=True))
 
 

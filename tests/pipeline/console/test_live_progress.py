@@ -13,8 +13,8 @@ from collections.abc import Callable
 
 from test_command import ROOT, start
 
-from pipeline.channel import Channel, follow
 from pipeline.console.progress_client import ProgressClient, ProgressLine
+from pipeline.execution.progress_pipe import Channel, follow
 
 
 def read_until_closed(process: subprocess.Popen, terminal: int) -> str:

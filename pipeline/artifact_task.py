@@ -1,0 +1,280 @@
+"""The Luigi task whose artifact lies in the store: its identity, and what Luigi asks of it."""
+
+import hashlib
+from abc import abstractmethod
+from collections.abc import Generator, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import luigi
+
+from pipeline.artifacts import Artifacts
+from pipeline.canonical import Json, canonical
+from pipeline.errors import (
+    LostInputError,
+    NotBuiltError,
+    TaskFailure,
+    append_trace,
+    describe_error,
+)
+from pipeline.job import RunContext
+from pipeline.record import Action, ActionRecord, public_version
+from pipeline.settings import current_store, require_configuration, setting
+from pipeline.store import Store
+
+
+class ArtifactTask(luigi.Task):
+    """A task that makes one artifact: a directory, found again by what it was made from.
+
+    A subclass declares Luigi parameters, `requires()` returning such tasks by name, and `build`.
+    Its key covers its family, `identity_parameters`, the digests of its inputs, the code that
+    `build` depends on, and `tools`; see `docs/store.md`. `pipeline.task.StoredTask` adds how
+    builds run, and on which machines.
+
+    Attributes:
+        tools: Distributions whose versions belong to the key.
+        user_errors: Exceptions of `build` whose text is meant for the user.
+        transient_errors: Exceptions of `build` that may pass: it is tried again, twice.
+        revision: A word that stands for the code in the key, instead of the code itself.
+    """
+
+    tools: ClassVar[tuple[str, ...]] = ()
+    user_errors: ClassVar[tuple[type[Exception], ...]] = ()
+    transient_errors: ClassVar[tuple[type[Exception], ...]] = (ConnectionError, TimeoutError)
+    revision: ClassVar[str | None] = None
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        require_configuration()
+        super().__init__(*args, **kwargs)  # type: ignore[no-untyped-call]
+        self._records: dict[Path, ActionRecord] = {}  # by store; positive facts only
+        self._sources: Mapping[str, str] | None = None
+        self._lineage: tuple[str, ...] | None = None
+
+    # What a subclass defines.
+
+    def requires(self) -> Mapping[str, "ArtifactTask"]:
+        """The tasks whose artifacts `build` reads, by the name it reads them under."""
+        return {}
+
+    @abstractmethod
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Make the artifact in the empty directory `out` from the artifacts in `inputs`.
+
+        Runs in a fresh interpreter. All that decides the bytes comes through `inputs`, the
+        parameters and the files that `external_digests` covers.
+        """
+
+    @abstractmethod
+    def make(self, action: Action, store: Store) -> ActionRecord:
+        """The record of this task's artifact, found or built anew, by an injected executor."""
+
+    @property
+    def artifacts(self) -> Artifacts:
+        """Where records and objects are looked for."""
+        return Artifacts(current_store())
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The values that decide the artifact's content: all significant parameters."""
+        names = self.get_param_names()  # type: ignore[no-untyped-call]
+        return {name: self.param_kwargs[name] for name in names}
+
+    def code(self, *, refresh: bool = False) -> str:  # noqa: ARG002  for those that read files
+        """What stands for the code of `build` in the key; here the revision that it pins.
+
+        Args:
+            refresh: Read the code again instead of trusting memory.
+        """
+        return f"revision {self.revision}"
+
+    def provenance(self, store: Store) -> Mapping[str, Json]:  # noqa: ARG002
+        """What else the record of a build states; it decides nothing."""
+        return {}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """Digests of what `build` reads from outside the store; may raise a user's error."""
+        return {}
+
+    def published(self) -> bool:
+        """Whether what `publish` makes outside the store is in place."""
+        return True
+
+    def publish(self, object_path: Path) -> None:
+        """Make the artifact visible outside the store, such as by links; quick and repeatable."""
+
+    @property
+    def label(self) -> str:
+        """The task on the screen: its family and those parameters that are words."""
+        names = self.get_param_names()  # type: ignore[no-untyped-call]
+        values = (self.param_kwargs[name] for name in names)
+        words = [value for value in values if isinstance(value, str) and value]
+        return " ".join([self.task_family, *words])
+
+    # What Luigi asks.
+
+    def complete(self) -> bool:
+        """Whether the artifact exists, for the present code and inputs; never raises."""
+        try:
+            return self.record() is not None and self.published()
+        except Exception:  # noqa: BLE001  run() meets it again and reports it
+            return False
+
+    def output(self) -> "StoreTarget":
+        """The artifact, built or not."""
+        return StoreTarget(self)
+
+    def run(self) -> "Generator[ArtifactTask, None, None] | None":
+        """Find the artifact under its resolved key (early cut-off) or make it; then publish it.
+
+        Returns:
+            None, done; or, where an input was lost, what has Luigi make that again first.
+
+        Raises:
+            TaskFailure: With one line for the user.
+        """
+        store = current_store()
+        try:
+            if (missing := self._missing()) is not None:
+                return self._run_after(missing)
+            record = self._records[store.root] = self.make(self.action(), store)
+            if not self.published():
+                self.publish(store.object(record.output.digest))
+        except LostInputError as lost:
+            return self._run_after(lost.args[0])
+        except TaskFailure:
+            raise
+        except Exception as error:
+            raise self._failure(error, store) from error
+        return None
+
+    def _missing(self) -> "ArtifactTask | None":
+        """What is upstream and was never built here, although a scheduler may call it done."""
+        for upstream in self.requires().values():
+            try:
+                upstream._recorded()
+            except NotBuiltError:
+                return upstream
+        return None
+
+    def _run_after(self, upstream: "ArtifactTask") -> "Generator[ArtifactTask, None, None]":
+        self.forget()
+        yield upstream
+        if self.run():
+            reason = f"its input {upstream} is lost again and again. Run the same command again."
+            raise TaskFailure("changed", str(self), reason)
+
+    def _failure(self, error: Exception, store: Store) -> TaskFailure:
+        """What went wrong around the build, its trace put into a log of its own."""
+        append_trace(log := store.new_log(self.task_family, self._log_name()))
+        kind, message = describe_error(error, log, self.user_errors, self.transient_errors)
+        return TaskFailure(kind, str(self), message)
+
+    def _log_name(self) -> str:
+        """The key; where that is what failed, something that is this task's, too."""
+        try:
+            return self.action().key
+        except Exception:  # noqa: BLE001  the caller reports it
+            return hashlib.sha256(self.task_id.encode()).hexdigest()
+
+    # Identity.
+
+    def action(self, *, refresh: bool = False) -> Action:
+        """What decides this artifact, with everything upstream resolved to its content.
+
+        Args:
+            refresh: Read the code and the outside files again instead of trusting memory.
+
+        Raises:
+            NotBuiltError: When an upstream artifact was never built.
+        """
+        inputs = {n: task._recorded().output.digest for n, task in self.requires().items()}
+        return self.action_with(inputs, refresh=refresh)
+
+    def action_with(self, inputs: Mapping[str, str], *, refresh: bool = False) -> Action:
+        """`action`, with these digests as those of the inputs."""
+        if refresh or self._sources is None:
+            self._sources = dict(self.external_digests())
+        return Action(
+            family=self.task_family,
+            code=self.code(refresh=refresh),
+            parameters=canonical(self.identity_parameters()),
+            inputs=inputs,
+            sources=self._sources,
+            tools={name: public_version(name) for name in self.tools},
+            salt=setting("store", "salt"),
+        )
+
+    def record(self) -> ActionRecord | None:
+        """The record of the artifact, if that can be had; raises what keeps its key unknown."""
+        try:
+            record = self._recorded()
+        except NotBuiltError:
+            return None
+        return record if self.artifacts.is_available(record) else None
+
+    def _recorded(self) -> ActionRecord:
+        """The record of the artifact, even if the object was collected: its digest suffices."""
+        store = current_store()
+        record = self._records.get(store.root) or self.artifacts.lookup(self.action().key)
+        if record is None:
+            raise NotBuiltError(f"{self} is not built")
+        self._records[store.root] = record
+        return record
+
+    def lineage(self) -> tuple[str, ...]:
+        """The keys of the records upstream, each once, first things first.
+
+        Raises:
+            NotBuiltError: When an upstream artifact was never built.
+        """
+        if self._lineage is None:
+            keys: dict[str, None] = {}
+            for upstream in self.requires().values():
+                keys |= dict.fromkeys([*upstream.lineage(), upstream._recorded().action.key])
+            self._lineage = tuple(keys)
+        return self._lineage
+
+    def forget(self) -> None:
+        """Ask the store again next time."""
+        self._records.clear()
+        self._lineage = None
+
+
+class StoreTarget(luigi.Target):
+    """The place of a task's artifact; unknown, and absent, until the task's inputs are known."""
+
+    def __init__(self, task: ArtifactTask) -> None:
+        self.task = task
+
+    def exists(self) -> bool:
+        """Whether the artifact can be had; never raises."""
+        return self.task.complete()
+
+    @property
+    def path(self) -> Path:
+        """The artifact's directory, read-only; not there yet, if only the shared store has it.
+
+        Raises:
+            NotBuiltError: When it is not built.
+        """
+        record = self.task.record()
+        if record is None:
+            raise NotBuiltError(f"{self.task} is not built")
+        return current_store().object(record.output.digest)
+
+    def __str__(self) -> str:
+        try:
+            return str(self.path)
+        except Exception:  # noqa: BLE001  Luigi prints targets in its own error messages
+            return f"{self.task} (not built)"
+
+
+def artifact(task: ArtifactTask) -> Path:
+    """The directory of a finished task's artifact, read-only; fetched, if it is not here yet.
+
+    Raises:
+        NotBuiltError: When it is not built, or the shared store does not give it.
+    """
+    path, record = StoreTarget(task).path, task.record()
+    if not (record and task.artifacts.fetch(record)):
+        raise NotBuiltError(f"{task} cannot be fetched. Run the same command again.")
+    return path

@@ -1,0 +1,225 @@
+"""One build from first to last: check the inputs, run, check that nothing changed, publish."""
+
+import contextlib
+import logging
+import shutil
+import socket
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+from pipeline.artifact_task import ArtifactTask
+from pipeline.canonical import Json
+from pipeline.errors import LostInputError, TaskFailure
+from pipeline.job import Job, Report
+from pipeline.publication import publish
+from pipeline.record import Action, ActionRecord
+from pipeline.settings import setting
+from pipeline.store import Store
+
+DONE = "done in"
+"""How the log of a build that was published ends; then come the seconds."""
+_log = logging.getLogger("pipeline")
+
+
+class Reservation(Protocol):
+    """What an executor holds for one build.
+
+    Attributes:
+        provenance: What of it the record states.
+    """
+
+    @property
+    def provenance(self) -> Mapping[str, Json]: ...  # noqa: D102
+
+    def run(self, job: Job) -> Report:
+        """Builds, within the limits of the job; whatever happens is in the report."""
+
+
+class Executor(Protocol):
+    """Runs builds; `pipeline.execution` has the one of this machine."""
+
+    def reserve(self, task: ArtifactTask, action: Action) -> AbstractContextManager[Reservation]:
+        """Waits for what the build needs, and holds it.
+
+        Raises:
+            TaskFailure: The build must not start.
+        """
+
+    def built(self, task: ArtifactTask, record: ActionRecord, report: Report) -> None:
+        """Takes note of a build whose artifact was published."""
+
+
+def find_or_build(
+    task: ArtifactTask, action: Action, build: Callable[[], ActionRecord]
+) -> ActionRecord:
+    """The record of the action: the one that is known, or else that of a new build.
+
+    Args:
+        task: The task.
+        action: Its action.
+        build: Builds the task, here or elsewhere.
+    """
+    known = task.artifacts
+    record = known.lookup(action.key)
+    if record and known.is_available(record) and (task.published() or known.fetch(record)):
+        return record
+    return build()
+
+
+def build_once(
+    task: ArtifactTask, action: Action, store: Store, executor: Executor
+) -> ActionRecord:
+    """The record of a build on this machine, after any other process here that builds the same."""
+    say_so = partial(_log.info, "%s: another process is at it, waiting", task.label)
+    is_locking = setting("store", "locks") == "true"
+    with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():
+        try:
+            return store.find(action.key) or build(task, action, store, executor)
+        except TaskFailure as failure:
+            if failure.kind != "changed" and (record := store.find(action.key)):
+                return record  # of another process, which was at it, too
+            raise
+
+
+def build(task: ArtifactTask, action: Action, store: Store, executor: Executor) -> ActionRecord:
+    """Builds the task and publishes its artifact; tries again, twice, after a transient failure.
+
+    Raises:
+        TaskFailure: With the reason; nothing was published.
+        OSError: The disk fails; nothing was published.
+    """
+    seconds = float(setting("store", "retry_seconds"))
+    for pause in (seconds, 4 * seconds):
+        try:
+            return _attempt(task, action, store, executor)
+        except TaskFailure as failure:
+            if failure.kind != "transient":
+                raise
+            _log.info("%s. Trying again in %.0f s.", str(failure).rstrip("."), pause)
+            time.sleep(pause)
+    return _attempt(task, action, store, executor)
+
+
+def _attempt(task: ArtifactTask, action: Action, store: Store, executor: Executor) -> ActionRecord:
+    inputs = {name: _verified(task, upstream, store) for name, upstream in task.requires().items()}
+    with (
+        store.workspace(action.key) as workspace,
+        store.resume(action.key, workspace) as resume,
+        executor.reserve(task, action) as reservation,
+    ):
+        log, started = store.new_log(task.task_family, action.key), datetime.now(UTC)
+        _log.info("%s: started", task.label)
+        (workspace / "out").mkdir()
+        job = Job(
+            module=type(task).__module__,
+            task=type(task).__qualname__,
+            parameters=task.to_str_params(),  # type: ignore[no-untyped-call]
+            label=task.label,
+            inputs={n: str(store.object(r.output.digest)) for n, r in inputs.items()},
+            out=str(workspace / "out"),
+            resume=str(resume),
+            log=str(log),
+            lineage=task.lineage(),
+        )
+        with _reason_in(log):
+            report = reservation.run(job)
+            _require_success(task, report, log)
+            _require_unchanged(task, action)
+            _require_untouched(task, inputs.values(), store)
+        facts = _facts(task, report, log, store) | dict(reservation.provenance)
+        facts["started"] = started.isoformat(timespec="milliseconds")
+        record = publish(store, workspace / "out", action, facts)
+        shutil.rmtree(resume, ignore_errors=True)
+        _append(log, f"{DONE} {report.seconds:.0f} s")
+    executor.built(task, record, report)
+    task.artifacts.upload(record)
+    _log.info("%s: done in %.0f s", task.label, report.seconds)
+    return record
+
+
+def _facts(task: ArtifactTask, report: Report, log: Path, store: Store) -> dict[str, Json]:
+    """What a record states about the build."""
+    return {
+        "task": str(task),
+        "label": task.label,
+        "host": socket.gethostname(),
+        "seconds": round(report.earlier_seconds + report.seconds, 3),
+        "earlier_seconds": round(report.earlier_seconds, 3),
+        "peak_memory_bytes": report.peak_memory_bytes,
+        "cpu_seconds": round(report.cpu_seconds, 3),
+        "other_cpu_seconds": round(report.other_cpu_seconds, 3),
+        "log": log.relative_to(store.root).as_posix(),
+        **task.provenance(store),
+    }
+
+
+def _verified(task: ArtifactTask, upstream: ArtifactTask, store: Store) -> ActionRecord:
+    """The record of an input that is in the store and intact, as every byte of it shows."""
+    record = upstream.record()
+    if record and task.artifacts.fetch(record):
+        if kind := store.find_damage(record, deep=True):
+            _log.warning("%s: its input %s is %s", task.label, upstream.label, kind)
+        if task.artifacts.restore(record, kind):
+            return record
+    upstream.forget()
+    raise LostInputError(upstream)
+
+
+_REMEDIES = {
+    "killed": "Run the same command again",
+    "memory": "Run less beside it, or allow it more with --{}-memory-gib",
+    "timeout": "Allow it more with --{}-timeout-seconds",
+}
+
+
+@contextlib.contextmanager
+def _reason_in(log: Path) -> Iterator[None]:
+    """Ends the log with the reason of a failure."""
+    try:
+        yield
+    except TaskFailure as failure:
+        _append(log, failure.reason)
+        raise
+
+
+def _append(log: Path, line: str) -> None:
+    with contextlib.suppress(OSError), log.open("a") as file:
+        file.write(f"{line}\n")
+
+
+def _require_success(task: ArtifactTask, report: Report, log: Path) -> None:
+    if report.kind == "built":
+        return
+    reason = report.message
+    if report.kind in _REMEDIES:
+        used = f"{report.seconds:.0f} s, {report.peak_memory_bytes / 2**30:.1f} GiB"
+        remedy = _REMEDIES[report.kind].format(task.task_family)
+        reason = f"{reason} ({used}). {remedy}. Its log: {log}"
+    raise TaskFailure(report.kind, str(task), reason)
+
+
+def _require_untouched(task: ArtifactTask, inputs: Iterable[ActionRecord], store: Store) -> None:
+    """Refuses a build whose inputs changed meanwhile: it may have read either version."""
+    for record in inputs:
+        if kind := store.find_damage(record, deep=True):
+            task.artifacts.restore(record, kind)
+        if kind in ("altered", "missing"):
+            what = f"its input {record.provenance['label']} was {kind} while it ran, and set aside"
+            remedy = "A build only reads its inputs. Its result was not kept: run it again"
+            raise TaskFailure("changed", str(task), f"{what}. {remedy}.")
+
+
+def _require_unchanged(task: ArtifactTask, action: Action) -> None:
+    """Refuses a build that may have read other code or other files than its key says."""
+    if task.action(refresh=True) != action:
+        raise TaskFailure(
+            "changed",
+            str(task),
+            "its code or the files it reads were edited meanwhile, so its result cannot be told"
+            " from another's and was not kept. Run the same command again.",
+        )

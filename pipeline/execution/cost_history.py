@@ -1,0 +1,92 @@
+"""What earlier builds took, for plans: hints that no result depends on.
+
+`costs/FAMILY.jsonl` of the store has a line a build. A build is expected to take what the builds
+before it took that share most of its parameters.
+"""
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from pipeline.store import Store
+
+_READ_BYTES = 1 << 18  # of the newest lines
+_NEWEST = 5
+_RESERVE = 1.2  # times the memory that an earlier build took
+DEFAULT_SECONDS = 60.0
+"""Of what nothing is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a build takes; `cpu_seconds` and `output_bytes` are None where they were not noted."""
+
+    seconds: float
+    peak_memory_bytes: int
+    cpu_seconds: float | None = None
+    output_bytes: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CostSample:
+    """What a build took: its parameters, serialised, its cost, and the host that built it."""
+
+    parameters: Mapping[str, str]
+    cost: Cost
+    host: str = ""
+
+
+def record_cost(store: Store, family: str, spent: CostSample) -> None:
+    """Add a line; a full disk, or a store that can only be read, is no reason to fail."""
+    line = json.dumps(asdict(spent), sort_keys=True).encode() + b"\n"
+    with contextlib.suppress(OSError):
+        file = os.open(_file(store, family), os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+        try:
+            os.write(file, line)
+        finally:
+            os.close(file)
+
+
+def cost_history(store: Store, family: str) -> list[CostSample]:
+    """What the newest builds of a family took, oldest first."""
+    return list(_lines(_file(store, family)))
+
+
+def expected(cost_history: list[CostSample], parameters: Mapping[str, str]) -> Cost | None:
+    """What a build with these parameters will take, as far as earlier ones tell; None: unknown.
+
+    The median time, and the largest memory and a fifth more, of the five newest that share most
+    parameters.
+    """
+    costs = [spent.cost for spent in alike(cost_history, parameters)]
+    if not costs:
+        return None
+    memory = _RESERVE * max(c.peak_memory_bytes for c in costs)
+    return Cost(median(c.seconds for c in costs), int(memory))
+
+
+def alike(cost_history: Sequence[CostSample], parameters: Mapping[str, str]) -> list[CostSample]:
+    """Returns the newest builds, at most five, of those that share most of the parameters."""
+    shared = [len(spent.parameters.items() & parameters.items()) for spent in cost_history]
+    most = max(shared, default=0)
+    return [s for s, n in zip(cost_history, shared, strict=True) if n == most][-_NEWEST:]
+
+
+def _lines(file: Path) -> Iterator[CostSample]:
+    """The lines that can be read: the first may be cut off, and any by a full disk."""
+    with contextlib.suppress(OSError), file.open("rb") as lines:
+        lines.seek(max(0, file.stat().st_size - _READ_BYTES))
+        for line in lines:
+            with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
+                noted: dict[str, Any] = json.loads(line)
+                host = str(noted.get("host", ""))
+                yield CostSample(dict(noted["parameters"]), Cost(**noted["cost"]), host)
+
+
+def _file(store: Store, family: str) -> Path:
+    return store.root / "costs" / f"{family}.jsonl"

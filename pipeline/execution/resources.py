@@ -1,0 +1,51 @@
+"""What a task's build holds while it runs, and what it is expected to take."""
+
+import contextlib
+import logging
+import math
+import os
+from functools import partial
+
+from pipeline.artifact_task import ArtifactTask
+from pipeline.execution.cost_history import Cost, cost_history, expected
+from pipeline.execution.cpu_memory import CpuAllocation, allocate, usable_cores
+from pipeline.execution.gpu import VISIBLE, Lease, leased
+from pipeline.settings import workers_of_command
+from pipeline.store import Store
+
+CORES = "STYLETRF_CORES"
+"""How many cores each build of a command uses; a cluster sets it for its remote jobs."""
+_log = logging.getLogger("pipeline")
+
+
+def lease_gpu(label: str, max_gpus: int) -> contextlib.AbstractContextManager[Lease]:
+    """GPUs for the build; one that uses none sees none."""
+    if not max_gpus:
+        return contextlib.nullcontext(({VISIBLE: ""}, ()))
+    say_so = partial(_log.info, "%s: every GPU of this host is leased, waiting", label)
+    return leased(say_so, max_gpus)
+
+
+def cpu_for(label: str, cost: Cost | None) -> contextlib.AbstractContextManager[CpuAllocation]:
+    """Cores for the build, and the memory that it is expected to take.
+
+    A command that runs one build at a time has the host to itself, unless it was told how many
+    cores to use.
+    """
+    workers, cores = workers_of_command(), int(os.environ.get(CORES, "0"))
+    if workers == 1 and not cores:
+        return contextlib.nullcontext(CpuAllocation(len(usable_cores())))
+    say_so = partial(_log.info, "%s: waiting %s", label)
+    part = math.ceil(len(usable_cores()) / workers)
+    return allocate(cores or part, cost.peak_memory_bytes if cost else None, say_so)
+
+
+def expected_cost(task: ArtifactTask, store: Store) -> Cost | None:
+    """What a build of the task will take, if the store has the costs of similar ones."""
+    return expected(cost_history(store, task.task_family), significant(task))
+
+
+def significant(task: ArtifactTask) -> dict[str, str]:
+    """The parameters that tell the task from others, serialized."""
+    told: dict[str, str] = task.to_str_params(only_significant=True)  # type: ignore[no-untyped-call]
+    return told

@@ -1,0 +1,160 @@
+"""`python -m pipeline.execution.supervisor JOB.json`: one build, supervised.
+
+The supervisor forks before anything heavy is imported and stays tiny. It waits for the builder and
+guards it: for its time, its memory, and the end of standard input, which means that whoever wanted
+the build is gone. However that ends, the builder's process group ends with it. Both report on
+standard output (a disk may be full), each a JSON object with fields of `pipeline.job.Report`;
+what the build itself prints goes to standard error, the log.
+"""
+
+import contextlib
+import json
+import os
+import re
+import select
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from pipeline.execution.parent_process import die_with
+
+_SECONDS_BETWEEN_LOOKS, _SECONDS_BETWEEN_NOTES = 0.1, 0.5
+_SPENT = ".seconds"
+_MAXRSS_UNIT = 1 if sys.platform == "darwin" else 1024
+_CAUSES = {"timeout": "for taking too long", "memory": "for want of memory"}
+
+
+def main() -> int:
+    """Fork, supervise, report; returns the exit status."""
+    job = json.loads(Path(sys.argv[1]).read_text())
+    supervisor = os.getpid()
+    builder = os.fork()
+    if builder == 0:
+        os.setpgid(0, 0)
+        die_with(supervisor)
+        return _build(job)
+    with contextlib.suppress(OSError):  # both sides do it, so that neither has to wait
+        os.setpgid(builder, builder)
+    limits = job["timeout_seconds"], job["memory_limit_bytes"]
+    _say(1, **_supervise(builder, *limits, Path(job["resume"])))
+    return 0
+
+
+def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -> dict[str, Any]:
+    """Wait for the builder; end its group when nobody waits for it or it takes too much.
+
+    Memory is the resident memory of all its processes, as seen now and then; a page that two of
+    them share counts twice.
+    """
+    started, oom_kills, seconds, peak, kind = time.monotonic(), _oom_kills(), 0.0, 0, "killed"
+    busy, earlier, noted = _busy_seconds(), _spent(resume), 0.0
+    while not (ended := os.wait4(builder, os.WNOHANG))[0]:
+        seconds, peak = time.monotonic() - started, max(peak, _resident_bytes(builder))
+        if seconds > noted + _SECONDS_BETWEEN_NOTES:
+            noted = seconds
+            _note_spent(resume, earlier + seconds)
+        if max_seconds and seconds > max_seconds:
+            kind = "timeout"
+        elif max_bytes and peak > max_bytes:
+            kind = "memory"
+        if kind != "killed" or select.select([0], [], [], 0)[0]:
+            _end(builder)
+        time.sleep(_SECONDS_BETWEEN_LOOKS)
+    _end(builder)  # what it started and left behind
+    status, largest = os.waitstatus_to_exitcode(ended[1]), ended[2].ru_maxrss * _MAXRSS_UNIT
+    own = ended[2].ru_utime + ended[2].ru_stime
+    report = {"status": status, "seconds": seconds, "peak_memory_bytes": max(peak, largest)}
+    report |= {"earlier_seconds": earlier}
+    report |= {"cpu_seconds": own, "other_cpu_seconds": max(0.0, _busy_seconds() - busy - own)}
+    if status >= 0:
+        return report  # and the builder has told the rest
+    if kind == "killed" and _oom_kills() > oom_kills:
+        kind = "memory"
+    cause = f"by {signal.Signals(-status).name}" if kind == "killed" else _CAUSES[kind]
+    return {**report, "kind": kind, "message": f"ended {cause}"}
+
+
+def _build(job: dict[str, Any]) -> int:
+    """In the builder: import the task, build, say how it went."""
+    if job["cpu_affinity"]:
+        os.sched_setaffinity(0, job["cpu_affinity"])  # before anything counts the cores
+    report, nothing = os.dup(1), os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.dup2(2, 1)
+    from pipeline.execution.executors import Job, run_job
+    from pipeline.execution.progress_pipe import ProgressPipe
+
+    kind, message = run_job(Job(**job), ProgressPipe(report))
+    _say(report, kind=kind, message=message[:8000])  # the log has all of it
+    return 0 if kind == "built" else 1
+
+
+def _say(descriptor: int, **fields: object) -> None:
+    with open(descriptor, "w") as file:
+        file.write(f"\n{json.dumps(fields)}\n")  # the line before may be half one of the killed
+
+
+def _end(group: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(group, signal.SIGKILL)
+
+
+def _resident_bytes(builder: int) -> int:
+    """Of the builder's group and of all that it started, whatever group they are of."""
+    members, total = set(_descendants(builder)), 0
+    for pid in psutil.pids():
+        with contextlib.suppress(psutil.Error, OSError):  # it is gone by now
+            if pid in members or os.getpgid(pid) == builder:
+                total += psutil.Process(pid).memory_info().rss
+    return total
+
+
+def _descendants(pid: int) -> Iterator[int]:
+    """What Linux tells of them; reading the tree alone costs the same however many others run."""
+    with contextlib.suppress(OSError):
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            for child in map(int, (thread / "children").read_text().split()):
+                yield child
+                yield from _descendants(child)
+
+
+def _spent(resume: Path) -> float:
+    """What earlier attempts took whose checkpoints this one goes on from."""
+    with contextlib.suppress(OSError, ValueError):
+        if _checkpoints(resume):
+            return float((resume / _SPENT).read_text())
+    return 0.0
+
+
+def _checkpoints(resume: Path) -> list[Path]:
+    return [path for path in resume.iterdir() if path.name[0] != "."]
+
+
+def _note_spent(resume: Path, seconds: float) -> None:
+    """Leave the time beside the checkpoints, if there are any; a full disk is no reason to end."""
+    with contextlib.suppress(OSError):
+        if _checkpoints(resume):
+            (resume / _SPENT).write_text(f"{seconds:.1f}")
+
+
+def _busy_seconds() -> float:
+    """What all cores of the machine have spent on anything since it started."""
+    times = psutil.cpu_times()
+    idle = times.idle + getattr(times, "iowait", 0.0)
+    counted_twice = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)
+    return float(sum(times) - idle - counted_twice)
+
+
+def _oom_kills() -> int:
+    """How many processes the kernel has ended so far for want of memory, in any container."""
+    counters = Path("/proc/vmstat").read_text() if sys.platform == "linux" else ""
+    return sum(map(int, re.findall(r"^oom_kill (\d+)", counters, re.MULTILINE)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""Attempts at builds, as their logs tell it: which are under way, and how the others ended."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import luigi
+
+from pipeline.build import DONE
+from pipeline.errors import Errors, StoreError
+from pipeline.locks import is_held
+from pipeline.maintenance.why import upstream_first
+from pipeline.store import Store
+from pipeline.task import StoredTask
+
+_EVER = datetime.fromtimestamp(0, UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """A build that was begun; `end` is the last line of its log, which says how it ended."""
+
+    log: Path
+    end: str
+    is_under_way: bool
+
+    @property
+    def is_published(self) -> bool:
+        """Whether the log says that the build was."""
+        return self.end.startswith(DONE)
+
+
+@dataclass(frozen=True, slots=True)
+class BlockingFailure:
+    """The stage that keeps another from being made, and why; or that is being built right now."""
+
+    task: StoredTask
+    reason: str
+    is_under_way: bool = False
+
+
+def attempts(
+    store: Store, family: str = "*", key: str = "", since: datetime = _EVER
+) -> list[Attempt]:
+    """Every attempt at builds of a family, or at one key, of which there is a log; oldest first.
+
+    Of those that ended, those since a moment.
+    """
+    logs = (store.root / "logs").glob(f"{family}/{key[:16]}*.log")
+    found = [_attempt(store, log) for log in sorted(logs, key=_changed)]
+    return [a for a in found if a.is_under_way or a.log.stat().st_mtime >= since.timestamp()]
+
+
+def find_blocking_failure(
+    task: luigi.Task, store: Store, since: datetime = _EVER
+) -> BlockingFailure | None:
+    """What keeps a task from being made: what failed, or else what is under way; or nothing yet.
+
+    It looks at this store alone, and at the last attempt at each stage whose inputs are there.
+
+    Args:
+        task: That is not made.
+        store: Where attempts left their logs.
+        since: Earlier failures do not count.
+    """
+    missing: set[StoredTask] = set()
+    found: list[BlockingFailure] = []
+    for each in upstream_first(task):
+        if missing & set(each.requires().values()):
+            missing.add(each)
+            continue
+        is_made, problem = _state(each, store, since)
+        missing |= set() if is_made else {each}
+        found += [problem] if problem else []
+    return min(found, key=lambda problem: problem.is_under_way, default=None)
+
+
+def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, BlockingFailure | None]:
+    """Whether a task whose inputs are there is made, and what is in its way."""
+    mendable: Errors = (StoreError, OSError, *task.user_errors)
+    try:
+        key = task.action().key
+    except mendable as error:
+        return False, BlockingFailure(task, str(error))
+    if store.record(key):
+        return True, None
+    tried = attempts(store, task.task_family, key, since)[-1:]
+    seen = [BlockingFailure(task, a.end, a.is_under_way) for a in tried if not a.is_published]
+    return False, seen[0] if seen else None
+
+
+def _attempt(store: Store, log: Path) -> Attempt:
+    end = log.read_text(errors="replace").strip().rpartition("\n")[2]
+    locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
+    is_under_way = any(is_held(lock) for lock in locks)
+    if not end and not is_under_way:
+        end = f"it wrote nothing (a full disk?). {log}"
+    return Attempt(log, end, is_under_way)
+
+
+def _changed(log: Path) -> tuple[int, str]:
+    return log.stat().st_mtime_ns, log.name

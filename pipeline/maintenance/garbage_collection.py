@@ -1,0 +1,171 @@
+"""Garbage collection: deletes what nothing refers to, by way of `trash/`.
+
+Held is what a root, a living process or one of the last runs refers to, and what is young; each
+with all it was made from. While this is found out and the rest moved to `trash/`, records before
+the objects they name, nobody takes a lease or publishes; deleting takes its time afterwards.
+"""
+
+import contextlib
+import logging
+import os
+import shutil
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from pipeline.errors import StoreError
+from pipeline.locks import References, is_held, locked, runs
+from pipeline.maintenance.roots import roots
+from pipeline.record import ActionRecord
+from pipeline.store import Store
+
+_log = logging.getLogger("pipeline")
+_MONTH_HOURS = 30 * 24.0
+_RETENTION_RULES = (  # where, at what age (None: the grace period), why; records go before objects
+    ("actions/*/*.json", None, "nothing holds it"),
+    ("objects/*/*", None, "no record that stays names it"),
+    ("code/*/*.json", None, "no record that stays names it"),
+    ("tmp/*", None, "its process is gone"),
+    ("quarantine/*", None, "it was damaged"),
+    ("runs/*", None, "later runs are kept"),
+    ("logs/*/*", _MONTH_HOURS, "no record that stays names it"),
+    ("resume/*", _MONTH_HOURS, "nobody went on with it"),
+    ("roots/*", _MONTH_HOURS, "it leads nowhere"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class GcDecision:
+    """What becomes of a path in the store, what it is, its bytes, and why."""
+
+    path: Path
+    what: str
+    size: int
+    why: str
+    delete: bool
+
+
+def collect(
+    store: Store, *, keep_last: int = 3, grace_hours: float = 24.0, delete: bool = False
+) -> list[GcDecision]:
+    """Find what nothing holds and, if told so, delete it; safe beside any number of processes.
+
+    Args:
+        store: Its `gc.lock` is held while the garbage is found, and moved to `trash/`.
+        keep_last: How many finished runs keep what they used, 0 or more.
+        grace_hours: What was made, used or set aside more recently stays.
+        delete: Do it. If not, the store may be one that can only be read.
+
+    Returns:
+        What is deleted, and of all that stays the objects, each once.
+
+    Raises:
+        StoreError: When a record cannot be read, so that nobody can tell what it needs.
+        OSError: When the disk fails; what stays is whole.
+    """
+    say_so = partial(_log.warning, "The store is in use; waiting to collect from it.")
+    with locked(store.root / "gc.lock", say_so):
+        decisions = list(_decisions(store, keep_last, grace_hours))
+        store.reached("marked")
+        for path in [decision.path for decision in decisions if decision.delete and delete]:
+            store.set_aside(path, "trash")
+            store.reached("trashed")
+        trash = list((store.root / "trash").iterdir()) if delete else []
+    store.reached("released")
+    for path in trash:
+        _delete(path)
+        store.reached("deleted")
+    return decisions
+
+
+def ancestors(addresses: Iterable[str], known: Mapping[str, ActionRecord]) -> list[ActionRecord]:
+    """The records of keys or digests, and of all that these were made from, each once."""
+    found: dict[str, ActionRecord] = {}
+    pending = list(addresses)
+    while pending:
+        record = known.get(pending.pop())
+        if record and record.action.key not in found:
+            found[record.action.key] = record
+            pending += record.action.inputs.values()
+    return list(found.values())
+
+
+def _decisions(store: Store, keep_last: int, grace_hours: float) -> Iterator[GcDecision]:
+    known = _by_address(store)
+    needed = {path for path in (store.root / "tmp").iterdir() if is_held(path)}
+    for why, holders in _references(store, known, keep_last, grace_hours).items():
+        addresses = {address for _, held in holders for address in held}
+        for record in ancestors(addresses, known):
+            path, told = store.object(record.output.digest), record.provenance
+            if path not in needed:
+                yield GcDecision(path, "artifacts", record.output.size, why, delete=False)
+            needed |= {path, store.action(record.action.key)}
+            needed.add(store.code(str(told.get("closure", record.action.code))))
+            needed.add(store.root / str(told["log"]))
+        needed |= {path for path, _ in holders} | {store.object(each) for each in addresses}
+    for pattern, hours, why in _RETENTION_RULES:
+        for path in sorted(store.root.glob(pattern)):
+            is_needed = path in needed or path.with_suffix(".log") in needed  # it lies beside that
+            if not is_needed and not _is_younger(path, hours or grace_hours):
+                maker, folder = known.get(path.name), pattern.partition("/")[0]
+                what = str(maker.provenance.get("label")) if maker else folder
+                yield GcDecision(path, what, _size(path), why, delete=True)
+
+
+def _by_address(store: Store) -> dict[str, ActionRecord]:
+    """Every record by its key, and by the digest of its object the newest that made it."""
+    everything = sorted(store.records(), key=lambda record: str(record.provenance.get("started")))
+    known = {record.output.digest: record for record in everything}
+    known |= {record.action.key: record for record in everything}
+    for path in (store.root / "actions").glob("*/*.json"):
+        if path.stem not in known:
+            raise StoreError(
+                f"{path} cannot be read, so nobody can tell what it needs. Nothing was collected:"
+                " `verify --repair` sets it aside; or collect with the newer program that wrote it."
+            )
+    return known
+
+
+def _references(
+    store: Store, known: Mapping[str, ActionRecord], keep_last: int, grace_hours: float
+) -> dict[str, References]:
+    """By the reason: the paths that say so, and the keys and digests they hold."""
+    living, past = runs(store.root)
+    useful = [run for run in past if not known.keys().isdisjoint(run[1])]
+    made = [(store.action(key), {key}) for key in known]
+    return {
+        "pinned or shown": roots(store),
+        "used by a living process": living,
+        f"used by the last {keep_last} runs": useful[max(0, len(useful) - keep_last) :],
+        f"made or used in the last {grace_hours:g} h": [
+            (path, held) for path, held in (*past, *made) if _is_younger(path, grace_hours)
+        ],
+    }
+
+
+def _size(path: Path) -> int:
+    """The bytes of a file or of a directory's files; of what vanishes meanwhile none."""
+    inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
+    size = 0
+    for file in inside if path.is_dir() and not path.is_symlink() else [path]:
+        with contextlib.suppress(FileNotFoundError):
+            size += file.lstat().st_size
+    return size
+
+
+def _delete(path: Path) -> None:
+    """Remove a directory, read-only ones in it too; what resists, the next collection tries."""
+    for folder, _, _ in os.walk(path):
+        with contextlib.suppress(OSError):
+            Path(folder).chmod(0o755)
+    shutil.rmtree(path, ignore_errors=True)
+
+
+def _is_younger(path: Path, hours: float) -> bool:
+    """Whether `path` was made, renamed or written to since; not so if it has just vanished."""
+    try:
+        return time.time() - path.lstat().st_ctime < hours * 3600
+    except FileNotFoundError:
+        return False

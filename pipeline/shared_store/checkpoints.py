@@ -1,0 +1,192 @@
+"""Checkpoints in the shared store, so that another machine goes on where a lost one was.
+
+    resume/<key>/<when it was written>-<digest>-<bytes>-<files>[-<signature>].tar
+
+A machine believes one, like everything there, only if it has the digest in its name; where there is
+a key (`signatures.py`), the name must be signed, too. Whoever builds the key removes them.
+"""
+
+import contextlib
+import logging
+import os
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+
+from pipeline.digest import Tree, tree_digest
+from pipeline.settings import setting
+from pipeline.shared_store.archive import pack, unpack
+from pipeline.shared_store.remote import Remote
+from pipeline.shared_store.settings import current_remote
+from pipeline.shared_store.signatures import is_signed, signature
+
+_TIME = "%Y%m%dT%H%M%S.%f"  # in UTC
+_log = logging.getLogger("pipeline")
+
+
+@contextlib.contextmanager
+def shared_checkpoints(key: str, resume: Path) -> Iterator[Callable[[], None]]:
+    """Downloads the newest checkpoint if it is newer than the local one, then uploads new ones.
+
+    It uploads every `[store] checkpoint_seconds`, and after an exception. It does nothing without a
+    shared store, or if that is not to be written to.
+
+    Args:
+        key: Of the build.
+        resume: Its folder of checkpoints.
+
+    Yields:
+        A function to call if the build failed: it uploads what there is.
+    """
+    if not _are_shared():
+        yield lambda: None
+        return
+    remote, seconds = current_remote(), float(setting("store", "checkpoint_seconds"))
+    with contextlib.suppress(OSError):
+        remote.call_or_none("reading", partial(_download_newest, key, resume))
+    uploader = CheckpointUploader(key, resume, remote)
+    is_over = threading.Event()
+    thread = threading.Thread(target=uploader.run, args=(is_over, seconds), daemon=True)
+    thread.start()
+
+    def stop() -> None:
+        is_over.set()
+        thread.join()
+
+    def fail() -> None:
+        stop()
+        uploader.upload()
+
+    try:
+        yield fail
+    except BaseException:
+        fail()
+        raise
+    finally:
+        stop()
+
+
+def forget_checkpoints(key: str) -> None:
+    """Remove those of a key that is built."""
+    if _are_shared():
+        current_remote().call_or_none("writing", lambda r: _remove(r, key, r.names(_at(key))))
+
+
+def _are_shared() -> bool:
+    has_store = current_remote().url and setting("store", "push") == "true"
+    return bool(has_store) and float(setting("store", "checkpoint_seconds")) > 0
+
+
+def _checkpoints(resume: Path) -> list[tuple[str, int, int]]:
+    """The checkpoints as they are; not the notes beside them, whose names begin with a dot."""
+    files = ((p.name, p.stat()) for p in resume.iterdir() if p.name[0] != ".")
+    return sorted((name, status.st_mtime_ns, status.st_size) for name, status in files)
+
+
+def _written(checkpoints: list[tuple[str, int, int]]) -> str:
+    """Returns when the newest was written, as names in the shared store have it."""
+    newest_ns = max((time_ns for _, time_ns, _ in checkpoints), default=0)
+    return f"{datetime.fromtimestamp(newest_ns / 1e9, UTC):{_TIME}}"
+
+
+class CheckpointUploader:
+    """Uploads a folder of checkpoints whenever it has changed."""
+
+    def __init__(self, key: str, resume: Path, remote: Remote) -> None:
+        self._key, self._resume, self._remote = key, resume, remote
+        self._uploaded: list[tuple[str, int, int]] = []
+
+    def run(self, is_over: threading.Event, seconds: float) -> None:
+        """Uploads now and then, until `is_over`."""
+        while not is_over.wait(seconds):
+            self.upload()
+
+    def upload(self) -> None:
+        """Uploads the folder if it has changed; older checkpoints are removed."""
+        with contextlib.suppress(OSError, ValueError):  # the disk is full, or a file just went
+            found = _checkpoints(self._resume)
+            if found and found != self._uploaded:
+                self._remote.call_or_none("writing", self._upload)
+                self._uploaded = found
+
+    def _upload(self, remote: Remote) -> None:
+        archive, still = (
+            self._resume.with_name(f"{self._resume.name}.{e}") for e in ("tar", "still")
+        )
+        try:
+            unfinished = shutil.ignore_patterns(".*.partial*")
+            shutil.copytree(self._resume, still, copy_function=_hardlink_or_copy, ignore=unfinished)
+            tree = tree_digest(still)
+            pack(still, archive)
+            written = _written(_checkpoints(still))
+            description = f"{written}-{tree.digest}-{tree.size}-{tree.files}"
+            mark = _signature(remote, self._key, description)
+            name = "-".join(filter(None, [description, mark])) + ".tar"
+            remote.create(f"{_at(self._key)}/{name}", archive)
+            older = [other for other in remote.names(_at(self._key)) if other < name]
+            _remove(remote, self._key, older)
+        finally:
+            archive.unlink(missing_ok=True)
+            shutil.rmtree(still, ignore_errors=True)
+
+
+def _hardlink_or_copy(source: str, target: str) -> None:
+    """A link to a checkpoint, which is replaced and never written to; a copy of a note."""
+    (shutil.copyfile if Path(source).name[0] == "." else os.link)(source, target)
+
+
+def _download_newest(key: str, resume: Path, remote: Remote) -> None:
+    """Fill the folder from the newest archive that is whole, and newer than what is there."""
+    here = _written(_checkpoints(resume))
+    for name in sorted(remote.names(_at(key)), reverse=True):
+        if name.partition("-")[0] <= here:
+            return
+        if not _is_believed(remote, key, name):
+            remote.distrust("checkpoint", "unsigned, or signed by another key")
+            continue
+        archive, unpacked = (resume.with_name(f"{resume.name}.{end}") for end in ("tar", "new"))
+        try:
+            written, digest, size, files = name.removesuffix(".tar").split("-")[:4]
+            written_s = datetime.strptime(f"{written}+0000", f"{_TIME}%z").timestamp()
+            remote.download(f"{_at(key)}/{name}", archive)
+            unpack(archive, unpacked, Tree(digest, int(size), int(files)))
+            if tree_digest(unpacked).digest == digest:
+                for path in resume.iterdir():
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+                for path in unpacked.iterdir():
+                    os.utime(path, (written_s, written_s))
+                    path.rename(resume / path.name)
+                _log.info("going on from a checkpoint that %s has", remote.url)
+                return
+        except ValueError as error:
+            _log.warning("%s/%s in %s is wrong: %s", _at(key), name, remote.url, error)
+        finally:
+            archive.unlink(missing_ok=True)
+            shutil.rmtree(unpacked, ignore_errors=True)
+
+
+def _signature(remote: Remote, key: str, description: str) -> str:
+    """Returns the signature of a checkpoint's description; empty where nothing is signed."""
+    return signature(remote.key, *_signed(key, description)) if remote.key else ""
+
+
+def _is_believed(remote: Remote, key: str, name: str) -> bool:
+    """Whether the name is signed, where it has to be."""
+    description, _, mark = name.removesuffix(".tar").rpartition("-")
+    return not remote.key or is_signed(mark, remote.key, *_signed(key, description))
+
+
+def _signed(key: str, description: str) -> tuple[str, bytes, bytes]:
+    return "pipeline-signed-checkpoint-v1", key.encode(), description.encode()
+
+
+def _remove(remote: Remote, key: str, names: list[str]) -> None:
+    for name in names:
+        remote.remove(f"{_at(key)}/{name}")
+
+
+def _at(key: str) -> str:
+    return f"resume/{key}"

@@ -1,0 +1,169 @@
+"""A share of the host for each build, over real commands; the folder of leases is a setting."""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import luigi
+import pytest
+from test_command import start
+
+from pipeline.execution import cpu_memory
+from pipeline.execution.cpu_memory import SPIN_COUNT, openmp_wait_settings
+from pipeline.execution.host_locks import open_locks, try_acquire
+from pipeline.settings import current_store
+
+CORES = sorted(os.sched_getaffinity(0))
+HALF = -(-len(CORES) // 2)
+N_PARTS = -(-64 * HALF // len(CORES))
+needs_two_cores = pytest.mark.skipif(len(CORES) < 2, reason="needs two cores")
+
+
+@pytest.fixture(autouse=True)
+def leases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of leases of the test's own, here and in the commands it starts."""
+    here = luigi.configuration.get_config()
+    file = tmp_path / "host.cfg"
+    file.write_text(f"[host]\nleases = {tmp_path / 'leases'}\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(file))
+    here.set("host", "leases", str(tmp_path / "leases"))
+    yield tmp_path / "leases"
+    here.remove_section("host")
+
+
+def built_on_cores(workers: int, names: list[str]) -> list[dict]:
+    words = ["ManyOnCores", "--names", json.dumps(names), "--workers", str(workers)]
+    command = start("luigi", "--module", "build_toys", *words)
+    screen = "".join(command.communicate(timeout=60))
+    assert command.returncode == 0, screen
+    store = current_store()
+    paths = [store.object(record.output.digest) / "cores.json" for record in store.records()]
+    return [json.loads(path.read_text()) for path in paths]
+
+
+def most_at_once(built: list[dict]) -> int:
+    return max(sum(a["began"] <= b["began"] < a["ended"] for a in built) for b in built)
+
+
+@needs_two_cores
+def test_builds_that_run_at_once_share_no_core():
+    built = built_on_cores(len(CORES), [f"{k}" for k in range(2 * len(CORES))])
+    assert all(len(b["cores"]) == 1 and b["threads"] == "1" for b in built)
+    for a in built:
+        beside = [
+            b for b in built if b is not a and a["began"] < b["ended"] and b["began"] < a["ended"]
+        ]
+        assert all(not set(a["cores"]) & set(b["cores"]) for b in beside)
+    assert most_at_once(built) > 1
+
+
+def test_more_workers_than_cores_do_not_run_at_once():
+    built = built_on_cores(2 * len(CORES) + 1, [f"{k}" for k in range(2 * len(CORES) + 1)])
+    assert most_at_once(built) <= len(CORES)
+
+
+def test_a_lone_build_has_the_host_to_itself():
+    (built,) = built_on_cores(1, ["one"])
+    assert built["cores"] == CORES
+    assert built["threads"] == os.environ.get("OMP_NUM_THREADS")
+
+
+def test_a_process_with_some_of_the_cores_takes_as_much_of_the_memory(
+    leases, tmp_path, monkeypatch
+):
+    """A node's scheduler binds a build to its cores; the memory that is read is all builds'."""
+    monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path)
+    monkeypatch.setattr(os, "cpu_count", lambda: 8 * len(CORES))
+    with cpu_memory.allocate(len(CORES), None, print) as share:
+        assert len(share.inherited_fds) == 64 // 8 + len(CORES)
+    (tmp_path / "memory.max").write_text("1073741824")
+    with cpu_memory.allocate(len(CORES), None, print) as share:
+        assert len(share.inherited_fds) == 64 + len(CORES), "what is its own it may take"
+
+
+def test_what_needs_all_the_memory_waits_for_what_has_some(leases, capsys, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: len(CORES))
+    with cpu_memory.allocate(HALF, None, print) as first:
+        assert len(first.inherited_fds) == N_PARTS + first.cores, "a part where nothing is known"
+        with open_locks("memory", [str(n) for n in range(64)]) as files:
+            assert len(try_acquire(files, 1, 64)) == 64 - N_PARTS
+    with (
+        cpu_memory.allocate(HALF, 2**60, print) as greedy,
+        open_locks("memory", ["0", "63"]) as files,
+    ):
+        assert try_acquire(files, 1, 2) == [], "more than there is means all there is"
+        assert greedy.cores >= 1
+    assert not capsys.readouterr().out
+
+
+def test_it_says_what_it_waits_for(leases):
+    said = []
+
+    class GivenUpError(Exception):
+        pass
+
+    def say(what: str) -> None:
+        said.append(what)
+        raise GivenUpError
+
+    with open_locks("core", [str(core) for core in CORES]) as files:
+        assert len(try_acquire(files, len(CORES), len(CORES))) == len(CORES)
+        with pytest.raises(GivenUpError), cpu_memory.allocate(HALF, 0, say):
+            pass
+    with open_locks("memory", ["0"]) as files:
+        try_acquire(files, 1, 1)
+        with pytest.raises(GivenUpError), cpu_memory.allocate(HALF, 2**60, say):
+            pass
+    assert said[0] == "for a core"
+    assert "GiB of memory" in said[1]
+
+
+def test_all_or_nothing_is_taken(leases):
+    with open_locks("part", ["a", "b", "c"]) as mine, open_locks("part", ["a", "b", "c"]) as others:
+        assert try_acquire(others, 1, 1) == ["a"]
+        assert try_acquire(mine, 3, 3) == []
+        assert try_acquire(others, 3, 3) == ["a", "b", "c"], "what was not enough was given back"
+
+
+@pytest.mark.parametrize(
+    ("files", "cores"),
+    [
+        ({}, len(CORES)),
+        ({"cpu.max": "max 100000"}, len(CORES)),
+        ({"cpu.max": "50000 100000"}, 1),
+        ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, len(CORES)),
+        ({"cpu/cpu.cfs_quota_us": "100000", "cpu/cpu.cfs_period_us": "100000"}, 1),
+        ({"cpu.max": "garbage"}, len(CORES)),
+    ],
+)
+def test_a_quota_of_the_container_counts(tmp_path, monkeypatch, files, cores):
+    for name, text in files.items():
+        (tmp_path / "group" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "group" / name).write_text(text)
+    monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path / "group")
+    assert len(cpu_memory.usable_cores()) == cores
+    with cpu_memory.allocate(HALF, 0, print) as share:
+        assert bool(share.cpu_affinity) == (cores == len(CORES)), (
+            "under a quota cores have no numbers"
+        )
+
+
+def test_the_memory_of_the_container_counts(tmp_path, monkeypatch):
+    monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path)
+    (tmp_path / "memory.max").write_text("1073741824")
+    assert cpu_memory.memory_bytes() == int(0.9 * 2**30)
+    (tmp_path / "memory.max").write_text("max")
+    assert cpu_memory.memory_bytes() > 2**30
+    luigi.configuration.get_config().set("host", "memory_gib", "3")
+    assert cpu_memory.memory_bytes() == 3 * 2**30
+
+
+@pytest.mark.parametrize("name", ["GOMP_SPINCOUNT", "OMP_WAIT_POLICY"])
+def test_how_threads_wait_is_what_the_user_says(name):
+    assert openmp_wait_settings({name: "as the user likes"}) == {}
+
+
+def test_threads_of_a_build_spin_shortly():
+    """Beside a busy thread, long spinning slowed a fit a hundredfold."""
+    assert int(openmp_wait_settings({})[SPIN_COUNT]) < 100_000

@@ -1,0 +1,177 @@
+"""A task's build from first to last: how failures are told, tried again and cleaned up after."""
+
+import errno
+import json
+import os
+import re
+from pathlib import Path
+
+import luigi
+import psutil
+import pytest
+from build_toys import Act
+from small_disk import small_disk
+from store_toys import Fills, Slow, Surroundings, Word, built
+from test_command import are_gone, pids_of_slow
+
+from pipeline.errors import StoreError, TaskFailure, describe_error, is_disk_full
+from pipeline.settings import current_store
+from pipeline.task import artifact
+
+
+def failure_of(task: luigi.Task) -> TaskFailure:
+    with pytest.raises(TaskFailure) as failure:
+        task.run()
+    assert not list(current_store().records())
+    assert not list((current_store().root / "tmp").iterdir())
+    return failure.value
+
+
+def log_of(failure: TaskFailure) -> str:
+    return Path(failure.reason.split("Its log: ")[1]).read_text()
+
+
+@pytest.fixture
+def impatient():
+    """Second attempts follow at once."""
+    luigi.configuration.get_config().set("store", "retry_seconds", "0.1")
+    yield
+    luigi.configuration.get_config().remove_option("store", "retry_seconds")
+
+
+def test_a_fresh_interpreter_builds():
+    Word("a").run()
+    assert (artifact(Word("a")) / "word.txt").read_text() == "a"
+    record = Word("a").record()
+    assert 0 < record.provenance["seconds"] < 30
+    assert 5e6 < record.provenance["peak_memory_bytes"] < 1e9
+
+
+def test_threads_of_a_build_sleep_soon_where_others_compute(monkeypatch):
+    for name in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY"):
+        monkeypatch.delenv(name, raising=False)
+    Surroundings().run()
+    variables = json.loads((artifact(Surroundings()) / "environment.json").read_text())
+    assert variables["GOMP_SPINCOUNT"] == "2000"
+
+
+def test_a_killed_build_goes_on_from_its_checkpoint(toys):
+    failure = failure_of(Slow("suicide"))
+    assert failure.kind == "killed"
+    assert re.search(
+        r"by SIGKILL \(\d+ s, 0\.\d GiB\)\. Run the same command again\.", failure.reason
+    )
+    assert are_gone(pids_of_slow(toys))
+    assert "printed by python\nprinted by a library\n" in log_of(failure)
+    Slow("suicide").run()
+    assert (artifact(Slow("suicide")) / "result.txt").read_text() == "resumed"
+    assert not list((current_store().root / "resume").iterdir())
+
+
+def test_out_of_time():
+    failure = failure_of(Act("sleep", timeout_seconds=1))
+    assert failure.kind == "timeout"
+    assert re.search(r"ended for taking too long \([1-9]\d* s, 0\.", failure.reason)
+    assert "Allow it more with --Act-timeout-seconds. Its log: " in failure.reason
+
+
+def test_over_its_memory():
+    failure = failure_of(Act("let_a_child_eat", memory_gib=0.15))
+    assert failure.kind == "memory"
+    assert "ended for want of memory (" in failure.reason
+    assert " s, 0.2 GiB)" in failure.reason
+    assert "or allow it more with --Act-memory-gib. Its log: " in failure.reason
+
+
+def test_limits_are_no_part_of_the_key():
+    keys = {Act("succeed", timeout_seconds=t, memory_gib=t).action().key for t in (0, 1.5)}
+    assert len(keys) == 1
+
+
+def test_a_crash_leaves_its_trace_in_the_log():
+    failure = failure_of(Word("crash"))
+    assert failure.kind == "crash"
+    assert "RuntimeError: a defect" in failure.reason
+    assert "Traceback" in Path(failure.reason.split("The trace is in ")[1]).read_text()
+
+
+def test_a_build_that_leaves_early_is_no_success():
+    failure = failure_of(Act("leave"))
+    assert failure.kind == "crash"
+    assert "ended with status 0 before it was done. Its log: " in failure.reason
+
+
+def test_a_user_error_keeps_its_words():
+    failure = failure_of(Word("bad"))
+    assert failure.kind == "user"
+    assert failure.reason == "words/bad: is no word. Choose another one."
+
+
+def test_a_full_disk_in_the_build_is_told_as_such():
+    failure = failure_of(Fills())
+    assert failure.kind == "disk"
+    assert "no space left" in failure.reason
+
+
+@pytest.mark.parametrize("act", ["save_tensors", "copy"])
+def test_a_full_disk_is_told_as_such_whatever_a_library_says(act, tmp_path, monkeypatch):
+    """One has an error of its own for it; one says no more than that it failed."""
+    monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "full" / "store"))
+    with small_disk(tmp_path / "full", mebibytes=3):
+        failure = failure_of(Act(act))
+    assert failure.kind == "disk"
+    assert "no space left on the disk of" in failure.reason
+    assert {"save_tensors": "SafetensorError", "copy": "CalledProcessError"}[act] in failure.reason
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+def test_a_full_disk_is_told_by_the_words_of_the_system(number, tmp_path):
+    error = RuntimeError(f"cannot write: {os.strerror(number)} (os error {number})")
+    assert describe_error(error, tmp_path / "log")[0] == "disk"
+    assert describe_error(RuntimeError("cannot write"), tmp_path / "log")[0] == "crash"
+    theirs = StoreError(f"the shared store s3://b: {os.strerror(number)}")
+    assert describe_error(theirs, tmp_path / "log")[0] == "user"
+    assert not is_disk_full(theirs)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_what_may_pass_is_tried_again(caplog):
+    caplog.set_level("INFO", logger="pipeline")
+    Act("lose_once").run()
+    assert built() == ["Act lose_once"] * 2
+    assert (
+        "Act(act=lose_once): example.org: cannot be reached. Check the network."
+        " Trying again in 0 s." in caplog.messages
+    )
+    logs = current_store().root / "logs" / "Act"
+    assert len(list(logs.iterdir())) == 2
+
+
+@pytest.mark.usefixtures("impatient")
+def test_what_does_not_pass_fails_at_the_third_attempt():
+    assert failure_of(Act("lose")).kind == "transient"
+    assert len(built()) == 3
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("act", ["refuse", "crash", "be_killed", "leave"])
+def test_what_does_not_pass_by_itself_is_not_tried_again(act):
+    failure_of(Act(act))
+    assert len(built()) == 1
+
+
+@pytest.mark.parametrize("act", ["refuse", "crash", "be_killed"])
+def test_a_failure_without_a_checkpoint_leaves_no_folder_for_one(act):
+    failure_of(Act(act))
+    assert not list((current_store().root / "resume").iterdir())
+
+
+def test_nothing_stays_behind():
+    assert not Word("a").complete()  # which opens what stays open: the lease of this process
+    before, descriptors = (
+        len(psutil.Process().children()),
+        len(list(Path("/proc/self/fd").iterdir())),
+    )
+    Word("a").run()
+    assert len(psutil.Process().children()) == before
+    assert len(list(Path("/proc/self/fd").iterdir())) == descriptors

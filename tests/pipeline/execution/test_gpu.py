@@ -1,0 +1,219 @@
+"""One build a card, over real commands and processes; the cards' names are settings."""
+
+import os
+import signal
+import stat
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import luigi
+import pytest
+from test_command import are_gone, start
+
+from pipeline.errors import StoreError
+from pipeline.execution import gpu
+from pipeline.settings import current_store
+
+Cards = Callable[..., None]
+
+
+@pytest.fixture
+def cards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Cards]:
+    """Sets the cards of this host, for this process and for those it starts."""
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+    here = luigi.configuration.get_config()
+
+    def tell(names: str, leases: Path = tmp_path / "leases") -> None:
+        file = tmp_path / "cards.cfg"
+        file.write_text(f"[gpu]\ncards = {names}\n[host]\nleases = {leases}\n")
+        monkeypatch.setenv("LUIGI_CONFIG_PATH", str(file))
+        here.set("gpu", "cards", names)
+        here.set("host", "leases", str(leases))
+
+    yield tell
+    here.remove_section("gpu")
+    here.remove_section("host")
+
+
+def on_card(name: str, *words: str) -> subprocess.Popen[str]:
+    return start("luigi", "--module", "build_toys", "OnCard", "--name", name, *words)
+
+
+def turns() -> dict[str, tuple[str, float, float]]:
+    """Card, begin and end of every build, by the task's name."""
+    store, found = current_store(), {}
+    for record in store.records():
+        card, began, ended = (
+            (store.object(record.output.digest) / "card.txt").read_text().rsplit(" ", 2)
+        )
+        found[record.provenance["label"].split()[1]] = (card, float(began), float(ended))
+    return found
+
+
+def finish(*commands) -> list[str]:
+    screens = ["".join(command.communicate(timeout=60)) for command in commands]
+    assert [command.returncode for command in commands] == [0] * len(commands), screens
+    return screens
+
+
+def test_two_commands_never_share_a_card(cards):
+    cards("GPU-a")
+    screens = finish(on_card("one", "--seconds", "3"), on_card("two", "--seconds", "3"))
+    (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
+    assert first_end <= second_begin
+    assert {card for card, _, _ in turns().values()} == {"GPU-a"}
+    waited = "every GPU of this host is leased, waiting"
+    assert sum(screen.count(waited) for screen in screens) == 1
+
+
+def test_two_cards_are_both_used(cards):
+    cards("GPU-a, GPU-b")
+    screens = finish(on_card("one", "--seconds", "3"), on_card("two", "--seconds", "3"))
+    assert {card for card, _, _ in turns().values()} == {"GPU-a", "GPU-b"}
+    (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
+    assert second_begin < first_end
+    assert not any("waiting" in screen for screen in screens)
+
+
+def test_workers_of_one_command_do_not_share_either(cards):
+    cards("GPU-a")
+    words = '["one", "two"]'
+    finish(start("luigi", "--module", "build_toys", "OnCards", "--names", words, "--workers", "2"))
+    (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
+    assert first_end <= second_begin
+
+
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
+def test_a_killed_command_frees_its_card(cards, toys, sent):
+    cards("GPU-a")
+    holder = on_card("one", "--seconds", "60")
+    while not (toys / "began-one").exists():
+        assert holder.poll() is None
+    holder.send_signal(sent)
+    holder.communicate()
+    assert are_gone([holder.pid])
+    finish(on_card("two", "--seconds", "0"))
+    assert set(turns()) == {"two"}
+
+
+@pytest.mark.parametrize(("given", "seen"), [("1", "GPU-b"), ("GPU-b", "GPU-b"), ("", "")])
+def test_the_users_choice_is_honoured(cards, monkeypatch, given, seen):
+    cards("GPU-a,GPU-b")
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", given)
+    finish(on_card("one", "--seconds", "0"))
+    assert turns()["one"][0] == seen
+
+
+def test_what_computes_on_the_cpu_leases_nothing_and_sees_nothing(cards, tmp_path):
+    cards("GPU-a")
+    finish(on_card("one", "--seconds", "0", "--device", "cpu"))
+    assert turns()["one"][0] == ""
+    assert not (tmp_path / "leases").exists()
+
+
+def test_a_host_without_cards_leases_nothing(cards, tmp_path, monkeypatch):
+    cards("")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    finish(on_card("one", "--seconds", "0"))
+    assert turns()["one"][0] == "all"
+    assert not (tmp_path / "leases").exists()
+
+
+def test_nvidia_smi_tells_the_cards(cards, tmp_path, monkeypatch):
+    cards("")
+    (tmp_path / "nvidia-smi").write_text(
+        "#!/bin/sh\necho 'GPU 0: NVIDIA H200 (UUID: GPU-5f8a-11)'\n"
+    )
+    (tmp_path / "nvidia-smi").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    finish(on_card("one", "--seconds", "0"))
+    assert turns()["one"][0] == "GPU-5f8a-11"
+
+
+@pytest.mark.parametrize("mode", [0o755, 0o644], ids=["fails", "cannot be run"])
+def test_cards_that_cannot_be_told_are_no_cards_for_all(cards, tmp_path, monkeypatch, mode):
+    cards("")
+    (tmp_path / "nvidia-smi").write_text("#!/bin/sh\nexit 9\n")
+    (tmp_path / "nvidia-smi").chmod(mode)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(StoreError, match=r"Name the cards .* in \[gpu\] cards"), gpu.leased(print):
+        pass
+
+
+def test_a_divided_card_is_leased_in_its_parts():
+    listing = """\
+GPU 0: NVIDIA A100-SXM4-40GB (UUID: GPU-aa)
+  MIG 3g.20gb     Device  0: (UUID: MIG-a0)
+  MIG 3g.20gb     Device  1: (UUID: MIG-a1)
+GPU 1: NVIDIA A100-SXM4-40GB (UUID: GPU-bb)
+"""
+    assert gpu.CARD.findall(listing) == ["MIG-a0", "MIG-a1", "GPU-bb"]
+    assert gpu.CARD.findall("No devices found.\n") == []
+
+
+@pytest.mark.parametrize(
+    ("wanted", "left"),
+    [
+        (None, ["GPU-a1", "GPU-b1", "GPU-b2"]),
+        ("", []),
+        ("-1", []),
+        ("2,0", ["GPU-b2", "GPU-a1"]),
+        (" GPU-b2 ,", ["GPU-b2"]),
+        ("GPU-c", []),
+    ],
+)
+def test_visible_cards(wanted, left):
+    assert gpu.visible(["GPU-a1", "GPU-b1", "GPU-b2"], wanted) == left
+
+
+def test_the_leases_are_open_to_other_users(cards, tmp_path):
+    """Whatever the umask: a folder like /tmp, files that everybody can open."""
+    cards("GPU-a")
+    before = os.umask(0o077)
+    try:
+        with gpu.leased(lambda: None) as (environment, holds):
+            assert environment == {"CUDA_VISIBLE_DEVICES": "GPU-a"}
+            assert len(holds) == 1
+            assert os.umask(0o077) == 0o077
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "leases").stat().st_mode) == 0o1777
+    assert stat.S_IMODE((tmp_path / "leases" / "gpu-GPU-a").stat().st_mode) == 0o644
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can be another user")
+def test_another_users_lease_is_honoured_and_then_used(cards):
+    def take_as(user: int) -> int:
+        child = os.fork()
+        if child == 0:
+            answer = 1
+            try:
+                os.setuid(user)
+                with gpu.leased(lambda: os._exit(2)):
+                    answer = 0
+            finally:
+                os._exit(answer)
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o777)
+        cards("GPU-a", Path(folder) / "leases")
+        assert take_as(1234) == 0
+        assert (Path(folder) / "leases" / "gpu-GPU-a").stat().st_uid == 1234
+        assert take_as(4321) == 0
+        with gpu.leased(lambda: None):
+            assert take_as(4321) == 2
+
+
+@pytest.mark.parametrize("obstacle", ["symlink_to", "a file for a folder"])
+def test_a_folder_that_cannot_be_used_is_told(cards, tmp_path, obstacle):
+    cards("GPU-a")
+    if obstacle == "symlink_to":
+        (tmp_path / "leases").mkdir()
+        (tmp_path / "leases" / "gpu-GPU-a").symlink_to("/etc/passwd")
+    else:
+        (tmp_path / "leases").touch()
+    with pytest.raises(StoreError, match=r"Name a folder .* in \[host\] leases"), gpu.leased(print):
+        pass

@@ -1,0 +1,102 @@
+"""What keeps a task from being made, as the store tells it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import luigi
+import pytest
+from build_toys import Act
+from store_toys import ToyError
+
+from pipeline.maintenance.attempts import find_blocking_failure
+from pipeline.task import RunContext, StoredTask
+
+pytestmark = pytest.mark.usefixtures("inline")
+
+
+class Told(StoredTask):
+    """What comes after some acts."""
+
+    acts = luigi.ListParameter()
+
+    def requires(self) -> dict[str, StoredTask]:
+        return {act: Act(act) for act in self.acts}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        (out / "told.txt").touch()
+
+
+class Album(StoredTask):
+    """Reads a file outside the store."""
+
+    path = luigi.Parameter(significant=False)
+    user_errors = (ToyError,)
+
+    def external_digests(self) -> Mapping[str, str]:
+        if not Path(self.path).exists():
+            raise ToyError(f"{self.path}: is not there. Put it there.")
+        return {"photo": "1"}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        (out / "album.txt").touch()
+
+
+def build(task: luigi.Task) -> bool:
+    return luigi.build([task], local_scheduler=True, logging_conf_file="")
+
+
+def test_what_was_never_tried_has_nothing_in_its_way(store):
+    assert find_blocking_failure(Told(["succeed"]), store) is None
+
+
+@pytest.mark.parametrize(
+    ("act", "reason"),
+    [
+        ("refuse", "words/bad: is no word. Choose another one."),
+        ("crash", "RuntimeError: a defect. The trace is in "),
+    ],
+)
+def test_the_stage_that_failed_says_why(store, act, reason):
+    assert not build(Told(["succeed", act]))
+    found = find_blocking_failure(Told(["succeed", act]), store)
+    assert (found.task, found.is_under_way) == (Act(act), False)
+    assert found.reason.startswith(reason)
+
+
+def test_what_is_made_was_in_nobodys_way(store):
+    assert build(Told(["succeed"]))
+    assert find_blocking_failure(Told(["succeed"]), store) is None
+    assert find_blocking_failure(Told(["succeed", "warn"]), store) is None
+
+
+def test_what_cannot_be_asked_for_says_why(store, tmp_path):
+    path = tmp_path / "photo"
+    assert (
+        find_blocking_failure(Album(str(path)), store).reason
+        == f"{path}: is not there. Put it there."
+    )
+    path.touch()
+    assert find_blocking_failure(Album(str(path)), store) is None
+
+
+def test_an_attempt_that_runs_is_no_failure_and_a_failure_counts_more(store):
+    task = Act("sleep")
+    log = store.new_log("Act", task.action().key)
+    log.write_text("half of it")
+    with store.lock(task.action().key, lambda: None):
+        assert find_blocking_failure(Told(["sleep"]), store).is_under_way
+        assert not build(Act("refuse"))
+        assert find_blocking_failure(Told(["sleep", "refuse"]), store).task == Act("refuse")
+    assert find_blocking_failure(Told(["sleep"]), store).reason == "half of it"
+
+
+def test_a_build_that_could_not_even_write_why_it_failed_has_a_reason_all_the_same(store):
+    """On a full disk its log stays empty."""
+    log = store.new_log("Act", Act("succeed").action().key)
+    log.touch()
+    assert (
+        find_blocking_failure(Told(["succeed"]), store).reason
+        == f"it wrote nothing (a full disk?). {log}"
+    )
+    with store.lock(Act("succeed").action().key, lambda: None):
+        assert not find_blocking_failure(Told(["succeed"]), store).reason, "it may still write"

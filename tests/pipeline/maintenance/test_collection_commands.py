@@ -1,0 +1,90 @@
+"""Collection and its neighbours as a user types them."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from collection_cases import made, names
+from killing import make, wrong
+from test_command import start
+
+from pipeline.maintenance.command_line import main
+
+
+def pipeline_command(*arguments: str) -> tuple[int, str]:
+    process = start("pipeline", *arguments)
+    said = "".join(process.communicate(timeout=30))
+    return process.returncode, said
+
+
+def test_commands(store):
+    """As a user types them: gc tells, pin and unpin decide, du counts each byte once."""
+    shared = made(store, "fern", "the same")
+    made(store, "horns", "the same", inputs=[shared])
+    other = made(store, "orchid")
+    rows = json.loads(pipeline_command("du", "--json")[1])
+    assert rows == [
+        {"family": "Toy", "count": 2, "size_bytes": 14},
+        {"scene": "fern, horns", "count": 1, "size_bytes": 8},
+        {"scene": "orchid", "count": 1, "size_bytes": 6},
+    ]
+    status, said = pipeline_command("pin", other.output.digest[:10], "--name", "best")
+    assert (status, said.split()) == (0, ["name", "key", "best", other.action.key[:12]])
+    policy = ("--grace", "0", "--keep-last", "0")
+    rows = json.loads(pipeline_command("gc", *policy, "--json")[1])
+    fates = {row["what"]: row["fate"] for row in rows}
+    assert fates["artifacts"] == "stays"
+    assert "orchid" not in fates
+    assert set(fates) >= {"horns", "actions", "runs"}
+    assert len(names(store)) == 3, "it was only asked"
+    assert pipeline_command("gc", *policy, "--delete")[0] == 0
+    assert names(store) == ["orchid"]
+    assert pipeline_command("unpin", "best") == (0, "")
+    assert pipeline_command("unpin", "best")[0] == 2
+    assert pipeline_command("gc", *policy, "--delete")[0] == 0
+    assert names(store) == []
+    assert not wrong(store)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("gc --grace nan", "nan is not 0 or more"),
+        ("gc --grace -1", "-1 is not 0 or more"),
+        ("gc --keep-last -1", "-1 is not 0 or more"),
+        ("ls Wrd", "has nothing of Wrd, but of Toy"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(store, words, said, capsys):
+    made(store, "a")
+    (store.root / "logs" / "Toy").mkdir()
+    try:
+        status = main(words.split())
+    except SystemExit as end:
+        status = end.code
+    assert status == 2
+    assert said in capsys.readouterr().err
+
+
+def test_what_nobody_reads_to_its_end_is_no_error(store):
+    for name in map(str, range(100)):
+        made(store, name) if name == "0" else make(store, name)
+    line = f"{sys.executable} -m pipeline ls --json | head -0"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
+
+
+@pytest.mark.parametrize("command", ["ls", "verify", "gc", "du", "pin", "push", "why Word"])
+def test_commands_make_no_store(tmp_path, command, capsys):
+    assert main(command.split()) == 2
+    assert f"there is no store at {tmp_path / 'store'}" in capsys.readouterr().err
+    assert not (tmp_path / "store").exists()
+
+
+def test_the_usual_policy_keeps_a_day_and_three_runs(store):
+    made(store, "a")
+    assert pipeline_command("gc", "--delete")[0] == 0
+    assert names(store) == ["a"]

@@ -1,0 +1,42 @@
+"""The list of what a batch made: nobody has to list a shared store of millions."""
+
+import pytest
+from sharing_cases import build, command, objects
+from store_toys import Sentence, Word
+
+from pipeline.settings import current_store
+from pipeline.shared_store.sync import list_night
+
+
+@pytest.mark.usefixtures("inline")
+def test_what_is_on_the_list_comes_and_nothing_else(shared, elsewhere, capsys):
+    assert build(Sentence(), Word("other"))
+    keys = [task.action().key for task in (Word("hello"), Sentence())]
+    list_night(current_store(), "20261122T200000Z-host", keys)
+    there = elsewhere()
+    status, rows = command(capsys, "pull", "--night", "20261122T200000Z-host")
+    assert (status, {row["done"] for row in rows}) == (0, {"fetched"})
+    assert len(objects(there)) == 2
+
+
+@pytest.mark.usefixtures("inline")
+def test_one_of_the_list_can_be_named(shared, elsewhere, capsys):
+    assert build(Word("a"), Word("b"))
+    keys = [Word(word).action().key for word in "ab"]
+    list_night(current_store(), "night", keys)
+    there = elsewhere()
+    assert command(capsys, "pull", keys[0][:12], "--night", "night")[0] == 0
+    assert len(objects(there)) == 1
+
+
+def test_an_unknown_night_is_answered_with_those_there_are(shared, capsys):
+    list_night(current_store(), "night1", ["ab" * 32])
+    status, said = command(capsys, "pull", "--night", "night2")
+    assert status == 2
+    assert "has no list of the night night2; the last are: night1" in said
+
+
+def test_all_of_a_shared_store_has_to_be_meant(shared, capsys):
+    status, said = command(capsys, "pull")
+    assert status == 2
+    assert "a KEY or DIGEST, or --night NAME" in said

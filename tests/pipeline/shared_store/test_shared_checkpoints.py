@@ -1,0 +1,143 @@
+"""Checkpoints travel through a shared store: a directory, and a bucket of a real S3 server."""
+
+import contextlib
+import os
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from shared_stores import Place
+
+from pipeline.shared_store import checkpoints
+from pipeline.shared_store.checkpoints import forget_checkpoints, shared_checkpoints
+from pipeline.shared_store.settings import current_remote
+
+KEY = "ab" * 32
+
+
+def folder(path: Path, **files: str) -> Path:
+    path.mkdir()
+    for name, text in files.items():
+        (path / name).write_text(text)
+    return path
+
+
+class LostError(Exception):
+    """What a build ends by."""
+
+
+@contextlib.contextmanager
+def failing(resume: Path) -> Iterator[None]:
+    """A build that fails when it has done what is within."""
+    with contextlib.suppress(LostError), shared_checkpoints(KEY, resume):
+        yield
+        raise LostError
+
+
+def uploaded() -> list[str]:
+    return current_remote().names(f"resume/{KEY}")
+
+
+def test_another_machine_goes_on_from_the_last_one(shared: Place, tmp_path):
+    here = folder(tmp_path / "here", checkpoint="step 1")
+    with failing(here):
+        (here / "new").write_text("step 2")
+        (here / "new").replace(here / "checkpoint")
+        (here / ".seconds").write_text("12.5")
+    assert len(uploaded()) == 1
+    there = folder(tmp_path / "there")
+    with shared_checkpoints(KEY, there):
+        assert (there / "checkpoint").read_text() == "step 2"
+        assert (there / ".seconds").read_text() == "12.5", "and what was spent until then counts"
+    assert len(uploaded()) == 1, "what succeeds leaves no more"
+    forget_checkpoints(KEY)
+    assert uploaded() == []
+    assert sorted(p.name for p in tmp_path.iterdir() if p.name[:4] in ("here", "ther")) == [
+        "here", "there",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("age_s", [-60, 60])
+def test_the_newer_one_counts_wherever_it_was_made(shared: Place, tmp_path, age_s):
+    """A machine that comes back has one that others have long gone on from."""
+    with failing(folder(tmp_path / "here", checkpoint="shared")):
+        pass
+    own = folder(tmp_path / "own", checkpoint="own")
+    then = time.time() - age_s
+    os.utime(own / "checkpoint", (then, then))
+    with shared_checkpoints(KEY, own):
+        assert (own / "checkpoint").read_text() == ("own" if age_s < 0 else "shared")
+
+
+def test_an_older_one_takes_nothing_away(shared: Place, tmp_path):
+    """Two machines at one key, as without locks: the slower one uploads last."""
+    with failing(folder(tmp_path / "here", checkpoint="far")):
+        pass
+    slow = folder(tmp_path / "slow", checkpoint="near")
+    uploader = checkpoints.CheckpointUploader(KEY, slow, current_remote())
+    os.utime(slow / "checkpoint", (1e9, 1e9))
+    uploader.upload()
+    there = folder(tmp_path / "there")
+    for _ in range(2):  # what was brought may be uploaded again
+        with failing(there):
+            assert (there / "checkpoint").read_text() == "far"
+
+
+def test_what_is_half_written_is_not_given(shared: Place, tmp_path):
+    here = folder(tmp_path / "here", checkpoint="step 1")
+    (here / ".checkpoint.12.partial.safetensors").write_text("half")
+    with failing(here):
+        pass
+    there = folder(tmp_path / "there")
+    with shared_checkpoints(KEY, there):
+        assert [path.name for path in there.iterdir()] == ["checkpoint"]
+
+
+def test_they_are_given_while_it_builds(shared: Place, tmp_path, monkeypatch):
+    """A machine that is lost has no end."""
+    monkeypatch.setattr(
+        "pipeline.shared_store.checkpoints.setting",
+        lambda *name: {"push": "true"}.get(name[1], "0.1"),
+    )
+    here, seen = folder(tmp_path / "here"), threading.Event()
+    with shared_checkpoints(KEY, here):
+        assert not uploaded()
+        (here / "checkpoint").write_text("step 1")
+        deadline = time.monotonic() + 20
+        while not uploaded() and time.monotonic() < deadline:
+            seen.wait(0.05)
+        assert uploaded()
+
+
+@pytest.mark.parametrize("damage", [b"", b"garbage", None])
+def test_a_damaged_one_is_not_believed(shared: Place, tmp_path, damage, caplog):
+    with failing(folder(tmp_path / "here", checkpoint="x" * 1000)):
+        pass
+    (name,) = uploaded()
+    remote, bad = current_remote(), tmp_path / "bad"
+    if damage is None:
+        remote.download(f"resume/{KEY}/{name}", bad)
+        damage = bad.read_bytes().replace(b"xxx", b"xyx", 1)
+    bad.write_bytes(damage)
+    remote.remove(f"resume/{KEY}/{name}")
+    assert remote.create(f"resume/{KEY}/{name}", bad)
+    there = folder(tmp_path / "there")
+    with shared_checkpoints(KEY, there):
+        assert not list(there.iterdir())
+
+
+def test_without_a_shared_store_nothing_happens(tmp_path):
+    here = folder(tmp_path / "here", checkpoint="step 1")
+    with shared_checkpoints(KEY, here):
+        pass
+    forget_checkpoints(KEY)
+    assert [path.name for path in here.iterdir()] == ["checkpoint"]
+
+
+def test_a_shared_store_that_is_away_is_a_warning(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "nowhere"))
+    with failing(folder(tmp_path / "here", checkpoint="step 1")):
+        pass
+    assert "Going on without" in caplog.text
