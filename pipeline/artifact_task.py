@@ -19,7 +19,7 @@ from pipeline.errors import (
 )
 from pipeline.job import RunContext
 from pipeline.record import Action, ActionRecord, public_version
-from pipeline.settings import current_store, require_configuration, setting
+from pipeline.settings import current_store, setting
 from pipeline.store import Store
 
 
@@ -44,7 +44,6 @@ class ArtifactTask(luigi.Task):
     revision: ClassVar[str | None] = None
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        require_configuration()
         super().__init__(*args, **kwargs)  # type: ignore[no-untyped-call]
         self._records: dict[Path, ActionRecord] = {}  # by store; positive facts only
         self._sources: Mapping[str, str] | None = None

@@ -15,14 +15,12 @@ from typing import Protocol
 from pipeline.artifact_task import ArtifactTask
 from pipeline.canonical import Json
 from pipeline.errors import LostInputError, TaskFailure
-from pipeline.job import Job, Report
+from pipeline.job import Job, Report, write_outcome
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import setting
 from pipeline.store import Store
 
-DONE = "done in"
-"""How the log of a build that was published ends; then come the seconds."""
 _log = logging.getLogger("pipeline")
 
 
@@ -135,7 +133,7 @@ def _attempt(task: ArtifactTask, action: Action, store: Store, executor: Executo
         facts["started"] = started.isoformat(timespec="milliseconds")
         record = publish(store, workspace / "out", action, facts)
         shutil.rmtree(resume, ignore_errors=True)
-        _append(log, f"{DONE} {report.seconds:.0f} s")
+        write_outcome(log, "built", f"done in {report.seconds:.0f} s")
     executor.built(task, record, report)
     task.artifacts.upload(record)
     _log.info("%s: done in %.0f s", task.label, report.seconds)
@@ -179,17 +177,12 @@ _REMEDIES = {
 
 @contextlib.contextmanager
 def _reason_in(log: Path) -> Iterator[None]:
-    """Ends the log with the reason of a failure."""
+    """Writes why an attempt failed."""
     try:
         yield
     except TaskFailure as failure:
-        _append(log, failure.reason)
+        write_outcome(log, failure.kind, failure.reason)
         raise
-
-
-def _append(log: Path, line: str) -> None:
-    with contextlib.suppress(OSError), log.open("a") as file:
-        file.write(f"{line}\n")
 
 
 def _require_success(task: ArtifactTask, report: Report, log: Path) -> None:

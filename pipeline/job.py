@@ -1,5 +1,7 @@
-"""What a build receives, and how it reports."""
+"""What a build receives, how it reports, and what an attempt at it leaves beside its log."""
 
+import contextlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -103,3 +105,22 @@ class Report:
     earlier_seconds: float = 0.0
     cpu_seconds: float = 0.0
     other_cpu_seconds: float = 0.0
+
+
+def write_outcome(log: Path, kind: Literal["built"] | FailureKind, reason: str) -> None:
+    """Ends the log of an attempt with the reason, and writes both as JSON beside it.
+
+    On a full disk nothing is written, which is no reason to fail.
+    """
+    with contextlib.suppress(OSError):
+        with log.open("a") as file:
+            file.write(f"{reason}\n")
+        log.with_suffix(".json").write_text(json.dumps({"kind": kind, "reason": reason}))
+
+
+def read_outcome(log: Path) -> tuple[str, str]:
+    """The kind and the reason that `write_outcome` wrote; else "" and the last line of the log."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        outcome = json.loads(log.with_suffix(".json").read_text())
+        return str(outcome["kind"]), str(outcome["reason"])
+    return "", log.read_text(errors="replace").strip().rpartition("\n")[2]

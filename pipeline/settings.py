@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 
 import luigi
-from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.errors import StoreError
 from pipeline.store import Store, open_store
@@ -95,13 +94,15 @@ def _defines(file: str, section: str, name: str) -> bool:
 
 
 def require_configuration() -> None:
-    """Stop a command line without settings, before Luigi goes looking for a scheduler.
+    """Refuses a command without settings, before Luigi looks for a scheduler.
 
-    Luigi reads `luigi.cfg` in the working directory only, and falls back in silence.
+    Luigi reads `luigi.cfg` in the working directory only, and needs none.
+
+    Raises:
+        SystemExit: There is no section [store].
     """
-    is_command = CmdlineParser.get_instance() is not None  # type: ignore[no-untyped-call]
     config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
-    if is_command and not config.has_section("store"):
+    if not config.has_section("store"):
         raise SystemExit(
             f"There is no luigi.cfg with a section [store] in {Path.cwd()}."
             " Run from the folder of the repository."

@@ -6,7 +6,6 @@ Here the parts of the pipeline are put together: the core knows none of the pack
 import functools
 import multiprocessing
 import signal
-import sys
 import warnings
 from collections.abc import Generator, Mapping
 
@@ -19,7 +18,6 @@ from pipeline.cluster.luigid import publish_key, require_same_key, stop_requesti
 from pipeline.cluster.submission import build_on_cluster, is_cluster
 from pipeline.code.closure import code_closure, save_closure
 from pipeline.code.snapshot import code_in_key
-from pipeline.console.log_handler import report_exception
 from pipeline.errors import TaskFailure
 from pipeline.execution.deadline import Deadline
 from pipeline.execution.local_executor import LocalExecutor
@@ -34,7 +32,6 @@ from pipeline.store import Store
 
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
 
-sys.excepthook = report_exception  # Luigi looks for the task's name after importing its module
 warnings.filterwarnings("ignore", ".*'rpc_retry_", UnconsumedParameterWarning)  # they are consumed
 
 

@@ -14,6 +14,8 @@ A task gathers its inputs, calls the library and writes what it returns. Importi
 loads no torch: heavy imports stand inside `build`, which runs in an interpreter of its own.
 """
 
+from pipeline.command import take_over_luigi
+from tasks.command_line import begin, end
 from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.grid import Grid
 from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics, StylizationMetrics
@@ -54,3 +56,5 @@ __all__ = [
     "TrajectoryFrames",
     "TransferWeights",
 ]
+
+take_over_luigi(begin, end)  # of `luigi --module tasks ...`; other imports go on

@@ -5,7 +5,6 @@ tell that Luigi's process does not load: `python -m tasks.checking` asks them, w
 """
 
 import dataclasses
-import functools
 import json
 import os
 import shutil
@@ -17,13 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import luigi
-from luigi.cmdline_parser import CmdlineParser
 
-from pipeline.console.progress_client import progress_client
 from pipeline.execution.cpu_memory import available_memory_bytes
 from pipeline.settings import current_store, data_root
 from styletrf.errors import InputError
-from tasks.build_order import seconds_ahead
 from tasks.field import TrajectoryFrames
 from tasks.graph import graph
 from tasks.memory import Demand, demands_of, photographs_of, require_memory
@@ -33,41 +29,28 @@ from tasks.stage import Stage, TunedStage
 LEAST_ROOM_BYTES = 64 << 20  # of the disk, for a command to begin
 
 
-@functools.cache
-def check_command(command: CmdlineParser) -> None:
-    """Ends a command that is bound to fail; of one that is not, the time expected is shown.
-
-    Raises:
-        SystemExit: See `refuse_unsound`.
-    """
-    stages = refuse_unsound(command)
-    if client := progress_client():
-        client.start_total(seconds_ahead(stages))
-
-
-@functools.cache
-def refuse_unsound(command: CmdlineParser) -> Sequence[luigi.Task]:
+def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
     """Ends a command that is bound to fail, with one line, before its first stage.
+
+    Args:
+        root: The task of the command.
 
     Returns:
         Its stages.
 
     Raises:
-        SystemExit: A setting, the device, a budget or a combination of words cannot be used.
+        InputError: A budget or a combination of parameters cannot be used.
+        SystemExit: A setting or the device cannot be used.
     """
-    try:
-        root = command.get_task_obj()  # type: ignore[no-untyped-call]
-        stages = graph(root)
-        sources_of(root)  # once, before workers are forked
-        for stage in stages:
-            if hasattr(stage, "require_sound"):  # not of Luigi's own
-                stage.require_sound()
-            if hasattr(stage, "require_reachable"):
-                stage.require_reachable()
-        require_room(current_store().root)
-        demands = demands_of(stages) if may_stop(root) else []
-    except InputError as error:
-        raise SystemExit(str(error)) from error
+    stages = graph(root)
+    sources_of(root)  # once, before workers are forked
+    for stage in stages:
+        if hasattr(stage, "require_sound"):  # not of Luigi's own
+            stage.require_sound()
+        if hasattr(stage, "require_reachable"):
+            stage.require_reachable()
+    require_room(current_store().root)
+    demands = demands_of(stages) if may_stop(root) else []
     tuned = [s for s in stages if isinstance(s, TunedStage) and (s.settings or s.tuning)]
     settings = {(stage.task_family, json.dumps(stage.values())) for stage in tuned}
     asked = {

@@ -7,9 +7,6 @@ import luigi
 from pipeline.errors import TaskFailure
 from pipeline.parameters import ListParameter
 from styletrf.errors import InputError
-from tasks.at_exit import acting_at_exit, root_of_command
-from tasks.night import conclude
-from tasks.plan_report import end_with_plan
 from tasks.shards import part_of
 from tasks.showing import show_all
 from tasks.trajectory import CONTROLS, StylizedTrajectory
@@ -69,23 +66,13 @@ class Grid(luigi.WrapperTask):
             problem = "is one painting's network, for several styles"
             raise InputError(f"--network {self.network}", problem, "Give one style")
 
-    def complete(self) -> bool:
-        """Whether every cell is; the command ends with the index, and with what became of them.
-
-        Not if it is refused. A command with `--plan` prints its plan instead, and ends.
-        """
-        if self.plan and root_of_command() == self:
-            return end_with_plan(self, as_json=self.json)
-        with acting_at_exit(self, conclude):
-            return bool(super().complete())  # type: ignore[no-untyped-call]
-
     def run(self) -> None:
         """Show all; and look once more: another machine may have made some of other code.
 
         Raises:
             TaskFailure: Not every result is there for this machine.
         """
-        show_all(self)
+        show_all(self.cells())
         missing = [f"{cell.scene} {cell.style}" for cell in self.cells() if not cell.complete()]
         if missing:
             raise TaskFailure(

@@ -30,11 +30,18 @@ def choice_for(task: Any, request: QualityRequest, front: Front) -> Choice:
     Raises:
         InputError: No point of the front will do.
     """
-    kept = recalled(_CHOICES).get(_key(task, front)) if builds_alone() else None
-    for point in front.points:
-        if kept and _same(point, kept):
-            return Choice(front.quality, replace(point, seconds=kept["seconds"]), front.description)
-    return choose(request, front, timing_of(task))
+    return _kept(task, front) or choose(request, front, timing_of(task))
+
+
+def known_choice(task: Any, request: QualityRequest, front: Front) -> Choice | None:
+    """Returns what `choice_for` does, if that is known without measuring this machine.
+
+    Where luigid hands stages to several machines, none is measured: all have to choose alike.
+
+    Raises:
+        InputError: No point of the front will do.
+    """
+    return _kept(task, front) if builds_alone() else choose(request, front, timing_of(task))
 
 
 def keep_choice(task: Any, front: Front, choice: Choice) -> None:
@@ -42,6 +49,14 @@ def keep_choice(task: Any, front: Front, choice: Choice) -> None:
     if builds_alone():
         chosen = {"tuning": choice.point.tuning, "seconds": choice.point.seconds}
         remember(_CHOICES, _key(task, front), chosen)
+
+
+def _kept(task: Any, front: Front) -> Choice | None:
+    kept = recalled(_CHOICES).get(_key(task, front)) if builds_alone() else None
+    for point in front.points:
+        if kept and _same(point, kept):
+            return Choice(front.quality, replace(point, seconds=kept["seconds"]), front.description)
+    return None
 
 
 def _key(task: Any, front: Front) -> str:

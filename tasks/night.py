@@ -5,7 +5,6 @@ import json
 import logging
 import os
 import socket
-import sys
 import urllib.request
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -17,14 +16,12 @@ from urllib.error import HTTPError, URLError
 
 import luigi
 
-from pipeline.execution.deadline import NOT_STARTED
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root, setting
 from pipeline.shared_store.sync import list_night
 from pipeline.task import StoredTask
 from tasks.graph import graph
-from tasks.showing import show_all
 from tasks.sources import begin_of_command
 from tasks.wall import refresh_wall
 
@@ -83,10 +80,13 @@ class Night:
         return next(told, None) if n_there else None
 
 
-def conclude(root: Any) -> None:
-    """Ends the command of a grid: tells what became of it, writes the index, sets the status."""
+def conclude(root: Any) -> int | None:
+    """Ends the command of a grid: says what became of it, and writes the index.
+
+    Returns:
+        The exit status; None if Luigi's is right.
+    """
     begun = begin_of_command()
-    show_all(root)
     night = look_back(root.cells(), begun)
     tell(night)
     if night.keys:
@@ -94,10 +94,7 @@ def conclude(root: Any) -> None:
         list_night(current_store(), name, night.keys)
     if path := refresh_wall(root):
         print(path)  # noqa: T201  the command's answer
-    if night.exit_status is not None:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(night.exit_status)  # Luigi knows of no part, and of no other machine
+    return night.exit_status
 
 
 def look_back(cells: Iterable[Any], begun: datetime) -> Night:
@@ -173,8 +170,8 @@ def _outcome(cell: Any, begun: datetime) -> CellOutcome:
     problem = find_blocking_failure(cell, current_store(), since=begun)
     if problem is None:
         return CellOutcome(*name, "not begun", "this machine has tried nothing")
-    is_late = problem.reason.startswith(NOT_STARTED)
-    outcome: Outcome = "under way" if problem.is_under_way else "late" if is_late else "failed"
+    ended: Outcome = "late" if problem.kind == "late" else "failed"
+    outcome: Outcome = "under way" if problem.is_under_way else ended
     return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
 
 

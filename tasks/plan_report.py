@@ -1,45 +1,29 @@
 """`--plan`: what a command would do, printed as lines or as JSON."""
 
 import json
-import multiprocessing
-import sys
 from dataclasses import asdict
 from typing import Any
 
-from luigi.cmdline_parser import CmdlineParser
-
 from pipeline.execution.cpu_memory import usable_cores
 from pipeline.settings import workers_of_command
-from styletrf.errors import InputError
 from styletrf.reports.page import duration
 from tasks.build_plan import BuildPlan, StagePlan, plan_of
 
 _MOST_REASONS = 3  # that a line names
 
 
-def end_with_plan(root: Any, *, as_json: bool) -> bool:
-    """Prints the plan of the command of this process, once it is known to be sound, and ends it.
+def print_plan(root: Any, *, as_json: bool) -> None:
+    """Prints the plan of a command.
 
-    Returns:
-        True, in a process that Luigi forked to look at the task.
+    Args:
+        root: A `StylizedTrajectory` or a `Grid`.
+        as_json: Print JSON instead of lines.
 
     Raises:
-        SystemExit: With status 0; or with what is wrong with the command.
+        InputError: No settings will do.
     """
-    from tasks.checking import refuse_unsound
-
-    command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
-    if multiprocessing.parent_process() is None:
-        refuse_unsound(command)
-    try:
-        plan = plan_of(root)
-    except InputError as error:
-        raise SystemExit(str(error)) from error
+    plan = plan_of(root)
     print(plan_as_json(plan) if as_json else plan_as_text(plan))  # noqa: T201  the answer
-    sys.stdout.flush()
-    if multiprocessing.parent_process() is None:
-        raise SystemExit(0)
-    return True
 
 
 def plan_as_json(plan: BuildPlan) -> str:

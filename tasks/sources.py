@@ -14,7 +14,6 @@ import luigi
 import psutil
 
 from pipeline.errors import TaskFailure
-from pipeline.execution.deadline import NOT_STARTED
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
@@ -51,7 +50,7 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
     begun = begin_of_command()
     for source in sources_of(root):
         problem = find_blocking_failure(source, current_store(), since=begun)
-        if problem and not problem.is_under_way and not problem.reason.startswith(NOT_STARTED):
+        if problem and not problem.is_under_way and problem.kind != "late":
             reason = f"not begun, for {problem.task} failed. --keep-going begins it all the same."
             raise TaskFailure("user", str(stage), reason)
 

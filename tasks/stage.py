@@ -1,6 +1,5 @@
 """What the tasks of the graph have in common."""
 
-import multiprocessing
 from collections.abc import Generator, Iterable, Mapping
 from typing import Any, ClassVar, TypeVar
 
@@ -71,16 +70,6 @@ class Stage(StoredTask):
         """
         if self.shards < 1:
             raise InputError(f"--shards {self.shards}", "makes nothing", "Give 1 or more")
-
-    def complete(self) -> bool:
-        """Whether the artifact exists; the first that does not has its command looked at."""
-        is_complete = super().complete()
-        command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
-        if command and not is_complete and multiprocessing.parent_process() is None:
-            from tasks.checking import check_command
-
-            check_command(command)
-        return is_complete
 
     def run(self) -> "Generator[StoredTask, None, None] | None":
         """Makes the artifact, unless a source of the command failed."""

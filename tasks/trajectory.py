@@ -4,6 +4,7 @@ import json
 import logging
 import shutil
 from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import cast
 
@@ -15,14 +16,12 @@ from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Tuning
-from tasks.at_exit import acting_at_exit, root_of_command
 from tasks.build_order import is_made
 from tasks.controls import FrameControls
 from tasks.field import RadianceField, TrajectoryFrames
-from tasks.graph import graph
-from tasks.kept_choice import choice_for, keep_choice
+from tasks.graph import graph, root_of_command
+from tasks.kept_choice import choice_for, keep_choice, known_choice
 from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics
-from tasks.plan_report import end_with_plan
 from tasks.qualities import QUALITIES
 from tasks.quality_choice import (
     Choice,
@@ -40,7 +39,7 @@ from tasks.sources import is_source
 from tasks.stage import Stage, stages_with_settings
 from tasks.style import StyleImage, StyleNetwork
 from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
-from tasks.wall import refresh_at_exit, refresh_wall
+from tasks.wall import refresh_wall
 
 screen = logging.getLogger("pipeline")
 
@@ -85,7 +84,6 @@ class StylizedTrajectory(ShownStage, FrameControls):
         " instead of stopping",
     )
     tools = ("av", "opencv-contrib-python-headless")
-    _is_described = False
 
     @property
     def request(self) -> QualityRequest | None:
@@ -181,15 +179,9 @@ class StylizedTrajectory(ShownStage, FrameControls):
         return StylizedTrajectory(**words)
 
     def complete(self) -> bool:
-        """Whether the result is in the store and in `out/`; the command refreshes the index.
-
-        A command with `--plan` prints its plan instead, and ends.
-        """
-        if self.plan and root_of_command() == self:
-            return end_with_plan(self, as_json=self.json)
-        with acting_at_exit(self, refresh_at_exit):
-            resolved = self.resolved()
-            return resolved.complete() if resolved else super().complete()
+        """Whether the result is in the store and in `out/`; for a request, that chosen for it."""
+        resolved = self.resolved()
+        return resolved.complete() if resolved else super().complete()
 
     def run(self) -> "Generator[StoredTask, None, None] | None":
         """Make the result; for a request, have Luigi make the one with the chosen settings."""
@@ -197,28 +189,35 @@ class StylizedTrajectory(ShownStage, FrameControls):
 
     def _run_resolved(self) -> "Generator[StoredTask, None, None]":
         try:
-            keep_choice(self, self._front(), self._choice())
+            choice = self._keep_choice()
         except InputError as error:
             raise TaskFailure("user", str(self), str(error)) from error
-        yield cast("StoredTask", self.resolved())
+        yield self.with_settings(choice.quality, choice.point.tuning)
 
     def resolved(self) -> "StylizedTrajectory | None":
-        """The result with the settings that a request for time or accuracy leads to.
+        """The result with the settings that were chosen for a request for time or accuracy.
 
-        None without a request; while the kind of scene is unknown; and where no result will do,
-        which `require_reachable` or `run` report.
+        None without a request; before `choose_settings` or `run` choose; and where no settings
+        will do, which `require_reachable` or `run` report.
         """
         try:
             self.require_sound()
             if not self.request or not self._space():
                 return None
-            choice = self._choice()
+            choice = known_choice(self, self.request, self._front())
         except InputError:
             return None
-        if not self._is_described:
-            self._is_described = True
-            screen.info("%s: %s", self.label, choice.description)
-        return self.with_settings(choice.quality, choice.point.tuning)
+        return choice and self.with_settings(choice.quality, choice.point.tuning)
+
+    def choose_settings(self) -> None:
+        """For a request, chooses the settings if the kind of scene is known, and keeps them.
+
+        It may measure how fast the machine is. Without settings that will do it chooses none.
+        """
+        with suppress(InputError):
+            self.require_sound()
+            if self.request and self._space():
+                self._keep_choice()
 
     def planned(self) -> "tuple[StylizedTrajectory, str]":
         """Returns what `--plan` describes, and how its settings were chosen.
@@ -239,6 +238,17 @@ class StylizedTrajectory(ShownStage, FrameControls):
         choice = max(choices, key=lambda c: c.point.seconds)
         description = f"while the kind of space is unknown, supposing {choice.description}"
         return self.with_settings(choice.quality, choice.point.tuning), description
+
+    def _keep_choice(self) -> Choice:
+        """Chooses the settings of a request, and keeps them for the next command.
+
+        Raises:
+            InputError: No settings will do.
+        """
+        choice = self._choice()
+        keep_choice(self, self._front(), choice)
+        screen.info("%s: %s", self.label, choice.description)
+        return choice
 
     def _choice(self) -> Choice:
         return choice_for(self, cast("QualityRequest", self.request), self._front())

@@ -14,7 +14,6 @@ from pipeline.settings import current_store, out_root
 from styletrf.reports.page import duration
 from styletrf.reports.wall import Cell, Score, write_wall
 from tasks.measures import NOT_MEASURED, by_delta, term
-from tasks.showing import show_all
 
 screen = logging.getLogger("pipeline")
 
@@ -33,12 +32,6 @@ def refresh_wall(root: luigi.Task | None) -> Path | None:
         screen.warning("%s could not be written: %s: %s", path, type(error).__name__, error)
         return None
     return path
-
-
-def refresh_at_exit(root: Any) -> None:
-    """Shows what is there, whoever made it, and writes the page, when the command is over."""
-    show_all(root)
-    refresh_wall(root)
 
 
 def _cells(asked: Iterable[Any]) -> list[Cell]:

@@ -6,13 +6,13 @@ luigid (`local_scheduler`), and while luigid does not answer, every function her
 """
 
 import contextlib
+import json
 import logging
 import multiprocessing
 import os
-import re
 import signal
 import socket
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import luigi
@@ -22,7 +22,6 @@ from luigi.rpc import RemoteScheduler, RPCError
 from pipeline.errors import TaskFailure
 
 _log = logging.getLogger("pipeline")
-_KEY_MESSAGE = re.compile(r"key (?P<key>\w+) on (?P<host>\S+), process (?P<pid>\d+)")
 
 
 def publish_key(task: luigi.Task, key: str) -> None:
@@ -36,7 +35,8 @@ def publish_key(task: luigi.Task, key: str) -> None:
     require_same_key(task, key)
     host, pid = _own_command()
     with contextlib.suppress(RPCError):
-        task.set_status_message(f"key {key[:16]} on {host}, process {pid}")  # type: ignore[misc]
+        message = json.dumps({"key": key[:16], "host": host, "process": pid})
+        task.set_status_message(message)  # type: ignore[misc]
 
 
 def require_same_key(task: luigi.Task, key: str) -> None:
@@ -49,11 +49,10 @@ def require_same_key(task: luigi.Task, key: str) -> None:
         return
     with contextlib.suppress(RPCError):  # without luigid's answer the build is right all the same
         scheduler = _scheduler()
-        message = scheduler.get_task_status_message(task.task_id)["statusMessage"] or ""
-        published = _KEY_MESSAGE.search(message)
+        published = _published(scheduler, task.task_id)
         if not published or published["key"] == key[:16]:
             return
-        command = published["host"], published["pid"]
+        command = published["host"], published["process"]
         if command != _own_command() and _is_running(scheduler, *command):
             raise TaskFailure(
                 "user",
@@ -63,6 +62,14 @@ def require_same_key(task: luigi.Task, key: str) -> None:
                 " a luigid the same; if its command is over, go on in ten minutes, or restart"
                 " luigid.",
             )
+
+
+def _published(scheduler: Any, task_id: str) -> dict[str, str]:
+    """What `publish_key` published for a task; nothing if no command has."""
+    with contextlib.suppress(ValueError, KeyError, TypeError):
+        message = json.loads(scheduler.get_task_status_message(task_id)["statusMessage"])
+        return {name: str(message[name]) for name in ("key", "host", "process")}
+    return {}
 
 
 def stop_requesting_work(failure: TaskFailure) -> None:
@@ -100,10 +107,21 @@ def is_forgotten_by_luigid() -> bool:
     """
     if not _has_luigid():
         return False
-    luigi.configuration.get_config().set("core", "rpc-retry-attempts", "1")  # type: ignore[no-untyped-call]
-    with contextlib.suppress(RPCError):  # the worker has already waited for luigid
+    with contextlib.suppress(RPCError), _one_attempt():  # the worker has already waited for luigid
         return not _knows(_scheduler(), *_own_command())
     return False
+
+
+@contextlib.contextmanager
+def _one_attempt() -> Iterator[None]:
+    """Meanwhile a scheduler that does not answer is asked once."""
+    config, option = luigi.configuration.get_config(), ("core", "rpc-retry-attempts")  # type: ignore[no-untyped-call]
+    before = config.get(*option, "3")
+    config.set(*option, "1")
+    try:
+        yield
+    finally:
+        config.set(*option, before)
 
 
 def _scheduler() -> Any:

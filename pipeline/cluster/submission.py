@@ -15,6 +15,7 @@ from pipeline.errors import LostInputError, TaskFailure
 from pipeline.execution.deadline import require_time_left
 from pipeline.execution.options import BuildOptions
 from pipeline.execution.resources import CORES, expected_cost
+from pipeline.job import write_outcome
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import setting
 from pipeline.shared_store.settings import PATIENCE, current_remote
@@ -158,7 +159,7 @@ def _failure(
     if kind == "built" or kind == "lost":
         kind, reason = "user", _without_shared_store(result)
     if kind != "late":
-        store.new_log(task.task_family, action.key).write_text(f"{reason}\n")
+        write_outcome(store.new_log(task.task_family, action.key), kind, reason)
     return TaskFailure(kind, str(task), reason)
 
 

@@ -2,7 +2,6 @@
 
 import logging
 import sys
-from types import TracebackType
 
 from luigi.parameter import ParameterException
 from luigi.rpc import RPCError
@@ -38,8 +37,8 @@ class MessageFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         """The text for the console."""
         error = record.exc_info[1] if record.exc_info else None
-        if isinstance(error, _WITHOUT_TRACEBACK):
-            return _in_one_line(error)
+        if error is not None and is_for_users(error):
+            return in_one_line(error)
         return super().format(record) if record.levelno >= logging.ERROR else record.getMessage()
 
 
@@ -50,17 +49,11 @@ def is_user_facing(record: logging.LogRecord) -> bool:
     return "Luigi Execution Summary" in record.getMessage()
 
 
-def report_exception(
-    kind: type[BaseException], error: BaseException, trace: TracebackType | None
-) -> None:
-    """A `sys.excepthook` that prints one line for Ctrl-C and for exceptions meant for users."""
-    if issubclass(kind, KeyboardInterrupt):
-        sys.stderr.write("\nInterrupted. The same command goes on from here.\n")
-    elif issubclass(kind, _WITHOUT_TRACEBACK):
-        sys.stderr.write(f"{_in_one_line(error)}\n")
-    else:
-        sys.__excepthook__(kind, error, trace)
+def is_for_users(error: BaseException) -> bool:
+    """Whether the text of an exception is meant for users, so that it has no traceback."""
+    return isinstance(error, _WITHOUT_TRACEBACK)
 
 
-def _in_one_line(error: BaseException) -> str:
+def in_one_line(error: BaseException) -> str:
+    """The text of an exception, without line breaks."""
     return " ".join(str(error).split("\n"))

@@ -12,7 +12,6 @@ import subprocess
 import sys
 from dataclasses import dataclass
 
-from pipeline.exit_hooks import register_exit_hook
 from pipeline.settings import workers_of_command
 
 _MAX_CHARACTERS = 300  # of a string; Linux may split a write of more than 4 KiB to a pipe
@@ -105,6 +104,10 @@ def progress_client() -> ProgressClient | None:
         renderer = subprocess.Popen(
             command, stdin=messages, start_new_session=True, env=environment
         )
-    client = ProgressClient(writing, renderer)
-    register_exit_hook(client.close)
-    return client
+    return ProgressClient(writing, renderer)
+
+
+def close_progress() -> None:
+    """Ends the live display of this command, if there is one; later records are written below."""
+    if progress_client.cache_info().currsize and (client := progress_client()):
+        client.close()

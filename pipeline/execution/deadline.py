@@ -8,10 +8,8 @@ from luigi.parameter import ParameterException
 
 from pipeline.errors import TaskFailure
 from pipeline.execution.cost_history import Cost
+from pipeline.job import write_outcome
 from pipeline.store import Store
-
-NOT_STARTED = "not begun"
-"""The first words of the reason, by which others recognize a build that the deadline stopped."""
 
 
 class Deadline(luigi.Parameter["datetime | None"]):
@@ -74,6 +72,6 @@ def require_time_left(
     needed_s = cost.seconds if cost else 0.0
     if needed_s >= left_s:
         expected = f", and it takes about {needed_s:.0f} s" if needed_s else ""
-        reason = f"{NOT_STARTED}: {max(0.0, left_s):.0f} s are left until {until}{expected}"
-        store.new_log(task.task_family, key).write_text(f"{reason}\n")
+        reason = f"not begun: {max(0.0, left_s):.0f} s are left until {until}{expected}"
+        write_outcome(store.new_log(task.task_family, key), "late", reason)
         raise TaskFailure("late", str(task), f"{reason}. Run the same command again to go on.")

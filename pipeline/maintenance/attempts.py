@@ -1,4 +1,4 @@
-"""Attempts at builds, as their logs tell it: which are under way, and how the others ended."""
+"""Attempts at builds: which are under way, and how the others ended."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import luigi
 
-from pipeline.build import DONE
 from pipeline.errors import Errors, StoreError
+from pipeline.job import read_outcome
 from pipeline.locks import is_held
 from pipeline.maintenance.why import upstream_first
 from pipeline.store import Store
@@ -18,16 +18,24 @@ _EVER = datetime.fromtimestamp(0, UTC)
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """A build that was begun; `end` is the last line of its log, which says how it ended."""
+    """A build that was begun.
+
+    Attributes:
+        log: Its log.
+        kind: "built", the kind of the failure, or "" if it did not write how it ended.
+        end: The reason, or the last line of the log.
+        is_under_way: Whether a process holds the lock of its key.
+    """
 
     log: Path
+    kind: str
     end: str
     is_under_way: bool
 
     @property
     def is_published(self) -> bool:
-        """Whether the log says that the build was."""
-        return self.end.startswith(DONE)
+        """Whether its artifact was published."""
+        return self.kind == "built"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +45,7 @@ class BlockingFailure:
     task: StoredTask
     reason: str
     is_under_way: bool = False
+    kind: str = "user"
 
 
 def attempts(
@@ -85,17 +94,19 @@ def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, Block
     if store.record(key):
         return True, None
     tried = attempts(store, task.task_family, key, since)[-1:]
-    seen = [BlockingFailure(task, a.end, a.is_under_way) for a in tried if not a.is_published]
+    seen = [
+        BlockingFailure(task, a.end, a.is_under_way, a.kind) for a in tried if not a.is_published
+    ]
     return False, seen[0] if seen else None
 
 
 def _attempt(store: Store, log: Path) -> Attempt:
-    end = log.read_text(errors="replace").strip().rpartition("\n")[2]
+    kind, end = read_outcome(log)
     locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
     is_under_way = any(is_held(lock) for lock in locks)
     if not end and not is_under_way:
         end = f"it wrote nothing (a full disk?). {log}"
-    return Attempt(log, end, is_under_way)
+    return Attempt(log, kind, end, is_under_way)
 
 
 def _changed(log: Path) -> tuple[int, str]:

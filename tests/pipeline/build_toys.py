@@ -17,7 +17,6 @@ from store_toys import Sentence as Sentence
 from store_toys import Slow, ToyError, Word, mark
 
 from pipeline.task import RunContext, StoredTask
-from tasks.at_exit import acting_at_exit
 
 MEBIBYTE = 2**20
 EAT = "import sys, time; food = bytearray({mebibytes} << 20); time.sleep({seconds})"
@@ -167,12 +166,7 @@ class Steps(luigi.Task):
         return [*(Large(name) for name in self.names), *(Act(act) for act in self.acts)]
 
     def complete(self) -> bool:
-        with acting_at_exit(self, _say_whether_whole):
-            return all(step.complete() for step in self.requires())
-
-
-def _say_whether_whole(steps: luigi.Task) -> None:
-    sys.stderr.write("whole\n" if steps.complete() else "in part\n")
+        return all(step.complete() for step in self.requires())
 
 
 class SlowBatch(luigi.WrapperTask):

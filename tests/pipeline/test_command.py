@@ -42,8 +42,8 @@ def start(
 
 
 def luigi(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
-    """Exit status and screen of `luigi --module store_toys ...`."""
-    process = start("luigi", "--module", "store_toys", *arguments, cwd=cwd)
+    """Exit status and screen of `luigi --module toys ...`."""
+    process = start("luigi", "--module", "toys", *arguments, cwd=cwd)
     screen = "".join(process.communicate(timeout=60))
     return process.returncode, screen
 
@@ -130,7 +130,7 @@ def test_another_folder_is_told_at_once(tmp_path):
 
 @pytest.mark.parametrize("workers", [[], ["--workers", "2"]])
 def test_interrupt_ends_all_and_the_next_command_resumes(toys, workers):
-    process = start("luigi", "--module", "store_toys", "Slow", *workers)
+    process = start("luigi", "--module", "toys", "Slow", *workers)
     pids = pids_of_slow(toys)
     process.send_signal(signal.SIGINT)
     if workers:  # a terminal sends it to the whole group
@@ -155,7 +155,7 @@ def test_interrupt_ends_all_and_the_next_command_resumes(toys, workers):
 @pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL])
 def test_a_killed_command_leaves_no_orphan(toys, sent, workers):
     """Its workers are processes of their own, which end with it."""
-    process = start("luigi", "--module", "store_toys", "Slow", *workers)
+    process = start("luigi", "--module", "toys", "Slow", *workers)
     pids = pids_of_slow(toys)
     process.send_signal(sent)
     process.communicate(timeout=20)
@@ -165,7 +165,7 @@ def test_a_killed_command_leaves_no_orphan(toys, sent, workers):
 
 
 def test_a_killed_supervisor_takes_the_builder_along(toys):
-    process = start("luigi", "--module", "store_toys", "Slow")
+    process = start("luigi", "--module", "toys", "Slow")
     builder = pids_of_slow(toys)[0]
     psutil.Process(builder).parent().kill()
     screen = "".join(process.communicate(timeout=20))
@@ -177,7 +177,7 @@ def test_a_killed_supervisor_takes_the_builder_along(toys):
 def test_a_terminal_shows_a_bar_and_then_what_was_done():
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (40, 100))
-    command = start("luigi", "--module", "store_toys", "Lasting", "--steps", "5", stderr=theirs)
+    command = start("luigi", "--module", "toys", "Lasting", "--steps", "5", stderr=theirs)
     os.close(theirs)
     screen = b""
     with contextlib.suppress(OSError):  # how a terminal says that it was closed
@@ -195,8 +195,8 @@ def test_a_terminal_shows_a_bar_and_then_what_was_done():
 
 
 def test_two_commands_one_build(toys):
-    first = start("luigi", "--module", "store_toys", "Lasting")
-    second = start("luigi", "--module", "store_toys", "Lasting")
+    first = start("luigi", "--module", "toys", "Lasting")
+    second = start("luigi", "--module", "toys", "Lasting")
     screens = ["".join(process.communicate(timeout=60)) for process in (first, second)]
     assert (first.returncode, second.returncode) == (0, 0), screens
     assert built() == ["Lasting"]
@@ -227,7 +227,7 @@ def test_failed_attempts_are_those_that_published_nothing(toys):
     for record in current_store().records():
         current_store().action(record.action.key).unlink()  # as a collection does
     assert len(failed()) == 1, "what was built did not fail"
-    process = start("luigi", "--module", "store_toys", "Slow", stderr=subprocess.DEVNULL)
+    process = start("luigi", "--module", "toys", "Slow", stderr=subprocess.DEVNULL)
     pids_of_slow(toys)
     assert [state for state, _ in failed()] == ["ended", "under way"]
     process.kill()

@@ -16,7 +16,7 @@ from pipeline.settings import current_store
 
 def luigi(*arguments: str) -> tuple[int, str]:
     """Exit status and screen of `luigi --module build_toys ...`."""
-    process = start("luigi", "--module", "build_toys", *arguments)
+    process = start("luigi", "--module", "toys", *arguments)
     screen = "".join(process.communicate(timeout=60))
     return process.returncode, screen
 
@@ -133,7 +133,7 @@ def test_early_cut_off_within_one_command():
 
 
 def test_ctrl_c_with_workers_is_one_line(toys):
-    process = start("luigi", "--module", "build_toys", "Act", "--act", "sleep", "--workers", "2")
+    process = start("luigi", "--module", "toys", "Act", "--act", "sleep", "--workers", "2")
     pids = pids_of_slow(toys)
     for member in [*psutil.Process(process.pid).children(), psutil.Process(process.pid)]:
         member.send_signal(signal.SIGINT)  # as a terminal does, and a busy machine delivers it

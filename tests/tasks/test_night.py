@@ -45,7 +45,7 @@ def test_one_broken_scene_and_one_broken_style_are_named_with_their_reasons(out)
 
 
 def test_what_cannot_be_made_is_told_once_and_not_that_it_cannot_be_shown(out, caplog):
-    show_all(tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS))
+    show_all(tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS).cells())
     assert not caplog.messages
 
 

@@ -10,7 +10,7 @@ from test_checking import said
 
 import tasks
 from pipeline.errors import TaskFailure
-from pipeline.execution.deadline import NOT_STARTED
+from pipeline.job import write_outcome
 from pipeline.settings import current_store
 from tasks.graph import graph
 from tasks.sources import begin_of_command, is_source, require_sources, sources_of
@@ -68,7 +68,7 @@ def test_source_that_was_not_begun_in_time_did_not_fail(out):
     root = tasks.StylizedTrajectory(**WORDS)
     image = stage(root, "StyleImage")
     log = current_store().new_log("StyleImage", image.action().key)
-    log.write_text(f"{NOT_STARTED}: 5 s are left\n")
+    write_outcome(log, "late", "5 s are left")
     require_sources(stage(root, "CameraPoses"), root)
 
 

@@ -75,7 +75,7 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
 
 
 def submit(backend: str, *words: str) -> subprocess.Popen[str]:
-    return start("luigi", "--module", "build_toys", *words, f"--{words[0]}-executor", backend)
+    return start("luigi", "--module", "toys", *words, f"--{words[0]}-executor", backend)
 
 
 def test_a_build_on_a_node_is_found_by_the_command(backend):

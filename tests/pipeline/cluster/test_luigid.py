@@ -28,7 +28,7 @@ def luigid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Luigid]:
 
 
 def worker(*arguments: str) -> subprocess.Popen[str]:
-    return start("luigi", "--module", "build_toys", *arguments)
+    return start("luigi", "--module", "toys", *arguments)
 
 
 def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
@@ -240,7 +240,7 @@ def test_the_page_of_luigid_shows_progress_and_keys(luigid):
     while process.poll() is None:
         for name in scheduler.task_list("RUNNING", ""):
             seen.add(scheduler.get_task_progress_percentage(name)["progressPercentage"])
-            assert "key " in scheduler.get_task_status_message(name)["statusMessage"]
+            assert json.loads(scheduler.get_task_status_message(name)["statusMessage"])["key"]
         time.sleep(0.5)
     finish(process)
     assert {p for p in seen if p and 0 < p < 100}

@@ -112,7 +112,7 @@ def test_the_renderer_skips_half_a_message():
 def test_several_workers_share_a_terminal():
     ours, theirs = open_terminal()
     arguments = ["ManyOnCores", "--names", '["one", "two"]', "--workers", "2"]
-    process = start("luigi", "--module", "build_toys", *arguments, stderr=theirs)
+    process = start("luigi", "--module", "toys", *arguments, stderr=theirs)
     os.close(theirs)
     text = read_until_closed(process, ours)
     os.close(ours)

@@ -34,7 +34,7 @@ def leases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def built_on_cores(workers: int, names: list[str]) -> list[dict]:
     words = ["ManyOnCores", "--names", json.dumps(names), "--workers", str(workers)]
-    command = start("luigi", "--module", "build_toys", *words)
+    command = start("luigi", "--module", "toys", *words)
     screen = "".join(command.communicate(timeout=60))
     assert command.returncode == 0, screen
     store = current_store()

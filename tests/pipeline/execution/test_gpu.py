@@ -38,7 +38,7 @@ def cards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Cards]:
 
 
 def on_card(name: str, *words: str) -> subprocess.Popen[str]:
-    return start("luigi", "--module", "build_toys", "OnCard", "--name", name, *words)
+    return start("luigi", "--module", "toys", "OnCard", "--name", name, *words)
 
 
 def turns() -> dict[str, tuple[str, float, float]]:
@@ -80,7 +80,7 @@ def test_two_cards_are_both_used(cards):
 def test_workers_of_one_command_do_not_share_either(cards):
     cards("GPU-a")
     words = '["one", "two"]'
-    finish(start("luigi", "--module", "build_toys", "OnCards", "--names", words, "--workers", "2"))
+    finish(start("luigi", "--module", "toys", "OnCards", "--names", words, "--workers", "2"))
     (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
     assert first_end <= second_begin
 

@@ -71,7 +71,7 @@ def test_shared_code_that_is_garbage_is_passed_over(shared, elsewhere):
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_the_command_itself_shares(shared, elsewhere, workers):
     def run() -> str:
-        process = start("luigi", "--module", "store_toys", "Sentence", "--workers", workers)
+        process = start("luigi", "--module", "toys", "Sentence", "--workers", workers)
         screen = "".join(process.communicate(timeout=60))
         assert process.returncode == 0, screen
         return screen

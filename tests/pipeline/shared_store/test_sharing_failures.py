@@ -110,7 +110,7 @@ def test_a_directory_that_goes_away_while_a_command_runs(tmp_path, monkeypatch):
     folder = tmp_path / "shared"
     folder.mkdir()
     monkeypatch.setenv("STYLETRF_REMOTE", str(folder))
-    process = start("luigi", "--module", "store_toys", "Lasting")
+    process = start("luigi", "--module", "toys", "Lasting")
     deadline = time.monotonic() + 30
     while built() != ["Lasting"]:
         assert time.monotonic() < deadline

@@ -1,0 +1,117 @@
+"""What a command of this package does before Luigi runs its stages, and after.
+
+`python -m tasks TASK ...` and `luigi --module tasks TASK ...` are the same command: both reach
+`pipeline.command.run_command` with the `begin` and the `end` of this file.
+"""
+
+import contextlib
+import logging
+from collections.abc import Iterator, Sequence
+
+import luigi
+
+from pipeline.command import run_command
+from pipeline.console.progress_client import progress_client
+from pipeline.maintenance.attempts import find_blocking_failure
+from pipeline.settings import current_store
+from styletrf.errors import InputError
+from tasks.build_order import seconds_ahead
+from tasks.checking import validate_command
+from tasks.graph import graph
+from tasks.grid import Grid
+from tasks.night import conclude
+from tasks.plan_report import print_plan
+from tasks.showing import ShownStage, show_all
+from tasks.sources import begin_of_command
+from tasks.trajectory import StylizedTrajectory
+from tasks.wall import refresh_wall
+
+_log = logging.getLogger("pipeline")
+
+
+def begin(root: luigi.Task) -> None:
+    """Validates a command that has something to make, or prints its plan.
+
+    Args:
+        root: The task of the command.
+
+    Raises:
+        SystemExit: With what is wrong with the command; or, after a plan, with status 0.
+    """
+    try:
+        if isinstance(root, StylizedTrajectory | Grid) and root.plan:
+            validate_command(root)
+            print_plan(root, as_json=bool(root.json))
+            raise SystemExit(0)
+        for cell in _cells(root):
+            cell.choose_settings()
+        if root.complete():  # type: ignore[no-untyped-call]
+            return
+        stages = validate_command(root)
+    except InputError as error:
+        raise SystemExit(str(error)) from error
+    if client := progress_client():
+        client.start_total(seconds_ahead(stages))
+
+
+def end(root: luigi.Task) -> int | None:
+    """Shows what is there, whoever made it, and prints where it is, or why it is not.
+
+    Args:
+        root: The task of the command.
+
+    Returns:
+        The exit status; None if Luigi's is right.
+    """
+    status = None
+    with _reported():
+        show_all(_cells(root))
+        for result in _results(root):
+            _print_place(result, with_reason=not isinstance(root, Grid))
+    with _reported():
+        if isinstance(root, Grid):
+            status = conclude(root)
+        elif isinstance(root, StylizedTrajectory):
+            refresh_wall(root)
+    return status
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Runs a command; returns its exit status."""
+    return run_command(arguments, begin, end)
+
+
+def _cells(root: luigi.Task) -> list[StylizedTrajectory]:
+    """The stylised trajectories that a command asks for."""
+    if isinstance(root, Grid):
+        return root.cells()
+    return [root] if isinstance(root, StylizedTrajectory) else []
+
+
+def _results(root: luigi.Task) -> list[ShownStage]:
+    """The stages of a command that are shown in `out/`, the first needed first."""
+    found = [stage for stage in reversed(graph(root)) if isinstance(stage, ShownStage)]
+    cells = [s.cells() if isinstance(s, StylizedTrajectory) else [s] for s in found]
+    return [stage for each in cells for stage in each]
+
+
+def _print_place(result: ShownStage, *, with_reason: bool) -> None:
+    """Prints where the page of a result is, or logs why there is none."""
+    if result.complete():
+        print(result.folder / "report.html")  # noqa: T201  the command's answer
+        return
+    try:
+        problem = find_blocking_failure(result, current_store(), since=begin_of_command())
+    except InputError:  # the command was refused with this very error
+        return
+    if with_reason and problem and not problem.is_under_way:
+        _log.error("%s was not made. %s: %s", result.label, problem.task, problem.reason)
+
+
+@contextlib.contextmanager
+def _reported() -> Iterator[None]:
+    """Logs an exception, so that what comes after is done all the same."""
+    try:
+        yield
+    except Exception:  # noqa: BLE001  whatever it is, the results are there
+        _log.exception("The end of the command failed")
