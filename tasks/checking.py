@@ -1,7 +1,7 @@
 """What a command asks for, looked at before anything long begins.
 
 Whether settings have names and kinds that exist, and whether there is a GPU, only libraries can
-tell that Luigi's process does not load: `python -m tasks.checking` asks them, where need be.
+tell that Luigi's process does not load: a fresh interpreter asks them, where need be.
 """
 
 import dataclasses
@@ -26,6 +26,7 @@ from tasks.memory import Demand, demands_of, photographs_of, require_memory
 from tasks.sources import may_stop, sources_of
 from tasks.stage import Stage, TunedStage
 
+_MAIN = "from tasks.checking import main; main()"
 LEAST_ROOM_BYTES = 64 << 20  # of the disk, for a command to begin
 
 
@@ -143,7 +144,7 @@ def _require_path(file: str, scene: str) -> None:
 def _refusal(asked: dict[str, Any]) -> str:
     """Asks a fresh interpreter, which says nothing where all is well."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-P", "-m", "tasks.checking"]
+    command = [sys.executable, "-P", "-c", _MAIN]
     done = subprocess.run(
         command, input=json.dumps(asked), stdout=-1, text=True, check=False, env=environment
     )
@@ -173,7 +174,8 @@ def _check(asked: dict[str, Any]) -> None:
     require_memory(demands, available_memory_bytes(), known)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Checks what standard input asks for, and writes what is wrong."""
     try:
         _check(json.load(sys.stdin))
     except InputError as error:

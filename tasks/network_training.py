@@ -15,10 +15,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.console.progress import Display
 from pipeline.execution.cpu_memory import THREADS, usable_cores
 from pipeline.execution.parent_process import die_with
 from pipeline.execution.progress_pipe import ProgressPipe, read_messages
+from pipeline.job import Display
 from styletrf.errors import InputError
 
 

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 import tasks
-from pipeline.code.closure import closure
+from pipeline.code.closure import code_closure
 from pipeline.code.source import dotted_names, read
 from styletrf.configuration import configured
 from styletrf.errors import InputError
@@ -47,7 +47,7 @@ def test_importing_tasks_loads_no_torch_and_starts_no_thread():
 def test_a_stage_leases_a_gpu_exactly_if_its_build_asks_for_a_device():
     for name in set(tasks.__all__) - {"Grid"}:
         stage = getattr(tasks, name)
-        assert stage.computes == ("styletrf.devices:device_named" in closure(stage)), name
+        assert stage.computes == ("styletrf.devices:device_named" in code_closure(stage)), name
     stage = tasks.RadianceField(scene="s")
     assert stage.needs_gpu
     assert not tasks.RadianceField(scene="s", device="cpu").needs_gpu
@@ -98,7 +98,7 @@ def test_settings_replace_those_of_the_quality():
 def names_in_methods(stage):
     """The dotted names in those methods of a stage that its build can reach, as they are parsed."""
     found = set()
-    for member in closure(stage):
+    for member in code_closure(stage):
         module, _, name = member.partition(":")
         kind, _, method = name.partition(".")
         pieces = read(module).members.get(kind, {}) if method else {}

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from test_command import ROOT, start
 
 from pipeline.console.progress_client import ProgressClient, ProgressLine
-from pipeline.execution.progress_pipe import Channel, follow
+from pipeline.execution.progress_pipe import ProgressPipe, read_messages
 
 
 def read_until_closed(process: subprocess.Popen, terminal: int) -> str:
@@ -127,14 +127,15 @@ def test_records_logged_after_the_display_has_closed_are_shown():
     """The summary of a grid is one."""
     ours, theirs = open_terminal()
     code = """
-import atexit, logging
+import logging
 from pipeline.console import progress_client
 progress_client.workers_of_command = lambda: 2
 from pipeline.console.log_handler import ConsoleHandler
 logging.getLogger("pipeline").addHandler(ConsoleHandler())
 logging.getLogger("pipeline").setLevel("INFO")
-atexit.register(lambda: logging.getLogger("pipeline").info("4 cells: 4 made"))
 progress_client.progress_client().write("started")
+progress_client.close_progress()
+logging.getLogger("pipeline").info("4 cells: 4 made")
 """
     process = subprocess.Popen(
         [sys.executable, "-c", code],
@@ -175,7 +176,7 @@ class RecordingDisplay:
 
 def test_the_pipe_carries_progress_lines_and_results():
     reading, writing = os.pipe()
-    channel = Channel(writing)
+    channel = ProgressPipe(writing)
     channel(1, 10, loss=float("nan"))
     channel.say("careful: \u20ac")
     os.write(writing, b'{"kind": "bui')
@@ -183,7 +184,7 @@ def test_the_pipe_carries_progress_lines_and_results():
     os.close(writing)
     display = RecordingDisplay()
     with os.fdopen(reading, "rb") as lines:
-        assert follow(lines, display) == {"kind": "built", "seconds": 1.5}
+        assert read_messages(lines, display) == {"kind": "built", "seconds": 1.5}
     (done, total, quality), line = display.calls
     assert (done, total, line) == (1, 10, "careful: \u20ac")
     assert list(quality) == ["loss"]
@@ -191,14 +192,14 @@ def test_the_pipe_carries_progress_lines_and_results():
 
 def test_progress_is_sent_five_times_a_second_and_at_each_new_phase():
     reading, writing = os.pipe()
-    channel = Channel(writing)
+    channel = ProgressPipe(writing)
     for k in range(1000):
         channel(k, 1000)
     channel(0, 7)
     os.close(writing)
     display = RecordingDisplay()
     with os.fdopen(reading, "rb") as lines:
-        follow(lines, display)
+        read_messages(lines, display)
     assert display.calls[0][:2] == (0, 1000)
     assert display.calls[-1][:2] == (0, 7)
     assert len(display.calls) < 20
