@@ -134,8 +134,8 @@ def _attempt(task: ArtifactTask, action: Action, store: Store, executor: Executo
         record = publish(store, workspace / "out", action, facts)
         shutil.rmtree(resume, ignore_errors=True)
         write_outcome(log, "built", f"done in {report.seconds:.0f} s")
-    executor.built(task, record, report)
     task.artifacts.upload(record)
+    executor.built(task, record, report)
     _log.info("%s: done in %.0f s", task.label, report.seconds)
     return record
 

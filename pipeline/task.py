@@ -102,14 +102,20 @@ class StoredTask(ArtifactTask):
         has_usual = parameter.has_task_value(family, name)
         return bool(has_usual and parameter.task_value(family, name) == self.param_kwargs[name])
 
-    def show(self) -> None:
+    def show(self) -> bool:
         """Publish what is there but not shown, such as what another machine made; builds nothing.
+
+        Returns:
+            Whether it is there.
 
         Raises:
             NotBuiltError: When the shared store does not give it.
         """
-        if self.record() and not self.published():
+        if not self.record():
+            return False
+        if not self.published():
             self.publish(artifact(self))
+        return True
 
     def make(self, action: Action, store: Store) -> ActionRecord:
         """The record of the artifact: known, built here, or built on a node of a cluster."""
@@ -141,7 +147,7 @@ class StoredTask(ArtifactTask):
     def _run_after(self, upstream: ArtifactTask) -> "Generator[ArtifactTask, None, None]":
         self.forget()
         require_same_key(upstream, upstream.action().key)
-        return super()._run_after(upstream)
+        yield from super()._run_after(upstream)
 
 
 _first_code = functools.cache(code_in_key)

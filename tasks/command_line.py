@@ -65,9 +65,12 @@ def end(root: luigi.Task) -> int | None:
     """
     status = None
     with _reported():
-        show_all(_cells(root))
+        shown = set(show_all(_cells(root)))
         for result in _results(root):
-            _print_place(result, with_reason=not isinstance(root, Grid))
+            if result in shown or result.complete():
+                print(result.folder / "report.html")  # noqa: T201  the command's answer
+            elif not isinstance(root, Grid):
+                _log_reason(result)
     with _reported():
         if isinstance(root, Grid):
             status = conclude(root)
@@ -90,21 +93,18 @@ def _cells(root: luigi.Task) -> list[StylizedTrajectory]:
 
 def _results(root: luigi.Task) -> list[ShownStage]:
     """The stages of a command that are shown in `out/`, the first needed first."""
-    found = [stage for stage in reversed(graph(root)) if isinstance(stage, ShownStage)]
-    cells = [s.cells() if isinstance(s, StylizedTrajectory) else [s] for s in found]
-    return [stage for each in cells for stage in each]
+    if cells := _cells(root):
+        return [result for cell in cells for result in cell.cells()]
+    return [stage for stage in reversed(graph(root)) if isinstance(stage, ShownStage)]
 
 
-def _print_place(result: ShownStage, *, with_reason: bool) -> None:
-    """Prints where the page of a result is, or logs why there is none."""
-    if result.complete():
-        print(result.folder / "report.html")  # noqa: T201  the command's answer
-        return
+def _log_reason(result: ShownStage) -> None:
+    """Logs why there is no page of a result."""
     try:
         problem = find_blocking_failure(result, current_store(), since=begin_of_command())
     except InputError:  # the command was refused with this very error
         return
-    if with_reason and problem and not problem.is_under_way:
+    if problem and not problem.is_under_way:
         _log.error("%s was not made. %s: %s", result.label, problem.task, problem.reason)
 
 

@@ -53,12 +53,18 @@ class ShownStage(Stage):
                 path.unlink()
 
 
-def show_all(cells: Iterable[Any]) -> None:
-    """Shows what is there of a command's cells, whoever made it; what cannot be is a warning."""
+def show_all(cells: Iterable[Any]) -> list[Any]:
+    """Shows what is there of a command's cells, whoever made it; what cannot be is a warning.
+
+    Returns:
+        The cells that are shown now.
+    """
+    shown = []
     for cell in (granted for asked in cells for granted in asked.cells()):
         try:
-            cell.show()
+            shown += [cell] if cell.show() else []
         except InputError:  # then there is none, and the reason is told elsewhere
             continue
         except Exception as error:  # noqa: BLE001  the others are shown all the same
             screen.warning("%s cannot be shown: %s", cell.label, error)
+    return shown

@@ -201,8 +201,10 @@ class StylizedTrajectory(ShownStage, FrameControls):
         will do, which `require_reachable` or `run` report.
         """
         try:
+            if not self.request:
+                return None
             self.require_sound()
-            if not self.request or not self._space():
+            if not self._space():
                 return None
             choice = known_choice(self, self.request, self._front())
         except InputError:
@@ -215,9 +217,10 @@ class StylizedTrajectory(ShownStage, FrameControls):
         It may measure how fast the machine is. Without settings that will do it chooses none.
         """
         with suppress(InputError):
-            self.require_sound()
-            if self.request and self._space():
-                self._keep_choice()
+            if self.request:
+                self.require_sound()
+                if self._space():
+                    self._keep_choice()
 
     def planned(self) -> "tuple[StylizedTrajectory, str]":
         """Returns what `--plan` describes, and how its settings were chosen.

@@ -1,0 +1,126 @@
+"""What surrounds Luigi in a command: its order, its ends, and its exit status."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from store_toys import built
+from test_command import ROOT, pids_of_slow, start
+
+PROGRAM = """
+import sys
+from pipeline.command import run_command
+import build_toys, store_toys
+
+def begin(task):
+    print("begin", task.task_family, flush=True)
+    if "refused" in {refusal!r}:
+        raise SystemExit("this is refused")
+
+def end(task):
+    print("end", "complete" if task.complete() else "incomplete", flush=True)
+    return {status!r}
+
+sys.exit(run_command(sys.argv[1:], begin, end))
+"""
+
+
+def run(*arguments: str, refusal: str = "", status: int | None = None) -> tuple[int, str, str]:
+    """Exit status, standard output and standard error of a command."""
+    code = PROGRAM.format(refusal=refusal, status=status)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_begin_comes_first_and_end_last():
+    status, output, _ = run("Word", "--word", "hello")
+    assert (status, output.split()) == (0, ["begin", "Word", "end", "complete"])
+    assert built() == ["Word hello"]
+
+
+def test_end_is_called_after_a_failure_and_luigi_has_the_status():
+    status, output, _ = run("Word", "--word", "bad")
+    assert (status, output.split()[-2:]) == (30, ["end", "incomplete"])
+
+
+def test_the_status_of_end_replaces_that_of_luigi():
+    assert run("Word", "--word", "bad", status=31)[0] == 31
+    assert run("Word", "--word", "bad", status=0)[0] == 0
+
+
+def test_a_command_that_begin_refuses_builds_nothing_and_has_no_end():
+    status, output, errors = run("Word", "--word", "hello", refusal="refused")
+    assert (status, output.split()) == (1, ["begin", "Word"])
+    assert errors == "this is refused\n"
+    assert built() == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [
+        (["Wrod"], 1),  # no such task
+        (["Word"], 40),  # a parameter is missing
+        (["Word", "--word", "a", "--loudness", "b"], 40),  # a parameter that is no number
+        (["Word", "--word", "a", "--volume", "1"], 2),  # no such parameter
+    ],
+)
+def test_a_command_that_luigi_cannot_read_has_neither_begin_nor_end(arguments, status):
+    found, output, errors = run(*arguments)
+    assert (found, output) == (status, "")
+    assert errors
+    assert "Traceback" not in errors
+
+
+def test_a_command_without_settings_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code = PROGRAM.format(refusal="", status=None)
+    done = subprocess.run(
+        [sys.executable, "-c", code, "Word", "--word", "hello"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    assert built() == []
+
+
+def test_an_interrupted_command_ends_with_130_and_is_ended(toys):
+    process = start("luigi", "--module", "toys", "Slow")
+    pids_of_slow(toys)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=20)
+    assert process.returncode == 130
+
+
+def test_a_package_imported_by_any_other_program_takes_nothing_over():
+    code = "import toys; print('imported')"
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+    }
+    command = [sys.executable, "-c", code, "Word", "--word", "hello"]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, check=True)
+    assert done.stdout == b"imported\n"
+    assert built() == []
+
+
+def test_an_attempt_leaves_its_outcome_beside_its_log():
+    from pipeline.settings import current_store
+
+    run("Word", "--word", "hello")
+    run("Word", "--word", "bad")
+    outcomes = [json.loads(p.read_text()) for p in (current_store().root / "logs").rglob("*.json")]
+    assert sorted(outcome["kind"] for outcome in outcomes) == ["built", "user"]
+    assert all(outcome["reason"] for outcome in outcomes)
