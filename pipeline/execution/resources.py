@@ -29,8 +29,8 @@ def lease_gpu(label: str, max_gpus: int) -> contextlib.AbstractContextManager[Le
 def cpu_for(label: str, cost: Cost | None) -> contextlib.AbstractContextManager[CpuAllocation]:
     """Cores for the build, and the memory that it is expected to take.
 
-    A command that runs one build at a time has the host to itself, unless it was told how many
-    cores to use.
+    A command that runs one build at a time has the host to itself, unless
+    STYLETRF_CORES sets how many cores to use.
     """
     workers, cores = workers_of_command(), int(os.environ.get(CORES, "0"))
     if workers == 1 and not cores:

@@ -27,10 +27,10 @@ def pin(store: Store, key: str, name: str) -> None:
     if not name or Path(name).name != name or name.startswith("."):
         raise StoreError(f"{name!r} is no name for a pin: use letters and digits")
     record = Path("..", *store.action(key).parts[-3:])
-    _put(store, name, lambda path: path.symlink_to(record))
+    _write_root(store, name, lambda path: path.symlink_to(record))
 
 
-def only(found: list[ActionRecord]) -> ActionRecord:
+def require_single(found: list[ActionRecord]) -> ActionRecord:
     """The newest of some records, which all made one object.
 
     Raises:
@@ -69,7 +69,7 @@ def add_folder_root(store: Store, folder: Path, targets: Iterable[Path]) -> None
     """
     shows = sorted(address for target in targets for address in _addresses(store, target))
     told = {"folder": str(folder.absolute()), "device": folder.stat().st_dev, "shows": shows}
-    _put(store, _name_of(folder), lambda path: path.write_text(json.dumps(told)))
+    _write_root(store, _name_of(folder), lambda path: path.write_text(json.dumps(told)))
 
 
 def roots(store: Store) -> References:
@@ -109,7 +109,7 @@ def _name_of(folder: Path) -> str:
     return f".{typed_digest('pipeline-root-v1', os.fsencode(folder.absolute()))}"
 
 
-def _put(store: Store, name: str, write: Callable[[Path], object]) -> None:
+def _write_root(store: Store, name: str, write: Callable[[Path], object]) -> None:
     with locked(store.root / "gc.lock", shared=True):
         partial = store.root / "tmp" / uuid.uuid4().hex
         write(partial)

@@ -82,7 +82,7 @@ def gc(store: Store, options: Namespace) -> Answer:
 def pin(store: Store, options: Namespace) -> Answer:
     """Keep an artifact whatever gc thinks; without one, list what is pinned."""
     if options.address:
-        key = roots.only(find_all(store.records(), options.address)).action.key
+        key = roots.require_single(find_all(store.records(), options.address)).action.key
         roots.pin(store, key, options.name or key[:12])
     return 0, [{"name": name, "key": key} for name, key in roots.pins(store).items()]
 

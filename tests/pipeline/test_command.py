@@ -17,7 +17,7 @@ from killing import make
 from store_toys import built
 
 from pipeline.errors import StoreError
-from pipeline.maintenance.roots import only
+from pipeline.maintenance.roots import require_single
 from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
 
@@ -211,7 +211,7 @@ def test_a_pin_is_of_one_artifact_and_of_its_makers_the_newest():
     (pinned,) = json.loads(process.communicate(timeout=30)[0])
     assert pinned["key"] == made[2].action.key
     with pytest.raises(StoreError, match=r"several begin so.*Word bye \(") as told:
-        only(made)
+        require_single(made)
     assert all(record.action.key[:12] in str(told.value) for record in made)
 
 
