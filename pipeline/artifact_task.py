@@ -17,7 +17,7 @@ from pipeline.errors import (
     append_trace,
     describe_error,
 )
-from pipeline.job import RunContext
+from pipeline.job import RunContext, write_outcome
 from pipeline.record import Action, ActionRecord, public_version
 from pipeline.settings import current_store, setting
 from pipeline.store import Store
@@ -165,6 +165,7 @@ class ArtifactTask(luigi.Task):
         """What went wrong around the build, its trace put into a log of its own."""
         append_trace(log := store.new_log(self.task_family, self._log_name()))
         kind, message = describe_error(error, log, self.user_errors, self.transient_errors)
+        write_outcome(log, kind, message)
         return TaskFailure(kind, str(self), message)
 
     def _log_name(self) -> str:

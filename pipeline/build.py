@@ -6,8 +6,7 @@ import shutil
 import socket
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -24,25 +23,11 @@ from pipeline.store import Store
 _log = logging.getLogger("pipeline")
 
 
-class Reservation(Protocol):
-    """What an executor holds for one build.
-
-    Attributes:
-        provenance: What of it the record states.
-    """
-
-    @property
-    def provenance(self) -> Mapping[str, Json]: ...  # noqa: D102
-
-    def run(self, job: Job) -> Report:
-        """Builds, within the limits of the job; whatever happens is in the report."""
-
-
 class Executor(Protocol):
     """Runs builds; `pipeline.execution` has the one of this machine."""
 
-    def reserve(self, task: ArtifactTask, action: Action) -> AbstractContextManager[Reservation]:
-        """Waits for what the build needs, and holds it.
+    def run(self, task: ArtifactTask, job: Job) -> Report:
+        """Waits for what the build needs, and builds; whatever happens to it is in the report.
 
         Raises:
             TaskFailure: The build must not start.
@@ -108,36 +93,46 @@ def _attempt(task: ArtifactTask, action: Action, store: Store, executor: Executo
     with (
         store.workspace(action.key) as workspace,
         store.resume(action.key, workspace) as resume,
-        executor.reserve(task, action) as reservation,
     ):
-        log, started = store.new_log(task.task_family, action.key), datetime.now(UTC)
-        _log.info("%s: started", task.label)
-        (workspace / "out").mkdir()
-        job = Job(
-            module=type(task).__module__,
-            task=type(task).__qualname__,
-            parameters=task.to_str_params(),  # type: ignore[no-untyped-call]
-            label=task.label,
-            inputs={n: str(store.object(r.output.digest)) for n, r in inputs.items()},
-            out=str(workspace / "out"),
-            resume=str(resume),
-            log=str(log),
-            lineage=task.lineage(),
-        )
-        with _reason_in(log):
-            report = reservation.run(job)
-            _require_success(task, report, log)
+        job = _job(task, action, inputs, workspace, resume, store)
+        with _reason_in(Path(job.log)):
+            report = executor.run(task, job)
+            started = datetime.now(UTC) - timedelta(seconds=report.seconds)
+            _require_success(task, report, job.log)
             _require_unchanged(task, action)
             _require_untouched(task, inputs.values(), store)
-        facts = _facts(task, report, log, store) | dict(reservation.provenance)
-        facts["started"] = started.isoformat(timespec="milliseconds")
+        facts: dict[str, Json] = {"started": started.isoformat(timespec="milliseconds")}
+        facts |= _facts(task, report, Path(job.log), store)
         record = publish(store, workspace / "out", action, facts)
         shutil.rmtree(resume, ignore_errors=True)
-        write_outcome(log, "built", f"done in {report.seconds:.0f} s")
+        write_outcome(Path(job.log), "built", f"done in {report.seconds:.0f} s")
     task.artifacts.upload(record)
     executor.built(task, record, report)
     _log.info("%s: done in %.0f s", task.label, report.seconds)
     return record
+
+
+def _job(
+    task: ArtifactTask,
+    action: Action,
+    inputs: Mapping[str, ActionRecord],
+    workspace: Path,
+    resume: Path,
+    store: Store,
+) -> Job:
+    (workspace / "out").mkdir()
+    return Job(
+        module=type(task).__module__,
+        task=type(task).__qualname__,
+        parameters=task.to_str_params(),  # type: ignore[no-untyped-call]
+        label=task.label,
+        inputs={n: str(store.object(r.output.digest)) for n, r in inputs.items()},
+        out=str(workspace / "out"),
+        resume=str(resume),
+        log=str(store.new_log(task.task_family, action.key)),
+        lineage=task.lineage(),
+        key=action.key,
+    )
 
 
 def _facts(task: ArtifactTask, report: Report, log: Path, store: Store) -> dict[str, Json]:
@@ -151,6 +146,8 @@ def _facts(task: ArtifactTask, report: Report, log: Path, store: Store) -> dict[
         "peak_memory_bytes": report.peak_memory_bytes,
         "cpu_seconds": round(report.cpu_seconds, 3),
         "other_cpu_seconds": round(report.other_cpu_seconds, 3),
+        "gpu": report.gpu,
+        "cores": report.cores,
         "log": log.relative_to(store.root).as_posix(),
         **task.provenance(store),
     }
@@ -185,7 +182,7 @@ def _reason_in(log: Path) -> Iterator[None]:
         raise
 
 
-def _require_success(task: ArtifactTask, report: Report, log: Path) -> None:
+def _require_success(task: ArtifactTask, report: Report, log: str) -> None:
     if report.kind == "built":
         return
     reason = report.message

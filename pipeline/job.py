@@ -64,6 +64,7 @@ class Job:
         environment: Variables to set.
         inherited_fds: Descriptors that the build holds open; their flocks are leases.
         cpu_affinity: The cores to run on; all if there is none.
+        key: The key of the action.
     """
 
     module: str
@@ -80,6 +81,7 @@ class Job:
     environment: Mapping[str, str] = field(default_factory=dict)
     inherited_fds: tuple[int, ...] = ()
     cpu_affinity: tuple[int, ...] = ()
+    key: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +97,8 @@ class Report:
         earlier_seconds: The time of attempts that were ended, and whose checkpoints it used.
         cpu_seconds: The CPU time of the build.
         other_cpu_seconds: The CPU time of everything else on the machine meanwhile.
+        gpu: The GPUs it had, by their UUIDs.
+        cores: How many cores it had.
     """
 
     kind: Literal["built"] | FailureKind
@@ -105,6 +109,8 @@ class Report:
     earlier_seconds: float = 0.0
     cpu_seconds: float = 0.0
     other_cpu_seconds: float = 0.0
+    gpu: str = ""
+    cores: int = 0
 
 
 def write_outcome(log: Path, kind: Literal["built"] | FailureKind, reason: str) -> None:

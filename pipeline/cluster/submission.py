@@ -52,7 +52,11 @@ def build_on_cluster(
         StoreError: The cluster cannot be used.
     """
     cost = expected_cost(task, store)
-    require_time_left(task, options.until, action.key, cost, store)
+    try:
+        require_time_left(task, options.until, cost)
+    except TaskFailure as late:
+        write_outcome(store.new_log(task.task_family, action.key), late.kind, late.reason)
+        raise
     _log.info("%s: sent out by %s", task.label, options.executor)
     for upstream in task.requires().values():
         if record := upstream.record():
@@ -60,9 +64,8 @@ def build_on_cluster(
     memory_bytes = cost.peak_memory_bytes if cost else 0
     job = remote_job_of(task, action.key, memory_bytes, options.max_gpus)
     result = _submit(BACKENDS[options.executor], job, store)
-    if record := _await_record(
-        task, action, store, result
-    ):  # a node may be lost right after its build
+    record = _await_record(task, action, store, result)
+    if record:  # a node may be lost right after its build
         _log.info("%s: done on %s", task.label, result.host or record.provenance["host"])
         return record
     raise _failure(task, action, store, result)

@@ -8,8 +8,6 @@ from luigi.parameter import ParameterException
 
 from pipeline.errors import TaskFailure
 from pipeline.execution.cost_history import Cost
-from pipeline.job import write_outcome
-from pipeline.store import Store
 
 
 class Deadline(luigi.Parameter["datetime | None"]):
@@ -50,18 +48,14 @@ def _next_occurrence(clock: str) -> datetime:
     return moment if moment > started else moment + timedelta(days=1)
 
 
-def require_time_left(
-    task: luigi.Task, until: datetime | None, key: str, cost: Cost | None, store: Store
-) -> None:
-    """Refuses a build that is expected to end after the deadline, and writes a log that says so.
+def require_time_left(task: luigi.Task, until: datetime | None, cost: Cost | None) -> None:
+    """Refuses a build that is expected to end after the deadline.
 
     Args:
         task: The task to build.
         until: The deadline; None where none is set.
-        key: The key of the artifact, which names the log.
         cost: What the build is expected to take. If that is unknown, it may start until the
             deadline.
-        store: Where the log is written.
 
     Raises:
         TaskFailure: Of kind "late".
@@ -73,5 +67,4 @@ def require_time_left(
     if needed_s >= left_s:
         expected = f", and it takes about {needed_s:.0f} s" if needed_s else ""
         reason = f"not begun: {max(0.0, left_s):.0f} s are left until {until}{expected}"
-        write_outcome(store.new_log(task.task_family, key), "late", reason)
         raise TaskFailure("late", str(task), f"{reason}. Run the same command again to go on.")

@@ -1,25 +1,24 @@
 """The executor of this machine: it leases GPUs, cores and memory, and runs the build there."""
 
-import contextlib
+import logging
 import socket
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.artifact_task import ArtifactTask
-from pipeline.canonical import Json
 from pipeline.console.display import build_display
 from pipeline.execution.cost_history import DEFAULT_SECONDS, Cost, CostSample, record_cost
-from pipeline.execution.cpu_memory import CpuAllocation
 from pipeline.execution.deadline import require_time_left
 from pipeline.execution.executors import EXECUTORS
-from pipeline.execution.gpu import VISIBLE, Lease
+from pipeline.execution.gpu import VISIBLE
 from pipeline.execution.options import BuildOptions
 from pipeline.execution.resources import cpu_for, expected_cost, lease_gpu, significant
-from pipeline.job import Display, Job, Report
-from pipeline.record import Action, ActionRecord
+from pipeline.job import Job, Report
+from pipeline.record import ActionRecord
 from pipeline.shared_store.checkpoints import forget_checkpoints, shared_checkpoints
 from pipeline.store import Store
+
+_log = logging.getLogger("pipeline")
 
 
 @dataclass(frozen=True)
@@ -27,16 +26,15 @@ class LocalExecutor:
     """Implements `pipeline.build.Executor`.
 
     Attributes:
-        store: Where the costs of earlier builds are, and logs.
+        store: Where the costs of earlier builds are.
         options: Of the build.
     """
 
     store: Store
     options: BuildOptions
 
-    @contextlib.contextmanager
-    def reserve(self, task: ArtifactTask, action: Action) -> Iterator["LocalReservation"]:
-        """Waits for GPUs, cores and memory, and holds them.
+    def run(self, task: ArtifactTask, job: Job) -> Report:
+        """Waits for GPUs, cores and memory, and builds; checkpoints are shared meanwhile.
 
         Raises:
             TaskFailure: The deadline would pass before the build ended.
@@ -45,12 +43,25 @@ class LocalExecutor:
         options, cost = self.options, expected_cost(task, self.store)
         expected_s = cost.seconds if cost else DEFAULT_SECONDS
         with (
-            lease_gpu(task.label, options.max_gpus) as gpus,
+            lease_gpu(task.label, options.max_gpus) as (gpu, gpu_files),
             cpu_for(task.label, cost) as cpu,
             build_display(task, task.label, expected_s) as display,
         ):
-            require_time_left(task, options.until, action.key, cost, self.store)
-            yield LocalReservation(action.key, options, gpus, cpu, display)
+            require_time_left(task, options.until, cost)
+            _log.info("%s: started", task.label)
+            job = replace(
+                job,
+                timeout_seconds=options.timeout_seconds,
+                memory_limit_bytes=options.memory_limit_bytes,
+                environment={**dict(cpu.environment), **gpu},
+                inherited_fds=(*gpu_files, *cpu.inherited_fds),
+                cpu_affinity=cpu.cpu_affinity,
+            )
+            with shared_checkpoints(job.key, Path(job.resume)) as fail:
+                report = EXECUTORS[options.executor].run(job, display)
+                if report.kind != "built":
+                    fail()
+        return replace(report, gpu=gpu.get(VISIBLE, ""), cores=cpu.cores)
 
     def built(self, task: ArtifactTask, record: ActionRecord, report: Report) -> None:
         """Records the cost for later plans, and removes shared checkpoints."""
@@ -64,36 +75,3 @@ class LocalExecutor:
         sample = CostSample(significant(task), cost, socket.gethostname())
         record_cost(self.store, task.task_family, sample)
         forget_checkpoints(record.action.key)
-
-
-@dataclass(frozen=True)
-class LocalReservation:
-    """Implements `pipeline.build.Reservation`: GPUs, cores and memory of this host."""
-
-    key: str
-    options: BuildOptions
-    gpus: Lease
-    cpu: CpuAllocation
-    display: Display
-
-    @property
-    def provenance(self) -> Mapping[str, Json]:
-        """The GPUs and the number of cores."""
-        return {"gpu": self.gpus[0].get(VISIBLE, ""), "cores": self.cpu.cores}
-
-    def run(self, job: Job) -> Report:
-        """Builds with what is held; checkpoints are shared meanwhile."""
-        environment, gpu_files = self.gpus
-        job = replace(
-            job,
-            timeout_seconds=self.options.timeout_seconds,
-            memory_limit_bytes=self.options.memory_limit_bytes,
-            environment={**dict(self.cpu.environment), **environment},
-            inherited_fds=(*gpu_files, *self.cpu.inherited_fds),
-            cpu_affinity=self.cpu.cpu_affinity,
-        )
-        with shared_checkpoints(self.key, Path(job.resume)) as fail:
-            report = EXECUTORS[self.options.executor].run(job, self.display)
-            if report.kind != "built":
-                fail()
-        return report

@@ -14,6 +14,7 @@ import pytest
 import tasks
 from pipeline.errors import TaskFailure
 from pipeline.execution.deadline import require_time_left
+from pipeline.job import write_outcome
 from pipeline.settings import current_store
 from tasks.night import CellOutcome, Night, Spending, in_words, look_back, tell
 from tasks.showing import show_all
@@ -74,8 +75,10 @@ def test_what_was_late_is_told_from_what_nobody_came_to(out):
     (image,) = (t for t in tasks.graph.graph(grid) if t.task_family == "StyleImage")
     begun, key = datetime.now(UTC), image.action().key
     with pytest.raises(TaskFailure) as failure:
-        require_time_left(image, begun, key, None, current_store())
+        require_time_left(image, begun, None)
     assert failure.value.kind == "late"
+    log = current_store().new_log("StyleImage", key)
+    write_outcome(log, failure.value.kind, failure.value.reason)
     (cell,) = look_back(grid.cells(), begun).cells
     assert cell.outcome == "late"
     assert cell.reason.startswith("StyleImage: not begun: 0 s are left until")
