@@ -5,11 +5,11 @@ import logging
 import shutil
 import socket
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from pipeline.artifact_task import ArtifactTask
 from pipeline.canonical import Json
@@ -94,45 +94,42 @@ def _attempt(task: ArtifactTask, action: Action, store: Store, executor: Executo
         store.workspace(action.key) as workspace,
         store.resume(action.key, workspace) as resume,
     ):
-        job = _job(task, action, inputs, workspace, resume, store)
-        with _reason_in(Path(job.log)):
+        (workspace / "out").mkdir()
+        log = store.new_log(task.task_family, action.key)
+        job = Job(
+            **_of_task(task),
+            inputs={n: str(store.object(r.output.digest)) for n, r in inputs.items()},
+            out=str(workspace / "out"),
+            resume=str(resume),
+            log=str(log),
+            key=action.key,
+        )
+        with _reason_in(log):
             report = executor.run(task, job)
             started = datetime.now(UTC) - timedelta(seconds=report.seconds)
-            _require_success(task, report, job.log)
+            _require_success(task, report, log)
             _require_unchanged(task, action)
             _require_untouched(task, inputs.values(), store)
         facts: dict[str, Json] = {"started": started.isoformat(timespec="milliseconds")}
-        facts |= _facts(task, report, Path(job.log), store)
+        facts |= _facts(task, report, log, store)
         record = publish(store, workspace / "out", action, facts)
         shutil.rmtree(resume, ignore_errors=True)
-        write_outcome(Path(job.log), "built", f"done in {report.seconds:.0f} s")
+        write_outcome(log, "built", f"done in {report.seconds:.0f} s")
     task.artifacts.upload(record)
     executor.built(task, record, report)
     _log.info("%s: done in %.0f s", task.label, report.seconds)
     return record
 
 
-def _job(
-    task: ArtifactTask,
-    action: Action,
-    inputs: Mapping[str, ActionRecord],
-    workspace: Path,
-    resume: Path,
-    store: Store,
-) -> Job:
-    (workspace / "out").mkdir()
-    return Job(
-        module=type(task).__module__,
-        task=type(task).__qualname__,
-        parameters=task.to_str_params(),  # type: ignore[no-untyped-call]
-        label=task.label,
-        inputs={n: str(store.object(r.output.digest)) for n, r in inputs.items()},
-        out=str(workspace / "out"),
-        resume=str(resume),
-        log=str(store.new_log(task.task_family, action.key)),
-        lineage=task.lineage(),
-        key=action.key,
-    )
+def _of_task(task: ArtifactTask) -> dict[str, Any]:
+    """What a job says of its task alone."""
+    return {
+        "module": type(task).__module__,
+        "task": type(task).__qualname__,
+        "parameters": task.to_str_params(),  # type: ignore[no-untyped-call]
+        "label": task.label,
+        "lineage": task.lineage(),
+    }
 
 
 def _facts(task: ArtifactTask, report: Report, log: Path, store: Store) -> dict[str, Json]:
@@ -182,7 +179,7 @@ def _reason_in(log: Path) -> Iterator[None]:
         raise
 
 
-def _require_success(task: ArtifactTask, report: Report, log: str) -> None:
+def _require_success(task: ArtifactTask, report: Report, log: Path) -> None:
     if report.kind == "built":
         return
     reason = report.message

@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
+from pathlib import Path
 
 import luigi
 from luigi.cmdline import luigi_run
@@ -21,7 +22,6 @@ from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_task
 from pipeline.console.log_handler import in_one_line, is_for_users
 from pipeline.console.progress_client import close_progress, progress_client
 from pipeline.maintenance.why import upstream_first
-from pipeline.settings import require_configuration
 
 _log = logging.getLogger("pipeline")
 INTERRUPTED = 130
@@ -47,7 +47,7 @@ def run_command(arguments: Sequence[str], begin: Begin, end: End) -> int:
         SystemExit: The command is refused, or prints a help.
     """
     words = list(arguments)
-    require_configuration()
+    _require_configuration()
     try:
         with _task_of(words) as task:
             if task is not None:
@@ -123,3 +123,19 @@ def _is_to_run_again(words: list[str]) -> bool:
     if is_to_run:
         _log.warning("luigid was restarted. Requesting all that is missing again.")
     return bool(is_to_run)
+
+
+def _require_configuration() -> None:
+    """Refuses a command without settings, before Luigi looks for a scheduler.
+
+    Luigi reads `luigi.cfg` in the working directory only, and needs none.
+
+    Raises:
+        SystemExit: There is no section [store].
+    """
+    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
+    if not config.has_section("store"):
+        raise SystemExit(
+            f"There is no luigi.cfg with a section [store] in {Path.cwd()}."
+            " Run from the folder of the repository."
+        )

@@ -64,11 +64,6 @@ def out_root() -> Path:
     return _place("STYLETRF_OUT", "out")
 
 
-def identity_file() -> Path:
-    """The snapshot of the code: [store] identity of `luigi.cfg`, or ./tasks/identity.json."""
-    return configured_path("store", "identity")
-
-
 def _place(variable: str, section: str) -> Path:
     """The folder in an environment variable, or in `root` of a section."""
     told = os.environ.get(variable)
@@ -91,19 +86,3 @@ def workers_of_command() -> int:
 def _defines(file: str, section: str, name: str) -> bool:
     config = configparser.ConfigParser(interpolation=None, strict=False)
     return bool(config.read(file)) and config.has_option(section, name)
-
-
-def require_configuration() -> None:
-    """Refuses a command without settings, before Luigi looks for a scheduler.
-
-    Luigi reads `luigi.cfg` in the working directory only, and needs none.
-
-    Raises:
-        SystemExit: There is no section [store].
-    """
-    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
-    if not config.has_section("store"):
-        raise SystemExit(
-            f"There is no luigi.cfg with a section [store] in {Path.cwd()}."
-            " Run from the folder of the repository."
-        )

@@ -7,9 +7,8 @@ from datetime import UTC, datetime
 
 from pipeline.artifact_task import ArtifactTask
 from pipeline.code.closure import code_closure, code_digest
-from pipeline.code.snapshot import Snapshot
+from pipeline.code.snapshot import Snapshot, identity_file
 from pipeline.errors import StoreError
-from pipeline.settings import identity_file
 
 
 def snapshot_of(tasks: Iterable[type[ArtifactTask]]) -> Snapshot:

@@ -3,10 +3,11 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pipeline.code.closure import code_closure, code_digest
 from pipeline.errors import StoreError
-from pipeline.settings import identity_file
+from pipeline.settings import configured_path
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,3 +50,8 @@ def code_in_key(task: type, family: str, revision: str | None) -> str:
     """The code of a task as it is now, or the oldest that it was declared to mean the same as."""
     code = f"revision {revision}" if revision else code_digest(code_closure(task))
     return Snapshot.read().original(family, code)
+
+
+def identity_file() -> Path:
+    """The snapshot of the code: [store] identity of `luigi.cfg`, or ./tasks/identity.json."""
+    return configured_path("store", "identity")

@@ -7,11 +7,10 @@ from argparse import Namespace
 from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.code.adoption import adopting, packages, snapshot_of, write_snapshot
-from pipeline.code.snapshot import Snapshot
+from pipeline.code.snapshot import Snapshot, identity_file
 from pipeline.errors import StoreError
 from pipeline.maintenance.commands import Answer
 from pipeline.maintenance.why import explain
-from pipeline.settings import identity_file
 from pipeline.store import Store
 from pipeline.task import StoredTask
 

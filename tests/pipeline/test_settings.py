@@ -4,7 +4,8 @@ import os
 
 import pytest
 
-from pipeline.settings import current_store, data_root, identity_file, out_root
+from pipeline.code.snapshot import identity_file
+from pipeline.settings import current_store, data_root, out_root
 
 
 @pytest.fixture
