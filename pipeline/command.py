@@ -57,6 +57,9 @@ def run_command(arguments: Sequence[str], begin: Begin, end: End) -> int:
         status = _luigi_status(words)
         while status != INTERRUPTED and _is_to_run_again(words):
             status = _luigi_status(words)
+        close_progress()
+        with _task_of(words) as task:
+            own = end(task) if task is not None else None
     except KeyboardInterrupt:
         return _interrupted()
     except Exception as error:
@@ -64,9 +67,6 @@ def run_command(arguments: Sequence[str], begin: Begin, end: End) -> int:
             raise
         sys.stderr.write(f"{in_one_line(error)}\n")
         return 1
-    close_progress()
-    with _task_of(words) as task:
-        own = end(task) if task is not None else None
     return status if own is None else own
 
 
