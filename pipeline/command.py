@@ -15,7 +15,6 @@ from pathlib import Path
 import luigi
 from luigi.cmdline import luigi_run
 from luigi.cmdline_parser import CmdlineParser
-from luigi.parameter import ParameterException
 from luigi.retcodes import run_with_retcodes
 
 from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_tasks
@@ -86,10 +85,10 @@ def take_over_luigi(begin: Begin, end: End) -> None:
 @contextlib.contextmanager
 def _task_of(words: list[str]) -> Iterator[luigi.Task | None]:
     """The task of a command, its parameters in force; None if Luigi will refuse them."""
-    with CmdlineParser.global_instance(words) as parser:  # type: ignore[no-untyped-call]
+    with CmdlineParser.global_instance(words) as parser:
         try:
             task = parser.get_task_obj()
-        except ParameterException:
+        except Exception:  # noqa: BLE001  Luigi meets it again and reports it
             task = None
         yield task
 

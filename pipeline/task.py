@@ -8,6 +8,7 @@ import multiprocessing
 import signal
 import warnings
 from collections.abc import Generator, Mapping
+from typing import cast
 
 from luigi.parameter import UnconsumedParameterWarning
 
@@ -58,6 +59,10 @@ class StoredTask(ArtifactTask):
         positional=False,
         description="begins nothing that would be running at this time, such as 06:00",
     )
+
+    def requires(self) -> Mapping[str, "StoredTask"]:
+        """The stored tasks whose artifacts `build` reads, by the name it reads them under."""
+        return {}
 
     @property
     def needs_gpu(self) -> bool:
@@ -129,7 +134,7 @@ class StoredTask(ArtifactTask):
 
         return find_or_build(self, action, build)
 
-    def run(self) -> "Generator[ArtifactTask, None, None] | None":
+    def run(self) -> "Generator[StoredTask, None, None] | None":
         """Find or build the artifact, and publish it; a worker ends with its command.
 
         Raises:
@@ -139,7 +144,7 @@ class StoredTask(ArtifactTask):
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             die_with(int(command.pid or 0))
         try:
-            return super().run()
+            return cast("Generator[StoredTask, None, None] | None", super().run())
         except TaskFailure as failure:
             stop_requesting_work(failure)
             raise

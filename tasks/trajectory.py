@@ -209,7 +209,7 @@ class StylizedTrajectory(ShownStage, FrameControls):
             choice = known_choice(self, self.request, self._front())
         except InputError:
             return None
-        return choice and self.with_settings(choice.quality, choice.point.tuning)
+        return self.with_settings(choice.quality, choice.point.tuning) if choice else None
 
     def choose_settings(self) -> None:
         """For a request, chooses the settings if the kind of scene is known, and keeps them.

@@ -86,8 +86,9 @@ def _build(job: dict[str, Any]) -> int:
     report, nothing = os.dup(1), os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)
-    from pipeline.execution.executors import Job, run_job
+    from pipeline.execution.executors import run_job
     from pipeline.execution.progress_pipe import ProgressPipe
+    from pipeline.job import Job
 
     kind, message = run_job(Job(**job), ProgressPipe(report))
     _say(report, kind=kind, message=message[:8000])  # the log has all of it

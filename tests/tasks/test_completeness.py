@@ -34,7 +34,7 @@ with CmdlineParser.global_instance(sys.argv[1:]) as parser:
             pending += task.deps()
 assert sys.excepthook is hook is sys.__excepthook__
 assert threading.active_count() == 1
-assert not registered
+assert not [hook for hook in registered if hook.__module__.split(".")[0] in ("pipeline", "tasks")]
 """
 
 

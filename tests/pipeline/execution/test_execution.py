@@ -144,7 +144,7 @@ def test_what_may_pass_is_tried_again(caplog):
         " Trying again in 0 s." in caplog.messages
     )
     logs = current_store().root / "logs" / "Act"
-    assert len(list(logs.iterdir())) == 2
+    assert len(list(logs.glob("*.log"))) == 2
 
 
 @pytest.mark.usefixtures("impatient")

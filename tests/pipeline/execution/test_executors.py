@@ -204,7 +204,7 @@ def test_it_holds_the_lease_itself(job, tmp_path, toys):
     mine, others = (os.open(tmp_path / "log", os.O_RDONLY) for _ in range(2))
     assert try_lock(mine)
     run = threading.Thread(
-        target=acted, args=("subprocess", job, "sleep"), kwargs={"holds": (mine,)}
+        target=acted, args=("subprocess", job, "sleep"), kwargs={"inherited_fds": (mine,)}
     )
     run.start()
     builder = pids_of_slow(toys)[0]
