@@ -1,4 +1,4 @@
-# Commands on a fresh machine with Python 3.11, make and gcc: `make demo`, `make test`, `make stability`.
+# Commands on a fresh machine with Python 3.11, make and gcc: `make demo`, `make test`, `make docs`.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 RUN := $(VENV)/bin
@@ -6,7 +6,7 @@ SCENE ?= courtyard
 STYLE ?= stained_glass
 TEST_ARGS ?= -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test stability soak lint install clean distclean
+.PHONY: demo test check lint docs stability soak install clean distclean
 
 install: $(VENV)/installed
 
@@ -32,8 +32,8 @@ demo: install
 	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory \
 		--scene $(SCENE) --style $(STYLE) --quality draft $(DEMO_SETTINGS)
 
-# Idle OpenMP threads sleep: torch and numba bring a pool each, and one that spins while the other
-# works costs it most of a small machine.
+# Idle OpenMP threads sleep: torch and numba have a pool each, and spinning threads of one take the
+# cores of the other.
 test: install
 	OMP_WAIT_POLICY=PASSIVE $(RUN)/python -m pytest --durations=15 $(TEST_ARGS)
 
@@ -41,21 +41,28 @@ test: install
 stability: install
 	OMP_WAIT_POLICY=PASSIVE $(RUN)/python -m pytest -m extremes --stability=docs/stability.md $(TEST_ARGS)
 
-# Small grids under luigid, killed at random for an hour: nothing may be lost, or made twice.
+# Small grids under luigid, killed at random for an hour: nothing may be lost or built twice.
 soak: install
-	OMP_WAIT_POLICY=PASSIVE $(RUN)/python tests/mini_nights.py --scenes 2 --styles 2 \
+	OMP_WAIT_POLICY=PASSIVE $(RUN)/python tests/small_grids.py --scenes 2 --styles 2 \
 		--soak-minutes $(or $(MINUTES),60)
 
-lint: install
+check: install
 	$(RUN)/ruff format --check .
 	$(RUN)/ruff check .
 	$(RUN)/mypy
 	$(RUN)/lint-imports
 
-# What the next `make` makes again in minutes; all that was computed stays.
-clean:
-	rm -rf $(VENV) *.egg-info .*_cache .hypothesis
+lint: check
 
-# Everything that is not in the repository but the user's own data: store, results, the demo's scene.
+# The documentation as a site in site/; a broken link is an error.
+docs: install
+	$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(RUN)/mkdocs build --strict
+
+# Deletes what the next `make` restores in minutes; results and the store stay.
+clean:
+	rm -rf site $(VENV) *.egg-info .*_cache .hypothesis
+
+# Also deletes the store, the results and the demo's scene; the user's own data stays.
 distclean: clean
 	rm -rf store out data/scenes/courtyard

@@ -16,8 +16,8 @@ from typing import Any
 import luigi
 
 from pipeline.task import artifact
-from tasks.measures import significant
-from tasks.metrics import ConsistencyMetrics
+from tasks.stages.metrics import ConsistencyMetrics
+from tasks.summary.metric_labels import significant
 
 METHODS: dict[str, dict[str, str]] = {
     "field (S3)": {},

@@ -45,7 +45,7 @@ from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scen
 from styletrf.scene.view_dependence import ViewDependence, view_dependence
 from styletrf.trajectory.frames import rendered
 from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
-from tasks.scene import CameraPoses
+from tasks.stages.scene import CameraPoses
 
 CPU = torch.device("cpu")
 

@@ -24,17 +24,17 @@ from given_scenes import GivenScene, load_given_scene
 
 from styletrf.configuration import configured
 from styletrf.evaluation.metrics import psnr
+from styletrf.field.compression import compress
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, save_field
 from styletrf.field.rendering import RenderConfig
-from styletrf.field.shrinking import shrink
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.files.images import from_integers, write_rgb
 from styletrf.geometry.cameras import resized
 from styletrf.scene.scene_model import SceneModelConfig
 from styletrf.trajectory.frames import rendered
-from tasks.qualities import QUALITIES, settings_for
+from tasks.presets.presets import PRESETS, settings_for
 
 EXHAUSTIVE = RenderConfig(termination=1e-4, min_weight=0.0)
 
@@ -81,8 +81,8 @@ def measurements(
             started = time.process_time()
     trainer.refresh_occupancy(settled=True)
     if settings.training.shrink_rise > 0:
-        shrinking = shrink(trainer.field, trainer.loss, settings.training.shrink_rise)
-        yield {"shrunk": asdict(shrinking)} | held_out(scene, trainer, settings)
+        compression = compress(trainer.field, trainer.loss, settings.training.shrink_rise)
+        yield {"shrunk": asdict(compression)} | held_out(scene, trainer, settings)
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         save_field(folder, trainer.field)
@@ -267,7 +267,7 @@ def parser() -> argparse.ArgumentParser:
         if mode is sweep:
             one.add_argument("knob")
             one.add_argument("values", nargs="+")
-        one.add_argument("--quality", choices=QUALITIES, default="draft")
+        one.add_argument("--quality", choices=PRESETS, default="draft")
         one.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
         one.add_argument("--kernels")
         one.add_argument("--seed", type=int, default=0)

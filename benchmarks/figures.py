@@ -24,7 +24,7 @@ from typing import Any
 
 import psutil
 
-from tasks.measuring import machine
+from tasks.summary.trade_off_measurements import machine
 
 HERE = Path(__file__).parent
 ROOT, FIGURES, PAGE = HERE.parent, HERE / "figures.json", HERE / "README.md"

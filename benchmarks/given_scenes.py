@@ -17,7 +17,7 @@ from styletrf.scene.explained_pixels import explained_pixels
 from styletrf.scene.free_space import free_space
 from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from styletrf.scene.training_photographs import read_training_photographs
-from tasks.scene import CameraPoses
+from tasks.stages.scene import CameraPoses
 
 
 @dataclass(frozen=True)

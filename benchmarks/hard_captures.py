@@ -34,9 +34,9 @@ from styletrf.files.images import write_png
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.synthetic.courtyard import CourtyardConfig
 from styletrf.synthetic.courtyard.folder import write_courtyard
-from tasks.metrics import QualityMetrics
-from tasks.scene import CameraPoses, SceneCapture
-from tasks.stage import Stage
+from tasks.stages.metrics import QualityMetrics
+from tasks.stages.scene import CameraPoses, SceneCapture
+from tasks.stages.stage import Stage
 
 FAMILIES = (SceneCapture, CameraPoses, QualityMetrics)
 

@@ -17,7 +17,11 @@ from styletrf.evaluation.resemblance.frame_resemblance import (
     frame_resemblance,
     summary,
 )
-from styletrf.evaluation.resemblance.picture_traits import Judge, PictureTraits, nearest_painting
+from styletrf.evaluation.resemblance.picture_traits import (
+    PictureTraits,
+    TraitMeter,
+    nearest_painting,
+)
 from styletrf.files.float_images import read_float_image
 from styletrf.files.images import read_rgb
 from styletrf.style.perceptual.vgg import load_vgg
@@ -53,7 +57,7 @@ class Jury:
 
     def __init__(self, vgg: Path, config: ResemblanceConfig, *, retrieval: bool) -> None:
         """Loads both networks; the other paintings are looked at with the first frames."""
-        self._judge = Judge(load_vgg(vgg), load_efficientnet(), config.traits)
+        self._judge = TraitMeter(load_vgg(vgg), load_efficientnet(), config.traits)
         self._config, self._retrieval = config, retrieval
         self._paintings: dict[tuple[int, ...], dict[str, PictureTraits]] = {}
 

@@ -7,7 +7,7 @@ in `STYLETRF_DATA`.
 import tasks
 from pipeline.execution.cost_history import cost_history
 from pipeline.settings import current_store
-from tasks.memory import GROWTH, demand_of, photographs_of, predicted_bytes
+from tasks.planning.memory_demand import GROWTH, demand_of, photographs_of, predicted_bytes
 
 _MIB = 1 << 20
 

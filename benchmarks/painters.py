@@ -21,12 +21,12 @@ from styletrf.evaluation.consistency.trajectory_consistency import (
     ConsistencyConfig,
     measure_consistency,
 )
-from styletrf.evaluation.perceptual_distance import Perception
+from styletrf.evaluation.perceptual_distance import PerceptualFeatures
 from styletrf.files.images import read_rgb
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.style.perceptual.vgg import load_vgg
-from tasks.style import PerceptualWeights
-from tasks.stylization import StylizedPriors
+from tasks.stages.stylization import StylizedPriors
+from tasks.stages.weights import PerceptualWeights
 
 PAINTERS: dict[str, tuple[str, dict[str, Any]]] = {
     "`johnson`": ("johnson", {}),
@@ -57,7 +57,7 @@ def main() -> None:
             stylizer=stylizer,
             tuning={**tuning, "StylizedPriors": settings},
         )
-        wanted = [task, task.need(PerceptualWeights)]
+        wanted = [task, task.upstream(PerceptualWeights)]
         if not luigi.build(wanted, local_scheduler=True, log_level="WARNING"):
             raise SystemExit(f"{task} failed")
         print(f"| {name} | {_row(task, options.views)} |", flush=True)  # noqa: T201
@@ -66,7 +66,7 @@ def main() -> None:
 def _row(task: StylizedPriors, count: int) -> str:
     needed = task.requires()
     priors, painted = artifact(needed["priors"]), artifact(task)
-    weights = artifact(task.need(PerceptualWeights)) / "vgg16.safetensors"
+    weights = artifact(task.upstream(PerceptualWeights)) / "vgg16.safetensors"
     vgg = load_vgg(weights, torch.device("cpu"))
     config = ConsistencyConfig(deltas=(1,), depth_deltas=())
     cameras = read_cameras(priors / "cameras.parquet")
@@ -74,7 +74,7 @@ def _row(task: StylizedPriors, count: int) -> str:
         (read_frame(priors, painted, camera) for camera in cameras),
         len(cameras),
         read_rgb(artifact(needed["style"]) / "style.png"),
-        Perception(vgg, config.perceptual_px),
+        PerceptualFeatures(vgg, config.perceptual_px),
         config,
     ).summary["delta_1"]
     record = task.record()

@@ -20,7 +20,7 @@ from styletrf.trajectory.chosen_path import chosen_path
 from styletrf.trajectory.frames import FramesConfig
 from styletrf.trajectory.support import Support, SupportMeter
 from styletrf.trajectory.supported_path import supported_fly_through
-from tasks.field import RadianceField
+from tasks.stages.field import RadianceField
 
 NAMES = ("orbit", "spiral", "dolly", "photographs")
 

@@ -1,9 +1,9 @@
 """`python benchmarks/reference_costs.py SCENE STYLE`: what a draft took, as plans refer to it.
 
 Run `luigi --module tasks StylizedTrajectory --scene SCENE --style STYLE --quality draft` before, in
-an empty store. Writes `tasks/reference_costs.json`: the calibration of this machine, the size of
-the photographs, and of each stage the seconds less what other work took of the cores, the CPU time,
-the peak memory and the bytes of the artifact.
+an empty store. Writes `tasks/planning/reference_costs.json`: the calibration of this machine, the
+size of the photographs, and of each stage the seconds less what other work took of the cores, the
+CPU time, the peak memory and the bytes of the artifact.
 """
 
 import argparse
@@ -14,10 +14,10 @@ from dataclasses import asdict
 from pipeline.execution.cost_history import Cost
 from pipeline.record import ActionRecord
 from tasks import StylizedTrajectory
-from tasks.graph import graph
-from tasks.machine_calibration import calibration_of_machine
-from tasks.scene_sizes import sizes_of
-from tasks.stage_costs import REFERENCE
+from tasks.command.graph import graph
+from tasks.machine.calibration import calibration_of_machine
+from tasks.planning.scene_sizes import sizes_of
+from tasks.planning.stage_costs import REFERENCE
 
 
 def cost_of(record: ActionRecord) -> Cost:

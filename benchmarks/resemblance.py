@@ -35,8 +35,8 @@ from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig,
 from styletrf.files.images import read_rgb
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.progress import silent
-from tasks.style import PerceptualWeights
-from tasks.stylization import StylizedFrames
+from tasks.stages.stylization import StylizedFrames
+from tasks.stages.weights import PerceptualWeights
 
 COLUMNS = {
     "colors": "style_swd_colors_ratio",

@@ -22,7 +22,7 @@ from luigi.scheduler import Scheduler, scheduler
 from luigi.task import flatten
 
 from tasks import Grid
-from tasks.graph import graph
+from tasks.command.graph import graph
 
 SECONDS = {  # of the stages at draft on two cores, see the README beside this
     "CameraPoses": 25,

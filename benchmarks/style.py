@@ -42,11 +42,11 @@ from styletrf.style.style_network import (
 )
 from styletrf.style.training.config import StyleTrainingConfig
 from styletrf.style.training.step import StyleStep
-from styletrf.style.training.temporal_loss import SteadinessConfig, disturbed, steadiness
+from styletrf.style.training.temporal_loss import TemporalLossConfig, jittered_pair, temporal_loss
 from styletrf.style.training.trainer import begin
 from styletrf.style.transfer.network import TransferNetwork, TransferNetworkConfig
 from styletrf.style.transfer.weights import load_style_transfer
-from tasks.qualities import QUALITIES, settings_for
+from tasks.presets.presets import PRESETS, settings_for
 
 HOLD_OUT_EVERY, HELD_OUT_PX = 8, 256
 
@@ -96,10 +96,10 @@ def held_out(
     """Returns the mean terms of the loss, and the unsteadiness against one disturbance."""
     rows = []
     for k, image in enumerate(images.split(1)):
-        pair = disturbed(image, SteadinessConfig(), torch.Generator().manual_seed(k))
+        pair = jittered_pair(image, TemporalLossConfig(), torch.Generator().manual_seed(k))
         painted = network(image).clamp(0, 1)
         terms = perceptual_loss(vgg, painted, image, grams, config.loss)
-        unsteady = steadiness(painted, network(pair.second).clamp(0, 1), pair)
+        unsteady = temporal_loss(painted, network(pair.second).clamp(0, 1), pair)
         rows.append(torch.stack([terms.style, terms.content, unsteady]))
     style, content, unsteady = torch.stack(rows).mean(dim=0).tolist()
     row = {"style": style, "content": content, "style_and_content": style + content}
@@ -186,7 +186,7 @@ def main() -> None:
     one.add_argument("styles", nargs="+")
     one.add_argument("--weights", type=Path, required=True)
     one.add_argument("--content", default="coco128")
-    one.add_argument("--quality", choices=QUALITIES, default="draft")
+    one.add_argument("--quality", choices=PRESETS, default="draft")
     one.add_argument("--at", type=int, nargs="*", default=[])
     one.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")
     one.add_argument("--out", type=Path)

@@ -43,8 +43,8 @@ from styletrf.stylization.strategies import (
     stylized,
 )
 from styletrf.trajectory.frames import rendered
-from tasks.qualities import settings_for
-from tasks.stylization import StylizedField
+from tasks.presets.presets import settings_for
+from tasks.stages.stylization import StylizedField
 
 
 def adapt(options: argparse.Namespace) -> None:

@@ -36,7 +36,7 @@ from styletrf.scene.scene_model import decide_scene_model
 from styletrf.synthetic.courtyard import CourtyardConfig, capture_courtyard
 from styletrf.synthetic.courtyard import render_view as photographed
 from styletrf.trajectory.frames import rendered
-from tasks.scene import CameraPoses
+from tasks.stages.scene import CameraPoses
 
 
 def similarity(source: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

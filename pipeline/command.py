@@ -5,6 +5,7 @@
 """
 
 import contextlib
+import importlib
 import logging
 import os
 import sys
@@ -69,17 +70,22 @@ def run_command(arguments: Sequence[str], begin: Begin, end: End) -> int:
     return status if own is None else own
 
 
-def take_over_luigi(begin: Begin, end: End) -> None:
+def take_over_luigi(module: str) -> None:
     """Runs the command here if the main program is Luigi's command line; returns if it is not.
 
     Luigi imports a package to run a command of it, and has no place for what comes before and
     after (`docs/decisions/0032-the-place-around-luigi.md`).
 
+    Args:
+        module: Has the `begin` and the `end`. It goes by its name, since what a package does when
+            it is imported is part of the code of all its tasks.
+
     Raises:
         SystemExit: With the status of the command.
     """
     if getattr(sys.modules["__main__"], "luigi_run", None) is luigi_run:
-        sys.exit(run_command(sys.argv[1:], begin, end))
+        around = importlib.import_module(module)
+        sys.exit(run_command(sys.argv[1:], around.begin, around.end))
 
 
 @contextlib.contextmanager

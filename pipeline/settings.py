@@ -30,7 +30,8 @@ _DEFAULTS = {
     ("host", "cores"): "2",  # that a build on another machine asks for
     ("ray", "address"): "",  # of the cluster's head; the one on this machine where this is empty
     ("slurm", "options"): "",  # further words for sbatch
-    ("night", "webhook"): "",  # where what became of a grid is posted, as JSON
+    ("grid", "webhook"): "",  # an address to which the summary of a grid is posted, as JSON
+    ("night", "webhook"): "",  # its name in earlier versions
     ("data", "root"): "data",  # STYLETRF_DATA wins
     ("out", "root"): "out",  # STYLETRF_OUT wins
 }

@@ -1,8 +1,7 @@
-"""What is not finite stops a stage, which names the tensor and the input that caused it.
+"""Stops a stage at the first NaN or infinity, and names the tensor and the input.
 
-A stage looks at what it hands on only, which costs next to nothing, and where that is not finite it
-goes through what led there, in the order in which things cause each other. What is read from a file
-is looked at once. Infinite depth is the sky and no error.
+Stages check only their outputs, which is cheap. If an output is not finite, its causes are checked
+in causal order. Tensors from files are checked once. Infinite depth is sky and allowed.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

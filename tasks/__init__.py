@@ -6,31 +6,39 @@
               `- StyleNetwork - StylizedPriors - StylizedField - StylizedFrames - ConsistencyMetrics
                                                                               `- StyleMetrics
 
-PriorRenders needs TrajectoryFrames, too: priors show what the path sees. `SceneReport` looks at a
-scene before the fit; `TradeOff` measures what its settings cost and buy. `TransferWeights` are the
-networks of arbitrary style transfer.
+PriorRenders also needs TrajectoryFrames, since priors cover what the path sees. `SceneReport`
+surveys a scene before the fit; `TradeOff` measures time and quality of settings. `TransferWeights`
+are the networks of arbitrary style transfer. `Grid` requests every style on every scene.
 
-A task gathers its inputs, calls the library and writes what it returns. Importing this package
-loads no torch: heavy imports stand inside `build`, which runs in an interpreter of its own.
+The packages, each of which imports only those below it:
+
+    results               the tasks that users request
+    summary | planning    what they read afterwards; what a command would build, and its cost
+    stages                the stages of the graph
+    presets               settings by name, or chosen for a bound on time or quality
+    command | machine     the command of this process; the machine it runs on
+
+A stage gathers its inputs, calls the library and writes the result. Importing this package loads
+no torch: heavy imports are inside `build`, which runs in its own interpreter.
 """
 
 from pipeline.command import take_over_luigi
-from tasks.command_line import begin, end
-from tasks.field import PriorRenders, RadianceField, TrajectoryFrames
-from tasks.grid import Grid
-from tasks.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics, StylizationMetrics
-from tasks.preflight import SceneReport
-from tasks.scene import CameraPoses, SceneCapture, SceneModel
-from tasks.style import (
-    ContentImages,
-    PerceptualWeights,
-    StyleImage,
-    StyleNetwork,
-    TransferWeights,
+from tasks.results.grid import Grid
+from tasks.results.scene_report import SceneReport
+from tasks.results.trade_off import TradeOff
+from tasks.results.trajectory import StylizedTrajectory
+from tasks.stages.content import ContentImages
+from tasks.stages.field import PriorRenders, RadianceField, TrajectoryFrames
+from tasks.stages.metrics import (
+    ConsistencyMetrics,
+    QualityMetrics,
+    StyleMetrics,
+    StylizationMetrics,
 )
-from tasks.stylization import StylizedField, StylizedFrames, StylizedPriors
-from tasks.trade_off import TradeOff
-from tasks.trajectory import StylizedTrajectory
+from tasks.stages.scene import CameraPoses, SceneCapture, SceneModel
+from tasks.stages.style import StyleImage, StyleNetwork
+from tasks.stages.stylization import StylizedField, StylizedFrames, StylizedPriors
+from tasks.stages.weights import PerceptualWeights, TransferWeights
 
 __all__ = [
     "CameraPoses",
@@ -57,4 +65,4 @@ __all__ = [
     "TransferWeights",
 ]
 
-take_over_luigi(begin, end)  # of `luigi --module tasks ...`; other imports go on
+take_over_luigi(f"{__name__}.command_line")  # of `luigi --module tasks ...` only

@@ -4,5 +4,11 @@ import sys
 
 from tasks.command_line import run
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Runs a command and exits with its status."""
     sys.exit(run(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    main()

@@ -15,16 +15,16 @@ from pipeline.console.progress_client import progress_client
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.settings import current_store
 from styletrf.errors import InputError
-from tasks.build_order import seconds_ahead
-from tasks.checking import validate_command
-from tasks.graph import graph
-from tasks.grid import Grid
-from tasks.night import conclude
-from tasks.plan_report import print_plan
-from tasks.showing import ShownStage, show_all
-from tasks.sources import begin_of_command
-from tasks.trajectory import StylizedTrajectory
-from tasks.wall import refresh_wall
+from tasks.command.graph import graph
+from tasks.command.sources import begin_of_command
+from tasks.planning.build_order import seconds_ahead
+from tasks.planning.plan_report import print_plan
+from tasks.planning.validation import validate_command
+from tasks.results.grid import Grid
+from tasks.results.trajectory import StylizedTrajectory
+from tasks.stages.linked_results import LinkedStage, link_results
+from tasks.summary.gallery import refresh_gallery
+from tasks.summary.grid_summary import finish_command
 
 _log = logging.getLogger("pipeline")
 
@@ -65,7 +65,7 @@ def end(root: luigi.Task) -> int | None:
     """
     status = None
     with _reported():
-        shown = set(show_all(_cells(root)))
+        shown = set(link_results(_cells(root)))
         for result in _results(root):
             if result in shown or result.complete():
                 print(result.folder / "report.html")  # noqa: T201  the command's answer
@@ -73,9 +73,9 @@ def end(root: luigi.Task) -> int | None:
                 _log_reason(result)
     with _reported():
         if isinstance(root, Grid):
-            status = conclude(root)
+            status = finish_command(root)
         elif isinstance(root, StylizedTrajectory):
-            refresh_wall(root)
+            refresh_gallery(root)
     return status
 
 
@@ -91,14 +91,14 @@ def _cells(root: luigi.Task) -> list[StylizedTrajectory]:
     return [root] if isinstance(root, StylizedTrajectory) else []
 
 
-def _results(root: luigi.Task) -> list[ShownStage]:
+def _results(root: luigi.Task) -> list[LinkedStage]:
     """The stages of a command that are shown in `out/`, the first needed first."""
     if cells := _cells(root):
         return [result for cell in cells for result in cell.cells()]
-    return [stage for stage in reversed(graph(root)) if isinstance(stage, ShownStage)]
+    return [stage for stage in reversed(graph(root)) if isinstance(stage, LinkedStage)]
 
 
-def _log_reason(result: ShownStage) -> None:
+def _log_reason(result: LinkedStage) -> None:
     """Logs why there is no page of a result."""
     try:
         problem = find_blocking_failure(result, current_store(), since=begin_of_command())

@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.task import artifact
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.progress import silent
-from tasks.stylization import StylizedFrames
+from tasks.stages.stylization import StylizedFrames
 
 STYLE = "brush"
 FRAME = 0.35  # which frame of the fly-through, as a share of it

@@ -6,7 +6,7 @@ _NERF_SYNTHETIC = frozenset(
 )
 
 
-def how_to_get(name: str) -> str | None:
+def download_instructions(name: str) -> str | None:
     """Returns which published archive holds a scene and where to unpack it; None if unknown.
 
     The LLFF scenes (Mildenhall et al. 2019) and the synthetic ones (Mildenhall et al. 2020) are

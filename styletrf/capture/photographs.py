@@ -144,7 +144,7 @@ def _decoded(file: bytes) -> np.ndarray | None:
     if file.startswith(_JPEG_START) and not _jpeg_ends(file):
         return None
     encoded = np.frombuffer(file, np.uint8)
-    with _native_complaints() as complaints:
+    with _captured_stderr() as complaints:
         try:
             pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
             if pixels is None:
@@ -184,7 +184,7 @@ def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 
 
 
 @contextmanager
-def _native_complaints() -> Iterator[list[str]]:
+def _captured_stderr() -> Iterator[list[str]]:
     """Collects what C libraries write to standard error, once the block is left.
 
     libjpeg replaces missing data by grey and tells nobody but standard error.

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Set
 from pathlib import Path
 
-from styletrf.capture.known_scenes import how_to_get
+from styletrf.capture.known_scenes import download_instructions
 from styletrf.capture.masks import find_masks
 from styletrf.capture.photographs import (
     PHOTOGRAPH_SUFFIXES,
@@ -61,7 +61,7 @@ def find_scene(data_root: Path, name: str) -> Path:
         if path.is_dir() or _of_suffix([path], VIDEO_SUFFIXES)
     ]
     remedy = (
-        how_to_get(name)
+        download_instructions(name)
         or f"Put its photographs into scenes/{name}/images, or a video as scenes/{name}.mp4,"
     )
     raise InputError(f"scene {name!r}", _missing(scenes, existing), f"{remedy} under {data_root}")

@@ -17,7 +17,7 @@ import numpy as np
 
 from styletrf.content.content_sources import ContentSource
 from styletrf.errors import InputError, NetworkError
-from styletrf.files.whole_files import whole_file
+from styletrf.files.atomic_write import atomic_write
 
 _ATTEMPTS = 4
 _TIMEOUT_S = 30.0
@@ -70,7 +70,7 @@ def _read(
         return path.read_bytes()
     content = _fetch(addresses[name], pause)
     if content:
-        with whole_file(path) as partial_path:
+        with atomic_write(path) as partial_path:
             partial_path.write_bytes(content)
     return content
 

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from styletrf.content.prefetching import prefetched
+from styletrf.content.prefetch import prefetch
 from styletrf.errors import InputError
 
 _THREADS, _AHEAD = 2, 4
@@ -51,7 +51,7 @@ def content_batches(
         start: The number of the first batch.
     """
     make = partial(_batch, encoded, batch, size_px, seed)
-    yield from prefetched(make, count(start), threads=_THREADS, ahead=_AHEAD)
+    yield from prefetch(make, count(start), threads=_THREADS, ahead=_AHEAD)
 
 
 def _batch(

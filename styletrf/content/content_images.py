@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from styletrf.content.content_sources import ContentSource
-from styletrf.content.prefetching import prefetched
+from styletrf.content.prefetch import prefetch
 from styletrf.errors import InputError
 from styletrf.progress import Progress, silent
 
@@ -81,7 +81,7 @@ def write_content_images(
     order = np.random.default_rng(config.seed).permutation(len(source.names))
     wanted = min(config.count or len(order), len(order))
     shards, skipped = _Shards(folder), []
-    rows = prefetched(
+    rows = prefetch(
         lambda name: (name, _row(source, name, config.min_side_px)),
         (source.names[k] for k in order),
         threads=_THREADS,

@@ -18,7 +18,7 @@ Grams = Mapping[str, Float[Tensor, "1 _ _"]]
 
 
 @final
-class Perception:
+class PerceptualFeatures:
     """Looks at pictures through VGG16, at the size at which they are compared."""
 
     def __init__(self, vgg: VGG16, long_side_px: int) -> None:
@@ -74,7 +74,7 @@ def _shares(mask: Bool[np.ndarray, "_ _"], like: Float[Tensor, "1 _ _"]) -> Tens
 
 
 def masked_distances(
-    perception: Perception,
+    perception: PerceptualFeatures,
     a: Sequence[Image],
     features_a: Sequence[Features],
     b: Sequence[Image],

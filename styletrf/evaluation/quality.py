@@ -13,14 +13,14 @@ from styletrf.capture.view_images import Image as ViewImage
 from styletrf.evaluation.exposed_image import psnr_exposed
 from styletrf.evaluation.lpips_distance import lpips_judge
 from styletrf.evaluation.metrics import Image, mean_squared_error, psnr, psnr_of_error, ssim
-from styletrf.evaluation.perceptual_distance import Perception, perceptual_distance
+from styletrf.evaluation.perceptual_distance import PerceptualFeatures, perceptual_distance
 from styletrf.field.rendering import RenderConfig, Rendering
 from styletrf.files.images import from_integers, write_rgb
 from styletrf.finiteness import require_finite
 from styletrf.geometry.cameras import Camera
 from styletrf.style.perceptual.vgg import REDUCTION, load_vgg
 
-Judge = Callable[[Image, Image], float]
+ImageMetric = Callable[[Image, Image], float]
 """What an image is worth against its reference."""
 
 
@@ -49,7 +49,9 @@ class QualityConfig:
             raise ValueError(f"long_side_px is 0 or more, perceptual_px at least {REDUCTION}")
 
 
-def judges_named(config: QualityConfig, weights: Path, device: torch.device) -> dict[str, Judge]:
+def requested_metrics(
+    config: QualityConfig, weights: Path, device: torch.device
+) -> dict[str, ImageMetric]:
     """Returns the judges by the column of their figures.
 
     `psnr` in dB, `ssim`, `perceptual` (by the VGG16 of `weights`), and `lpips` where asked for.
@@ -57,12 +59,12 @@ def judges_named(config: QualityConfig, weights: Path, device: torch.device) -> 
     Raises:
         InputError: The weights cannot be read; or LPIPS is asked for and not at hand.
     """
-    perception = Perception(load_vgg(weights, device), config.perceptual_px)
+    perception = PerceptualFeatures(load_vgg(weights, device), config.perceptual_px)
 
     def perceptual(image: Image, reference: Image) -> float:
         return perceptual_distance(perception.features(image), perception.features(reference))
 
-    judges: dict[str, Judge] = {"psnr": psnr, "ssim": ssim, "perceptual": perceptual}
+    judges: dict[str, ImageMetric] = {"psnr": psnr, "ssim": ssim, "perceptual": perceptual}
     return judges | ({"lpips": lpips_judge(device)} if config.lpips else {})
 
 
@@ -70,7 +72,7 @@ def measure_quality(
     renders: Iterable[Rendering],
     cameras: Sequence[Camera],
     photographs: Iterable[ViewImage],
-    judges: Mapping[str, Judge],
+    judges: Mapping[str, ImageMetric],
     picture_folder: Path,
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
     """Returns a row of every judge's figure for each view, and the means.

@@ -1,9 +1,8 @@
-"""The rate at which accuracy can be had for time: variants measured, and the best ways to join.
+"""The speed/quality trade-off: measured variants and predicted combinations.
 
-Nothing that is changed about the scene (poses, field, its frames) changes what the style's stages
-do, and the other way round: so each side is measured alone, one variant after the other, and a
-combination of two is reckoned. That makes hundreds of points of a few dozen, of which those on the
-front are worth a run.
+Settings of the scene (poses, field, frames) do not change the stages of the style, and the other
+way round. So each side is measured separately, and the time and quality of each combination are
+predicted from the two: a few dozen measurements give hundreds of points.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -15,11 +15,11 @@ from torch import Tensor, nn
 
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import Kernels
-from styletrf.field.shading import ColorNetwork, PlainColor, Shading
+from styletrf.field.shading import ColorNetwork, DiffuseColor, Shading
 from styletrf.field.tensor_vm import TensorVM
 
 
-class Coloring(nn.Module, ABC):
+class ColorModel(nn.Module, ABC):
     """Colours of positions: an appearance, or a mixture of several."""
 
     @abstractmethod
@@ -58,7 +58,7 @@ class Coloring(nn.Module, ABC):
         """Returns the colour behind everything, in [0, 1]."""
 
 
-class Appearance(Coloring):
+class Appearance(ColorModel):
     """Factors, shading and the background behind it all."""
 
     def __init__(
@@ -71,7 +71,7 @@ class Appearance(Coloring):
         self.factors = TensorVM(resolution, config.appearance_ranks, generator=generator)
         components = sum(config.appearance_ranks)
         self.shading: Shading = (
-            PlainColor(components, generator)
+            DiffuseColor(components, generator)
             if config.shading == "plain"
             else ColorNetwork(components, config.features, config.hidden, generator)
         )
@@ -83,19 +83,19 @@ class Appearance(Coloring):
         return [self.background, *self.shading.parameters()]
 
     def weight_powers(self, positions: Tensor) -> float:  # noqa: ARG002
-        """See `Coloring.weight_powers`: it is the same everywhere."""
+        """See `ColorModel.weight_powers`: it is the same everywhere."""
         return self.weight_power
 
     def components(self, positions: Tensor, kernels: Kernels) -> Tensor:
-        """See `Coloring.components`."""
+        """See `ColorModel.components`."""
         return kernels.features(self.factors, positions)
 
     def decode(
         self, components: Tensor, view_directions: Tensor, ray: Tensor, kernels: Kernels
     ) -> Tensor:
-        """See `Coloring.decode`."""
+        """See `ColorModel.decode`."""
         return self.shading.decode(components, view_directions, ray, kernels)
 
     def background_color(self) -> Tensor:
-        """See `Coloring.background_color`."""
+        """See `ColorModel.background_color`."""
         return torch.sigmoid(self.background)

@@ -41,13 +41,13 @@ def occupied_voxels(
         if settled
         else functional.max_pool3d(alpha, kernel_size=3, stride=1, padding=1)
     )
-    return unless_nowhere(without(largest[0, 0] > min_alpha, free))
+    return non_empty(without(largest[0, 0] > min_alpha, free))
 
 
-def known_occupancy(free: Bool[Tensor, "cells cells cells"] | None) -> UInt8[Tensor, "x y z"]:
+def initial_occupancy(free: Bool[Tensor, "cells cells cells"] | None) -> UInt8[Tensor, "x y z"]:
     """Returns the occupancy before there is a density: all that is not known to be free."""
     everything = torch.ones((1, 1, 1), dtype=torch.bool)
-    return unless_nowhere(everything if free is None else ~free)
+    return non_empty(everything if free is None else ~free)
 
 
 def without(
@@ -65,7 +65,7 @@ def voxels_along(resolution: Sequence[int]) -> list[int]:
     return [max(2, round(n * VOXELS_PER_LATTICE_POINT)) for n in resolution]
 
 
-def unless_nowhere(occupied: Bool[Tensor, "x y z"]) -> UInt8[Tensor, "x y z"]:
+def non_empty(occupied: Bool[Tensor, "x y z"]) -> UInt8[Tensor, "x y z"]:
     """Returns the occupancy; everything where it would be empty."""
     return (occupied if bool(occupied.any()) else torch.ones_like(occupied)).to(torch.uint8)
 

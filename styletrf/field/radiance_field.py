@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from styletrf.configuration import configured
 from styletrf.field.appearance import Appearance
 from styletrf.field.field_config import FieldConfig
-from styletrf.field.kernels import March, Thinning
+from styletrf.field.kernels import March, Sparsification
 from styletrf.field.shading import ShadingKind
 from styletrf.field.tensor_vm import TensorVM
 from styletrf.finiteness import load_finite
@@ -44,9 +44,9 @@ class Density(nn.Module):
         self.register_buffer("occupancy", torch.ones((1, 1, 1), dtype=torch.uint8))
         self.shift, self.scale = config.density_shift, config.density_scale
 
-    def march(self, termination: float, thinning: Thinning | None = None) -> March:
+    def march(self, termination: float, sparsification: Sparsification | None = None) -> March:
         """Returns how rays are to be traced through this density."""
-        return March(self.occupancy, self.shift, self.scale, termination, thinning)
+        return March(self.occupancy, self.shift, self.scale, termination, sparsification)
 
 
 class RadianceField(nn.Module):

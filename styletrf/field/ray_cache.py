@@ -8,7 +8,7 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.capture.view_images import ViewImages
-from styletrf.field.appearance import Coloring
+from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import Kernels, Samples
 from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField
@@ -27,14 +27,14 @@ class RayBatch:
     opacity: Float[Tensor, " rays"]
     target: Float[Tensor, "rays 3"]
 
-    def color(self, appearance: Coloring, kernels: Kernels) -> Float[Tensor, "rays 3"]:
+    def color(self, appearance: ColorModel, kernels: Kernels) -> Float[Tensor, "rays 3"]:
         """Returns what the rays see, differentiable in the appearance."""
         components = appearance.components(self.samples.positions, kernels)
         colors = appearance.decode(components, self.view_directions, self.samples.ray, kernels)
         behind = (1 - self.opacity)[:, None] * appearance.background_color()
         return kernels.composite(self.samples, colors) + behind
 
-    def error(self, appearance: Coloring, kernels: Kernels) -> Float[Tensor, ""]:
+    def error(self, appearance: ColorModel, kernels: Kernels) -> Float[Tensor, ""]:
         """Returns the mean squared error of the colors, differentiable in the appearance."""
         return (self.color(appearance, kernels) - self.target).square().mean()
 
@@ -148,11 +148,11 @@ def march_once(
 def _kept(
     samples: Samples, min_weight: float, power: float, kernels: Kernels
 ) -> tuple[Samples, Float[Tensor, " rays"], Float[Tensor, " rays"]]:
-    """Returns the heavy samples, the opacity their weights are scaled up to, and the mass left out.
+    """Returns the kept samples, the opacity their weights are scaled up to, and the mass left out.
 
     The opacity is 0 of a ray that keeps no sample.
     """
-    kept = sharpened(kernels.heavy(samples, min_weight), power, kernels)
+    kept = sharpened(kernels.prune(samples, min_weight), power, kernels)
     opacity, kept_mass = kernels.opacity(samples), kernels.opacity(kept)
     covered = torch.where(kept_mass == 0, 0, opacity)  # one that is NaN is kept and seen
     weights = kept.weights * (covered / kept_mass.clamp(min=1e-6))[kept.ray]

@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from styletrf.field.appearance import Coloring
-from styletrf.field.kernels import Kernels, Samples, Segments, Thinning, thin_gradient
+from styletrf.field.appearance import ColorModel
+from styletrf.field.kernels import Kernels, Samples, Segments, Sparsification, sparsify_gradient
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.view_rays import ViewRays
 from styletrf.field.weight_sharpening import sharpened
@@ -56,36 +56,36 @@ class Rendering:
 
 
 def render_color(
-    appearance: Coloring,
+    appearance: ColorModel,
     kernels: Kernels,
     segments: Segments,
     samples: Samples,
     min_weight: float,
     *,
     deferred: bool = False,
-    thinning: Thinning | None = None,
+    sparsification: Sparsification | None = None,
 ) -> Float[Tensor, "rays 3"]:
     """Returns the colour of rays, differentiable in the appearance and the samples' weights.
 
     Samples below `min_weight` are left out and their mass given to the ray's others in proportion,
     or to the background where there are none: leaving them out darkens nothing. For `deferred` see
-    `RenderConfig`; without it the colour is the mean of the samples' colours. `thinning` is that of
-    the gradient of these.
+    `RenderConfig`; without it the color is the mean of the samples' colors. `sparsification` is
+    that of the gradient of these.
     """
     opacity = kernels.opacity(samples)[:, None]
-    heavy = kernels.heavy(samples, min_weight)
-    heavy = sharpened(heavy, appearance.weight_powers(heavy.positions), kernels)
-    values = appearance.components(heavy.positions, kernels)
+    pruned = kernels.prune(samples, min_weight)
+    pruned = sharpened(pruned, appearance.weight_powers(pruned.positions), kernels)
+    values = appearance.components(pruned.positions, kernels)
     directions = segments.view_directions
     if not deferred:
-        values = appearance.decode(values, directions, heavy.ray, kernels)
-    values = thin_gradient(values, thinning)
-    sums = kernels.composite(heavy, torch.cat([values, torch.ones_like(values[:, :1])], dim=1))
+        values = appearance.decode(values, directions, pruned.ray, kernels)
+    values = sparsify_gradient(values, sparsification)
+    sums = kernels.composite(pruned, torch.cat([values, torch.ones_like(values[:, :1])], dim=1))
     kept = sums[:, -1:]
     color = sums[:, :-1] / kept.clamp(min=1e-6)
     if deferred:
         color = appearance.decode(
-            color, directions, torch.arange(len(color)).to(heavy.ray), kernels
+            color, directions, torch.arange(len(color)).to(pruned.ray), kernels
         )
     covered = torch.where(kept > 0, opacity, 0)
     return covered * color + (1 - covered) * appearance.background_color()
@@ -94,7 +94,7 @@ def render_color(
 @torch.no_grad()
 def render_rays(
     field: RadianceField, kernels: Kernels, segments: Segments, config: RenderConfig,
-    appearance: Coloring | None = None,
+    appearance: ColorModel | None = None,
 ) -> Rendering:  # fmt: skip
     """Returns what rays see, without gradient; samples lie in the middle of their steps.
 
@@ -128,7 +128,7 @@ def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]
 @torch.no_grad()
 def render_view(
     field: RadianceField, kernels: Kernels, rays: ViewRays, view: int, camera: Camera,
-    config: RenderConfig, appearance: Coloring | None = None,
+    config: RenderConfig, appearance: ColorModel | None = None,
 ) -> Rendering:  # fmt: skip
     """Returns the image of one of the cameras `rays` was made for, in tiles of bounded memory.
 

@@ -38,7 +38,7 @@ class Shading(nn.Module, ABC):
             kernels: The form to compute with.
         """
 
-    def forget_view(self) -> None:
+    def freeze_view_dependence(self) -> None:
         """Makes the colours independent of the view direction, for good."""
 
 
@@ -71,8 +71,8 @@ class ColorNetwork(Shading):
         layer = self.output
         return kernels.decode(components, of_view, ray, of_components, layer.weight, layer.bias)
 
-    def forget_view(self) -> None:
-        """See `Shading.forget_view`: the weights of the view are 0, and so are their gradients."""
+    def freeze_view_dependence(self) -> None:
+        """Sets the weights of the view to 0, and their gradients; see the base class."""
         n_features = self.basis.out_features
         with torch.no_grad():
             self.hidden.weight[:, n_features:] = 0
@@ -81,7 +81,7 @@ class ColorNetwork(Shading):
         self.hidden.weight.register_hook(lambda gradient: gradient * of_features)
 
 
-class PlainColor(Shading):
+class DiffuseColor(Shading):
     """The same colour from everywhere."""
 
     def __init__(self, components: int, generator: torch.Generator | None) -> None:

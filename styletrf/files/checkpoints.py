@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from styletrf.files.whole_files import whole_file
+from styletrf.files.atomic_write import atomic_write
 
 _NAME = "checkpoint.safetensors"
 
@@ -22,7 +22,7 @@ def save_checkpoint(folder: Path, tensors: Mapping[str, Tensor], state: Mapping[
     """Replaces the folder's checkpoint; `state` holds what JSON can."""
     folder.mkdir(parents=True, exist_ok=True)
     contiguous = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
-    with whole_file(folder / _NAME) as partial:
+    with atomic_write(folder / _NAME) as partial:
         save_file(contiguous, partial, metadata={"state": json.dumps(state, sort_keys=True)})
 
 

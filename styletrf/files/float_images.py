@@ -11,7 +11,7 @@ import OpenEXR
 from jaxtyping import Float
 
 from styletrf.errors import InputError
-from styletrf.files.whole_files import whole_file
+from styletrf.files.atomic_write import atomic_write
 
 _COLOR_CHANNELS = ("R", "G", "B")
 
@@ -55,7 +55,7 @@ def write_float_image(
         channels["Z"] = np.ascontiguousarray(depth, dtype=np.float32)
     _check_values(path, channels)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         OpenEXR.File(header, channels).write(str(partial))
 
 

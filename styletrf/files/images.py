@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, UInt8, UInt16
 
 from styletrf.errors import InputError, NotFiniteError
-from styletrf.files.whole_files import whole_file
+from styletrf.files.atomic_write import atomic_write
 
 Bits = Literal[8, 16]
 
@@ -47,7 +47,7 @@ def write_rgb(path: Path, image: Float[np.ndarray, "height width 3"], bits: Bits
         raise InputError(str(path), problem, "Look for it where it was made")
     bgr = cv2.cvtColor(to_integers(image, bits), cv2.COLOR_RGB2BGR)
     _, encoded = cv2.imencode(".png", bgr)
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(encoded.tobytes())
 
 

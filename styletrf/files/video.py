@@ -26,7 +26,7 @@ from av.video.reformatter import (
 from jaxtyping import UInt8
 
 from styletrf.errors import InputError
-from styletrf.files.whole_files import whole_file
+from styletrf.files.atomic_write import atomic_write
 
 Frame = UInt8[np.ndarray, "height width 3"]
 
@@ -71,7 +71,7 @@ def write_video(path: Path, frames: Iterable[Frame], frames_per_second: float | 
     first = next(iterator, None)
     if first is None:
         raise InputError(str(path), "would be a video without frames", "Give at least one frame")
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         _encode(partial, first, iterator, Fraction(frames_per_second).limit_denominator(1001))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from string import Template
 
-from styletrf.files.whole_files import whole_file
+from styletrf.files.atomic_write import atomic_write
 
 _TEMPLATE = Path(__file__).with_name("page_template.html")
 
@@ -28,7 +28,7 @@ def write_page(
         body="\n".join(filter(None, sections)),
         script=f"<script>\n{script}</script>" if script else "",
     )
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text(page, encoding="utf-8", newline="\n")
 
 

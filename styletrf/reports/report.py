@@ -34,7 +34,7 @@ class ReportContent:
     """Everything the page shows; a part left empty leaves its section out.
 
     Files are put into the page: videos as they are, images as JPEG, smaller where they are large.
-    `steadiness` are curves over the frames; `parameters` go by stage; `digests` by artifact.
+    `error_curves` are curves over the frames; `parameters` go by stage; `digests` by artifact.
     """
 
     scene: str
@@ -48,7 +48,7 @@ class ReportContent:
     priors: Sequence[Path] = ()
     curves: Sequence[Curve] = ()
     metrics: Sequence[MetricTable] = ()
-    steadiness: Sequence[Curve] = ()
+    error_curves: Sequence[Curve] = ()
     stages: Sequence[StageCost] = ()
     parameters: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -69,7 +69,7 @@ def write_report(path: Path, content: ReportContent) -> None:
         _header(content, style_image),
         comparison(videos),
         section("Priors", _priors(priors)),
-        section("Metrics", _metrics(content.metrics) + _curves(content.steadiness)),
+        section("Metrics", _metrics(content.metrics) + _curves(content.error_curves)),
         section("Training", _curves(content.curves)),
         section("Time and memory", _costs(content.stages)),
         section("How it was made", _provenance(content)),

@@ -19,10 +19,14 @@ Looking = Literal["ahead", "inward", "outward", "along"]
 class Placement:
     """A scene in its space.
 
-    `wanted` are the lattice points along each axis that the photographs deserve; `looking` is how
-    the photographers did: all one way, or around and towards the `focus`, or away from it, or along
-    the way they went;
-    `evidence` is what all this follows from.
+    Attributes:
+        space: The map from the normalized world to the grid.
+        normalized_from_world: The similarity that normalizes the world.
+        wanted: Grid points along each axis at which a voxel matches the footprint of a pixel.
+        focus: The point that the cameras look at, or away from.
+        looking: The type of the capture: forward-facing (ahead), orbit (inward), outward, or
+            walkthrough (along).
+        evidence: The quantities behind these choices.
     """
 
     space: Space

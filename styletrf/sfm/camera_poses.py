@@ -35,8 +35,8 @@ from styletrf.progress import Progress, silent
 from styletrf.sfm.colmap_images import ColmapImages, Lenses, prepare_images
 from styletrf.sfm.colmap_mapping import extract_features, log_to
 from styletrf.sfm.known_poses import map_known_poses
-from styletrf.sfm.mapping import Mapping, flat_share
-from styletrf.sfm.mapping_choice import MappingTask, map_images
+from styletrf.sfm.mapping import SfmResult, flat_share
+from styletrf.sfm.mapping_choice import MappingTask, reconstruct
 from styletrf.sfm.poses_report import BETTER_PHOTOGRAPHS, FLAT, PosesReport, poses_report
 from styletrf.sfm.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
 
@@ -140,7 +140,7 @@ class _Solution:
     """What COLMAP found: `flat` is the share of its flat pairs, 0 of poses that were given."""
 
     images: ColmapImages
-    mapping: Mapping
+    mapping: SfmResult
     flat: float
     placed: list[PlacedPhotograph]
 
@@ -175,7 +175,7 @@ def _from_given(
     given: GivenViews,
     config: CameraPosesConfig,
     progress: Progress,
-) -> Mapping:
+) -> SfmResult:
     """Returns a mapping at the poses that came with the photographs, or near them."""
     source, views = given
     may_adjust = config.poses == "auto"
@@ -191,7 +191,7 @@ def _from_matches(
     capture: Capture,
     config: CameraPosesConfig,
     progress: Progress,
-) -> Mapping:
+) -> SfmResult:
     """Returns a mapping of at least three photographs."""
     is_video = all(photograph.clip is not None for photograph in capture.photographs)
     most = config.video_features if is_video else config.max_features
@@ -203,7 +203,7 @@ def _from_matches(
         )
 
     describe(database)
-    mapping = map_images(
+    mapping = reconstruct(
         MappingTask(
             database,
             images,
@@ -220,7 +220,7 @@ def _from_matches(
     return mapping
 
 
-def _require_enough(mapping: Mapping, total: int) -> None:
+def _require_enough(mapping: SfmResult, total: int) -> None:
     """Refuses a mapping of fewer than three photographs."""
     if mapping.registered < FEWEST_PHOTOGRAPHS:
         placed = f"only {mapping.registered}" if mapping.registered else "none"

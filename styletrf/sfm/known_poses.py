@@ -18,11 +18,10 @@ from styletrf.progress import Progress
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
 from styletrf.sfm.colmap_mapping import extract_features, match_pairs
 from styletrf.sfm.image_pairs import Pairs, all_pairs
-from styletrf.sfm.mapping import Mapping as Mapped
-from styletrf.sfm.mapping import explained_share
+from styletrf.sfm.mapping import SfmResult, explained_share
 from styletrf.sfm.pose_adjustment import adjusted_poses, triangulated
 
-NEIGHBOURS = 20  # with which each photograph is matched, where there are more
+NEIGHBORS = 20  # with which each photograph is matched, where there are more
 _WIDEST_DEG = 60.0  # between the views of photographs that are matched
 _FEWEST_POINTS = 16
 _LEAST_SHARE = 0.3  # of the matched features, that have a point; right poses have 0.9
@@ -38,7 +37,7 @@ def map_known_poses(
     progress: Progress,
     *,
     may_adjust: bool = True,
-) -> Mapped:
+) -> SfmResult:
     """Returns the model of images at the given poses, or near them.
 
     Args:
@@ -67,7 +66,7 @@ def map_known_poses(
         model, reason = found.model, found.reason
     _require_fitting(model, database, source)
     explained = explained_share(database, [model])
-    return Mapped([model], "neighbours", verified, f"{GIVEN_BY}{source}", reason, explained)
+    return SfmResult([model], "neighbours", verified, f"{GIVEN_BY}{source}", reason, explained)
 
 
 def _lens_model(views: Sequence[GivenView], source: str) -> str:
@@ -98,14 +97,14 @@ def neighbouring_pairs(views: Sequence[GivenView]) -> Pairs:
 
     Of those that look the same way within 60 degrees, the nearest 20 by their centres.
     """
-    if len(views) <= 2 * NEIGHBOURS:
+    if len(views) <= 2 * NEIGHBORS:
         return all_pairs(len(views))
     poses = np.stack([view.world_from_camera for view in views])
     centers, ahead = poses[:, :, 3], poses[:, :, 2]
     distance = np.linalg.norm(centers[:, None] - centers, axis=-1)
     distance[ahead @ ahead.T < np.cos(np.radians(_WIDEST_DEG))] = np.inf
     np.fill_diagonal(distance, np.inf)
-    nearest = np.argsort(distance, axis=1)[:, :NEIGHBOURS]
+    nearest = np.argsort(distance, axis=1)[:, :NEIGHBORS]
     pairs = {
         (min(i, int(j)), max(i, int(j)))
         for i, row in enumerate(nearest)

@@ -13,7 +13,7 @@ ENOUGH_EXPLAINED = 0.8
 
 
 @dataclass(frozen=True, slots=True)
-class Mapping:
+class SfmResult:
     """The models of one mapper, the largest first, and how they came to be.
 
     `explained` is the share of the verified matches between placed photographs whose two features
@@ -43,13 +43,13 @@ class Mapping:
         return self.registered * min(self.explained, ENOUGH_EXPLAINED), self.explained
 
 
-def is_explained(mapping: Mapping) -> bool:
+def is_explained(mapping: SfmResult) -> bool:
     """Returns whether the model explains 80 % of the matches between its photographs."""
     return mapping.explained >= ENOUGH_EXPLAINED
 
 
 def explained_share(database: Path, models: Sequence[pycolmap.Reconstruction]) -> float:
-    """Returns the share of the matches that the first model explains, see `Mapping`."""
+    """Returns the share of the matches that the first model explains, see `SfmResult`."""
     if not models:
         return 0.0
     model = models[0]

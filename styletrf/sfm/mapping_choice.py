@@ -29,7 +29,7 @@ from styletrf.sfm.image_pairs import (
     pairs_within,
     shots,
 )
-from styletrf.sfm.mapping import Mapping, explained_share, is_explained
+from styletrf.sfm.mapping import SfmResult, explained_share, is_explained
 from styletrf.sfm.mapping_ladder import Rung, climbed
 from styletrf.sfm.model_joining import joined
 from styletrf.sfm.model_support import supported
@@ -69,7 +69,7 @@ class MappingTask:
     describe_stronger: Callable[[Path], None] | None = None
 
 
-def map_images(task: MappingTask) -> Mapping:
+def reconstruct(task: MappingTask) -> SfmResult:
     """Returns the best mapping of a task's images, by the first way that explains enough.
 
     The global mapper goes first. Where it leaves photographs out, they are matched with all others.
@@ -90,14 +90,14 @@ def map_images(task: MappingTask) -> Mapping:
     return climbed(rungs, len(task.photographs))
 
 
-def _first(task: MappingTask, best: Mapping | None) -> Mapping:  # noqa: ARG001
+def _first(task: MappingTask, best: SfmResult | None) -> SfmResult:  # noqa: ARG001
     matcher, pairs = _pairs_to_match(
         task.database, task.photographs, task.exhaustive_up_to, task.neighbours, task.seed
     )
     return _globally(task, matcher, pairs)
 
 
-def _left_out(task: MappingTask, best: Mapping | None) -> Mapping | None:
+def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """Where pairs were chosen: all others with the photographs that this left without a place."""
     if best is None or best.matcher == "exhaustive":
         return None
@@ -108,7 +108,7 @@ def _left_out(task: MappingTask, best: Mapping | None) -> Mapping | None:
     return _globally(task, matcher, pairs_with(len(task.photographs), missing))
 
 
-def _points_of_two(task: MappingTask, best: Mapping | None) -> Mapping | None:
+def _points_of_two(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """Where the points of three photographs or more explain too little of the matches.
 
     Both mappers, since the global one, fooled by a wallpaper, explains more this way, too.
@@ -118,20 +118,20 @@ def _points_of_two(task: MappingTask, best: Mapping | None) -> Mapping | None:
     return _better_of_two(task, best, "incremental")
 
 
-def _incrementally(task: MappingTask, best: Mapping | None) -> Mapping | None:
+def _incrementally(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """Where enough is explained, but photographs are left out."""
     if best is None or not is_explained(best):
         return None
     return _mapped(task, best, "incremental", fewest_views=3)
 
 
-def _eagerly(task: MappingTask, best: Mapping | None) -> Mapping | None:
+def _eagerly(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     if best is None or not best.verified_pairs:
         return None
     return _mapped(task, best, _EAGER, fewest_views=2)
 
 
-def _guided(task: MappingTask, best: Mapping | None) -> Mapping | None:
+def _guided(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     if best is None or not best.verified_pairs:
         return None
     match_again(task.database, task.images, task.seed, task.progress)
@@ -139,7 +139,7 @@ def _guided(task: MappingTask, best: Mapping | None) -> Mapping | None:
     return _better_of_two(task, matched, _EAGER)
 
 
-def _stronger(task: MappingTask, best: Mapping | None) -> Mapping | None:
+def _stronger(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """The photographs described and matched anew, in a database of their own.
 
     Not where no two show the same: it would take minutes to say so again.
@@ -154,20 +154,20 @@ def _stronger(task: MappingTask, best: Mapping | None) -> Mapping | None:
     return _better_of_two(anew, matched, _EAGER) if first.verified_pairs else None
 
 
-def _better_of_two(task: MappingTask, matched: Mapping, other: str) -> Mapping:
+def _better_of_two(task: MappingTask, matched: SfmResult, other: str) -> SfmResult:
     """Returns the better mapping of the global and another mapper, points of two counted."""
     both = [_mapped(task, matched, mapper, fewest_views=2) for mapper in ("global", other)]
     return max(both, key=lambda mapping: mapping.quality)
 
 
-def _globally(task: MappingTask, matcher: str, pairs: Pairs) -> Mapping:
+def _globally(task: MappingTask, matcher: str, pairs: Pairs) -> SfmResult:
     verified = match_pairs(task.database, task.images, pairs, task.seed, task.progress)
     reason = "it placed all photographs and explains their matches"
-    matched = Mapping([], matcher, verified, "global", reason, 0.0)
+    matched = SfmResult([], matcher, verified, "global", reason, 0.0)
     return _mapped(task, matched, "global", fewest_views=3) if verified else matched
 
 
-def _mapped(task: MappingTask, matched: Mapping, mapper: str, fewest_views: int) -> Mapping:
+def _mapped(task: MappingTask, matched: SfmResult, mapper: str, fewest_views: int) -> SfmResult:
     """Returns what a mapper makes of the matches; models that share photographs are joined."""
     of = task.database, task.images, task.seed, task.progress
     if mapper == "global":
@@ -217,7 +217,7 @@ def _name(image: pycolmap.Image) -> str:
     return str(image.name)
 
 
-def _unplaced(mapping: Mapping, images: ColmapImages) -> list[int]:
+def _unplaced(mapping: SfmResult, images: ColmapImages) -> list[int]:
     """Returns the positions of the images that the largest model leaves out."""
     if not mapping.models:
         return list(range(len(images.files)))

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from styletrf.sfm.mapping import Mapping, is_explained
+from styletrf.sfm.mapping import SfmResult, is_explained
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -21,11 +21,11 @@ class Rung:
     """
 
     name: str
-    attempt: Callable[[Mapping | None], Mapping | None]
+    attempt: Callable[[SfmResult | None], SfmResult | None]
     unless_placed: float = 1.0
 
 
-def climbed(rungs: Sequence[Rung], photographs: int) -> Mapping:
+def climbed(rungs: Sequence[Rung], photographs: int) -> SfmResult:
     """Returns the best mapping of the rungs up to the first that explains enough.
 
     Its `mapper_reason` is one line: what each rung that was tried placed and explained.
@@ -33,7 +33,7 @@ def climbed(rungs: Sequence[Rung], photographs: int) -> Mapping:
     Raises:
         ValueError: No rung has anything to try.
     """
-    best: Mapping | None = None
+    best: SfmResult | None = None
     lines: list[str] = []
     for rung in rungs:
         if best is not None and _is_enough(best, rung.unless_placed * photographs):
@@ -52,5 +52,5 @@ def climbed(rungs: Sequence[Rung], photographs: int) -> Mapping:
     return replace(best, mapper_reason=", ".join(lines)) if len(lines) > 1 else best
 
 
-def _is_enough(mapping: Mapping, placed: float) -> bool:
+def _is_enough(mapping: SfmResult, placed: float) -> bool:
     return mapping.registered >= placed and is_explained(mapping)

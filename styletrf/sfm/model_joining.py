@@ -11,14 +11,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from styletrf.colmap import pycolmap
-from styletrf.sfm.mapping import Mapping as Mapped
-from styletrf.sfm.mapping import explained_share
+from styletrf.sfm.mapping import SfmResult, explained_share
 
 _FEWEST_SHARED = 2  # photographs that tell a similarity
 _LARGEST_ERROR_PX, _LEAST_ANGLE_DEG = 4.0, 1.5  # of a point, as COLMAP's mapper has them
 
 
-def joined(database: Path, mapping: Mapped, fewest_views: int, seed: int) -> Mapped:
+def joined(database: Path, mapping: SfmResult, fewest_views: int, seed: int) -> SfmResult:
     """Returns the mapping with the models that share photographs with the first joined to it.
 
     Where none does, or none agrees with the first, it is the mapping as it was; also where there

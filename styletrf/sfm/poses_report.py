@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from styletrf.sfm.colmap_images import ColmapImages
-from styletrf.sfm.mapping import Mapping, is_explained
+from styletrf.sfm.mapping import SfmResult, is_explained
 from styletrf.sfm.reconstruction import PlacedPhotograph
 
 _LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
@@ -51,7 +51,7 @@ class PosesReport:
 def poses_report(
     images: ColmapImages,
     names: Sequence[str],
-    mapping: Mapping,
+    mapping: SfmResult,
     placed: Sequence[PlacedPhotograph],
     flat: float,
     *,
@@ -125,7 +125,7 @@ def _warnings(
     return warnings
 
 
-def _doubts(mapping: Mapping, *, tells_depth: bool) -> list[str]:
+def _doubts(mapping: SfmResult, *, tells_depth: bool) -> list[str]:
     """Returns warnings where the poses contradict matches, or these tell no depth."""
     doubts = []
     if not is_explained(mapping):

@@ -16,7 +16,7 @@ from styletrf.sfm.image_pairs import Pairs
 
 Descriptors = UInt8[np.ndarray, "features 128"]
 
-WORDS = 64
+VOCABULARY_SIZE = 64
 _SAMPLES = 60000  # descriptors from which the words are found
 
 
@@ -53,7 +53,7 @@ def similar_pairs(
     )
 
 
-def _rooted(descriptors: Descriptors) -> Float[np.ndarray, "features 128"]:
+def _root_sift(descriptors: Descriptors) -> Float[np.ndarray, "features 128"]:
     """Returns descriptors whose distances are Hellinger's (RootSIFT, Arandjelović 2012)."""
     values = descriptors.astype(np.float32)
     rooted: Float[np.ndarray, "features 128"] = np.sqrt(
@@ -69,14 +69,14 @@ def _words(
     parts = []
     for k in range(count):
         descriptors = descriptors_of(k)
-        parts.append(_rooted(rng.permutation(descriptors)[:each]))
+        parts.append(_root_sift(rng.permutation(descriptors)[:each]))
     samples = np.concatenate(parts)
-    if len(samples) < WORDS:
+    if len(samples) < VOCABULARY_SIZE:
         return np.zeros((1, 128), np.float32)
     cv2.setRNGSeed(seed)
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1e-4)
     flags = cv2.KMEANS_PP_CENTERS
-    _, _, words = cv2.kmeans(samples, WORDS, np.empty(0, np.int32), stop, 1, flags)
+    _, _, words = cv2.kmeans(samples, VOCABULARY_SIZE, np.empty(0, np.int32), stop, 1, flags)
     return np.asarray(words)
 
 
@@ -84,7 +84,7 @@ def _aggregated(
     descriptors: Descriptors, words: Float[np.ndarray, "words 128"]
 ) -> Float[np.ndarray, " vector"]:
     """Returns the VLAD vector, of length 1; zeros where there are no features."""
-    rooted = _rooted(descriptors)
+    rooted = _root_sift(descriptors)
     distances = (words**2).sum(axis=1) - 2 * rooted @ words.T
     nearest = distances.argmin(axis=1)
     sums = np.zeros_like(words)

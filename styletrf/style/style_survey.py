@@ -36,7 +36,7 @@ def painting_warnings(image: Float[np.ndarray, "height width 3"]) -> list[str]:
 
 
 @torch.no_grad()
-def fine_trace(
+def gram_trace_ratio(
     vgg: VGG16, style: Float[Tensor, "1 3 _ _"], content: Float[Tensor, "batch 3 _ _"]
 ) -> float:
     """Returns the trace of the painting's Gram matrix of relu1_2 over that of photographs.

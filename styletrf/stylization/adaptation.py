@@ -147,7 +147,7 @@ def fit_appearance(
     """
     started = time.monotonic() if started is None else started
     if not config.sees_view:
-        appearance.shading.forget_view()
+        appearance.shading.freeze_view_dependence()
     optimizer = optimizer_of(appearance, config)
     generator = torch.Generator().manual_seed(config.seed)
     curve: list[AdaptationPoint] = []

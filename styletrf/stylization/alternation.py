@@ -14,7 +14,7 @@ from styletrf.scene.scene_model import read_scene_model
 from styletrf.trajectory.frames import rendered
 
 
-def halfway_to(
+def blend_with_previous_round(
     plain: Sequence[FloatImage],
     cameras: Sequence[Camera],
     inputs: Mapping[str, Path],

@@ -21,7 +21,7 @@ _LEAST_SHARE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class EmptyGround:
+class EmptyBackground:
     """The one colour of pixels in which nothing is, and the mean colour of what is in the others.
 
     Attributes:
@@ -44,7 +44,7 @@ class EmptyGround:
         return image
 
 
-def empty_ground(views: Iterable[FloatImage]) -> EmptyGround | None:
+def empty_background(views: Iterable[FloatImage]) -> EmptyBackground | None:
     """Returns the ground that views share; None where it is too small a part of them to matter.
 
     Behind a field there is one colour, whatever the direction (`volume rendering`), so that it can
@@ -61,16 +61,16 @@ def empty_ground(views: Iterable[FloatImage]) -> EmptyGround | None:
     if empty <= _LEAST_SHARE * pixels or opaque == 0:
         return None
     shown = of_empty / empty
-    return EmptyGround(shown, ((of_all - (pixels - opaque) * shown) / opaque).clip(0, 1))
+    return EmptyBackground(shown, ((of_all - (pixels - opaque) * shown) / opaque).clip(0, 1))
 
 
-def before_painting(views: Sequence[FloatImage], ground: EmptyGround | None) -> list[Image]:
+def replace_background(views: Sequence[FloatImage], ground: EmptyBackground | None) -> list[Image]:
     """Returns what is painted of the views: on their mean colour, where they have a ground."""
     return [(ground.covered(view) if ground else view).color for view in views]
 
 
-def after_painting(
-    painted: Sequence[Image], views: Sequence[FloatImage], ground: EmptyGround | None
+def restore_background(
+    painted: Sequence[Image], views: Sequence[FloatImage], ground: EmptyBackground | None
 ) -> list[Image]:
     """Returns painted views on the ground they had, if they had one."""
     if ground is None:

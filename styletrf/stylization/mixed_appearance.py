@@ -19,13 +19,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from styletrf.field.appearance import Appearance, Coloring
+from styletrf.field.appearance import Appearance, ColorModel
 from styletrf.field.kernels import Kernels
 from styletrf.geometry.space import Space
 from styletrf.stylization.region import Region
 
 
-class MixedAppearance(Coloring):
+class MixedAppearance(ColorModel):
     """Appearances by their shares; the first is what remains outside of the region."""
 
     def __init__(

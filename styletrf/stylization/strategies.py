@@ -30,7 +30,7 @@ from styletrf.style.perceptual.perceptual_loss import (
 )
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
-from styletrf.stylization.free_adaptation import adapt_all, fit_anew
+from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
 from styletrf.stylization.image_adaptation import (
     ImageAdaptationConfig,
     ImageLoss,
@@ -58,8 +58,10 @@ class StylizationConfig:
     style_px: int = 420  # of the painting, in the loss of whole renders
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
 
-    def steered(self, stroke_scale: float, content_weight: float) -> "StylizationConfig":
-        """Returns the settings with the factors of the controls; see `tasks.controls`."""
+    def with_style_parameters(
+        self, stroke_scale: float, content_weight: float
+    ) -> "StylizationConfig":
+        """Returns the settings with two factors of the style parameters applied."""
         loss = replace(
             self.image_loss, content_weight=content_weight * self.image_loss.content_weight
         )
@@ -139,12 +141,12 @@ def stylized(
     return job.field, curve, dropped
 
 
-def freely_stylized(
+def stylized_with_own_density(
     job: Stylization,
     config: StylizationConfig,
     progress: Progress = silent,
     *,
-    anew: bool,
+    from_scratch: bool,
 ) -> tuple[RadianceField, list[AdaptationPoint]]:
     """Returns a field fitted to the painted views alone (S1), or the field fitted on (S2).
 
@@ -152,14 +154,14 @@ def freely_stylized(
     """
     shading = replace(config.fit.field, shading=job.model.shading)
     training, space = replace(config.fit, field=shading), job.model.space
-    if anew:
-        return fit_anew(
+    if from_scratch:
+        return fit_new_field(
             job.cameras, job.painted, space, job.model.resolution, training, job.kernels,
             progress, job.free,
         )  # fmt: skip
     rays = config.adaptation.iterations * config.adaptation.batch
     training = replace(training, iterations=max(1, rays // training.batch), batch_samples=0)
-    return adapt_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
+    return finetune_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
 
 
 def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None:

@@ -68,8 +68,8 @@ def shown(
 def covering(seen: Bool[np.ndarray, "views places"], config: CoverageConfig) -> list[int]:
     """Returns the chosen views: each next one shows most of what is not covered yet.
 
-    A place that fewer than `times` candidates show is covered by as many as do. With `count`, so
-    many views are chosen, however many the cover would need.
+    Greedy set cover: each place should be visible in `times` views, or in all candidates that
+    see it if there are fewer. A `count` above 0 selects exactly so many views.
     """
     wanted = np.minimum(seen.sum(axis=0), config.times)
     total, missing = wanted.sum(), wanted.copy()

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float, UInt8
 
 from styletrf.errors import InputError
-from styletrf.field.appearance import Coloring
+from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, Rendering, render_view
@@ -55,7 +55,7 @@ def rendered(
     config: RenderConfig,
     device: torch.device,
     progress: Progress = silent,
-    appearance: Coloring | None = None,
+    appearance: ColorModel | None = None,
 ) -> Iterator[Rendering]:
     """Yields the render of each camera, on the CPU; an `appearance` replaces the field's own.
 
@@ -77,7 +77,7 @@ def rendered(
 
 
 def _require_finite(
-    render: Rendering, camera: Camera, radiance: RadianceField, appearance: Coloring
+    render: Rendering, camera: Camera, radiance: RadianceField, appearance: ColorModel
 ) -> None:
     outputs = [("colour", render.color), ("opacity", render.opacity)]
     for name, depth in (("depth", render.depth), ("median depth", render.median_depth)):

@@ -16,7 +16,7 @@ from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.camera_curve import Poses
 from styletrf.trajectory.camera_ring import ring_of
 from styletrf.trajectory.trajectories import TrajectoryConfig, ellipse, facing, looking, orbit
-from styletrf.trajectory.walk import gaussian_weights, is_closed, looks_all_around, onwards
+from styletrf.trajectory.walkthrough import gaussian_weights, is_closed, looks_all_around, onwards
 
 PathName = Literal["orbit", "spiral", "dolly", "photographs"]
 

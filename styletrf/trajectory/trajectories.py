@@ -18,7 +18,7 @@ from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.camera_curve import eased
 from styletrf.trajectory.camera_ring import ring_of
 from styletrf.trajectory.key_frames import WIDEST_FOV_DEG
-from styletrf.trajectory.walk import along_the_walk
+from styletrf.trajectory.walkthrough import smoothed_walkthrough
 
 Points = Float[np.ndarray, "frames 3"]
 Shares = Float[np.ndarray, " frames"]
@@ -91,7 +91,7 @@ def fly_through(
     if model.looking == "ahead":
         centers = ellipse(cameras, shares, config.turns, config.spread)
     elif model.looking == "along":
-        return facing(*along_the_walk(cameras, shares, back=True), typical_view(cameras))
+        return facing(*smoothed_walkthrough(cameras, shares, back=True), typical_view(cameras))
     else:
         centers = orbit(cameras, model, shares, config.spread)
     return looking(centers, typical_view(cameras), model)
@@ -134,7 +134,7 @@ def prior_views(
         centers = _before_the_scene(cameras, seeds, config.spread)
     elif model.looking == "along":
         even = (index + 0.5) / config.frames
-        return facing(*along_the_walk(cameras, even, back=False), typical_view(cameras))
+        return facing(*smoothed_walkthrough(cameras, even, back=False), typical_view(cameras))
     else:
         ring = ring_of(cameras, model)
         even = (index + 0.5) / config.frames

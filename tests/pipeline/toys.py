@@ -21,4 +21,4 @@ def end(task: luigi.Task) -> None:
         sys.stderr.write("whole\n" if task.complete() else "in part\n")
 
 
-take_over_luigi(begin, end)
+take_over_luigi(__name__)

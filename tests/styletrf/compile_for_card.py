@@ -51,7 +51,7 @@ def call_all(form, ranks):
     samples = form.trace(density, segments, torch.rand(4), march)
     form.density(density, samples.positions)
     colors = form.composite(samples, form.features(density, samples.positions))
-    form.heavy(samples, 0.1)
+    form.prune(samples, 0.1)
     (colors.sum() + samples.weights.sum()).backward()
 
 

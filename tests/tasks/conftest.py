@@ -189,7 +189,7 @@ def mini_graph(
     import luigi
 
     import tasks
-    from tasks.trajectory import CONTROLS
+    from tasks.stages.style_parameters import STYLE_AND_PATH_PARAMETERS
 
     made: dict[tuple[str, str], Path] = {("CameraPoses", "{}"): mini_poses}
     words = {
@@ -202,7 +202,7 @@ def mini_graph(
     }
 
     def controls_of(task: Any) -> dict[str, Any]:
-        names = {*CONTROLS, "style"} & set(task.get_param_names())
+        names = {*STYLE_AND_PATH_PARAMETERS, "style"} & set(task.get_param_names())
         told = {name: task.param_kwargs[name] for name in names if not task.is_usual(name)}
         return {n: v for n, v in told.items() if words.get(n) != v}
 
@@ -222,7 +222,7 @@ def mini_graph(
         if "settings" in names:
             parameters["settings"] = SETTINGS.get(family, {}) | controls.pop("settings", {})
         stage = kind(**{**parameters, **controls})
-        stage.require_sound()
+        stage.validate()
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("STYLETRF_DATA", str(photographs))
             return stage, {

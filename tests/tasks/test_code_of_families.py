@@ -159,7 +159,7 @@ EDITS = {  # file, what is replaced by what, and the families whose results may 
         "StylizedTrajectory SceneReport TradeOff",
     ),
     "a setting, in the keys by value, but told by the report": (
-        "tasks/qualities.py",
+        "tasks/presets/presets.py",
         "1536, 3072",
         "1537, 3072",
         "StylizedTrajectory SceneReport TradeOff",
@@ -199,7 +199,7 @@ def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
 
 
 def test_a_revision_stands_in_the_snapshot_as_such(project: Workbench):
-    project.edit("tasks/field.py", r"(class RadianceField.*)", r'\1\n    revision = "2"')
+    project.edit("tasks/stages/field.py", r"(class RadianceField.*)", r'\1\n    revision = "2"')
     project.pipeline("snapshot")
     told = json.loads((project.folder / "tasks/identity.json").read_text())
     assert told["families"]["RadianceField"] == "revision 2"
@@ -269,15 +269,15 @@ COMMANDS = {"Grid", "StylizedTrajectory", "TradeOff"}
 """They gather what the records of a whole graph say; `test_fly_through` runs them."""
 
 BY_VALUE = {
-    "tasks.field:TrajectoryFrames.values",
-    "tasks.path_controls:PathControls.path_settings",
-    "tasks.qualities:settings_for",
-    "tasks.stage:TunedStage.values",
-    "tasks.stage:_thawed",
-    "tasks.style:StyleNetwork.values",
-    "tasks.stylization:StylizedField.values",
-    "tasks.stylization:StylizedPriors.factors",
-    "tasks.stylization:StylizedPriors.values",
+    "tasks.stages.field:TrajectoryFrames.values",
+    "tasks.stages.path_parameters:PathParameters.path_settings",
+    "tasks.presets.presets:settings_for",
+    "tasks.stages.stage:ConfigurableStage.values",
+    "tasks.stages.stage:_thawed",
+    "tasks.stages.style:StyleNetwork.values",
+    "tasks.stages.stylization:StylizedField.values",
+    "tasks.stages.stylization:StylizedPriors.factors",
+    "tasks.stages.stylization:StylizedPriors.values",
 }
 """What `identity_parameters` returns stands in the key itself."""
 

@@ -231,8 +231,8 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     assert "3 failed." in text
     assert "there is no such style" in text
     assert 'href="yard/brush/report.html"' in text
-    night = json.loads((workplace.root / "out/night.json").read_text())
-    told = {(c["scene"], c["style"]): (c["outcome"], c["reason"]) for c in night["cells"]}
+    summary = json.loads((workplace.root / "out/grid.json").read_text())
+    told = {(c["scene"], c["style"]): (c["outcome"], c["reason"]) for c in summary["cells"]}
     assert told["yard", "brush"] == ("found", "")
     assert "there is no such style" in told["yard", "none"][1]
     assert "there is no such scene" in told["nowhere", "brush"][1]

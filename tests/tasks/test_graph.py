@@ -13,8 +13,8 @@ from styletrf.errors import InputError
 from styletrf.field.rendering import RenderConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.training.config import StyleTrainingConfig
-from tasks.checking import configurations
-from tasks.qualities import QUALITIES, settings_for
+from tasks.planning.validation import configurations
+from tasks.presets.presets import PRESETS, settings_for
 
 WORDS = {"scene": "horns", "style": "mosaic", "quality": "draft"}
 
@@ -47,7 +47,7 @@ def test_importing_tasks_loads_no_torch_and_starts_no_thread():
 def test_a_stage_leases_a_gpu_exactly_if_its_build_asks_for_a_device():
     for name in set(tasks.__all__) - {"Grid"}:
         stage = getattr(tasks, name)
-        assert stage.computes == ("styletrf.devices:device_named" in code_closure(stage)), name
+        assert stage.uses_device == ("styletrf.devices:device_named" in code_closure(stage)), name
     stage = tasks.RadianceField(scene="s")
     assert stage.needs_gpu
     assert not tasks.RadianceField(scene="s", device="cpu").needs_gpu
@@ -128,7 +128,7 @@ def test_the_grid_takes_the_words_of_a_cell():
 
 
 def test_every_preset_names_real_settings():
-    for quality in QUALITIES:
+    for quality in PRESETS:
         for family, config in configurations().items():
             configured(config, settings_for(family, quality))
 
@@ -151,10 +151,10 @@ def test_paper_has_the_published_loss():
 def test_the_published_loss_is_refused_where_its_weights_do_not_fit(perceptual):
     words = {"scene": "s", "style": "t", "perceptual": perceptual}
     with pytest.raises(InputError, match="--perceptual torchvision"):
-        tasks.StyleNetwork(quality="paper", **words).require_sound()
-    tasks.StyleNetwork(quality="standard", **words).require_sound()
+        tasks.StyleNetwork(quality="paper", **words).validate()
+    tasks.StyleNetwork(quality="standard", **words).validate()
     words["perceptual"] = "torchvision"
-    tasks.StyleNetwork(quality="paper", **words).require_sound()
+    tasks.StyleNetwork(quality="paper", **words).validate()
 
 
 def test_grid_has_a_cell_for_every_scene_and_style():

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from luigi.cmdline_parser import CmdlineParser
 
-from tasks.build_plan import plan_of
-from tasks.graph import graph
-from tasks.machine_calibration import calibration_of_machine, keep_calibration, this_machine
-from tasks.quality_request import quality_request
-from tasks.stage_costs import reference_costs
+from tasks.command.graph import graph
+from tasks.machine.calibration import calibration_of_machine, keep_calibration, this_machine
+from tasks.planning.build_plan import plan_of
+from tasks.planning.stage_costs import reference_costs
+from tasks.presets.quality_request import quality_request
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 NAMES = {
@@ -64,7 +64,7 @@ def test_a_command_of_the_readme_can_be_planned(words, out):
     stages = graph(root)
     assert len(stages) > 1
     for stage in stages:
-        for check in ("require_sound", "require_reachable"):
+        for check in ("validate", "require_reachable"):
             getattr(stage, check, lambda: None)()
     if hasattr(root, "cells"):
         assert plan_of(root).to_make

@@ -26,7 +26,7 @@ from styletrf.evaluation.flow import FlowEstimator, Method
 from styletrf.evaluation.metrics import Image
 from styletrf.evaluation.perceptual_distance import (
     Grams,
-    Perception,
+    PerceptualFeatures,
     grams,
     masked_distances,
     style_distance,
@@ -99,7 +99,7 @@ def measure_consistency(
     frames: Iterable[Frame],
     n_frames: int,
     painting: Image,
-    perception: Perception,
+    perception: PerceptualFeatures,
     config: ConsistencyConfig,
     progress: Progress = silent,
     cuts: Sequence[int] = (),
@@ -141,7 +141,9 @@ def measure_consistency(
 class _Comparison:
     """Compares two frames by every measure."""
 
-    def __init__(self, perception: Perception, painting: Grams, config: ConsistencyConfig) -> None:
+    def __init__(
+        self, perception: PerceptualFeatures, painting: Grams, config: ConsistencyConfig
+    ) -> None:
         self._perception, self._painting = perception, painting
         self._estimator = FlowEstimator(config.method, perception.device)
         self._tolerance = config.tolerance

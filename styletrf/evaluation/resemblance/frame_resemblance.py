@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from styletrf.evaluation.resemblance.picture_traits import (
-    Judge,
     PictureTraits,
+    TraitMeter,
     TraitsConfig,
     content_distance,
     distances,
@@ -83,7 +83,7 @@ def measure_resemblance(
     frames: Callable[[str], tuple[Picture, Picture]],
     painting: Picture,
     priors: Sequence[Picture],
-    judge: Judge,
+    judge: TraitMeter,
     config: ResemblanceConfig,
     progress: Progress = silent,
 ) -> tuple[list[FrameResemblance], dict[str, float | None]]:

@@ -77,7 +77,7 @@ class PictureTraits:
     sharpness: float
 
 
-class Judge:
+class TraitMeter:
     """Looks at pictures through both networks."""
 
     def __init__(self, vgg: VGG16, efficientnet: EfficientNetLite0, config: TraitsConfig) -> None:

@@ -17,7 +17,7 @@ from styletrf.field.kernels import fused, reference
 from styletrf.field.kernels.differentiable import form_of
 from styletrf.field.kernels.form import Kernels
 from styletrf.field.kernels.samples import March, Samples, Segments
-from styletrf.field.kernels.thinning import Thinning, thin_gradient
+from styletrf.field.kernels.sparsification import Sparsification, sparsify_gradient
 
 __all__ = [
     "FORMS",
@@ -25,9 +25,9 @@ __all__ = [
     "March",
     "Samples",
     "Segments",
-    "Thinning",
+    "Sparsification",
     "kernels_for",
-    "thin_gradient",
+    "sparsify_gradient",
 ]
 
 FORMS = ("reference", "fused", "triton")
@@ -69,6 +69,6 @@ def _has_triton() -> bool:
 
 def _plain_torch() -> Kernels:
     return Kernels(
-        "reference", reference.features, reference.density, reference.trace, reference.heavy,
+        "reference", reference.features, reference.density, reference.trace, reference.prune,
         reference.composite, reference.decode,
     )  # fmt: skip

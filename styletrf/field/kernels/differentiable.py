@@ -14,7 +14,7 @@ from torch import Tensor
 
 from styletrf.field.kernels.form import Decode, Kernels
 from styletrf.field.kernels.samples import March, Samples, Segments
-from styletrf.field.kernels.thinning import thinned
+from styletrf.field.kernels.sparsification import sparsified
 from styletrf.field.tensor_vm import TensorVM
 
 
@@ -91,7 +91,7 @@ def form_of(name: str, backend: Backend, decode: Decode) -> Kernels:
         features=partial(_features, backend),
         density=partial(_density, backend),
         trace=partial(_trace, backend),
-        heavy=partial(_heavy, backend),
+        prune=partial(_prune, backend),
         composite=partial(_composite, backend),
         decode=decode,
     )
@@ -117,7 +117,7 @@ def _trace(
     return Samples(*samples)
 
 
-def _heavy(backend: Backend, samples: Samples, threshold: float) -> Samples:
+def _prune(backend: Backend, samples: Samples, threshold: float) -> Samples:
     weights = samples.weights.detach()
     return samples.chosen(*backend.heavy_samples(samples.offsets, weights, threshold))
 
@@ -162,7 +162,7 @@ class _Trace(torch.autograd.Function):
         samples, saved = backend.trace_forward(segments, jitter, march, factors)
         offsets, ray, s = samples.offsets, samples.ray, samples.s
         positions, weights = samples.positions, samples.weights
-        ctx.backend, ctx.thinning = backend, march.thinning
+        ctx.backend, ctx.sparsification = backend, march.sparsification
         ctx.save_for_backward(offsets, positions, weights, *factors, *saved)
         ctx.mark_non_differentiable(offsets, ray, s, positions)
         return offsets, ray, s, positions, weights
@@ -173,7 +173,7 @@ class _Trace(torch.autograd.Function):
         offsets, positions, weights, *others = ctx.saved_tensors
         factors, saved = others[:6], others[6:]
         grad = ctx.backend.trace_backward(offsets, weights, saved, grads[-1])
-        grad = thinned(grad[:, None], ctx.thinning)
+        grad = sparsified(grad[:, None], ctx.sparsification)
         of_components = grad.expand(-1, sum(line.shape[1] for line in factors[3:]))
         of_factors = ctx.backend.scatter_gradients(positions, factors, of_components)
         return None, None, None, None, *of_factors

@@ -21,7 +21,7 @@ class Kernels:
     features: Callable[[TensorVM, Tensor], Tensor]
     density: Callable[[TensorVM, Tensor], Tensor]
     trace: Callable[[TensorVM, Segments, Tensor, March], Samples]
-    heavy: Callable[[Samples, float], Samples]
+    prune: Callable[[Samples, float], Samples]
     composite: Callable[[Samples, Tensor], Tensor]
     decode: Decode
 

@@ -42,11 +42,11 @@ def scatter_gradients(
     """Returns the factors' gradients; `grad` may be a broadcast view. Rows of 0 cost nothing."""
     shared = grad.stride(1) == 0
     upstream = _array(grad[:, :1] if shared else grad)
-    touching, offset = vm_numba.touching(upstream), 0
+    nonzero_rows, offset = vm_numba.nonzero_rows(upstream), 0
     grads = []
     for axes, plane, line in zip(_AXES, factors[:3], factors[3:], strict=True):
         pair = vm_numba.scatter_gradients(
-            _array(positions), touching, axes, upstream, -1 if shared else offset,
+            _array(positions), nonzero_rows, axes, upstream, -1 if shared else offset,
             *_arrays(plane, line),
         )  # fmt: skip
         grads.append([torch.from_numpy(array) for array in pair])
@@ -143,7 +143,7 @@ class _Decode(torch.autograd.Function):
         grad = _array(grads[0])
         gradients = decode_numba.decode_backward(
             *_arrays(components, of_view, ray, matrix.T, matrix, output, colors), grad,
-            vm_numba.touching(grad),
+            vm_numba.nonzero_rows(grad),
         )  # fmt: skip
         of_components, of_views, *of_layers = (torch.from_numpy(array) for array in gradients)
         return of_components, of_views, None, *of_layers

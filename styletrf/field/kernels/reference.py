@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from styletrf.field.kernels.samples import March, Samples, Segments
-from styletrf.field.kernels.thinning import thin_gradient
+from styletrf.field.kernels.sparsification import sparsify_gradient
 from styletrf.field.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 
 
@@ -54,7 +54,7 @@ def trace(
     rays = torch.arange(len(s), device=s.device)[:, None].expand_as(s)
     positions = segments.positions_at(rays.reshape(-1), s.reshape(-1)).reshape(*s.shape, 3)
     mask = (steps < segments.n_steps[:, None]) & _occupied(march, positions)
-    of_samples = thin_gradient(density(factors, positions[mask])[:, None], march.thinning)
+    of_samples = sparsify_gradient(density(factors, positions[mask])[:, None], march.sparsification)
     raw = torch.zeros_like(s).masked_scatter(mask, of_samples)
     thickness = segments.step_thickness(march.scale)[:, None]
     tau = torch.where(mask, thickness * functional.softplus(raw + march.shift), 0.0)
@@ -72,7 +72,7 @@ def trace(
     )
 
 
-def heavy(samples: Samples, threshold: float) -> Samples:
+def prune(samples: Samples, threshold: float) -> Samples:
     """Returns the samples worth a colour, differentiable in the weights.
 
     These are the samples heavier than `threshold`, and, of a ray that has none but more opacity

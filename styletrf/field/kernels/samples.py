@@ -6,9 +6,9 @@ import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 
-from styletrf.field.kernels.thinning import Thinning
+from styletrf.field.kernels.sparsification import Sparsification
 
-THICKEST = 1e30
+MAX_OPTICAL_THICKNESS = 1e30
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +41,11 @@ class Segments:
     def step_thickness(self, scale: float) -> Float[Tensor, " rays"]:
         """Returns the optical thickness of one step of each ray per softplus(raw + shift).
 
-        It, its length and `scale` saturate at THICKEST: 0 times an infinite one is 0, and its
-        gradients do not overflow.
+        It, its length and `scale` saturate at MAX_OPTICAL_THICKNESS: 0 times an infinite one is 0,
+        and its gradients do not overflow.
         """
-        step_lengths = self.lengths.clamp(max=THICKEST) / self.n_steps.clamp(min=1)
-        return (step_lengths * min(scale, THICKEST)).clamp(max=THICKEST)
+        step_lengths = self.lengths.clamp(max=MAX_OPTICAL_THICKNESS) / self.n_steps.clamp(min=1)
+        return (step_lengths * min(scale, MAX_OPTICAL_THICKNESS)).clamp(max=MAX_OPTICAL_THICKNESS)
 
     def piece_at(
         self, ray: Int64[Tensor, " samples"], s: Float[Tensor, " samples"]
@@ -85,14 +85,14 @@ class Segments:
 class March:
     """How rays are sampled: density = scale x softplus(raw + shift); see `trace`.
 
-    `thinning` is that of the raw densities' gradient.
+    `sparsification` is that of the raw densities' gradient.
     """
 
     occupancy: UInt8[Tensor, "x y z"]
     shift: float
     scale: float
     termination: float
-    thinning: Thinning | None = None
+    sparsification: Sparsification | None = None
 
 
 @dataclass(frozen=True, slots=True)

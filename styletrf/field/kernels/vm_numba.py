@@ -111,7 +111,7 @@ def features_forward(positions, plane0, plane1, plane2, line0, line1, line2):
 
 @no_type_check
 @compiled()
-def touching(grad):
+def nonzero_rows(grad):
     """Returns the samples whose gradient is not zero: the others touch no factor."""
     n, count = grad.shape[0], 0
     samples = np.empty(n, np.int32)
@@ -198,7 +198,7 @@ def scatter_gradients(positions, samples, axes, grad, offset, plane, line):
 
     Args:
         positions: Grid coordinates, `n x 3`.
-        samples: Those that have a gradient, see `touching`.
+        samples: Those that have a gradient, see `nonzero_rows`.
         axes: The axes of the plane's columns, the plane's rows and the line.
         grad: Upstream gradient of the components, from column `offset` on; with a negative
             offset column 0 holds the gradient of their sum.

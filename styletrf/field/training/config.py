@@ -33,7 +33,7 @@ class FieldTrainingConfig:
     occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]
     min_weight: float = 3e-3  # samples lighter than this get no colour [rm_weight_mask_thre]
     termination: float = 1e-4
-    gradient_threshold: float = 3.0  # smaller gradients are thinned, see `kernels.thinning`
+    gradient_threshold: float = 3.0  # smaller gradients are dropped, see `sparsification`
     color_threshold: float = 1.0  # likewise those of the colours
     shrink_rise: float = 0.01  # of the loss, for which a finished field is made smaller; 0: never
     checkpoint_seconds: float = 60.0

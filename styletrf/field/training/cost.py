@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from styletrf.capture.view_images import Image
 from styletrf.field.kernels import Kernels
-from styletrf.field.occupancy import unless_nowhere, voxels_along
+from styletrf.field.occupancy import non_empty, voxels_along
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.geometry.cameras import Camera
@@ -75,4 +75,4 @@ def voxels_about(
     spread = functional.max_pool3d(
         occupied[None, None], _NEIGHBOURHOOD, stride=1, padding=_NEIGHBOURHOOD // 2
     )[0, 0]
-    return unless_nowhere(spread > 0)
+    return non_empty(spread > 0)

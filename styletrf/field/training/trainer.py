@@ -18,12 +18,12 @@ from torch import Tensor
 
 from styletrf.capture.view_images import Image, view_images
 from styletrf.errors import NotFiniteError
-from styletrf.field.kernels import Kernels, Samples, Segments, Thinning
-from styletrf.field.occupancy import known_occupancy, occupied_voxels, unless_nowhere
+from styletrf.field.compression import compress
+from styletrf.field.kernels import Kernels, Samples, Segments, Sparsification
+from styletrf.field.occupancy import initial_occupancy, non_empty, occupied_voxels
 from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_color, render_rays
-from styletrf.field.shrinking import shrink
 from styletrf.field.training.checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
@@ -81,8 +81,8 @@ def train_field(
         progress(trainer.iteration, config.iterations, psnr=psnr)
     trainer.refresh_occupancy(settled=True)
     if config.shrink_rise > 0:
-        shrinking = shrink(trainer.field, trainer.loss, config.shrink_rise)
-        _LOGGER.info("shrunk: %s", shrinking)
+        compression = compress(trainer.field, trainer.loss, config.shrink_rise)
+        _LOGGER.info("compressed: %s", compression)
     return trainer.field, trainer.curve
 
 
@@ -119,7 +119,7 @@ class FieldTrainer:
         self.begin_stage()
         self.free = None if free is None else free.to(device)
         self.depths, self.exposures = None if depths is None else depths.to(device), exposures
-        set_occupancy(self.field.density, known_occupancy(self.free).to(device))
+        set_occupancy(self.field.density, initial_occupancy(self.free).to(device))
         self._begin_with_background()
         if checkpoint_dir is not None:
             restore_fit(checkpoint_dir, self)
@@ -204,18 +204,18 @@ class FieldTrainer:
         samples = self._trace(segments)
         color = render_color(
             self.field.appearance, self.kernels, segments, samples, self.config.min_weight,
-            thinning=self._thinning(self.config.color_threshold),
+            sparsification=self._sparsification(self.config.color_threshold),
         )  # fmt: skip
         return samples, color
 
     def _trace(self, segments: Segments) -> Samples:
         jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)
-        thinning = self._thinning(self.config.gradient_threshold)
-        march = self.field.density.march(self.config.termination, thinning)
+        sparsification = self._sparsification(self.config.gradient_threshold)
+        march = self.field.density.march(self.config.termination, sparsification)
         return self.kernels.trace(self.field.density.factors, segments, jitter, march)
 
-    def _thinning(self, threshold: float) -> Thinning:
-        return Thinning(threshold, float(torch.rand((), generator=self.generator)))
+    def _sparsification(self, threshold: float) -> Sparsification:
+        return Sparsification(threshold, float(torch.rand((), generator=self.generator)))
 
     def _add_depth_gradient(self) -> None:
         """Adds the gradient of rays through sparse points, of which some are drawn."""
@@ -259,7 +259,7 @@ class FieldTrainer:
             settled=settled, free=self.free,
         )  # fmt: skip
         if settled and found.shape == density.occupancy.shape:
-            found = unless_nowhere((found & density.occupancy).bool())
+            found = non_empty((found & density.occupancy).bool())
         set_occupancy(density, found)
 
     def _require_finite_iteration(

@@ -14,7 +14,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from styletrf.files.whole_files import whole_file
+from styletrf.files.atomic_write import atomic_write
 from styletrf.style.style_network import PaintingNetwork, StyleNetwork
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
@@ -74,7 +74,7 @@ def write_checkpoint(path: Path, training: Training) -> None:
                 tensors[f"{moment}.{name}"] = training.optimizer.state[parameter][moment]
     rows = [astuple(row) for row in training.curve]
     tensors["curve"] = torch.tensor(rows, dtype=torch.float64).reshape(-1, len(fields(CurveRow)))
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         save_file(tensors, partial)
 
 

@@ -6,7 +6,7 @@ from typing import Literal, TypeVar
 from styletrf.style.gatys import GatysConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.style_network import StyleNetworkConfig
-from styletrf.style.training.temporal_loss import SteadinessConfig
+from styletrf.style.training.temporal_loss import TemporalLossConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class StyleTrainingConfig:
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     statistics: Literal["sliced", "gram"] = "sliced"  # of features, that make the style term
     predictor_weight: float = 1.0  # with a warm start: see `predictor_features`
-    steadiness: SteadinessConfig = field(default_factory=SteadinessConfig)
+    steadiness: TemporalLossConfig = field(default_factory=TemporalLossConfig)
     iterations: int = 2000
     warm_start: bool = True
     normalization_share: float = 0.2  # of the iterations, in which only normalisations learn
@@ -41,7 +41,7 @@ class StyleTrainingConfig:
 Steered = TypeVar("Steered", StyleTrainingConfig, GatysConfig)
 
 
-def steered(config: Steered, stroke_scale: float, content_weight: float) -> Steered:
+def with_style_parameters(config: Steered, stroke_scale: float, content_weight: float) -> Steered:
     """Returns the settings with the painting seen so many times larger, and content counted so."""
     return replace(
         config,

@@ -30,7 +30,7 @@ from styletrf.style.training.config import StyleTrainingConfig
 from styletrf.style.training.data_parallel import Ranks
 from styletrf.style.training.predictor_features import Grams, predictor_grams, predictor_term
 from styletrf.style.training.sliced_features import sliced_term, style_columns
-from styletrf.style.training.temporal_loss import ContentPair, disturbed, steadiness
+from styletrf.style.training.temporal_loss import ContentPair, jittered_pair, temporal_loss
 from styletrf.style.transfer.network import TransferNetwork
 from styletrf.style.transfer.style_predictor import StylePredictor
 
@@ -108,7 +108,7 @@ class StyleStep:
             if config.weight > 0 and k % config.every == 0:
                 seed = (self._config.seed << 32) + (self._ranks.rank << 24) + k
                 generator = torch.Generator().manual_seed(seed)
-                content = disturbed(content, config, generator)
+                content = jittered_pair(content, config, generator)
         if not isinstance(content, ContentPair):
             painted = self._painted(network, content)
             return self._loss(k, painted, content)
@@ -116,7 +116,7 @@ class StyleStep:
         both = self._painted(network, torch.cat([content.first, content.second]))
         first, second = both.chunk(2)
         terms = self._loss(k, first, content.first)
-        unsteady = config.every * config.weight * steadiness(first, second, content)
+        unsteady = config.every * config.weight * temporal_loss(first, second, content)
         return replace(terms, steadiness=unsteady)
 
     def _share(self, content: Tensor | ContentPair) -> Tensor | ContentPair:

@@ -23,7 +23,7 @@ _LEAST_VARIANCE = 1e-3  # on [0, 1]: hardly any contrast
 
 
 @dataclass(frozen=True, slots=True)
-class SteadinessConfig:
+class TemporalLossConfig:
     """How much steadiness counts, and against what."""
 
     weight: float = 0.5
@@ -54,9 +54,9 @@ class ContentPair:
     valid: Bool[Tensor, "batch height width"]
 
 
-def disturbed(
+def jittered_pair(
     content: Float[Tensor, "batch 3 height width"],
-    config: SteadinessConfig,
+    config: TemporalLossConfig,
     generator: torch.Generator,
 ) -> ContentPair:
     """Returns photographs with themselves, moved and noisy."""
@@ -64,13 +64,13 @@ def disturbed(
     shift = torch.rand((batch, 1, 1, 2), generator=generator) * 2 - 1
     flow = (config.shift_px * shift).expand(batch, height, width, 2).to(content)
     # what is at p + flow in the second is at p in the first
-    moved, _ = seen_along(content, -flow)
+    moved, _ = warp_along(content, -flow)
     noise = torch.randn(content.shape, generator=generator).to(content)
-    _, valid = seen_along(content, flow)
+    _, valid = warp_along(content, flow)
     return ContentPair(content, moved + config.noise * noise, flow, valid)
 
 
-def steadiness(
+def temporal_loss(
     first: Float[Tensor, "batch 3 height width"],
     second: Float[Tensor, "batch 3 height width"],
     pair: ContentPair,
@@ -79,7 +79,7 @@ def steadiness(
 
     Differentiable in both. Of a picture without contrast the variance counts as 1e-3.
     """
-    there, inside = seen_along(second, pair.flow_px)
+    there, inside = warp_along(second, pair.flow_px)
     valid = (pair.valid & inside)[:, None]
     difference = torch.where(valid, first - there, 0).square().sum()
     difference = difference / (first.shape[1] * valid.sum().clamp(min=1))
@@ -87,7 +87,7 @@ def steadiness(
     return difference / variance.clamp(min=_LEAST_VARIANCE)
 
 
-def seen_along(
+def warp_along(
     images: Float[Tensor, "batch channels height width"],
     flow_px: Float[Tensor, "batch height width 2"],
 ) -> tuple[Float[Tensor, "batch channels height width"], Bool[Tensor, "batch height width"]]:

@@ -23,7 +23,7 @@ from styletrf.progress import Progress, silent
 from styletrf.style.perceptual.perceptual_loss import PerceptualTerms, shrunk
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import PaintingNetwork, StyleNetwork
-from styletrf.style.style_survey import fine_trace, trace_warnings
+from styletrf.style.style_survey import gram_trace_ratio, trace_warnings
 from styletrf.style.training.checkpoint import (
     CurveRow,
     Training,
@@ -34,7 +34,7 @@ from styletrf.style.training.checkpoint import (
 from styletrf.style.training.config import StyleTrainingConfig
 from styletrf.style.training.data_parallel import Ranks
 from styletrf.style.training.step import StyleStep
-from styletrf.style.training.temporal_loss import ContentPair, SteadinessConfig
+from styletrf.style.training.temporal_loss import ContentPair, TemporalLossConfig
 from styletrf.style.transfer.network import TransferNetwork
 from styletrf.style.transfer.style_predictor import StylePredictor
 
@@ -115,12 +115,12 @@ def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[
     few = content_batches(encoded, batch=8, size_px=config.crop_px, seed=config.seed)
     with closing(few):
         content = next(few).to(vgg.mean.device)
-    ratio = fine_trace(vgg, shrunk(style.to(vgg.mean.device), config.style_px), content)
+    ratio = gram_trace_ratio(vgg, shrunk(style.to(vgg.mean.device), config.style_px), content)
     for warning in trace_warnings(ratio):
         _LOGGER.warning(warning)
 
 
-def _is_paired(k: int, config: SteadinessConfig) -> bool:
+def _is_paired(k: int, config: TemporalLossConfig) -> bool:
     """Whether iteration `k` looks at renders: a share, spread evenly, of those that look at all."""
     look, rest = divmod(k, config.every)
     return rest == 0 and int((look + 1) * config.renders) > int(look * config.renders)

@@ -1,6 +1,6 @@
 import pytest
 
-from styletrf.capture.known_scenes import how_to_get
+from styletrf.capture.known_scenes import download_instructions
 
 
 @pytest.mark.parametrize(
@@ -11,7 +11,7 @@ from styletrf.capture.known_scenes import how_to_get
     ],
 )
 def test_public_scenes_are_known_with_archive_and_place(name, archive, folder):
-    instructions = how_to_get(name)
+    instructions = download_instructions(name)
     assert instructions is not None
     assert archive in instructions
     assert folder in instructions
@@ -19,4 +19,4 @@ def test_public_scenes_are_known_with_archive_and_place(name, archive, folder):
 
 
 def test_others_are_not():
-    assert how_to_get("my_garden") is None
+    assert download_instructions("my_garden") is None

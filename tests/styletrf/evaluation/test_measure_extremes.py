@@ -11,7 +11,7 @@ from styletrf.evaluation.metrics import mean_squared_error, psnr, ssim
 from styletrf.field.kernels import Samples
 from styletrf.field.training.distortion import distortion
 from styletrf.files.float_images import read_float_image, write_float_image
-from styletrf.style.training.temporal_loss import ContentPair, seen_along, steadiness
+from styletrf.style.training.temporal_loss import ContentPair, temporal_loss, warp_along
 from styletrf.stylization.color_transfer import Colors, in_colors
 
 METRICS = pytest.mark.extremes("PSNR and SSIM")
@@ -86,14 +86,14 @@ def test_any_painted_view_gets_colors_in_range(colors: Colors, painted, stabilit
 def test_what_flows_out_of_the_picture_does_not_count(flow_px, stability):
     image = torch.from_numpy(noise()).permute(2, 0, 1)[None]
     flow = torch.full((1, 20, 24, 2), flow_px)
-    seen, inside = seen_along(image, flow)
+    seen, inside = warp_along(image, flow)
     assert torch.isfinite(seen).all()
     assert bool(inside.any()) == (flow_px < 1)
     pair = ContentPair(image, image, flow, torch.ones(1, 20, 24) > 0)
     wide = ContentPair(image.double(), image.double(), flow.double(), pair.valid)
-    found = steadiness(image, image, pair)
+    found = temporal_loss(image, image, pair)
     assert found < 1e-6
-    exact = steadiness(wide.first, wide.second, wide)
+    exact = temporal_loss(wide.first, wide.second, wide)
     stability(f"flow of {flow_px:g} px", found - exact, 0.0, precision="float32", happened="finite")
 
 
@@ -107,10 +107,10 @@ def test_unsteadiness_of_any_contrast_is_finite(contrast, stability):
     pair = ContentPair(
         first.detach(), second.detach(), torch.zeros(1, 20, 24, 2), torch.ones(1, 20, 24) > 0
     )
-    found = steadiness(first, second, pair)
+    found = temporal_loss(first, second, pair)
     found.backward()
     assert torch.isfinite(first.grad).all()
-    exact = steadiness(first.double(), second.double(), pair)
+    exact = temporal_loss(first.double(), second.double(), pair)
     stability(f"contrast {contrast:g}", found, exact)
 
 

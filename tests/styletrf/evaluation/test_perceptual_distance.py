@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from styletrf.evaluation.perceptual_distance import (
-    Perception,
+    PerceptualFeatures,
     grams,
     masked_distances,
     perceptual_distance,
@@ -20,7 +20,7 @@ def picture(seed, height=48, width=64):
 
 @pytest.fixture
 def look(vgg):
-    return Perception(vgg, 64)
+    return PerceptualFeatures(vgg, 64)
 
 
 def masked(look, a, b, mask):

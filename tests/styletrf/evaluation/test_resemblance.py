@@ -16,7 +16,7 @@ from styletrf.evaluation.resemblance.frame_resemblance import (
     measure_resemblance,
 )
 from styletrf.evaluation.resemblance.picture_traits import (
-    Judge,
+    TraitMeter,
     TraitsConfig,
     content_distance,
     distances,
@@ -30,9 +30,9 @@ CONFIG = TraitsConfig(96, 64, SlicedWassersteinConfig(samples=1000))
 
 
 @pytest.fixture(scope="module")
-def judge() -> Judge:
+def judge() -> TraitMeter:
     torch.manual_seed(0)
-    return Judge(VGG16().requires_grad_(requires_grad=False), load_efficientnet(), CONFIG)
+    return TraitMeter(VGG16().requires_grad_(requires_grad=False), load_efficientnet(), CONFIG)
 
 
 def picture(seed: int, height: int = 48, width: int = 64, cell: int = 4) -> np.ndarray:
@@ -41,14 +41,14 @@ def picture(seed: int, height: int = 48, width: int = 64, cell: int = 4) -> np.n
     return np.kron(tinted, np.ones((cell, cell, 1))).astype(np.float32)
 
 
-def measured(judge: Judge, plain, stylized, painting, priors=()):
+def measured(judge: TraitMeter, plain, stylized, painting, priors=()):
     config = ResemblanceConfig(frames=2, traits=CONFIG)
     return measure_resemblance(
         ["a", "b", "c"], lambda _: (plain, stylized), painting, priors, judge, config
     )
 
 
-def test_the_painting_is_no_way_from_itself_and_the_nearest_to_itself(judge: Judge):
+def test_the_painting_is_no_way_from_itself_and_the_nearest_to_itself(judge: TraitMeter):
     frame = picture(0)
     paintings = {f"{k}": judge.of_painting(picture(k), frame) for k in range(1, 5)}
     for name, traits in paintings.items():
@@ -57,7 +57,7 @@ def test_the_painting_is_no_way_from_itself_and_the_nearest_to_itself(judge: Jud
         assert set(nearest_painting(traits, paintings).values()) == {name}
 
 
-def test_unstylised_frames_have_ratios_of_one_and_lose_nothing(judge: Judge):
+def test_unstylised_frames_have_ratios_of_one_and_lose_nothing(judge: TraitMeter):
     frame, painting = picture(0), picture(1)
     rows, summary = measured(judge, frame, frame, painting)
     assert [row.view for row in rows] == ["a", "c"]
@@ -67,7 +67,7 @@ def test_unstylised_frames_have_ratios_of_one_and_lose_nothing(judge: Judge):
     assert (summary["sharpness_to_priors"], summary["sharpness_to_unstylized"]) == (None, 1)
 
 
-def test_the_painting_in_place_of_the_frames_has_ratios_of_zero(judge: Judge):
+def test_the_painting_in_place_of_the_frames_has_ratios_of_zero(judge: TraitMeter):
     frame, painting = picture(0), picture(1)
     _, summary = measured(judge, frame, painting, painting, [frame, frame])
     for name in STYLE_DISTANCES:
@@ -77,14 +77,14 @@ def test_the_painting_in_place_of_the_frames_has_ratios_of_zero(judge: Judge):
     assert summary["sharpness_to_priors"] == pytest.approx(sharpness(painting) / sharpness(frame))
 
 
-def test_a_scene_that_is_the_painting_has_no_ratios(judge: Judge):
+def test_a_scene_that_is_the_painting_has_no_ratios(judge: TraitMeter):
     _, summary = measured(judge, picture(0), picture(1), picture(0))
     assert summary["style_swd_patches_ratio"] is None
     assert summary["content_style_product"] is None
     assert summary["style_swd_patches"] > 0
 
 
-def test_content_is_lost_place_by_place(judge: Judge):
+def test_content_is_lost_place_by_place(judge: TraitMeter):
     a, b = judge.of_frame(picture(0)), judge.of_frame(picture(0)[:, ::-1].copy())
     assert content_distance(a, a) == pytest.approx(0, abs=1e-5)
     assert 0 < content_distance(a, b) == pytest.approx(content_distance(b, a))
@@ -94,13 +94,13 @@ def test_content_is_lost_place_by_place(judge: Judge):
     np.zeros((64, 64, 3), np.float32), np.ones((64, 64, 3), np.float32), picture(1, 16, 16),
     picture(2, 8, 4000), np.random.default_rng(0).random((900, 40, 3)).astype(np.float32),
 ], ids=["black", "white", "16 px", "long", "noise"])  # fmt: skip
-def test_extremes_stay_finite(judge: Judge, painting):
+def test_extremes_stay_finite(judge: TraitMeter, painting):
     for frame in (picture(0), np.zeros((48, 64, 3), np.float32), picture(3, 16, 16)):
         _, summary = measured(judge, frame, picture(4, *frame.shape[:2]), painting)
         assert all(value is None or math.isfinite(value) for value in summary.values())
 
 
-def test_a_frame_of_few_pixels_is_refused(judge: Judge):
+def test_a_frame_of_few_pixels_is_refused(judge: TraitMeter):
     with pytest.raises(InputError, match="8 pixels"):
         judge.of_frame(np.zeros((7, 100, 3), np.float32))
 

@@ -56,7 +56,7 @@ def test_a_direction_of_no_length_counts_as_none(form, stability):
     appearance, ray = appearance_of("network"), torch.arange(5)
     components, nowhere = torch.randn(5, 4, generator=generator(1)), torch.zeros(5, 3)
     colors = appearance.decode(components, nowhere, ray, form)
-    appearance.shading.forget_view()
+    appearance.shading.freeze_view_dependence()
     anywhere = appearance.decode(components, torch.ones(5, 3), ray, form)
     torch.testing.assert_close(colors, anywhere)
     exact = exact_colors(appearance, components, nowhere, ray)

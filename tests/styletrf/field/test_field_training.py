@@ -71,7 +71,7 @@ def test_thinned_gradients_fit_about_as_well(scene):
     """On a real scene within 0.03 dB (decision 6); here, where seeds differ by 3 dB, within 1 dB.
 
     Rows that are always left out cost 14 dB here, and rows not made larger for the others 10 dB.
-    That the mean of thinned gradients is the gradient, `test_thinning` holds exactly.
+    That the mean of sparsified gradients is the gradient, `test_sparsification` checks exactly.
     """
     rays = ViewRays(scene.cameras, scene.model.space, 0.01, CPU)
     truths = (scene.images.float() / 255).numpy()
@@ -103,7 +103,7 @@ def test_ranks_are_one_or_three_positive_numbers(ranks):
 
 
 def test_fused_and_reference_kernels_train_to_the_same_field(scene):
-    """But for thinning, whose draws part where the rounding of sums does."""
+    """But for sparsification, whose draws part where the rounding of sums does."""
     config = replace(CONFIG, iterations=30, gradient_threshold=0.0, color_threshold=0.0)
     fused = fit(scene, config)
     plain = fit(scene, config, kernels_for(CPU, "reference"))

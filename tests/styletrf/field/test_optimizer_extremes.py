@@ -8,7 +8,7 @@ from kernel_cases import generator
 
 from styletrf.field.appearance import Appearance
 from styletrf.field.field_config import FieldConfig
-from styletrf.field.kernels.thinning import Thinning, thinned
+from styletrf.field.kernels.sparsification import Sparsification, sparsified
 from styletrf.field.training.optimizer import take_step
 from styletrf.stylization.adaptation import AdaptationConfig, optimizer_of
 
@@ -60,6 +60,6 @@ def test_a_rate_of_any_size_is_taken(decay, stability):
 def test_thinned_gradients_keep_their_sum_whatever_their_size(size, stability):
     """All rows alike: as many are kept as make up for those left out."""
     gradient = torch.full((64, 2), size)
-    found = thinned(gradient, Thinning(4.0, 0.5)).double().sum()
+    found = sparsified(gradient, Sparsification(4.0, 0.5)).double().sum()
     assert float(found) == pytest.approx(128 * float(gradient[0, 0]), rel=1e-6)
-    stability(f"thinned rows of {size:g}", found, gradient.double().sum(), precision="float32")
+    stability(f"sparsified rows of {size:g}", found, gradient.double().sum(), precision="float32")

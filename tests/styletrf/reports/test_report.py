@@ -27,7 +27,7 @@ WORDS = replace(
     summary="24 frames of 64 x 48 pixels.",
     curves=[Curve("RadianceField", "PSNR, dB", range(1, 50), np.log(range(1, 50)).tolist())] * 3,
     metrics=[METRICS],
-    steadiness=[Curve("Short term", "error", [0, 1], [1.0, 2.0], [0.5, 0.5], "frame")],
+    error_curves=[Curve("Short term", "error", [0, 1], [1.0, 2.0], [0.5, 0.5], "frame")],
     stages=[
         StageCost("CameraPoses", 61.0, 2**30, "reused"),
         StageCost("StylizedTrajectory", 7261.0, 3 * 2**30),

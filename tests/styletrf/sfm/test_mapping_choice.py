@@ -5,7 +5,7 @@ from styletrf.capture.capture_file import Photograph
 from styletrf.progress import silent
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
 from styletrf.sfm.mapping import explained_share
-from styletrf.sfm.mapping_choice import MappingTask, map_images
+from styletrf.sfm.mapping_choice import MappingTask, reconstruct
 
 PATH, OVERLAP = 36, 3
 
@@ -75,7 +75,7 @@ def street(count):
 
 def mapped(database, images, photographs, exhaustive_up_to):
     task = MappingTask(database, images, photographs, exhaustive_up_to, OVERLAP, 0, silent)
-    return map_images(task)
+    return reconstruct(task)
 
 
 def named(names):

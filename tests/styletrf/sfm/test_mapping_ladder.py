@@ -1,7 +1,7 @@
 import pycolmap
 import pytest
 
-from styletrf.sfm.mapping import Mapping
+from styletrf.sfm.mapping import SfmResult
 from styletrf.sfm.mapping_ladder import Rung, climbed
 
 
@@ -28,7 +28,7 @@ class Ladder:
             self.tried.append(name)
             if registered is None:
                 return None
-            return Mapping([Model(registered)], "", 1, name, "as usual", explained)
+            return SfmResult([Model(registered)], "", 1, name, "as usual", explained)
 
         return Rung(name, attempt, unless_placed)
 

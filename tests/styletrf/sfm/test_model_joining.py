@@ -3,7 +3,7 @@ import pycolmap
 import pytest
 from test_mapping_choice import frames, mapped, street, walked
 
-from styletrf.sfm.mapping import Mapping, explained_share
+from styletrf.sfm.mapping import SfmResult, explained_share
 from styletrf.sfm.model_joining import joined
 
 COUNT, SHARED = 12, 4
@@ -41,7 +41,7 @@ def distances(model):
 
 def mapping_of(database, models):
     explained = explained_share(database, models)
-    return Mapping(models, "exhaustive", 1, "incremental", "", explained)
+    return SfmResult(models, "exhaustive", 1, "incremental", "", explained)
 
 
 def test_two_halves_that_share_photographs_become_the_whole(halves):

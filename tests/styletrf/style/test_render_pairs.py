@@ -11,7 +11,7 @@ from styletrf.evaluation.consistency.frame_pairs import PairPlan, planned_pairs
 from styletrf.field.rendering import Rendering
 from styletrf.geometry.cameras import Camera
 from styletrf.style.training.render_pairs import RenderPairs, training_pairs
-from styletrf.style.training.temporal_loss import steadiness
+from styletrf.style.training.temporal_loss import temporal_loss
 from styletrf.trajectory.frames import write_float_frames
 
 WIDTH, HEIGHT = 40, 32
@@ -41,10 +41,10 @@ def test_what_the_scene_shows_is_steady(folder, k):
     pair = RenderPairs(folder, batch=2, crop_px=24, seed=0)(k)
     assert pair.first.shape == pair.second.shape == (2, 3, 24, 24)
     assert pair.valid.float().mean() > 0.3
-    steady = steadiness(pair.first, pair.second, pair)
+    steady = temporal_loss(pair.first, pair.second, pair)
     assert steady < 2e-3
     turned = torch.rot90(pair.first, dims=(2, 3))
-    assert steadiness(turned, torch.rot90(pair.second, dims=(2, 3)), pair) > 2 * steady
+    assert temporal_loss(turned, torch.rot90(pair.second, dims=(2, 3)), pair) > 2 * steady
 
 
 def test_a_pair_depends_on_its_number_alone(folder):

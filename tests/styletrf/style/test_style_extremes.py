@@ -16,7 +16,7 @@ from styletrf.style.perceptual.perceptual_loss import (
 )
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig, stylize
 from styletrf.style.training.step import StyleStep
-from styletrf.style.training.temporal_loss import SteadinessConfig
+from styletrf.style.training.temporal_loss import TemporalLossConfig
 from styletrf.style.training.trainer import begin
 
 SMALL = StyleNetworkConfig(width=2, n_residual=1)
@@ -83,7 +83,7 @@ def test_a_style_that_is_the_content_costs_nothing(vgg):
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("painting", [0.0, 1.0])
 def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painting):
-    config = replace(TINY, steadiness=SteadinessConfig(every=1), identity_iterations=0)
+    config = replace(TINY, steadiness=TemporalLossConfig(every=1), identity_iterations=0)
     training, config = begin(config, torch.device("cpu"))
     step = StyleStep(config, vgg, torch.full((64, 64, 3), painting))
     for k in range(3):
@@ -92,7 +92,7 @@ def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painti
 
 @pytest.mark.extremes("Style training")
 def test_noise_that_drowns_the_photograph_is_finite(vgg):
-    config = replace(TINY, steadiness=SteadinessConfig(noise=1e3, shift_px=1e4, every=1))
+    config = replace(TINY, steadiness=TemporalLossConfig(noise=1e3, shift_px=1e4, every=1))
     training, config = begin(config, torch.device("cpu"))
     terms = StyleStep(config, vgg, style())(training, 0, torch.rand(1, 3, 32, 32))
     assert torch.isfinite(terms.total)

@@ -20,7 +20,7 @@ from styletrf.evaluation.consistency.trajectory_consistency import (
     measure_consistency,
 )
 from styletrf.evaluation.flow import FlowEstimator
-from styletrf.evaluation.perceptual_distance import Perception
+from styletrf.evaluation.perceptual_distance import PerceptualFeatures
 from styletrf.evaluation.quality import measure_quality
 from styletrf.evaluation.stylization_loss import StylizationLossConfig, measure_stylization
 from styletrf.field.rendering import Rendering
@@ -112,7 +112,7 @@ def test_a_network_that_is_given_is_finite(tmp_path):
 def test_consistency_names_the_frame(vgg, kind):
     frames = {name: pan(texture(k)) for k, name in enumerate(("unstylised", "stylised"))}
     frames[kind][2] = np.full_like(frames[kind][2], np.nan)
-    look = Perception(vgg, 32)
+    look = PerceptualFeatures(vgg, 32)
     with stops("consistency", kind, "in frame 2"):
         measure_consistency(
             shown(frames["unstylised"], frames["stylised"], None), FRAMES, texture(1), look,

@@ -8,7 +8,7 @@ import torch
 
 from styletrf.files.images import write_rgb
 from styletrf.style.style_image import read_style_image
-from styletrf.style.style_survey import fine_trace, painting_warnings, trace_warnings
+from styletrf.style.style_survey import gram_trace_ratio, painting_warnings, trace_warnings
 from styletrf.synthetic.paintings import PAINTINGS
 
 RNG = np.random.default_rng(0)
@@ -45,9 +45,9 @@ def test_the_warning_reaches_the_log(tmp_path, caplog):
 
 def test_the_trace_is_relative_to_the_content(vgg):
     content = torch.rand(3, 3, 32, 32, generator=torch.Generator().manual_seed(0))
-    assert fine_trace(vgg, content[:1], content[:1]) == pytest.approx(1)
-    bright = fine_trace(vgg, content[:1], 0.5 * content[:1])
+    assert gram_trace_ratio(vgg, content[:1], content[:1]) == pytest.approx(1)
+    bright = gram_trace_ratio(vgg, content[:1], 0.5 * content[:1])
     assert bright > 1.1
     assert trace_warnings(0.9) == []
     assert "3.5 times" in trace_warnings(3.5)[0]
-    assert np.isfinite(fine_trace(vgg, content[:1], torch.zeros(1, 3, 32, 32)))
+    assert np.isfinite(gram_trace_ratio(vgg, content[:1], torch.zeros(1, 3, 32, 32)))

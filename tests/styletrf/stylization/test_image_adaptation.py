@@ -15,7 +15,7 @@ from styletrf.field.rendering import RenderConfig
 from styletrf.field.view_rays import ViewRays
 from styletrf.scene.free_space import CELLS
 from styletrf.stylization.adaptation import AdaptationConfig
-from styletrf.stylization.free_adaptation import adapt_all, fit_anew
+from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
 from styletrf.stylization.image_adaptation import (
     ImageAdaptationConfig,
     _accumulate,
@@ -91,7 +91,7 @@ def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, fiel
     painted = 255 - scene.images
     before = {name: tensor.clone() for name, tensor in field.state_dict().items()}
     config = replace(CONFIG, iterations=400)
-    adapted, curve = adapt_all(field, scene.cameras, painted, scene.model.space, config, KERNELS)
+    adapted, curve = finetune_all(field, scene.cameras, painted, scene.model.space, config, KERNELS)
     assert curve[-1].psnr > curve[0].psnr + 3
     assert all(torch.equal(t, before[name]) for name, t in field.state_dict().items())
     moved = [
@@ -99,7 +99,7 @@ def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, fiel
         for a, b in zip(adapted.density.parameters(), field.density.parameters(), strict=True)
     ]
     assert any(moved), "S2 frees the density"
-    anew, curve = fit_anew(
+    anew, curve = fit_new_field(
         scene.cameras, painted, scene.model.space, scene.model.resolution, config, KERNELS
     )
     assert curve[-1].psnr > curve[0].psnr + 3
@@ -112,7 +112,7 @@ def test_a_new_field_leaves_free_space_empty(scene):
     config = replace(CONFIG, iterations=40)
 
     def occupied(free):
-        new, _ = fit_anew(
+        new, _ = fit_new_field(
             scene.cameras, scene.images, scene.model.space, scene.model.resolution, config,
             KERNELS, free=free,
         )  # fmt: skip
@@ -125,7 +125,7 @@ def test_a_new_field_leaves_free_space_empty(scene):
 
 def test_the_factors_of_the_controls_steer_the_loss_of_renders():
     usual = StylizationConfig()
-    steered = usual.steered(stroke_scale=2.0, content_weight=0.5)
-    assert steered.style_px == 2 * usual.style_px
-    assert steered.image_loss.content_weight == 0.5 * usual.image_loss.content_weight
-    assert usual.steered(1.0, 1.0) == usual
+    with_style_parameters = usual.with_style_parameters(stroke_scale=2.0, content_weight=0.5)
+    assert with_style_parameters.style_px == 2 * usual.style_px
+    assert with_style_parameters.image_loss.content_weight == 0.5 * usual.image_loss.content_weight
+    assert usual.with_style_parameters(1.0, 1.0) == usual

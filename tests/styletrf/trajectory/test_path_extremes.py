@@ -8,7 +8,7 @@ from styletrf.files.float_images import FloatImage
 from styletrf.files.images import to_integers
 from styletrf.geometry.cameras import moved
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
-from styletrf.stylization.background import empty_ground
+from styletrf.stylization.background import empty_background
 from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through, look_at, prior_views
 
 PATHS = pytest.mark.extremes("Trajectories")
@@ -69,6 +69,6 @@ def test_the_mean_colour_of_an_object_is_within_its_own(opacity, color, stabilit
     alpha = np.zeros((8, 8), np.float32)
     alpha[:4] = opacity
     image = (alpha * color + (1 - alpha))[..., None].repeat(3, axis=-1).astype(np.float32)
-    ground = empty_ground([FloatImage(image, alpha, np.ones_like(alpha))])
+    ground = empty_background([FloatImage(image, alpha, np.ones_like(alpha))])
     assert ground.mean == pytest.approx([color] * 3, abs=1e-4)
     stability(f"opacity {opacity:g}, colour {color:g}", ground.mean, np.full(3, color))

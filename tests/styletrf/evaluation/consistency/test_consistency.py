@@ -13,7 +13,7 @@ from styletrf.evaluation.consistency.trajectory_consistency import (
     ConsistencyConfig,
     measure_consistency,
 )
-from styletrf.evaluation.perceptual_distance import Perception
+from styletrf.evaluation.perceptual_distance import PerceptualFeatures
 from styletrf.field.rendering import Rendering
 from styletrf.files.float_images import FloatImage
 from styletrf.geometry.camera_table import read_cameras
@@ -26,7 +26,7 @@ def measure(vgg):
         frames = shown(plain, painted, cameras)
         config = ConsistencyConfig(**{"perceptual_px": 32} | options)
         calls = {"progress": progress} if progress else {}
-        look = Perception(vgg, config.perceptual_px)
+        look = PerceptualFeatures(vgg, config.perceptual_px)
         painting = texture(1) if painting is None else painting
         return measure_consistency(frames, len(plain), painting, look, config, **calls, cuts=cuts)
 
@@ -241,7 +241,7 @@ def test_files_and_arrays_give_the_same(measure, vgg, tmp_path):
     read = read_cameras(tmp_path / "a" / "cameras.parquet")
     frames = (read_frame(tmp_path / "a", tmp_path / "b", c) for c in read)
     config = ConsistencyConfig(deltas=(1,), perceptual_px=32)
-    from_files = measure_consistency(frames, 4, texture(1), Perception(vgg, 32), config)
+    from_files = measure_consistency(frames, 4, texture(1), PerceptualFeatures(vgg, 32), config)
     from_arrays = measure(plain, painted, deltas=(1,))
     for file_row, array_row in zip(from_files.pairs, from_arrays.pairs, strict=True):
         assert file_row.pop("flow") == array_row.pop("flow")
@@ -262,7 +262,7 @@ def test_frames_are_read_when_their_turn_comes(vgg):
         seen.append((done, total, max(read)))
 
     config = ConsistencyConfig(deltas=(1,), depth_deltas=(), perceptual_px=16)
-    look = Perception(vgg, 16)
+    look = PerceptualFeatures(vgg, 16)
     measure_consistency(recorded(), FRAMES, texture(1), look, config, progress)
     assert seen == [(i, FRAMES - 1, i) for i in range(1, FRAMES)]
 
@@ -298,7 +298,7 @@ def test_what_is_hidden_in_the_other_frame_is_left_out(measure, vgg):
 
     frames[1] = replace(frames[1], unstylized=hidden)
     config = ConsistencyConfig(deltas=(1,), perceptual_px=16)
-    pair = measure_consistency(frames, 2, texture(1), Perception(vgg, 16), config).pairs[0]
+    pair = measure_consistency(frames, 2, texture(1), PerceptualFeatures(vgg, 16), config).pairs[0]
     assert pair["geometric_fraction"] == pytest.approx(0.5 - STEP / WIDTH, abs=0.03)
     assert pair["geometric_error"] < 1e-9
 

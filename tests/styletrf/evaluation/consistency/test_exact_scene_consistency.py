@@ -11,7 +11,7 @@ from styletrf.evaluation.consistency.trajectory_consistency import (
     measure_consistency,
 )
 from styletrf.evaluation.flow import METHODS, FlowEstimator
-from styletrf.evaluation.perceptual_distance import Perception
+from styletrf.evaluation.perceptual_distance import PerceptualFeatures
 from styletrf.files.float_images import FloatImage
 from styletrf.geometry.cameras import pixel_centers
 from styletrf.geometry.exact_flow import exact_flow
@@ -54,7 +54,7 @@ def measured(views, stylized, vgg, **options):
     cameras, images, _ = views
     frames = [Frame(*parts) for parts in zip(cameras, images, stylized, strict=True)]
     config = ConsistencyConfig(deltas=(1,), perceptual_px=32, **options)
-    figures = measure_consistency(frames, FRAMES, stylized[0], Perception(vgg, 32), config)
+    figures = measure_consistency(frames, FRAMES, stylized[0], PerceptualFeatures(vgg, 32), config)
     return figures.summary["delta_1"]
 
 

@@ -10,14 +10,14 @@ from styletrf.evaluation.consistency.trajectory_consistency import (
     ConsistencyConfig,
     measure_consistency,
 )
-from styletrf.evaluation.perceptual_distance import Perception
+from styletrf.evaluation.perceptual_distance import PerceptualFeatures
 
 
 @pytest.fixture
 def measure(vgg):
     def measured(painted, own_depth=None) -> Consistency:
         frames = shown(pan(texture(0)), painted, own_depth=own_depth)
-        look, config = Perception(vgg, 32), ConsistencyConfig(perceptual_px=32)
+        look, config = PerceptualFeatures(vgg, 32), ConsistencyConfig(perceptual_px=32)
         return measure_consistency(frames, FRAMES, texture(1), look, config)
 
     return measured

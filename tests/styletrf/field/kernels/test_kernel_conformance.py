@@ -148,8 +148,8 @@ def test_heavy_samples_with_ties_and_haze(form, threshold):
     counts = [0, 1, 2, *torch.randint(0, 50, (12,), generator=g).tolist(), 0]
     weights = torch.randint(0, 4, (sum(counts),), generator=g) / 64
     weights.requires_grad_()
-    heavy = form.heavy(packed(counts, weights), threshold)
-    exact = REFERENCE.heavy(packed(counts, weights.detach().double()), threshold)
+    heavy = form.prune(packed(counts, weights), threshold)
+    exact = REFERENCE.prune(packed(counts, weights.detach().double()), threshold)
     assert torch.equal(heavy.offsets, exact.offsets)
     assert torch.equal(heavy.ray, exact.ray)
     assert torch.equal(heavy.s.double(), exact.s)

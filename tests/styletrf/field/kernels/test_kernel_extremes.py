@@ -200,7 +200,7 @@ def test_nan_in_a_factor_reaches_the_weights_and_the_heavy_samples(form, stabili
         march = whole_grid(termination=1e-3)
         samples = form.trace(factors, rays_of_lengths([1.0] * 4, 20), torch.rand(4), march)
         assert samples.weights.isnan().any()
-        heavy = form.heavy(samples, 0.01)
+        heavy = form.prune(samples, 0.01)
         assert heavy.weights.isnan().sum() == samples.weights.isnan().sum()
         assert form.opacity(heavy).isnan().any()
         exact = REFERENCE.trace(

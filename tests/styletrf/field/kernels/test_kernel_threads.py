@@ -53,7 +53,7 @@ def test_a_march_its_sums_and_their_gradients():
         samples = FUSED.trace(factors, segments, torch.full((400,), 0.5), march)
         opacity = FUSED.opacity(samples)
         opacity.square().sum().backward()
-        heavy = FUSED.heavy(samples, 0.01)
+        heavy = FUSED.prune(samples, 0.01)
         values = [samples.weights.detach(), opacity.detach(), heavy.s]
         return [*values, *(p.grad for p in factors.parameters())]
 

@@ -1,0 +1,38 @@
+"""Results computed a few steps ahead of their use, in threads, in order."""
+
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def prefetch(
+    function: Callable[[Item], Result], items: Iterable[Item], *, threads: int, ahead: int
+) -> Generator[Result, None, None]:
+    """Yields `function(item)` for each item, in order, with at most `ahead` results in waiting.
+
+    `items` may be endless. An exception of `function` is raised in its turn. Closing the iterator
+    drops what has not begun.
+
+    Args:
+        function: Safe to call from several threads at once.
+        items: Iterated in the caller's thread.
+        threads: How many calls run at a time.
+        ahead: How many calls may be started or done before their result is asked for.
+    """
+    remaining = iter(items)
+    executor = ThreadPoolExecutor(threads)
+    try:
+        waiting: deque[Future[Result]] = deque(
+            executor.submit(function, item) for item in islice(remaining, ahead)
+        )
+        while waiting:
+            result = waiting.popleft().result()
+            waiting.extend(executor.submit(function, item) for item in islice(remaining, 1))
+            yield result
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)

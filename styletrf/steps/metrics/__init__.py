@@ -1,0 +1,4 @@
+"""The steps that measure: a field on held-out photographs, and stylized frames.
+
+Enters: folders of a field, of frames, of the painting. Leaves: `summary.json` and tables.
+"""

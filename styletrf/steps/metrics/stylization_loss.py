@@ -1,0 +1,41 @@
+"""The style and content loss of stylized frames."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from styletrf.configuration import configured
+from styletrf.devices import device_named
+from styletrf.evaluation.stylization_loss import StylizationLossConfig, measure_stylization
+from styletrf.files.images import read_rgb
+from styletrf.files.tables import write_rows, write_summary
+from styletrf.progress import Progress
+from styletrf.steps.metrics.frame_reader import frames_of
+from styletrf.style.perceptual.vgg import load_vgg
+
+
+def measure_style_and_content(
+    inputs: Mapping[str, Path],
+    out: Path,
+    settings: Mapping[str, Any],
+    device_name: str,
+    progress: Progress,
+) -> None:
+    """Writes the style and content loss: `frames.parquet` and `summary.json`.
+
+    Args:
+        inputs: `unstylized`, `stylized`, `style` and `perceptual`.
+        out: The folder to fill.
+        settings: Of `StylizationLossConfig`.
+        device_name: `auto`, `cpu` or `cuda`.
+        progress: Called with the number of frames.
+    """
+    rows, means = measure_stylization(
+        *frames_of(inputs),
+        read_rgb(inputs["style"] / "style.png"),
+        load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(device_name)),
+        configured(StylizationLossConfig, settings),
+        progress,
+    )
+    write_rows(out / "frames.parquet", rows)
+    write_summary(out / "summary.json", means)

@@ -1,0 +1,22 @@
+"""The scene model, from the photographs that are not held out."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from styletrf.configuration import configured
+from styletrf.scene.scene_model import SceneModelConfig, write_scene_model
+from styletrf.scene.training_photographs import model_of_photographs, read_training_photographs
+
+
+def decide_model(poses: Path, out: Path, settings: Mapping[str, Any]) -> None:
+    """Writes `scene.json`.
+
+    Args:
+        poses: The folder of `solve_poses`.
+        out: The folder to fill.
+        settings: Of `SceneModelConfig`.
+    """
+    photographs = read_training_photographs(poses)
+    model = model_of_photographs(photographs, configured(SceneModelConfig, settings))
+    write_scene_model(out / "scene.json", model)

@@ -1,0 +1,63 @@
+"""The field in the style of the stylized priors."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from styletrf.configuration import configured
+from styletrf.devices import device_named
+from styletrf.field.radiance_field import save_appearance, save_field
+from styletrf.files.tables import write_curve
+from styletrf.progress import Progress
+from styletrf.stylization.strategies import (
+    Match,
+    StylizationConfig,
+    load_stylization,
+    stylized,
+    stylized_with_own_density,
+)
+
+Strategy = Literal["s1", "s2", "s3"]
+
+
+def stylize_field(
+    inputs: Mapping[str, Path],
+    out: Path,
+    settings: Mapping[str, Any],
+    factors: tuple[float, float],
+    strategy: Strategy,
+    match: Match,
+    device_name: str,
+    progress: Progress,
+) -> None:
+    """Writes the stylized field: `appearance.safetensors`, `field.json`, `density.json`, a curve.
+
+    `density.json` names the field whose density is shared; s1 and s2 write `density.safetensors`.
+
+    Args:
+        inputs: `field`, `model`, `priors`, `stylized`; `poses` for s1; `style` and `perceptual` for
+            a loss on whole renders.
+        out: The folder to fill.
+        settings: Of `StylizationConfig`.
+        factors: Stroke scale and content weight.
+        strategy: Adapt the appearance (s3), adapt the whole field (s2), or fit a new one (s1).
+        match: The loss.
+        device_name: `auto`, `cpu` or `cuda`.
+        progress: Called with the iteration and the loss.
+    """
+    config = configured(StylizationConfig, settings).with_style_parameters(*factors)
+    job = load_stylization(inputs, device_named(device_name), match)
+    if strategy == "s3":
+        field, curve, dropped = stylized(job, config, progress)
+        save_appearance(out, field)
+    else:
+        field, curve = stylized_with_own_density(
+            job, config, progress, from_scratch=strategy == "s1"
+        )
+        dropped = 0.0
+        save_field(out, field)
+    write_curve(out / "curve.parquet", curve)
+    shared = inputs["field"].name if strategy == "s3" else None
+    density = {"density_of": shared, "dropped_weight": dropped}
+    (out / "density.json").write_text(json.dumps(density, indent=1, sort_keys=True) + "\n")

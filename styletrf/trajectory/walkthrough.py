@@ -1,0 +1,138 @@
+"""The way that photographers took through a scene, smoothed: what a path along it follows.
+
+A walk looks neither at one place nor away from one. The photographs are put in the order in which
+they were taken, or in that of nearest neighbours where that way is shorter; a point of the path is
+the mean of the photographs near it, weighted by a Gaussian over their number. Photographs from one
+place are one; where these look all around, as views of a panorama do, the path looks ahead.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from styletrf.geometry.cameras import Camera
+
+Points = Float[np.ndarray, "places 3"]
+Shares = Float[np.ndarray, " places"]
+Centers = Float[np.ndarray, "views 3"]
+
+SMOOTHING = 1.5  # photographs
+_ONE_PLACE = 1e-6  # of the extent of all places
+_ALL_AROUND = 0.5  # length of the mean of unit directions
+_CLOSED = 4.0  # median steps between the last photograph and the first of a round
+_DENSE = 32  # places a photograph at which the way is measured
+
+
+def smoothed_walkthrough(
+    cameras: Sequence[Camera], shares: Shares, *, back: bool
+) -> tuple[Points, Points]:
+    """Returns centres and unit directions of view at shares, from 0 to 1, of the way taken.
+
+    A round is gone once. Another way is gone there and, with `back`, the same way back, so that
+    the path closes.
+    """
+    centers, forwards = _places(cameras)
+    order = _shortest_order(centers)
+    centers, forwards = centers[order], forwards[order]
+    closed = is_closed(centers)
+    if not closed:
+        shares = 0.5 - 0.5 * np.cos(2 * np.pi * shares) if back else shares
+    number = _by_length(centers, shares, closed=closed)
+    weights = gaussian_weights(number, len(centers), closed=closed)
+    if looks_all_around(cameras):
+        forwards = _directions(centers, closed=closed)
+    ahead = weights @ forwards
+    return weights @ centers, ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+
+
+def looks_all_around(cameras: Sequence[Camera]) -> bool:
+    """Returns whether photographs from one place look in many directions, at most places."""
+    _, forwards = _places(cameras)
+    return bool(np.median(np.linalg.norm(forwards, axis=1)) < _ALL_AROUND)
+
+
+def onwards(cameras: Sequence[Camera]) -> tuple[Centers, Centers]:
+    """Returns the places of photographs, and the unit direction of the way at each of them."""
+    centers, _ = _places(cameras)
+    return centers, _directions(centers, closed=is_closed(centers))
+
+
+def _places(cameras: Sequence[Camera]) -> tuple[Centers, Centers]:
+    """Returns the places where photographs were taken, and the mean direction of view at each.
+
+    The mean is short where they look in many directions.
+    """
+    centers = np.stack([camera.center_world for camera in cameras])
+    forwards = np.stack([camera.forward_world for camera in cameras])
+    extent = np.ptp(centers, axis=0).max()
+    apart = np.linalg.norm(np.diff(centers, axis=0), axis=1) > _ONE_PLACE * extent
+    starts = np.append(0, np.flatnonzero(apart) + 1)
+    counts = np.diff(np.append(starts, len(centers)))
+    return centers[starts], np.add.reduceat(forwards, starts) / counts[:, None]
+
+
+def _directions(centers: Centers, *, closed: bool) -> Centers:
+    """Returns the unit direction from each place's predecessor to its successor.
+
+    Of a single place it is the z axis.
+    """
+    if len(centers) == 1:
+        return np.array([[0.0, 0.0, 1.0]])
+    around = np.pad(centers, ((1, 1), (0, 0)), mode="wrap" if closed else "edge")
+    way = around[2:] - around[:-2]
+    return np.asarray(way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12))
+
+
+def _shortest_order(centers: Centers) -> Int[np.ndarray, " views"]:
+    taken = np.arange(len(centers))
+    return min((taken, _by_neighbours(centers)), key=lambda order: _length(centers[order]))
+
+
+def _by_neighbours(centers: Centers) -> Int[np.ndarray, " views"]:
+    """Returns the order that goes on to the nearest photograph left, from one at an end."""
+    first = int(np.linalg.norm(centers - centers.mean(axis=0), axis=1).argmax())
+    order, left = [first], set(range(len(centers))) - {first}
+    while left:
+        rest = np.array(sorted(left))
+        away = np.linalg.norm(centers[rest] - centers[order[-1]], axis=1)
+        order.append(int(rest[away.argmin()]))
+        left.remove(order[-1])
+    return np.array(order)
+
+
+def _length(centers: Centers) -> float:
+    return float(np.linalg.norm(np.diff(centers, axis=0), axis=1).sum())
+
+
+def is_closed(centers: Centers) -> bool:
+    """Whether the last photograph is about as near to the first as neighbours are."""
+    if len(centers) < 3:
+        return False
+    steps = np.linalg.norm(np.diff(centers, axis=0), axis=1)
+    gap = np.linalg.norm(centers[-1] - centers[0])
+    return bool(gap <= _CLOSED * np.median(steps) and gap < 0.2 * steps.sum())
+
+
+def _by_length(
+    centers: Centers, share: Float[np.ndarray, " places"], *, closed: bool
+) -> Float[np.ndarray, " places"]:
+    """Returns the number of the photograph, in fractions, at shares of the smoothed way."""
+    n = len(centers)
+    number = np.linspace(0, n if closed else n - 1, _DENSE * n + 1)
+    way = gaussian_weights(number, n, closed=closed) @ centers
+    length = np.concatenate([[0.0], np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum()])
+    result: Float[np.ndarray, " places"] = np.interp(share * length[-1], length, number)
+    return result
+
+
+def gaussian_weights(
+    number: Shares, n: int, *, closed: bool, deviation: float = SMOOTHING
+) -> Float[np.ndarray, "places views"]:
+    """Returns the weights, of sum 1, that n photographs have at places between them."""
+    away = np.abs(number[:, None] - np.arange(n))
+    if closed:
+        away = np.minimum(away, n - away)
+    weights = np.exp(-((away / deviation) ** 2) / 2)
+    normalized: Float[np.ndarray, "places views"] = weights / weights.sum(axis=1, keepdims=True)
+    return normalized

@@ -1,0 +1,75 @@
+"""The sources of a command: stages that need no other one, and read or fetch what the user names.
+
+Most take seconds, so all run first; where one fails, the command stops, since what the other
+stages make in hours would lack it. With `--keep-going` all that does not need it is made. Under
+luigid, too: what this machine cannot read, another one may.
+"""
+
+import functools
+import multiprocessing
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+import luigi
+import psutil
+
+from pipeline.errors import TaskFailure
+from pipeline.maintenance.attempts import find_blocking_failure
+from pipeline.settings import current_store
+from pipeline.task import StoredTask
+from tasks.command.graph import graph
+
+SOURCE_PRIORITY = 10**9
+"""Added to the priority of a source: more than the seconds of any command."""
+
+
+def is_source(stage: luigi.Task) -> bool:
+    """Whether the stage needs no other one."""
+    return not luigi.task.flatten(stage.requires())  # type: ignore[no-untyped-call]
+
+
+@functools.cache
+def sources_of(root: luigi.Task) -> Sequence[StoredTask]:
+    """Returns the sources of a command."""
+    return [task for task in graph(root) if isinstance(task, StoredTask) and is_source(task)]
+
+
+def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
+    """Stops a stage of a command of which a source failed.
+
+    Args:
+        stage: That is about to run.
+        root: What the command asks for, which stops if it has a `keep_going` that was not given;
+            None where no command does.
+
+    Raises:
+        TaskFailure: A source failed since the command began, and `--keep-going` was not given.
+    """
+    if root is None or not may_stop(root) or is_source(stage):
+        return
+    begun = begin_of_command()
+    for source in sources_of(root):
+        problem = find_blocking_failure(source, current_store(), since=begun)
+        if problem and not problem.is_under_way and problem.kind != "late":
+            reason = f"not begun, for {problem.task} failed. --keep-going begins it all the same."
+            raise TaskFailure("user", str(stage), reason)
+
+
+def may_stop(root: luigi.Task) -> bool:
+    """Whether a command stops where what it needs is not there.
+
+    It does if it has a `keep_going` that was not given, and no luigid hands its stages to others.
+    """
+    return not getattr(root, "keep_going", True) and builds_alone()
+
+
+def builds_alone() -> bool:
+    """Whether no luigid hands the stages of the command to several machines."""
+    return bool(luigi.interface.core().local_scheduler)  # type: ignore[no-untyped-call]
+
+
+def begin_of_command() -> datetime:
+    """Returns when the command began, of which this process is or works for."""
+    command = multiprocessing.parent_process()
+    process = psutil.Process(command.pid if command else None)
+    return datetime.fromtimestamp(process.create_time(), UTC)

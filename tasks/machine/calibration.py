@@ -1,0 +1,140 @@
+"""How fast this machine is: seconds of reference workloads, measured once and kept in the store.
+
+Times measured on one machine are multiplied by the ratio of two calibrations to be those of
+another. No result depends on them, and no key has them.
+"""
+
+import functools
+import json
+import logging
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pipeline.digest import typed_digest
+from pipeline.execution.cpu_memory import usable_cores
+from pipeline.execution.gpu import VISIBLE, visible_cards
+from tasks.machine.local_facts import add_fact, read_facts
+
+_MAIN = "from tasks.machine.calibration import main; main()"
+screen = logging.getLogger("pipeline")
+
+CALIBRATIONS = "calibrations"
+"""The file of the store that has those of all its machines."""
+_LIBRARIES = ("numba", "opencv-contrib-python-headless", "pycolmap", "torch")
+_POSES = {"CameraPoses", "ContentImages", "SceneCapture", "SceneModel", "StyleImage"}
+_FIELD = {
+    "PriorRenders", "QualityMetrics", "RadianceField", "StylizedField", "StylizedFrames",
+    "TrajectoryFrames",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """What a calibration is of; on another machine, or with other versions, it does not hold.
+
+    Attributes:
+        processor: Its name.
+        cores: How many this process may use.
+        device: What stages compute on: `cpu`, or the GPUs by their UUIDs.
+        versions: Of the libraries that compute.
+    """
+
+    processor: str
+    cores: int
+    device: str
+    versions: Mapping[str, str]
+
+    @property
+    def digest(self) -> str:
+        """Its name in the file of calibrations."""
+        return typed_digest("machine-v1", json.dumps(asdict(self), sort_keys=True).encode())
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """The seconds of the workloads `poses`, `field` and `network` on a machine, and the day."""
+
+    machine: Machine
+    seconds: Mapping[str, float]
+    measured: str
+
+    @classmethod
+    def from_json(cls, fields: Mapping[str, Any]) -> "Calibration":
+        """Returns the calibration that `dataclasses.asdict` made these fields of."""
+        return cls(**{**fields, "machine": Machine(**fields["machine"])})
+
+    def times_slower_than(self, other: "Calibration", family: str) -> float:
+        """Returns the seconds of a stage here over those on the other machine."""
+        kind = workload_of(family)
+        return self.seconds[kind] / other.seconds[kind]
+
+
+def workload_of(family: str) -> str:
+    """Returns the workload that stands for a stage."""
+    return "poses" if family in _POSES else "field" if family in _FIELD else "network"
+
+
+def this_machine(device: str = "auto") -> Machine:
+    """Returns what a calibration for `--device` is of."""
+    cards = [] if device == "cpu" else visible_cards()
+    versions = {name: version(name) for name in _LIBRARIES}
+    return Machine(processor(), len(usable_cores()), ",".join(cards) or "cpu", versions)
+
+
+@functools.cache
+def calibration_of_machine(device: str = "auto") -> Calibration:
+    """Returns the calibration of this machine; measures it where the store has none.
+
+    That takes some ten seconds, in an interpreter of its own; where kernels of the field were never
+    compiled, half a minute more.
+
+    Raises:
+        subprocess.CalledProcessError: The workloads fail.
+    """
+    machine = this_machine(device)
+    with suppress(KeyError, TypeError, ValueError):
+        return Calibration.from_json(read_facts(CALIBRATIONS)[machine.digest])
+    screen.info("Measuring how fast this machine is, once; it takes less than a minute.")
+    calibration = Calibration(machine, _measured(device), f"{datetime.now(UTC):%Y-%m-%d}")
+    keep_calibration(calibration)
+    return calibration
+
+
+def keep_calibration(calibration: Calibration) -> None:
+    """Keeps a calibration for its machine."""
+    add_fact(CALIBRATIONS, calibration.machine.digest, asdict(calibration))
+
+
+def processor() -> str:
+    """Returns the processor's name."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or platform.machine())
+
+
+def _measured(device: str) -> dict[str, float]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    if device != "cpu" and not environment.get(VISIBLE):
+        environment.pop(VISIBLE, None)  # of a build that computes on no GPU itself
+    command = [sys.executable, "-P", "-c", _MAIN, device]
+    pipe = subprocess.PIPE  # COLMAP writes what it does
+    done = subprocess.run(command, stdout=pipe, stderr=pipe, text=True, check=True, env=environment)
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+def main() -> None:
+    """Writes them as JSON, of what the words of the command name."""
+    from styletrf.devices import device_named
+    from styletrf.evaluation.calibration.workloads import measure_workloads
+
+    sys.stdout.write(f"{json.dumps(measure_workloads(device_named(sys.argv[1])))}\n")

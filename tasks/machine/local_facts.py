@@ -1,0 +1,33 @@
+"""Small facts that a machine remembers beside the artifacts of its store, in files of JSON.
+
+No result depends on them: a file that is damaged counts as empty, and one that cannot be written
+stays as it is.
+"""
+
+import json
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from pipeline.settings import current_store
+from styletrf.files.atomic_write import atomic_write
+
+
+def read_facts(name: str) -> dict[str, Any]:
+    """Returns what the file `name` of the store holds."""
+    with suppress(OSError, ValueError):
+        content = json.loads(facts_file(name).read_text())
+        return content if isinstance(content, dict) else {}
+    return {}
+
+
+def add_fact(name: str, key: str, value: Any) -> None:
+    """Adds a value to the file, which others see as it was or as it is, never a part."""
+    known = {**read_facts(name), key: value}
+    with suppress(OSError), atomic_write(facts_file(name)) as partial:
+        partial.write_text(json.dumps(known, indent=1, sort_keys=True))
+
+
+def facts_file(name: str) -> Path:
+    """Returns where the file lies."""
+    return current_store().root / f"{name}.json"

@@ -1,0 +1,50 @@
+"""Optional dependencies of metrics: their versions are part of the key, absent ones are errors.
+
+Neither torch nor the packages themselves are imported for this.
+"""
+
+import os
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from pipeline.digest import file_digest
+from styletrf.errors import InputError
+from styletrf.files.published_weights import ALEXNET, RAFT
+
+
+def lpips_digests() -> dict[str, str]:
+    """Returns the releases of lpips and torchvision, and the digest of AlexNet's weights.
+
+    Raises:
+        InputError: One of them is not at hand.
+    """
+    return _digests("LPIPS", ("lpips", "torchvision"), ALEXNET)
+
+
+def raft_digests() -> dict[str, str]:
+    """Returns the release of torchvision and the digest of RAFT's weights.
+
+    Raises:
+        InputError: One of them is not at hand.
+    """
+    return _digests("flow raft", ("torchvision",), RAFT)
+
+
+def _digests(what: str, packages: tuple[str, ...], weights: str) -> dict[str, str]:
+    path = _downloads() / weights
+    try:
+        versions = {package: version(package) for package in packages}
+    except PackageNotFoundError as error:
+        problem = f"needs the package {error.name}, which is not installed"
+        raise InputError(what, problem, "Install it, or leave that out") from error
+    if not path.is_file():
+        problem = "is not there: weights that torchvision publishes"
+        raise InputError(f"{path} for {what}", problem, "Fetch them there, or leave that out")
+    return {**versions, weights: file_digest(path)}
+
+
+def _downloads() -> Path:
+    """Where torch keeps what it has downloaded (the environment decides, as in torch.hub)."""
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    home = os.environ.get("TORCH_HOME") or Path(cache, "torch")
+    return Path(home, "hub", "checkpoints")

@@ -1,0 +1,70 @@
+"""The settings chosen for a request, kept: the same command goes on with those it began with.
+
+What a command has made takes no time any more, so without a memory a budget would buy better
+settings with every run.
+"""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+from pipeline.canonical import canonical_json
+from pipeline.digest import typed_digest
+from styletrf.evaluation.trade_off import Combination
+from tasks.command.sources import builds_alone
+from tasks.machine.local_facts import add_fact, read_facts
+from tasks.planning.remaining_time import timing_of
+from tasks.presets.quality_choice import Choice, Front, choose
+from tasks.presets.quality_request import QualityRequest
+
+_CHOICES = "choices"
+
+
+def choice_for(task: Any, request: QualityRequest, front: Front) -> Choice:
+    """Returns what was chosen for the task from this front, or else what fits the request.
+
+    Args:
+        task: A `StylizedTrajectory` with the request.
+        request: Of the task.
+        front: That of the scene.
+
+    Raises:
+        InputError: No point of the front will do.
+    """
+    return _kept(task, front) or choose(request, front, timing_of(task))
+
+
+def known_choice(task: Any, request: QualityRequest, front: Front) -> Choice | None:
+    """Returns what `choice_for` does, if that is known without measuring this machine.
+
+    Where luigid hands stages to several machines, none is measured: all have to choose alike.
+
+    Raises:
+        InputError: No point of the front will do.
+    """
+    return _kept(task, front) if builds_alone() else choose(request, front, timing_of(task))
+
+
+def keep_choice(task: Any, front: Front, choice: Choice) -> None:
+    """Keeps what was chosen for the task from this front."""
+    if builds_alone():
+        chosen = {"tuning": choice.point.tuning, "seconds": choice.point.seconds}
+        add_fact(_CHOICES, _key(task, front), chosen)
+
+
+def _kept(task: Any, front: Front) -> Choice | None:
+    kept = read_facts(_CHOICES).get(_key(task, front)) if builds_alone() else None
+    for point in front.points:
+        if kept and _same(point, kept):
+            return Choice(front.quality, replace(point, seconds=kept["seconds"]), front.description)
+    return None
+
+
+def _key(task: Any, front: Front) -> str:
+    words = task.to_str_params(only_significant=True)
+    points = [asdict(point) for point in front.points]
+    fields = {"words": words, "front": front.description, "points": points}
+    return typed_digest("choice-v1", canonical_json(fields))
+
+
+def _same(point: Combination, kept: Any) -> bool:
+    return canonical_json(point.tuning) == canonical_json(kept["tuning"])

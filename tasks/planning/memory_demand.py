@@ -1,0 +1,225 @@
+"""The peak memory of the stages of a command, predicted before any of them begins.
+
+It is a constant for libraries plus terms in proportion to the pixels of a frame, of a prior or of
+all photographs, and to the points of the field's grid. The coefficients are measured:
+`benchmarks/history.md` compares predictions and measurements. A grid of unknown size counts as the
+largest allowed. Of the stages on a GPU only those that keep frames in main memory count.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import cast
+
+import luigi
+
+from pipeline.execution.gpu import visible_cards
+from pipeline.settings import data_root, setting
+from pipeline.task import artifact
+from styletrf.errors import InputError
+from tasks.planning.build_order import is_made
+from tasks.stages.field import TrajectoryFrames
+from tasks.stages.scene import SceneCapture, SceneModel
+from tasks.stages.stage import ConfigurableStage
+
+MARGIN = 1.5
+"""A command is refused if a stage would take more than this multiple of the available memory."""
+_LONGEST_PX = 1600  # of the undistorted photographs
+_VIDEO_FRAMES = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """The memory of a stage: MiB for its libraries, and bytes per unit of its inputs.
+
+    Units are pixels of a frame, of a prior and of all photographs, and points of the grid.
+    """
+
+    libraries_mib: int = 450
+    frame: float = 0.0
+    prior: float = 0.0
+    photographs: float = 0.0
+    grid: float = 0.0
+
+
+GROWTH = {
+    "RadianceField": Growth(700, photographs=6, grid=15),
+    "TrajectoryFrames": Growth(650, frame=120),
+    "StylizedPriors": Growth(450, prior=1300),
+    "StylizedFrames": Growth(500, frame=95),
+    "StylizedFrames per-frame": Growth(430, frame=320),
+    "ConsistencyMetrics": Growth(450, frame=490),
+    "StyleMetrics": Growth(580, frame=62),
+}
+"""By stage; with the method if that decides what the stage computes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """The inputs that decide the memory of a stage, in types that JSON has.
+
+    `photograph_px` is the longer side of the photographs that the field is fitted to, `frame_px`
+    that of the frames, 0 for the same. `limit_bytes` is the user's limit, 0 for none.
+    """
+
+    stage: str
+    scene: str
+    photograph_px: int
+    frame_px: int
+    grid_points: int
+    video_frames: int
+    limit_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Photographs:
+    """The number of photographs of a scene, and the size of the first in pixels."""
+
+    count: int
+    width: int
+    height: int
+
+    def pixels(self, long_side_px: int) -> int:
+        """Returns the pixels of a photograph with this longer side."""
+        return round(long_side_px**2 * min(self.width, self.height) / max(self.width, self.height))
+
+
+def demands_of(stages: Iterable[luigi.Task]) -> list[Demand]:
+    """Returns the demands of the stages whose memory grows with the user's input."""
+    grown = (s for s in stages if isinstance(s, ConfigurableStage) and demand_name(s) in GROWTH)
+    to_make = (s for s in grown if not is_made(s))
+    return [demand_of(s) for s in to_make if GROWTH[demand_name(s)].frame or not _is_on_a_card(s)]
+
+
+def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float]:
+    """Returns the peak memory of a stage by cause; the sum is that of the stage."""
+    growth, seen_px = GROWTH[demand.stage], _seen_px(demand, photographs)
+    seen = photographs.pixels(seen_px)
+    return {
+        "libraries": growth.libraries_mib << 20,
+        "frames": growth.frame * photographs.pixels(demand.frame_px or seen_px),
+        "photographs": growth.photographs * photographs.count * seen + growth.prior * seen,
+        "grid": growth.grid * demand.grid_points,
+    }
+
+
+def require_memory(
+    demands: Sequence[Demand], available_bytes: int, scenes: dict[str, Photographs]
+) -> None:
+    """Rejects a command that takes clearly more memory than is available.
+
+    Args:
+        demands: Of the stages.
+        available_bytes: Memory that a process can get now.
+        scenes: The photographs of each scene; other scenes are not checked.
+
+    Raises:
+        InputError: A stage would take more than `MARGIN` times what is available to it.
+    """
+
+    def overdraft(demand: Demand) -> float:
+        """Returns the ratio of a stage's memory to its limit."""
+        taken = sum(predicted_bytes(demand, scenes[demand.scene]).values())
+        return taken / _allowed(demand, available_bytes)
+
+    known = [demand for demand in demands if demand.scene in scenes]
+    worst = max(known, key=overdraft, default=None)
+    if worst is None or overdraft(worst) <= MARGIN:
+        return
+    parts = predicted_bytes(worst, scenes[worst.scene])
+    cause, remedy = _cause(worst, scenes[worst.scene], parts)
+    needed, allowed = sum(parts.values()) / 2**30, _allowed(worst, available_bytes) / 2**30
+    raise InputError(
+        f"{worst.stage} of scene {worst.scene}, {cause}",
+        f"takes about {needed:.1f} GiB of memory, and {allowed:.1f} GiB are available",
+        f"{remedy}, or free memory; --keep-going begins anyway",
+    )
+
+
+def photographs_of(scene: str, video_frames: int) -> Photographs | None:
+    """Returns the photographs of a scene; None if they cannot be read, which its stage reports.
+
+    All count as large as the first one; a panorama counts as square views.
+    """
+    from styletrf.capture.panorama.panorama_views import DIRECTIONS
+    from styletrf.capture.panorama.panoramas import find_panoramas
+    from styletrf.capture.photographs import list_photographs, read_photograph
+    from styletrf.capture.poses.pose_formats import find_given_poses
+    from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
+    from styletrf.files.video import video_frames as frames_in
+
+    with suppress(InputError):
+        found = find_scene(data_root(), scene)
+        if videos := scene_videos(found):
+            height, width, _ = next(frames_in(videos[0])).shape
+            return Photographs(video_frames, width, height)
+        given = find_given_poses(scene_folder(found))
+        files = given.files if given else list_photographs(found)
+        height, width, _ = read_photograph(files[0]).shape
+        if not given and find_panoramas({files[0]: (width, height)}, "auto"):
+            return Photographs(len(DIRECTIONS) * len(files), _LONGEST_PX, _LONGEST_PX)
+        return Photographs(len(files), width, height)
+    return None
+
+
+def demand_of(stage: ConfigurableStage) -> Demand:
+    """Returns the demand of a stage listed in `GROWTH`."""
+    model = stage.upstream(SceneModel)
+    limit_gib = stage.memory_gib or float(setting("store", "memory_gib"))
+    return Demand(
+        stage=demand_name(stage),
+        scene=str(stage.param_kwargs["scene"]),
+        photograph_px=model.values()["image_long_side"],
+        frame_px=stage.upstream(TrajectoryFrames).values().get("long_side_px", 0),
+        grid_points=_grid_points(model),
+        video_frames=stage.upstream(SceneCapture).values().get("video_frames", _VIDEO_FRAMES),
+        limit_bytes=int(limit_gib * 2**30),
+    )
+
+
+def _grid_points(model: SceneModel) -> int:
+    """Returns the points of the finest grid; the largest allowed while that is not decided."""
+    if is_made(model):
+        with suppress(OSError):  # it may be in the shared store alone
+            decided = json.loads((artifact(model) / "scene.json").read_text())
+            return math.prod(decided["resolution"])
+    return cast("int", model.values()["max_voxels"])
+
+
+def demand_name(stage: ConfigurableStage) -> str:
+    """Returns the family, with the method if that decides what the stage computes."""
+    is_stylized = stage.task_family == "StylizedFrames"
+    is_painted = is_stylized and stage.param_kwargs.get("method") == "per-frame"
+    return f"{stage.task_family}{' per-frame' if is_painted else ''}"
+
+
+def _is_on_a_card(stage: ConfigurableStage) -> bool:
+    return stage.needs_gpu and bool(visible_cards())
+
+
+def _seen_px(demand: Demand, photographs: Photographs) -> int:
+    return min(demand.photograph_px, _LONGEST_PX, max(photographs.width, photographs.height))
+
+
+def _allowed(demand: Demand, available_bytes: int) -> int:
+    return max(1, min(available_bytes, demand.limit_bytes or available_bytes))
+
+
+def _cause(demand: Demand, photographs: Photographs, parts: dict[str, float]) -> tuple[str, str]:
+    """Returns the largest cause of a stage's memory beside the libraries, and the remedy."""
+    seen = _seen_px(demand, photographs)
+    size = f"{demand.frame_px or seen} pixels long"
+    causes = {
+        "frames": (f"with frames {size}", "Give a smaller --frame-size"),
+        "photographs": (
+            f"with {photographs.count} photographs {seen} pixels long",
+            "Give --quality draft or fewer photographs",
+        ),
+        "grid": (
+            f"with a grid of up to {demand.grid_points:,} points",
+            "Give --quality draft, or a smaller max_voxels in --SceneModel-settings",
+        ),
+    }
+    return causes[max(causes, key=lambda name: parts[name])]

@@ -1,0 +1,113 @@
+"""How long a command will still take here: what the store has already takes no time."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import luigi
+
+from pipeline.canonical import canonical, canonical_json
+from pipeline.task import StoredTask
+from styletrf.evaluation.trade_off import Combination
+from tasks.command.sources import builds_alone
+from tasks.machine.calibration import calibration_of_machine
+from tasks.planning.build_order import is_made
+from tasks.planning.scene_sizes import sizes_of
+from tasks.planning.stage_costs import CostModel, reference_costs
+from tasks.presets.quality_choice import Front, Timing
+
+_NAMES = ("scene", "style", "content", "perceptual", "transfer", "network", "path", "shard")
+
+
+class FoundStages:
+    """Which stages are in the store.
+
+    Stages of different settings share most of what is upstream; each is looked up once.
+    """
+
+    def __init__(self) -> None:
+        self._found: dict[str, bool] = {}
+        self._names: dict[str, str] = {}
+
+    def has(self, stage: StoredTask) -> bool:
+        """Whether the stage's artifact is there."""
+        name = self._name(stage)
+        if name not in self._found:
+            self._found[name] = is_made(stage)
+        return self._found[name]
+
+    def _name(self, stage: StoredTask) -> str:
+        """What two stages share that have the same artifact."""
+        if stage.task_id not in self._names:
+            parts = {
+                "family": stage.task_family,
+                "identity": stage.identity_parameters(),
+                "names": {n: stage.param_kwargs[n] for n in _NAMES if n in stage.param_kwargs},
+                "inputs": {n: self._name(t) for n, t in stage.requires().items()},
+            }
+            self._names[stage.task_id] = canonical_json(canonical(parts)).decode()
+        return self._names[stage.task_id]
+
+
+def stages_to_make(root: luigi.Task, is_found: Callable[[StoredTask], bool]) -> list[StoredTask]:
+    """Returns what Luigi would build: the root and what is upstream, up to what is found."""
+    to_make: dict[str, StoredTask] = {}
+    pending, seen = [root], set[str]()
+    while pending:
+        task = pending.pop()
+        if task.task_id in seen:
+            continue
+        seen.add(task.task_id)
+        if isinstance(task, StoredTask):
+            if is_found(task):
+                continue
+            to_make[task.task_id] = task
+        pending += luigi.task.flatten(task.requires())  # type: ignore[no-untyped-call]
+    return list(to_make.values())
+
+
+def cost_model(task: Any, front: Front | None = None) -> CostModel:
+    """Returns what predicts costs for the scene of a task.
+
+    Where luigid hands stages to several machines, all have to choose alike: times are then those
+    of the reference's machine.
+
+    Args:
+        task: A `StylizedTrajectory`.
+        front: Where the seconds of stages were measured, if not by the reference.
+    """
+    reference, is_alone = reference_costs(), builds_alone()
+    if front and front.calibration:
+        reference = replace(reference, calibration=front.calibration)
+    here = calibration_of_machine(task.device) if is_alone else reference.calibration
+    return CostModel(here, sizes_of((task.scene,)), reference, uses_own_builds=is_alone)
+
+
+def timing_of(task: Any) -> Timing:
+    """Returns what predicts the seconds that the settings of a point still take here.
+
+    Args:
+        task: A `StylizedTrajectory`.
+    """
+    found, models = FoundStages(), dict[str, CostModel]()
+    known: dict[tuple[str, str], float] = {}
+
+    def seconds(front: Front, point: Combination) -> float:
+        """Returns the seconds of a point, found once."""
+        name = front.description, json.dumps(point.tuning, sort_keys=True)
+        if name in known:
+            return known[name]
+        model = models.get(front.description) or cost_model(task, front)
+        models[front.description] = model
+        is_found = found.has if builds_alone() else _never
+        stages = stages_to_make(task.with_settings(front.quality, point.tuning), is_found)
+        measured = point.stage_seconds if front.calibration else {}
+        known[name] = sum(model.expected(s, measured.get(s.task_family)).seconds for s in stages)
+        return known[name]
+
+    return seconds
+
+
+def _never(_stage: StoredTask) -> bool:
+    return False

@@ -1,0 +1,211 @@
+"""What a stage will take on this machine: by its own earlier builds, or else by a reference.
+
+The reference is a draft of one scene, measured stage by stage on a machine whose calibration is
+known (`reference_costs.json`, written by `benchmarks/reference_costs.py`). Either is scaled by the
+work of the stage (`tasks.planning.stage_work`), the reference by the machine as well.
+"""
+
+import functools
+import json
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median
+from typing import Any, Literal
+
+import luigi
+from luigi.task_register import Register
+
+from pipeline.execution.cost_history import Cost, CostSample, alike, cost_history
+from pipeline.execution.resources import significant
+from pipeline.settings import current_store
+from pipeline.task import StoredTask
+from tasks.machine.calibration import Calibration
+from tasks.planning.memory_demand import (
+    GROWTH,
+    Photographs,
+    demand_name,
+    demand_of,
+    predicted_bytes,
+)
+from tasks.planning.stage_work import START_S, drivers_of, seconds_scaled, work_ratio
+from tasks.stages.stage import ConfigurableStage
+
+REFERENCE = Path(__file__).with_name("reference_costs.json")
+Evidence = Literal["this machine", "the reference"]
+Sizes = Mapping[str, Photographs]
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedCost:
+    """What a stage will take, and what that is known from.
+
+    Attributes:
+        seconds: Of the build, with all cores of the machine.
+        cpu_seconds: Of all cores together.
+        peak_memory_bytes: Of its processes.
+        output_bytes: Of the artifact on disk.
+        evidence: Builds on this machine, or the reference.
+    """
+
+    seconds: float
+    cpu_seconds: float
+    peak_memory_bytes: int
+    output_bytes: int
+    evidence: Evidence
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceCosts:
+    """The costs of a draft, stage by stage, on a machine of a known calibration.
+
+    Attributes:
+        scene: Its name, which is of no scene here.
+        photographs: Of that scene.
+        calibration: Of that machine, or of none if the times are to be taken as they are.
+        stages: The cost of each family.
+    """
+
+    scene: str
+    photographs: Photographs
+    calibration: Calibration
+    stages: Mapping[str, Cost]
+
+    def stage_like(self, stage: luigi.Task) -> luigi.Task:
+        """Returns the stage of the reference that a stage is compared with."""
+        words = {"scene": self.scene, "style": "reference", "quality": "draft", "settings": {}}
+        names = {n for n, _ in stage.get_params()}  # type: ignore[no-untyped-call]
+        return type(stage)(**{n: v for n, v in words.items() if n in names})
+
+
+@functools.cache
+def reference_costs() -> ReferenceCosts:
+    """Returns the reference that is shipped."""
+    fields: dict[str, Any] = json.loads(REFERENCE.read_text())
+    return ReferenceCosts(
+        scene=f"the reference {fields['scene']}",
+        photographs=Photographs(**fields["photographs"]),
+        calibration=Calibration.from_json(fields["calibration"]),
+        stages={family: Cost(**cost) for family, cost in fields["stages"].items()},
+    )
+
+
+class CostModel:
+    """Predicts the costs of stages on one machine.
+
+    Reads each family's earlier builds once.
+    """
+
+    def __init__(
+        self,
+        here: Calibration,
+        sizes: Sizes,
+        reference: ReferenceCosts,
+        *,
+        uses_own_builds: bool = True,
+    ) -> None:
+        self.here, self.reference = here, reference
+        self._sizes = {**sizes, reference.scene: reference.photographs}
+        self._known_drivers: dict[tuple[luigi.Task, bool], Mapping[str, float]] = {}
+        self._spendings = functools.cache(_spendings_here if uses_own_builds else _no_spendings)
+
+    def expected(self, stage: luigi.Task, measured_s: float | None = None) -> ExpectedCost:
+        """Returns what a stage will take.
+
+        Args:
+            stage: To be built.
+            measured_s: What it took with these settings, on the machine of the reference; where
+                nothing was built here, this stands instead of the reference's seconds.
+        """
+        cost = self._by_own_builds(stage) or self._by_reference(stage, measured_s)
+        return replace(cost, peak_memory_bytes=self._memory(stage) or cost.peak_memory_bytes)
+
+    def _by_own_builds(self, stage: luigi.Task) -> ExpectedCost | None:
+        if not isinstance(stage, StoredTask):
+            return None
+        found = []
+        for spent in alike(self._spendings(stage.task_family), significant(stage)):
+            earlier = _task_of(stage.task_family, spent.parameters)
+            if earlier is not None:
+                scale = self._scale(stage, earlier, spent.cost)
+                found.append(self._scaled(spent.cost, *scale, "this machine"))
+        if not found:
+            return None
+        middle = sorted(found, key=lambda cost: cost.seconds)[len(found) // 2]
+        return replace(middle, seconds=median(cost.seconds for cost in found))
+
+    def _by_reference(self, stage: luigi.Task, measured_s: float | None) -> ExpectedCost:
+        cost = self.reference.stages.get(stage.task_family, Cost(START_S, 0, START_S, 0))
+        slower = self.here.times_slower_than(self.reference.calibration, stage.task_family)
+        work, written = self._scale(stage, self.reference.stage_like(stage), cost)
+        expected = self._scaled(cost, work, written, "the reference")
+        seconds = expected.seconds if measured_s is None else measured_s
+        return replace(
+            expected, seconds=slower * seconds, cpu_seconds=slower * expected.cpu_seconds
+        )
+
+    def _scale(self, stage: luigi.Task, earlier: luigi.Task, cost: Cost) -> tuple[float, float]:
+        """The ratio of the work, and that of what is written."""
+        here, there = self._drivers(stage), self._drivers(earlier, settings={})
+        family = stage.task_family
+        bytes_ratio = 1.0
+        for name in WRITTEN.get(family, ()):
+            if here.get(name) and there.get(name):
+                bytes_ratio *= here[name] / there[name]
+        return work_ratio(family, here, there), bytes_ratio
+
+    def _scaled(self, cost: Cost, work: float, written: float, evidence: Evidence) -> ExpectedCost:
+        seconds = seconds_scaled(cost.seconds, START_S, work)
+        busy = self.here.machine.cores * cost.seconds  # where it is not known, all cores are
+        cpu_seconds = busy if cost.cpu_seconds is None else min(busy, cost.cpu_seconds)
+        share = seconds / cost.seconds if cost.seconds else 1.0
+        size = round(written * (cost.output_bytes or 0))
+        return ExpectedCost(seconds, share * cpu_seconds, cost.peak_memory_bytes, size, evidence)
+
+    def _drivers(self, stage: luigi.Task, **upstream: Any) -> Mapping[str, float]:
+        name = stage, bool(upstream)
+        if name not in self._known_drivers:
+            self._known_drivers[name] = drivers_of(stage, self._sizes, **upstream)
+        return self._known_drivers[name]
+
+    def _memory(self, stage: luigi.Task) -> int | None:
+        """By `tasks.planning.memory_demand`, where it knows the stage and the photographs."""
+        if not isinstance(stage, ConfigurableStage) or demand_name(stage) not in GROWTH:
+            return None
+        photographs = self._sizes.get(str(stage.param_kwargs["scene"]))
+        if photographs is None:
+            return None
+        return round(sum(predicted_bytes(demand_of(stage), photographs).values()))
+
+
+WRITTEN: dict[str, tuple[str, ...]] = {
+    "SceneCapture": ("photographs",),
+    "CameraPoses": ("photographs",),
+    "RadianceField": ("field.appearance_ranks",),
+    "StylizedField": ("field.appearance_ranks",),
+    "TrajectoryFrames": ("frames", "frame_pixels"),
+    "PriorRenders": ("frame_pixels",),
+    "StylizedPriors": ("frame_pixels",),
+    "StylizedFrames": ("frames", "frame_pixels"),
+}
+"""What the bytes of an artifact are in proportion to, by stage."""
+
+
+def _spendings_here(family: str) -> list[CostSample]:
+    """The builds of this machine; those that name no host are from before hosts were noted."""
+    ours = ("", socket.gethostname())
+    return [spent for spent in cost_history(current_store(), family) if spent.host in ours]
+
+
+def _no_spendings(_family: str) -> list[CostSample]:
+    return []
+
+
+def _task_of(family: str, parameters: Mapping[str, str]) -> luigi.Task | None:
+    """The task of a line; None if there are no such tasks or parameters any more."""
+    try:
+        kind = Register.get_task_cls(family)  # type: ignore[no-untyped-call]
+        return kind.from_str_params(dict(parameters))  # type: ignore[no-any-return]
+    except Exception:  # noqa: BLE001  lines of any earlier version
+        return None

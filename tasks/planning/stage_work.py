@@ -1,0 +1,124 @@
+"""How much longer a stage takes with other settings, or for another scene.
+
+A stage is taken to need a constant time to start, and beyond it seconds in proportion to
+
+    product over its drivers of value ** exponent,
+
+where a driver is a setting or a size. The exponents are rounded from sweeps of single settings
+(`benchmarks/README.md`, "Time against accuracy"), and are 1 where a stage does the same for every
+photograph, frame or pixel. What is no driver is taken to leave the time as it is.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import luigi
+
+from tasks.planning.memory_demand import Photographs
+from tasks.presets.sweep import CONFIG_DEFAULTS
+from tasks.stages.field import PriorRenders, RadianceField, TrajectoryFrames
+from tasks.stages.scene import SceneModel
+from tasks.stages.shards import ShardedStage
+from tasks.stages.stage import ConfigurableStage, PresetStage
+
+START_S = 1.5
+"""Seconds of a stage in which its interpreter starts and its libraries load, where measured."""
+_FRAMES_PER_SECOND = 24
+_OF_PRIORS = {"PriorRenders", "StylizedField", "StylizedPriors"}
+_JOINING = 0.1  # of the work of all parts, to put them together
+
+EXPONENTS: dict[str, dict[str, float]] = {
+    "SceneCapture": {"photographs": 1},
+    "CameraPoses": {"photographs": 1},
+    "SceneModel": {"photographs": 1},
+    "ContentImages": {"count": 1},
+    "RadianceField": {
+        "iterations": 0.9, "batch": 0.6, "max_voxels": 1 / 3, "field.appearance_ranks": 1 / 3,
+    },
+    "QualityMetrics": {"photographs": 1, "photograph_pixels": 1, "field.appearance_ranks": 1 / 3},
+    "TrajectoryFrames": {"frames": 1, "frame_pixels": 1, "field.appearance_ranks": 1 / 3},
+    "PriorRenders": {"coverage.times": 0.3, "frame_pixels": 1, "field.appearance_ranks": 1 / 3},
+    "StyleNetwork": {"iterations": 0.9, "batch": 0.9, "crop_px": 1.3},
+    "StylizedPriors": {"coverage.times": 0.3, "frame_pixels": 1},
+    "StylizedField": {
+        "adaptation.iterations": 0.4, "coverage.times": 0.3, "frame_pixels": 0.5,
+        "field.appearance_ranks": 1 / 3,
+    },
+    "StylizedFrames": {"frames": 1, "frame_pixels": 1, "field.appearance_ranks": 1 / 3},
+    "ConsistencyMetrics": {"pairs": 1, "frame_pixels": 1},
+    "StyleMetrics": {"frame_pixels": 1},
+}  # fmt: skip
+"""By stage and driver; `field.appearance_ranks` are the sum of the list."""
+
+
+def seconds_scaled(seconds: float, start_s: float, work: float) -> float:
+    """Returns the seconds of a stage with so many times the work; the start takes what it did."""
+    start = min(seconds, start_s)
+    return start + work * (seconds - start)
+
+
+def work_ratio(family: str, here: Mapping[str, float], there: Mapping[str, float]) -> float:
+    """Returns the work of a stage over that of another of its family, from their drivers."""
+    ratio = 1.0
+    for name, exponent in EXPONENTS.get(family, {}).items():
+        if here.get(name) and there.get(name):
+            ratio *= (here[name] / there[name]) ** exponent
+    return ratio * here.get("part", 1.0) / there.get("part", 1.0)
+
+
+def drivers_of(
+    stage: luigi.Task, sizes: Mapping[str, Photographs], **upstream: Any
+) -> dict[str, float]:
+    """Returns the values of the drivers of a stage: its settings, and the sizes of its scene.
+
+    Args:
+        stage: Of which.
+        sizes: The photographs of scenes, by name.
+        upstream: Parameters of the stages upstream, where they are not those of this command:
+            `settings={}`, since a command's settings of a family are otherwise its default.
+    """
+    settings: dict[str, Any] = {}
+    if isinstance(stage, PresetStage):
+        for each in _deciding(stage, upstream):
+            settings |= CONFIG_DEFAULTS.get(each.task_family, {}) | each.values()
+    numbers = {name: number for name, value in settings.items() for number in _number(value)}
+    numbers["frames"] = _frames(settings)
+    if isinstance(stage, ShardedStage) and (stage.shard or stage.shards > 1):
+        numbers["part"] = 1 / int(stage.shard.partition("/")[2]) if stage.shard else _JOINING
+    photographs = sizes.get(str(stage.param_kwargs.get("scene", "")))
+    return numbers | (_pixels(photographs, settings) if photographs else {})
+
+
+def _deciding(stage: PresetStage, upstream: Mapping[str, Any]) -> Iterator[ConfigurableStage]:
+    """The stages whose settings decide the work of this one, itself last."""
+    renders = PriorRenders if stage.task_family in _OF_PRIORS else TrajectoryFrames
+    if "scene" in stage.param_kwargs:
+        for kind in (SceneModel, RadianceField, renders):
+            if type(stage) is not kind:
+                yield stage.upstream(kind, **upstream)
+    if isinstance(stage, ConfigurableStage):
+        yield stage
+
+
+def _frames(settings: Mapping[str, Any]) -> float:
+    seconds = float(settings.get("trajectory.seconds", 0))
+    rate = float(settings.get("frames_per_second", _FRAMES_PER_SECOND))
+    return seconds * rate or float(settings.get("trajectory.frames", 0))
+
+
+def _pixels(photographs: Photographs, settings: Mapping[str, Any]) -> dict[str, float]:
+    longest = max(photographs.width, photographs.height)
+    seen = min(int(settings.get("image_long_side", longest)), longest)
+    frame = int(settings.get("long_side_px", 0)) or seen
+    return {
+        "photographs": photographs.count,
+        "photograph_pixels": photographs.pixels(seen),
+        "frame_pixels": photographs.pixels(frame),
+    }
+
+
+def _number(value: Any) -> Iterator[float]:
+    if isinstance(value, list | tuple) and all(isinstance(part, int | float) for part in value):
+        yield float(sum(value))
+    elif isinstance(value, int | float):
+        yield float(value)

@@ -1,0 +1,179 @@
+"""Validation of a command before anything long begins.
+
+The names and types of settings, and the presence of a GPU, are checked by libraries that Luigi's
+process does not load. So a fresh interpreter checks them.
+"""
+
+import dataclasses
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import luigi
+
+from pipeline.execution.cpu_memory import available_memory_bytes
+from pipeline.settings import current_store, data_root
+from styletrf.errors import InputError
+from tasks.command.graph import graph
+from tasks.command.sources import may_stop, sources_of
+from tasks.planning.memory_demand import Demand, demands_of, photographs_of, require_memory
+from tasks.stages.field import TrajectoryFrames
+from tasks.stages.stage import ConfigurableStage, Stage
+
+_MAIN = "from tasks.planning.validation import main; main()"
+LEAST_ROOM_BYTES = 64 << 20  # free disk space that a command needs to begin
+
+
+def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
+    """Returns the stages of a command; ends a command that is bound to fail, with one line.
+
+    Args:
+        root: The task of the command.
+
+    Raises:
+        InputError: A budget or a combination of parameters is invalid.
+        SystemExit: A setting or the device is invalid.
+    """
+    stages = graph(root)
+    sources_of(root)  # once, before workers are forked
+    for stage in stages:
+        if hasattr(stage, "validate"):  # Luigi's own tasks do not
+            stage.validate()
+        if hasattr(stage, "require_reachable"):
+            stage.require_reachable()
+    require_room(current_store().root)
+    demands = demands_of(stages) if may_stop(root) else []
+    tuned = [s for s in stages if isinstance(s, ConfigurableStage) and (s.settings or s.tuning)]
+    settings = {(stage.task_family, json.dumps(stage.values())) for stage in tuned}
+    request = {
+        "tuned": sorted({name for stage in tuned for name in stage.tuning}),
+        "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
+        "settings": sorted(settings),
+        "paths": sorted({file for stage in stages if (file := _path_of(stage))}),
+        "memory": [dataclasses.asdict(demand) for demand in demands],
+    }
+    if any(request.values()) and (error := _validation_error(request)):
+        raise SystemExit(error)
+    return stages
+
+
+def require_room(root: Path) -> None:
+    """Rejects a disk that is too full for even the first stages.
+
+    Raises:
+        InputError: Less than LEAST_ROOM_BYTES are free.
+    """
+    free = shutil.disk_usage(root).free
+    if free < LEAST_ROOM_BYTES:
+        raise InputError(
+            f"the disk of {root}",
+            f"has {free >> 20} MiB free; a scene in one style takes about 300",
+            "Free some space (python -m pipeline gc), or set STYLETRF_STORE to another disk",
+        )
+
+
+def configurations() -> dict[str, type]:
+    """Returns the configuration class of each configurable stage, by family."""
+    from styletrf.capture.scene_capture import CaptureConfig
+    from styletrf.content.content_images import ContentConfig
+    from styletrf.evaluation.consistency.trajectory_consistency import ConsistencyConfig
+    from styletrf.evaluation.quality import QualityConfig
+    from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig
+    from styletrf.evaluation.stylization_loss import StylizationLossConfig
+    from styletrf.field.rendering import RenderConfig
+    from styletrf.field.training.config import FieldTrainingConfig
+    from styletrf.scene.scene_model import SceneModelConfig
+    from styletrf.sfm.camera_poses import CameraPosesConfig
+    from styletrf.style.gatys import GatysConfig
+    from styletrf.style.training.config import StyleTrainingConfig
+    from styletrf.stylization.priors import PriorsConfig
+    from styletrf.stylization.strategies import StylizationConfig
+    from styletrf.trajectory.frames import FramesConfig
+
+    return {
+        "CameraPoses": CameraPosesConfig,
+        "ConsistencyMetrics": ConsistencyConfig,
+        "ContentImages": ContentConfig,
+        "PriorRenders": PriorsConfig,
+        "QualityMetrics": QualityConfig,
+        "RadianceField": FieldTrainingConfig,
+        "SceneCapture": CaptureConfig,
+        "SceneModel": SceneModelConfig,
+        "StyleMetrics": ResemblanceConfig,
+        "StyleNetwork": StyleTrainingConfig,
+        "StylizationMetrics": StylizationLossConfig,
+        "StylizedField": StylizationConfig,
+        "StylizedPriors": GatysConfig,
+        "StylizedFrames": RenderConfig,
+        "TrajectoryFrames": FramesConfig,
+    }
+
+
+def _path_of(stage: luigi.Task) -> tuple[str, str] | None:
+    """Returns the file of the camera path and the scene, if the stage has such a file."""
+    if isinstance(stage, TrajectoryFrames) and stage.path_file() is not None:
+        return str(stage.path), str(stage.scene)
+    return None
+
+
+def _require_path(file: str, scene: str) -> None:
+    """Rejects a file that is not a path, or whose cameras cannot be placed in the scene."""
+    from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES
+    from styletrf.capture.user_folders import find_scene, scene_files
+    from styletrf.trajectory.path_files import read_path, require_common_world, require_photographs
+
+    keys, files = read_path(Path(file)), list[Path]()
+    with suppress(InputError):  # which the scene's own stage reports
+        files = scene_files(find_scene(data_root(), scene))
+    photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    if not photographs:  # of a video, the names are not known yet
+        return
+    require_common_world(keys, are_given=len(photographs) < len(files))
+    require_photographs(keys, [p.stem for p in photographs] + [p.name for p in photographs])
+
+
+def _validation_error(request: dict[str, Any]) -> str:
+    """Returns the error that a fresh interpreter finds; "" if there is none."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-P", "-c", _MAIN]
+    done = subprocess.run(
+        command, input=json.dumps(request), stdout=-1, text=True, check=False, env=environment
+    )
+    return done.stdout.strip()
+
+
+def _check(request: dict[str, Any]) -> None:
+    from styletrf.configuration import configured
+    from styletrf.devices import device_named
+
+    if request["cuda"]:
+        device_named("cuda")
+    if request["tuned"] and (unknown := set(request["tuned"]) - set(configurations())):
+        remedy = f"Give some of {sorted(configurations())}"
+        raise InputError(f"--tuning {sorted(unknown)}", "are not stages with settings", remedy)
+    for file, scene in request["paths"]:
+        _require_path(file, scene)
+    for family, values in request["settings"]:
+        try:
+            configured(configurations()[family], json.loads(values))
+        except InputError as error:
+            subject = f"settings of {family}, {error.subject}"
+            raise InputError(subject, error.problem, error.remedy) from error
+    demands = [Demand(**demand) for demand in request["memory"]]
+    scenes = {demand.scene: photographs_of(demand.scene, demand.video_frames) for demand in demands}
+    known = {scene: found for scene, found in scenes.items() if found}
+    require_memory(demands, available_memory_bytes(), known)
+
+
+def main() -> None:
+    """Checks what standard input asks for, and writes what is wrong."""
+    try:
+        _check(json.load(sys.stdin))
+    except InputError as error:
+        sys.stdout.write(str(error))

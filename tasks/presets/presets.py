@@ -1,0 +1,123 @@
+"""The presets draft, standard and paper (`--quality`): all values in which they differ.
+
+A row is a field of the stage's configuration; dots reach into nested ones, and fields that are not
+listed have the configuration's default. `draft` takes minutes on two CPU cores, `standard` is the
+default, `paper` has the publication's settings for a GPU. `docs/knobs.md` explains the fields;
+`docs/paper.md` compares them with the publication line by line.
+"""
+
+from typing import Any
+
+PRESETS = ("draft", "standard", "paper")
+
+_TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
+    "SceneModel": {
+        "image_long_side": (504, 1008, 1008),
+        "max_voxels": (224**3, 384**3, 640**3),
+    },
+    "RadianceField": {
+        "iterations": (5000, 12000, 15000),
+        "batch": (1536, 3072, 4096),
+        "batch_samples": (48 << 10, 96 << 10, 0),
+        "upsample_at": (
+            [0.06, 0.12, 0.2, 0.3],
+            [0.06, 0.12, 0.2, 0.3],
+            [2 / 15, 3 / 15, 4 / 15, 5 / 15],
+        ),
+        "initial_voxels": (80**3, 96**3, 128**3),
+        "tv_views": (100, 100, 1),
+        "occupancy_alpha": (0.02, 0.02, 5e-3),
+        "factor_rate": (0.03, 0.03, 0.02),
+        "network_rate": (3e-3, 3e-3, 1e-3),
+        "field.density_ranks": ([16], [16], [4, 4, 4]),
+        "field.appearance_ranks": ([24], [24], [12, 12, 12]),
+        "field.hidden": (64, 64, 128),
+    },
+    "ContentImages": {
+        "count": (1000, 8000, 80000),
+    },
+    "StyleNetwork": {
+        "iterations": (180, 800, 40000),
+        "batch": (1, 1, 4),
+        "crop_px": (160, 192, 256),
+        "style_px": (420, 420, 256),
+        "learning_rate": (1e-3, 1e-3, 1e-3),
+        "final_learning_rate": (1.5e-4, 1.5e-4, 1e-3),
+        "identity_iterations": (150, 150, 0),
+        "warm_start": (True, True, False),
+        "statistics": ("sliced", "sliced", "gram"),
+        "predictor_weight": (1.0, 1.0, 0.0),
+        "color_weight": (2.0, 2.0, 0.0),
+        "steadiness.weight": (0.0, 0.0, 0.0),
+        "loss.relative": (
+            True,
+            True,
+            False,
+        ),  # False fits torchvision's VGG16 only, as do 1e5, 1e10
+        "loss.content_layer": ("relu3_3", "relu3_3", "relu2_2"),
+        "loss.content_weight": (0.8, 0.8, 1e5),
+        "loss.style_weight": (1.0, 1.0, 1e10),
+        "loss.style_layer_weights": (
+            [4.0, 2.0, 1.5, 0.0],
+            [4.0, 2.0, 1.5, 0.0],
+            [1.0, 1.0, 1.0, 1.0],
+        ),
+        "loss.tv_weight": (15.0, 15.0, 0.0),
+        "bfloat16": (True, True, False),
+    },
+    "PriorRenders": {
+        "trajectory.frames": (40, 40, 30),
+        "coverage.count": (0, 0, 30),
+        "render.termination": (1e-2, 3e-3, 1e-3),
+        "render.min_weight": (1e-2, 5e-3, 1e-3),
+    },
+    "TrajectoryFrames": {
+        "trajectory.frames": (60, 120, 120),
+        "render.termination": (1e-2, 3e-3, 1e-3),
+        "render.min_weight": (1e-2, 5e-3, 1e-3),
+    },
+    "StylizedFrames": {
+        "termination": (5e-2, 1e-2, 1e-3),
+        "min_weight": (5e-2, 1e-2, 1e-3),
+    },
+    "QualityMetrics": {
+        "render.termination": (1e-2, 3e-3, 1e-3),
+        "render.min_weight": (1e-2, 5e-3, 1e-3),
+        "perceptual_px": (252, 504, 504),
+    },
+    "ConsistencyMetrics": {
+        "pairs": (8, 12, 12),
+        "perceptual_pairs": (3, 4, 4),
+    },
+    "StylizedPriors": {
+        "style_px": (420, 420, 256),
+    },
+    "StylizedField": {
+        "adaptation.iterations": (300, 800, 1000),
+        "adaptation.batch": (16384, 16384, 4096),
+        "adaptation.factor_rate": (0.1, 0.1, 0.05),
+        "adaptation.min_weight": (1e-2, 5e-3, 2e-3),
+        "adaptation.fitted": ("samples", "samples", "rays"),
+        "adaptation.sees_view": (False, False, True),
+        "adaptation.tv_weight": (1e-4, 1e-4, 1e-3),
+        "single_owner": (True, True, False),
+        "appearance_scale": (1.5, 1.5, 1.0),
+        "shading": ("plain", "plain", "network"),
+        "weight_power.powers": ([1.0, 1.5, 2.0], [1.0, 1.5, 2.0], [1.0]),
+        "style_px": (420, 420, 256),
+    },
+}
+
+_PAPER: dict[str, dict[str, Any]] = {  # only `paper` sets these
+    "SceneModel": {"max_box_voxels": 300**3},
+    "RadianceField": {"tv_density": 0.01, "tv_appearance": 0.001},
+    "PriorRenders": {"viewpoints": "path"},
+    "StylizedPriors": {"start": "noise", "iterations": [300, 100]},
+}
+
+
+def settings_for(family: str, quality: str) -> dict[str, Any]:
+    """Returns a stage's settings in a preset, by field name."""
+    column = PRESETS.index(quality)
+    settings = {name: row[column] for name, row in _TABLE.get(family, {}).items()}
+    return settings | (_PAPER.get(family, {}) if quality == "paper" else {})

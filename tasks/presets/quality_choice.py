@@ -1,0 +1,142 @@
+"""Settings from a front, with the times of this machine.
+
+The front is that measured for the scene (`TradeOff`, in `out/SCENE/trade-off/`), or else the one
+shipped of a scene whose space is of the same kind: `ndc`, `box` or `unbounded`.
+"""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from styletrf.errors import InputError
+from styletrf.evaluation.trade_off import Combination
+from tasks.machine.calibration import Calibration
+from tasks.presets.quality_request import QualityRequest
+
+SHIPPED = Path(__file__).with_name("fronts")
+
+
+@dataclass(frozen=True, slots=True)
+class Front:
+    """A measured front.
+
+    Attributes:
+        description: Which front it is, and where it was measured.
+        quality: That around which was swept.
+        points: Its points, with the seconds of the machine that measured them.
+        calibration: Of that machine; None where a front does not have it.
+    """
+
+    description: str
+    quality: str
+    points: Sequence[Combination]
+    calibration: Calibration | None
+
+
+Timing = Callable[[Front, Combination], float]
+"""Returns the seconds that the settings of a point take here, less what is found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A point of a front with the seconds that it takes here, and which front that is."""
+
+    quality: str
+    point: Combination
+    front: str
+
+    @property
+    def description(self) -> str:
+        """What was chosen, in a line."""
+        return (
+            f"{self.front}: --quality {self.quality} --tuning '{json.dumps(self.point.tuning)}',"
+            f" {self.point.shortfall_db:.2f} dB short of the best,"
+            f" about {self.point.seconds:.0f} s on this machine"
+        )
+
+
+def fronts_for(measured: Path, space: str | None) -> list[Front]:
+    """Returns the fronts that may apply to a scene: one, or all while its space is unknown.
+
+    Args:
+        measured: Where the scene's own front is, if it was measured.
+        space: The kind of the scene's space; None before it is decided.
+
+    Raises:
+        InputError: There is none.
+    """
+    if measured.exists():
+        return [read_front(measured, "the front of this scene")]
+    spaces = [space] if space else sorted(path.stem for path in SHIPPED.glob("*.json"))
+    paths = [(SHIPPED / f"{each}.json", each) for each in spaces]
+    if not all(path.exists() for path, _ in paths):
+        problem = f"was never measured for this scene, and none is shipped for {space} space"
+        raise InputError("the front of time and accuracy", problem, "Run TradeOff on the scene")
+    return [read_front(path, f"the shipped front for {each} space") for path, each in paths]
+
+
+def read_front(path: Path, name: str) -> Front:
+    """Returns the front in a file that `TradeOff` wrote."""
+    front: dict[str, Any] = json.loads(path.read_text())
+    where = ("scene", "style", "changes", "measured", "machine")
+    return Front(
+        description=f"{name} ({', '.join(str(front[field]) for field in where)})",
+        quality=str(front["quality"]),
+        points=[Combination(**point["combination"]) for point in front["points"]],
+        calibration=Calibration.from_json(front["calibration"]) if "calibration" in front else None,
+    )
+
+
+def choose(request: QualityRequest, front: Front, timing: Timing) -> Choice:
+    """Returns the point of a front that is asked for: the best in time, or the fastest within.
+
+    Raises:
+        InputError: No point of that front will do; of a time, it names the nearest.
+    """
+    if request.budget_s is None:
+        good = [p for p in front.points if p.shortfall_db <= (request.within_db or 0.0)]
+        timed = [replace(point, seconds=timing(front, point)) for point in good]
+        return Choice(front.quality, request.fastest_of(timed), front.description)
+    for point in sorted(front.points, key=lambda point: point.shortfall_db):
+        if (seconds := timing(front, point)) <= request.budget_s:
+            return Choice(front.quality, replace(point, seconds=seconds), front.description)
+    raise request.unreachable(min(timing(front, point) for point in front.points))
+
+
+def require_reachable(request: QualityRequest, fronts: Sequence[Front], timing: Timing) -> None:
+    """Refuses a budget that no point of any of the fronts keeps to.
+
+    Raises:
+        InputError: It names the nearest budget that can be reached.
+    """
+    if request.budget_s is None:
+        return
+    points = [(front, point) for front in fronts for point in front.points]
+    points.sort(key=lambda pair: pair[1].seconds)  # the first is the likeliest
+    seconds = (timing(front, point) for front, point in points)
+    least_s = math.inf
+    for each_s in seconds:
+        if each_s <= request.budget_s:
+            return
+        least_s = min(least_s, each_s)
+    raise request.unreachable(least_s)
+
+
+def possible_choices(
+    request: QualityRequest, fronts: Sequence[Front], timing: Timing
+) -> list[Choice]:
+    """Returns the choice from each front that has one; see `require_reachable`."""
+    choices = []
+    for front in fronts:
+        with suppress(InputError):
+            choices.append(choose(request, front, timing))
+    return choices
+
+
+def space_of(model: Mapping[str, Any]) -> str:
+    """Returns the kind of space that a `scene.json` has."""
+    return str(model["evidence"]["space"]["chosen"])

@@ -1,0 +1,4 @@
+"""The tasks that users request: a stylized trajectory, a grid, a scene report, a trade-off.
+
+Begin with `trajectory`.
+"""

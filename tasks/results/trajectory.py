@@ -1,0 +1,300 @@
+"""The whole job for one scene and one style."""
+
+import json
+import logging
+import shutil
+from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import cast
+
+import luigi
+
+from pipeline.errors import TaskFailure
+from pipeline.parameters import BoolParameter
+from pipeline.settings import out_root
+from pipeline.task import RunContext, StoredTask, artifact
+from styletrf.errors import InputError
+from styletrf.evaluation.trade_off import Tuning
+from tasks.command.graph import graph, root_of_command
+from tasks.command.sources import is_source
+from tasks.planning.build_order import is_made
+from tasks.planning.kept_choice import choice_for, keep_choice, known_choice
+from tasks.planning.remaining_time import timing_of
+from tasks.presets.presets import PRESETS
+from tasks.presets.quality_choice import (
+    Choice,
+    Front,
+    fronts_for,
+    possible_choices,
+    require_reachable,
+    space_of,
+)
+from tasks.presets.quality_request import QualityParameter, QualityRequest, quality_request
+from tasks.stages.field import RadianceField, TrajectoryFrames
+from tasks.stages.linked_results import LinkedStage
+from tasks.stages.metrics import ConsistencyMetrics, QualityMetrics, StyleMetrics
+from tasks.stages.scene import CameraPoses, SceneCapture, SceneModel
+from tasks.stages.stage import Stage, stages_with_settings
+from tasks.stages.style import StyleImage, StyleNetwork
+from tasks.stages.style_parameters import STYLE_AND_PATH_PARAMETERS, FrameParameters
+from tasks.stages.stylization import StylizedField, StylizedFrames, StylizedPriors
+from tasks.summary.gallery import refresh_gallery
+
+screen = logging.getLogger("pipeline")
+
+PAGES = ("trade-off", "scene-report")
+"""Folders in `out/SCENE/` that are not results of a style."""
+
+
+class StylizedTrajectory(LinkedStage, FrameParameters):
+    """The stylized fly-through with its report, linked from `out/SCENE/STYLE/`.
+
+    Leaves `report.html`, `poster.png` and `summary.json`. The folder in `out/` links to these and
+    to the videos and priors in the store; every run restores it.
+    """
+
+    quality = QualityParameter(
+        choices=list(PRESETS),
+        default="standard",
+        description='draft, standard or paper; or "within 0.5 dB": the fastest settings whose'
+        " quality is at most so far below the best, by a measured front",
+    )
+    budget = luigi.Parameter(
+        default="",
+        description="such as 5min: the best settings that take no longer on this machine, by a"
+        " measured front",
+    )
+    plan = BoolParameter(
+        significant=False,
+        description="prints which stages exist and which would be built, why, and at what cost;"
+        " builds nothing",
+    )
+    json = BoolParameter(significant=False, description="has --plan print JSON")
+    keep_going = BoolParameter(
+        significant=False,
+        description="continues without a painting, photographs or weights that cannot be used,"
+        " instead of stopping",
+    )
+    tools = ("av", "opencv-contrib-python-headless")
+
+    @property
+    def request(self) -> QualityRequest | None:
+        """Returns the bound on time or quality, unless a preset is named."""
+        return quality_request(self.quality, self.budget)
+
+    def validate(self) -> None:
+        """Rejects an ambiguous bound on time or quality, and one combined with settings.
+
+        Raises:
+            InputError: The parameters contradict each other.
+        """
+        super().validate()
+        if self.style in PAGES:
+            raise InputError(
+                f"style {self.style}", "is the name of a page in out/", "Rename the image"
+            )
+        if self.json and not self.plan:
+            raise InputError("--json", "is for --plan only", "Add --plan, or leave it out")
+        if self.budget and not self.is_usual("quality") and self.quality in PRESETS:
+            subject = f"--quality {self.quality} --budget {self.budget}"
+            raise InputError(subject, "ask for settings twice", "Leave one of them out")
+        if self.request and self.tuning:
+            problem = "does not go with a bound on time or accuracy, which chooses the settings"
+            raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
+        if self.request and (changed := stages_with_settings(graph(self._plain()))):
+            problem = "do not go with a bound on time or accuracy, which chooses them"
+            raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
+
+    def require_reachable(self) -> None:
+        """Rejects a budget that even the fastest settings exceed, before the first stage.
+
+        Until the kind of space is known, the fastest point of all candidate fronts counts.
+        Artifacts in the store take no time.
+
+        Raises:
+            InputError: It names the nearest budget that can be reached.
+        """
+        if self.request and not self.resolved():
+            fronts = fronts_for(self._measured_front(), self._space())
+            require_reachable(self.request, fronts, timing_of(self))
+
+    def requires(self) -> Mapping[str, Stage]:
+        """Returns all inputs of the report; with a bound, the kind of space and the sources."""
+        if self.request:
+            sources = [task for task in graph(self._plain()) if is_source(task)]
+            named = {task.task_family: cast("Stage", task) for task in sources}
+            return {"model": self.upstream(SceneModel, quality=PRESETS[0]), **named}
+        shown: dict[str, Stage] = {
+            "frames": self.upstream(StylizedFrames),
+            "trajectory": self.upstream(TrajectoryFrames),
+            "style": self.upstream(StyleImage),
+            "capture": self.upstream(SceneCapture),
+            "poses": self.upstream(CameraPoses),
+            "field": self.upstream(RadianceField),
+            "quality": self.upstream(QualityMetrics),
+            "consistency": self.upstream(ConsistencyMetrics),
+            "resemblance": self.upstream(StyleMetrics),
+        }
+        if self.method == "field":
+            shown |= {
+                "priors": self.upstream(StylizedPriors),
+                "adaptation": self.upstream(StylizedField),
+            }
+        if self.stylizer == "johnson" or self.method == "per-frame":
+            shown["network"] = self.upstream(StyleNetwork)
+        return shown
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Returns the parameters that the report repeats: the main ones, and non-default others."""
+        names = ["scene", "style", "quality", "content", "perceptual"]
+        names += [name for name in STYLE_AND_PATH_PARAMETERS if not self.is_usual(name)]
+        return {name: self.param_kwargs[name] for name in names}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Writes the report."""
+        from styletrf.files.tables import write_summary
+        from styletrf.reports.report import write_report
+        from tasks.summary.report_content import report_content, summary_of
+
+        words, poster = self.identity_parameters(), out / "poster.png"
+        shutil.copyfile(min((inputs["frames"] / "frames").glob("*.png")), poster)
+        write_summary(out / "summary.json", summary_of(words, inputs, run.lineage))
+        write_report(out / "report.html", report_content(words, inputs, poster, run.lineage))
+
+    def cells(self) -> "list[StylizedTrajectory]":
+        """Returns the requested result, with its settings if they are chosen."""
+        return [self.resolved() or self]
+
+    def _plain(self) -> "StylizedTrajectory":
+        """Returns the same result at the first preset, for its sources, which all presets share."""
+        return self.with_settings(PRESETS[0], {})
+
+    def with_settings(self, quality: str, tuning: Tuning) -> "StylizedTrajectory":
+        """Returns the same fly-through at a preset, with settings of stages."""
+        words = {**self.param_kwargs, "quality": quality, "tuning": tuning, "budget": ""}
+        return StylizedTrajectory(**words)
+
+    def complete(self) -> bool:
+        """Returns whether the result, with a bound the chosen one, is in the store and `out/`."""
+        resolved = self.resolved()
+        return resolved.complete() if resolved else super().complete()
+
+    def run(self) -> "Generator[StoredTask, None, None] | None":
+        """Builds the result; with a bound, yields the task with the chosen settings to Luigi."""
+        return self._run_resolved() if self.request else super().run()
+
+    def _run_resolved(self) -> "Generator[StoredTask, None, None]":
+        try:
+            choice = self._keep_choice()
+        except InputError as error:
+            raise TaskFailure("user", str(self), str(error)) from error
+        yield self.with_settings(choice.quality, choice.point.tuning)
+
+    def resolved(self) -> "StylizedTrajectory | None":
+        """Returns the result with the settings chosen for a bound on time or quality.
+
+        None without a bound, before `choose_settings` or `run` choose, and if no settings meet the
+        bound, which `require_reachable` or `run` report.
+        """
+        try:
+            if not self.request:
+                return None
+            self.validate()
+            if not self._space():
+                return None
+            choice = known_choice(self, self.request, self._front())
+        except InputError:
+            return None
+        return self.with_settings(choice.quality, choice.point.tuning) if choice else None
+
+    def choose_settings(self) -> None:
+        """With a bound, chooses the settings if the kind of space is known, and keeps them.
+
+        It may measure the speed of the machine. If no settings meet the bound, it chooses none.
+        """
+        with suppress(InputError):
+            if self.request:
+                self.validate()
+                if self._space():
+                    self._keep_choice()
+
+    def planned(self) -> "tuple[StylizedTrajectory, str]":
+        """Returns the task that `--plan` describes, and how its settings were chosen.
+
+        While the kind of space is unknown, the slowest choice of all candidate fronts counts.
+
+        Raises:
+            InputError: No settings meet the bound.
+        """
+        if not self.request:
+            return self, ""
+        if self._space():
+            choice = self._choice()
+            return self.with_settings(choice.quality, choice.point.tuning), choice.description
+        fronts, timing = fronts_for(self._measured_front(), None), timing_of(self)
+        require_reachable(self.request, fronts, timing)
+        choices = possible_choices(self.request, fronts, timing)
+        choice = max(choices, key=lambda c: c.point.seconds)
+        description = f"the kind of space is unknown yet; assuming {choice.description}"
+        return self.with_settings(choice.quality, choice.point.tuning), description
+
+    def _keep_choice(self) -> Choice:
+        """Returns the settings for a bound, and keeps them for the next command.
+
+        Raises:
+            InputError: No settings meet the bound.
+        """
+        choice = self._choice()
+        keep_choice(self, self._front(), choice)
+        screen.info("%s: %s", self.label, choice.description)
+        return choice
+
+    def _choice(self) -> Choice:
+        return choice_for(self, cast("QualityRequest", self.request), self._front())
+
+    def _front(self) -> Front:
+        return fronts_for(self._measured_front(), self._space())[0]
+
+    def _measured_front(self) -> Path:
+        return Path(out_root(), self.scene, "trade-off", "front.json")
+
+    def _space(self) -> str | None:
+        """Returns the kind of the scene's space; None before it is decided."""
+        model = self.requires()["model"]
+        if not is_made(model):
+            return None
+        return space_of(json.loads((artifact(model) / "scene.json").read_text()))
+
+    def publish(self, object_path: Path) -> None:
+        """Links the result and updates the gallery."""
+        super().publish(object_path)
+        refresh_gallery(root_of_command())
+
+    @property
+    def folder(self) -> Path:
+        """Returns the folder of the links."""
+        return Path(out_root(), self.scene, self.style)
+
+    def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        """Returns the targets of the links: report, numbers, videos, frames and priors."""
+        upstream = self.requires()
+        own = {name: place(self) / name for name in ("report.html", "summary.json", "poster.png")}
+        return own | {
+            name: place(upstream[stage]) / file
+            for name, (stage, file) in _LINKED.items()
+            if stage in upstream
+        }
+
+
+_LINKED = {
+    "video.mp4": ("frames", "video.mp4"),
+    "frames": ("frames", "frames"),
+    "unstylized.mp4": ("trajectory", "video.mp4"),
+    "style.png": ("style", "style.png"),
+    "priors": ("priors", "frames"),
+    "views.parquet": ("quality", "views.parquet"),
+    "pairs.parquet": ("consistency", "pairs.parquet"),
+    "resemblance.parquet": ("resemblance", "frames.parquet"),
+}
+"""The links in `out/` to inputs of the report: the input and its file, by the name of the link."""

@@ -1,0 +1,88 @@
+"""The content images that a style network is trained on."""
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+import luigi
+
+from pipeline.digest import file_digest
+from pipeline.settings import data_root
+from pipeline.task import RunContext
+from styletrf.errors import InputError
+from tasks.machine.digest_cache import cached_digests
+from tasks.stages.scene import SceneCapture
+from tasks.stages.stage import ConfigurableStage, Stage
+
+_FEWEST_PROCEDURAL = 64  # made in about 5 s, with which three photographs are content enough
+
+
+class ContentImages(ConfigurableStage):
+    """Photographs for the style network to paint while it learns, as Parquet shards.
+
+    `content` is a folder, a zip or an annotations file, by path or by its name in `data/content`;
+    `auto` takes what is in `data/content`, and where there is nothing, `embedded`: photographs of
+    the scene itself and as many procedural images, or 64. What an annotations file has fetched
+    stays in `data/content/.fetched`.
+    """
+
+    content = luigi.Parameter(default="auto", description="where the content images come from")
+    scene = luigi.Parameter(description="a folder in data/scenes; its photographs if embedded")
+    tools = ("opencv-contrib-python-headless",)
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The scene's photographs, if they are the content."""
+        with suppress(InputError):  # which the run tells
+            if self._source() is None:
+                return {"capture": self.upstream(SceneCapture)}
+        return {}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of the source's files."""
+        from styletrf.capture.photographs import require_readable_name
+
+        source = self._source()
+        if source is None:
+            return {}
+        found = sorted(source.rglob("*")) if source.is_dir() else [source]
+        files = {path.relative_to(source.parent): path for path in found if path.is_file()}
+        for name in files:
+            require_readable_name(str(name))
+        return cached_digests(
+            {name.as_posix(): path for name, path in files.items() if ".fetched" not in name.parts}
+        )
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Reduce the images and write the shards."""
+        from styletrf.configuration import configured
+        from styletrf.content.content_choice import content_source
+        from styletrf.content.content_images import ContentConfig, write_content_images
+        from styletrf.content.content_sources import embedded_source
+
+        config = configured(ContentConfig, self.values())
+        source = self._source()
+        if source is None:
+            photographs = sorted((inputs["capture"] / "images").iterdir())
+            n_procedural = max(len(photographs), _FEWEST_PROCEDURAL)
+            chosen = embedded_source(photographs, n_procedural, config.seed)
+        else:
+            chosen = content_source(source, lambda: self.fetched(source, run.resume))
+        write_content_images(chosen, out, config, run.progress)
+
+    def fetched(self, annotations: Path, otherwise: Path) -> Path:
+        """Returns the folder of the images fetched so far: the user's, if it can be written."""
+        name = f"{annotations.stem}-{file_digest(annotations)[:8]}"
+        kept = data_root() / "content/.fetched" / name
+        with suppress(OSError):
+            kept.mkdir(parents=True, exist_ok=True)
+            if os.access(kept, os.W_OK):
+                return kept
+        otherwise.mkdir(parents=True, exist_ok=True)
+        return otherwise
+
+    def _source(self) -> Path | None:
+        """Returns the user's content, or None for the embedded set."""
+        from styletrf.capture.user_folders import find_content
+
+        return find_content(data_root(), self.content)

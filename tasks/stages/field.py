@@ -1,0 +1,112 @@
+"""The radiance field and its renders."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import luigi
+
+from pipeline.task import RunContext
+from tasks.stages.path_parameters import PathParameters
+from tasks.stages.scene import CameraPoses, SceneModel
+from tasks.stages.shards import ShardedStage
+from tasks.stages.stage import ConfigurableStage, Stage
+
+
+class RadianceField(ConfigurableStage):
+    """A TensoRF fitted to all photographs but every eighth.
+
+    Leaves `density.safetensors`, `appearance.safetensors`, `field.json` and `curve.parquet`. A
+    killed run goes on from its last checkpoint.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    tools = ("numba", "opencv-contrib-python-headless", "torch")
+    uses_device = True
+
+    def requires(self) -> Mapping[str, Stage]:
+        """Returns the images with their cameras, and the scene model."""
+        return {"poses": self.upstream(CameraPoses), "model": self.upstream(SceneModel)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Fits the field."""
+        from styletrf.steps.radiance_field import fit_field
+
+        fit_field(inputs, out, self.values(), self.device, run.progress, run.resume)
+
+
+class PathRenders(ShardedStage, PathParameters):
+    """Float renders of the field along a path.
+
+    Leaves `frames/NAME.exr` (R G B A half, Z float), `cameras.parquet` and `video.mp4`; a shard
+    leaves its frames and all cameras.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    tools: ClassVar[tuple[str, ...]] = ("av", "numba", "torch")
+    uses_device = True
+
+    def requires(self) -> Mapping[str, Stage]:
+        """Returns the field, the cameras and the model that place the path, and the shards."""
+        return {
+            "field": self.upstream(RadianceField),
+            "poses": self.upstream(CameraPoses),
+            "model": self.upstream(SceneModel),
+            **self.shard_stages(),
+        }
+
+
+class PriorRenders(PathRenders):
+    """Renders of the few views to stylize, which together cover all that the path sees."""
+
+    def requires(self) -> Mapping[str, Stage]:
+        """Returns the inputs of a path, and the trajectory that the priors have to cover."""
+        return {**super().requires(), "trajectory": self.upstream(TrajectoryFrames)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Chooses and renders the views, or joins their shards."""
+        from styletrf.steps.prior_renders import render_priors
+
+        render_priors(inputs, out, self.values(), self.device, self.sharding(inputs), run.progress)
+
+
+class TrajectoryFrames(PathRenders):
+    """The unstylized frames of the fly-through, or of another path.
+
+    Also leaves `support.json`: the fraction of pixels that fewer than three photographs see.
+    """
+
+    tools = ("av", "numba", "opencv-contrib-python-headless", "pycolmap", "torch")
+
+    def values(self) -> dict[str, Any]:
+        """Returns the settings, including the path parameters."""
+        return super().values() | self.path_settings()
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Returns the settings and the path."""
+        return {**super().identity_parameters(), **self.path_identity()}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """Returns the digests of the files that contain the path."""
+        return self.path_digests()
+
+    def frame_count(self) -> int | None:
+        """Returns the number of frames by the settings; None if these are not numbers."""
+        defaults = {"frames": 60, "seconds": 0, "speed": 1}
+        values = self.values()
+        found = [values.get(f"trajectory.{name}", default) for name, default in defaults.items()]
+        found.append(values.get("frames_per_second", 24))
+        if not all(isinstance(value, int | float) and value >= 0 for value in found):
+            return None
+        frames, seconds, speed, rate = found
+        return round(float((seconds * rate or frames) / (speed or 1)))
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Chooses and renders the path, or joins its shards."""
+        from styletrf.steps.trajectory_frames import render_trajectory
+
+        name = self.path if self.path_file() is None else "of the file"
+        sharding = self.sharding(inputs)
+        render_trajectory(
+            inputs, out, self.values(), self.path, name, self.device, sharding, run.progress
+        )

@@ -1,0 +1,70 @@
+"""Results linked in `out/`: folders of symbolic links into the store, restored by every run."""
+
+import logging
+import os
+from abc import abstractmethod
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from pipeline.maintenance.roots import add_folder_root
+from pipeline.settings import current_store
+from pipeline.task import StoredTask, artifact
+from styletrf.errors import InputError
+from tasks.stages.stage import Stage
+
+screen = logging.getLogger("pipeline")
+
+
+class LinkedStage(Stage):
+    """A stage whose result and related files are linked from a folder in `out/`."""
+
+    @property
+    @abstractmethod
+    def folder(self) -> Path:
+        """Returns the folder of the links."""
+
+    @abstractmethod
+    def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        """Returns the target of each link by its name; `place` returns an artifact's folder."""
+
+    def published(self) -> bool:
+        """Returns whether every link has the right target, and that exists."""
+        folder = self.folder
+        return all(
+            (folder / name).is_symlink()
+            and (folder / name).readlink() == target
+            and target.exists()
+            for name, target in self.links(lambda task: task.output().path).items()
+        )
+
+    def publish(self, object_path: Path) -> None:
+        """Makes the links, and removes links of earlier runs."""
+        links = self.links(artifact)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        add_folder_root(current_store(), self.folder, links.values())
+        for name, target in links.items():
+            partial = self.folder / f".{name}.{os.getpid()}"
+            partial.unlink(missing_ok=True)
+            partial.symlink_to(target)
+            partial.replace(self.folder / name)
+        for path in self.folder.iterdir():
+            if path.is_symlink() and path.name not in links:
+                path.unlink()
+
+
+def link_results(cells: Iterable[Any]) -> list[Any]:
+    """Links all existing results of a command's cells, also those that other machines built.
+
+    Returns:
+        The results that are linked now.
+    """
+    linked = []
+    for cell in (each for requested in cells for each in requested.cells()):
+        try:
+            linked += [cell] if cell.show() else []
+        except InputError:  # its result cannot exist, and its stage reports the error
+            continue
+        except Exception as error:  # noqa: BLE001  the other results are linked anyway
+            screen.warning("%s cannot be linked in out/: %s", cell.label, error)
+    return linked

@@ -1,0 +1,88 @@
+"""The path parameters: camera path, length, frame rate and frame size; see `docs/paths.md`.
+
+They are arguments of the main command and of all stages that depend on the path: the frames, their
+metrics, and the priors, which cover what the path sees.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import luigi
+
+from pipeline.digest import file_digest
+from pipeline.parameters import FloatParameter, IntParameter
+from styletrf.errors import InputError
+from styletrf.files.frame_limits import FASTEST_RATE, LARGEST_PX, SLOWEST_RATE, SMALLEST_PX
+from tasks.stages.stage import PresetStage
+
+NAMED_PATHS = ("auto", "orbit", "spiral", "dolly", "photographs")
+LONGEST_S = 600
+
+
+class PathParameters(PresetStage):
+    """The camera path, its length, and the rate and size of the frames."""
+
+    path = luigi.Parameter(
+        default="auto",
+        description="auto, orbit, spiral, dolly or photographs (their own order, smoothed); or a"
+        " file: key frames as JSON, Blender's transforms.json, or a COLMAP model's folder",
+    )
+    seconds = FloatParameter(default=0.0, description="length of the path; 0 for the quality's")
+    frame_rate = IntParameter(
+        default=0, description="frames a second, 24 to 60; 0 for the quality's"
+    )
+    frame_size = IntParameter(
+        default=0, description="longer side of the frames in pixels, up to 3840; 0: the scene's"
+    )
+
+    def validate(self) -> None:
+        """Rejects a path that is neither a name nor a file, and sizes and times out of range.
+
+        Raises:
+            InputError: A value is invalid; the error names the valid ones.
+        """
+        super().validate()
+        file = self.path_file()
+        if file is not None and not (file.is_file() or any(file.glob("cameras.*"))):
+            remedy = f"Give {', '.join(NAMED_PATHS)}, or the path of a file (docs/paths.md)"
+            raise InputError(f"--path {self.path}", "is neither a path's name nor a file", remedy)
+        if not 0 <= self.seconds <= LONGEST_S:
+            self._refuse("seconds", f"is no length of 0 to {LONGEST_S} seconds", "8")
+        if self.frame_rate and not SLOWEST_RATE <= self.frame_rate <= FASTEST_RATE:
+            bounds = f"{SLOWEST_RATE} to {FASTEST_RATE}"
+            self._refuse("frame_rate", f"is no rate of {bounds}", "30")
+        if self.frame_size and not SMALLEST_PX <= self.frame_size <= LARGEST_PX:
+            bounds = f"{SMALLEST_PX} to {LARGEST_PX} pixels"
+            self._refuse("frame_size", f"is no size of {bounds}", "1920")
+
+    def path_file(self) -> Path | None:
+        """Returns the file or folder that contains the path; None for a path by its name."""
+        return None if self.path in NAMED_PATHS else Path(self.path)
+
+    def path_settings(self) -> dict[str, Any]:
+        """Returns the settings of TrajectoryFrames that these parameters replace."""
+        words = {
+            "trajectory.seconds": self.seconds,
+            "frames_per_second": self.frame_rate,
+            "long_side_px": self.frame_size,
+        }
+        return {name: value for name, value in words.items() if value}
+
+    def path_identity(self) -> Mapping[str, object]:
+        """Returns the path's name, or only "file" for a file, whose digest is a source."""
+        return {} if self.path == "auto" else {"path": "file" if self.path_file() else self.path}
+
+    def path_digests(self) -> Mapping[str, str]:
+        """Returns the digests of the files that contain the path."""
+        file = self.path_file()
+        if file is None or not file.exists():
+            return {}
+        if not file.is_dir():
+            return {"path": file_digest(file)}
+        files = (found for found in sorted(file.iterdir()) if found.is_file())
+        return {f"path/{found.name}": file_digest(found) for found in files}
+
+    def _refuse(self, name: str, problem: str, example: str) -> None:
+        words = f"--{name.replace('_', '-')} {getattr(self, name)}"
+        raise InputError(words, problem, f"Give one such as {example}")

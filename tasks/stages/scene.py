@@ -1,0 +1,77 @@
+"""From photographs to the model of their scene."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import luigi
+
+from pipeline.digest import file_digest
+from pipeline.settings import data_root
+from pipeline.task import RunContext
+from tasks.stages.stage import ConfigurableStage, Stage
+
+
+class SceneCapture(ConfigurableStage):
+    """The user's photographs, checked and copied unchanged, or frames of the user's videos.
+
+    Leaves `images/` and `capture.json`; a changed photograph leads to a new capture.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
+    tools = ("av", "opencv-contrib-python-headless", "pycolmap")
+
+    def external_digests(self) -> Mapping[str, str]:
+        """Returns the digest of each photograph and file of poses, or of each video."""
+        from styletrf.capture.user_folders import find_scene, scene_files, scene_folder
+
+        found = find_scene(data_root(), self.scene)
+        below = scene_folder(found)
+        return {str(path.relative_to(below)): file_digest(path) for path in scene_files(found)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Checks and copies the photographs, or chooses frames."""
+        from styletrf.steps.scene_capture import capture_scene
+
+        capture_scene(data_root(), self.scene, out, self.values(), run.progress)
+
+
+class CameraPoses(ConfigurableStage):
+    """Poses, intrinsics, sparse points and undistorted images, by COLMAP.
+
+    Leaves `cameras.parquet`, `points.parquet`, `images/NAME.png` and `poses.json`. COLMAP's own
+    messages lie beside the log.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    tools = ("opencv-contrib-python-headless", "pycolmap")
+
+    def requires(self) -> Mapping[str, Stage]:
+        """Returns the photographs."""
+        return {"capture": self.upstream(SceneCapture)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Solves for the cameras."""
+        from styletrf.steps.camera_poses import solve_poses
+
+        log, work = run.log.with_suffix(".colmap"), run.resume / "colmap"
+        solve_poses(inputs["capture"], out, self.values(), run.progress, log, work)
+
+
+class SceneModel(ConfigurableStage):
+    """The space, box, near and far, resolution and working size that the scene requires.
+
+    Photographs held out have no part in it. Leaves `scene.json`, each decision with its evidence.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    tools = ("numba", "opencv-contrib-python-headless")
+
+    def requires(self) -> Mapping[str, Stage]:
+        """Returns the cameras and the points."""
+        return {"poses": self.upstream(CameraPoses)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Decides from the photographs that are not held out."""
+        from styletrf.steps.scene_model import decide_model
+
+        decide_model(inputs["poses"], out, self.values())

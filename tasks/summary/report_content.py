@@ -1,0 +1,191 @@
+"""The content of the report of a stylized fly-through, gathered from the store."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pipeline.record import ActionRecord
+from styletrf.capture.capture_file import read_capture
+from styletrf.files.tables import read_rows, read_summary
+from styletrf.reports.curve_chart import Curve
+from styletrf.reports.report import ReportContent, StageCost
+from tasks.command.main_command import main_command
+from tasks.presets.presets import settings_for
+from tasks.summary.metric_labels import metric_tables, term
+
+
+def summary_of(
+    words: Mapping[str, Any], inputs: Mapping[str, Path], lineage: Sequence[ActionRecord]
+) -> dict[str, Any]:
+    """Returns the numbers of one result: its metrics, its cost, and its parameters (`words`)."""
+    costs = [_cost(record) for record in lineage]
+    return {
+        "quality": read_summary(inputs["quality"] / "summary.json"),
+        "consistency": read_summary(inputs["consistency"] / "summary.json"),
+        "resemblance": read_summary(inputs["resemblance"] / "summary.json"),
+        "path": read_summary(inputs["trajectory"] / "support.json"),
+        "cost": {
+            "seconds": sum(cost.seconds for cost in costs),
+            "peak_memory_bytes": max((cost.peak_memory_bytes or 0 for cost in costs), default=0),
+        },
+        "words": dict(words),
+    }
+
+
+def report_content(
+    words: Mapping[str, Any],
+    inputs: Mapping[str, Path],
+    poster: Path,
+    lineage: Sequence[ActionRecord],
+) -> ReportContent:
+    """Returns the content of `report.html`.
+
+    Args:
+        words: The parameters of the command.
+        inputs: The artifacts shown.
+        poster: The frame shown while nothing plays.
+        lineage: The records of everything upstream.
+    """
+    return ReportContent(
+        scene=words["scene"],
+        style=words["style"],
+        quality=words["quality"],
+        summary=" ".join(
+            [
+                registration_summary(inputs["poses"], inputs["capture"], inputs["quality"]),
+                support_summary(read_summary(inputs["trajectory"] / "support.json")),
+            ]
+        ),
+        video=inputs["frames"] / "video.mp4",
+        unstylized_video=inputs["trajectory"] / "video.mp4",
+        poster=poster,
+        style_image=inputs["style"] / "style.png",
+        priors=_priors(inputs),
+        curves=_curves(inputs),
+        metrics=metric_tables(summary_of(words, inputs, lineage)),
+        error_curves=_error_curves(read_rows(inputs["consistency"] / "pairs.parquet")),
+        stages=[_cost(record) for record in lineage],
+        parameters={name: _parameters(record) for name, record in _named(lineage).items()},
+        versions={
+            **{name: version(name) for name in ("styletrf", "luigi")},
+            **{name: number for record in lineage for name, number in record.action.tools.items()},
+        },
+        digests={name: record.output.digest for name, record in _named(lineage).items()},
+        command=main_command(words, _tuning(words["quality"], lineage)),
+    )
+
+
+def registration_summary(
+    poses_dir: Path, capture_dir: Path, quality_dir: Path | None = None
+) -> str:
+    """Returns how many photographs have a camera, which have none, how, and what is odd of them.
+
+    With the artifact of QualityMetrics also which of those without were placed against the field.
+    """
+    poses = read_summary(poses_dir / "poses.json")
+    text = f"{poses['registered']} of {poses['total']} photographs placed"
+    if poses["unregistered"]:
+        text += f"; without a camera: {', '.join(poses['unregistered'])}"
+    against = read_summary(quality_dir / "placed.json") if quality_dir else {}
+    if found := [name for name, row in against.items() if "world_from_camera" in row]:
+        text += f"; placed against the field, and not fitted to: {', '.join(found)}"
+    if len(poses["pieces"]) > 1:
+        text += f"; they fall into {len(poses['pieces'])} pieces, of which the largest is used"
+    how = f"Poses: {poses['mapper']}, since {poses['mapper_reason']}"
+    return ". ".join([text, how, *read_capture(capture_dir).warnings]) + "."
+
+
+def support_summary(support: Mapping[str, Any]) -> str:
+    """Returns how much of the path hardly any photograph shows, and what was done about it."""
+    text = (
+        f"The path {support['path']}: fewer than {support['enough_photographs']} photographs see"
+        f" {support['unsupported']:.1%} of its pixels"
+    )
+    if stills := support["stills"]:
+        text = (
+            f"The path {support['path']} are stills of {len(stills)} photographs, since"
+            f" {support['reason']}. What is compared from frame to frame is so within a still;"
+            f" fewer than {support['enough_photographs']} photographs see"
+            f" {support['unsupported']:.1%} of their pixels"
+        )
+    elif support["unsupported"] >= support["most_unsupported"]:
+        text += f"; worst are the frames {', '.join(support['worst'])}"
+    if len(tried := support["tried"]) > 1 and not stills:
+        best = min(tried, key=lambda one: float(one["unsupported"]))
+        text += f". It was narrowed from {tried[0]['unsupported']:.1%}: spread {best['spread']:.2g}"
+        text += f", focal length {best['zoom']:g} times" if best["zoom"] > 1 else ""
+    return f"{text}."
+
+
+def _tuning(quality: str, lineage: Sequence[ActionRecord]) -> dict[str, dict[str, Any]]:
+    """Returns the settings that the user changed, by stage."""
+    tuning = {}
+    for record in lineage:
+        usual = settings_for(record.action.family, quality)
+        settings = _parameters(record).get("settings", {})
+        changed = {name: value for name, value in settings.items() if usual.get(name) != value}
+        if changed:
+            tuning[record.action.family] = changed
+    return tuning
+
+
+def _named(lineage: Sequence[ActionRecord]) -> dict[str, ActionRecord]:
+    """Returns the records by family; of a family with several, each with its digest's beginning."""
+    times = Counter(record.action.family for record in lineage)
+
+    def name(record: ActionRecord) -> str:
+        family = record.action.family
+        return f"{family} {record.output.digest[:8]}" if times[family] > 1 else family
+
+    return {name(record): record for record in lineage}
+
+
+def _parameters(record: ActionRecord) -> dict[str, Any]:
+    parameters: Any = record.action.parameters
+    return dict(parameters)
+
+
+def _cost(record: ActionRecord) -> StageCost:
+    provenance: Mapping[str, Any] = record.provenance
+    return StageCost(
+        record.action.family, float(provenance["seconds"]), int(provenance["peak_memory_bytes"])
+    )
+
+
+def _priors(inputs: Mapping[str, Path]) -> list[Path]:
+    return sorted((inputs["priors"] / "frames").iterdir()) if "priors" in inputs else []
+
+
+def _curves(inputs: Mapping[str, Path]) -> list[Curve]:
+    shown = {
+        "field": ("Radiance field", "PSNR of training rays, dB", "psnr"),
+        "network": ("Style network", "perceptual loss", "loss"),
+        "adaptation": ("Adaptation to the style", "PSNR against the priors, dB", "psnr"),
+    }
+    return [
+        _curve(title, quantity, read_rows(inputs[name] / "curve.parquet"), column)
+        for name, (title, quantity, column) in shown.items()
+        if name in inputs and (inputs[name] / "curve.parquet").exists()
+    ]
+
+
+def _curve(title: str, quantity: str, rows: list[dict[str, Any]], column: str) -> Curve:
+    at, values = ([row[name] for row in rows] for name in ("iteration", column))
+    return Curve(title, quantity, at, values)
+
+
+def _error_curves(pairs: Sequence[Mapping[str, Any]]) -> list[Curve]:
+    """The paper's error over the trajectory with its floor, a curve for each distance."""
+    return [
+        Curve(
+            title=term(delta).capitalize(),
+            quantity="error along the flow; dashed, its floor",
+            at=[pair["first"] for pair in pairs if pair["delta"] == delta],
+            values=[pair["error"] for pair in pairs if pair["delta"] == delta],
+            floor=[pair["floor"] for pair in pairs if pair["delta"] == delta],
+            along="frame",
+        )
+        for delta in sorted({pair["delta"] for pair in pairs if pair["flow"]})
+    ]

@@ -1,0 +1,49 @@
+import threading
+import time
+from contextlib import closing
+from itertools import count, islice
+
+import pytest
+
+from styletrf.content.prefetch import prefetch
+
+
+def test_results_come_in_order_whatever_the_threads_do():
+    def slow_first(k: int) -> int:
+        time.sleep(0.02 if k % 3 == 0 else 0)
+        return k * k
+
+    results = list(prefetch(slow_first, range(20), threads=4, ahead=6))
+    assert results == [k * k for k in range(20)]
+
+
+def test_endless_items_are_read_no_further_than_ahead():
+    taken = []
+
+    def items():
+        for k in count():
+            taken.append(k)
+            yield k
+
+    with closing(prefetch(lambda k: k, items(), threads=2, ahead=3)) as results:
+        assert list(islice(results, 5)) == [0, 1, 2, 3, 4]
+    assert len(taken) <= 5 + 3
+
+
+def test_an_exception_is_raised_in_its_turn():
+    results = prefetch(lambda k: 1 // (2 - k), range(5), threads=2, ahead=4)
+    assert [next(results), next(results)] == [0, 1]
+    with pytest.raises(ZeroDivisionError):
+        next(results)
+
+
+def test_closing_leaves_no_thread():
+    before = threading.active_count()
+    results = prefetch(lambda k: k, count(), threads=3, ahead=3)
+    next(results)
+    results.close()
+    assert threading.active_count() == before
+
+
+def test_no_items_no_results():
+    assert list(prefetch(lambda k: k, [], threads=1, ahead=1)) == []

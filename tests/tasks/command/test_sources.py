@@ -1,0 +1,98 @@
+"""What the user names is read first, and a command stops where that fails."""
+
+import multiprocessing
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+from command_output import said
+
+import tasks
+from pipeline.errors import TaskFailure
+from pipeline.job import write_outcome
+from pipeline.settings import current_store
+from tasks.command.graph import graph
+from tasks.command.sources import begin_of_command, is_source, require_sources, sources_of
+
+WORDS = {"scene": "mini", "style": "p", "quality": "draft", "content": "embedded"}
+BUDGET = {"scene": "mini", "style": "p", "budget": "5min", "content": "embedded"}
+
+
+def stage(root, family):
+    return next(task for task in graph(root) if task.task_family == family)
+
+
+def test_sources_are_what_reads_or_fetches_what_the_user_names():
+    families = {task.task_family for task in sources_of(tasks.StylizedTrajectory(**WORDS))}
+    assert families == {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
+    given = tasks.StylizedTrajectory(**WORDS, network="n.pth")
+    assert is_source(stage(given, "StyleNetwork"))
+
+
+@pytest.fixture
+def failed_painting(out):
+    """A command whose painting could not be read, as the log in the store says."""
+    root = tasks.StylizedTrajectory(**WORDS)
+    image = stage(root, "StyleImage")
+    current_store().new_log("StyleImage", image.action().key).write_text("1x1 pixels\n")
+    return root
+
+
+def test_stage_of_a_command_stops_where_a_source_failed(failed_painting):
+    with pytest.raises(TaskFailure, match=r"StyleImage.*--keep-going"):
+        require_sources(stage(failed_painting, "CameraPoses"), failed_painting)
+
+
+def test_sources_run_whatever_became_of_the_others(failed_painting):
+    require_sources(stage(failed_painting, "SceneCapture"), failed_painting)
+
+
+def test_keep_going_runs_what_does_not_need_the_source(failed_painting):
+    going = failed_painting.clone(keep_going=True)
+    require_sources(stage(going, "CameraPoses"), going)
+    assert going.task_id == failed_painting.task_id, "the result is the same one"
+
+
+def test_budget_has_the_sources_of_any_settings():
+    families = {task.task_family for task in sources_of(tasks.StylizedTrajectory(**BUDGET))}
+    assert families == {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
+
+
+def test_command_without_the_flag_does_not_stop(failed_painting):
+    network = stage(failed_painting, "StyleNetwork")
+    require_sources(stage(network, "ContentImages"), network)
+
+
+def test_source_that_was_not_begun_in_time_did_not_fail(out):
+    root = tasks.StylizedTrajectory(**WORDS)
+    image = stage(root, "StyleImage")
+    log = current_store().new_log("StyleImage", image.action().key)
+    write_outcome(log, "late", "5 s are left")
+    require_sources(stage(root, "CameraPoses"), root)
+
+
+def test_without_a_command_nothing_stops(failed_painting):
+    require_sources(stage(failed_painting, "CameraPoses"), None)
+
+
+def test_grid_hands_keep_going_to_its_cells():
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], keep_going=True)
+    assert [cell.keep_going for cell in grid.cells()] == [True]
+
+
+def test_process_of_a_worker_knows_when_the_command_began():
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.apply(begin_of_command) == begin_of_command()
+
+
+def test_bad_painting_ends_the_command_before_the_poses_with_the_reason_last(photographs, tmp_path):
+    data = shutil.copytree(photographs, tmp_path / "data")
+    cv2.imwrite(str(data / "styles" / "dot.png"), np.zeros((1, 1, 3), np.uint8))
+    words = ["--scene", "mini", "--style", "dot", "--quality", "draft"]
+    status, screen = said(data, "StylizedTrajectory", *words)
+    assert status == 30
+    assert "CameraPoses draft mini: started" not in screen
+    last = screen.strip().rpartition("\n")[2]
+    assert "StyleImage" in last
+    assert "1x1 pixels" in last

@@ -1,0 +1,162 @@
+"""`--plan`: what a command would do, without doing it."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import tasks
+from pipeline.settings import current_store
+from tasks.machine.calibration import keep_calibration, this_machine
+from tasks.planning.build_plan import BuildPlan, StagePlan, makespan, plan_of
+from tasks.planning.plan_report import plan_as_json, plan_as_text
+from tasks.planning.stage_costs import ExpectedCost, reference_costs
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture(autouse=True)
+def _calibrated(out):
+    keep_calibration(replace(reference_costs().calibration, machine=this_machine()))
+
+
+def image(style="p", **words):
+    return tasks.StyleImage(style=style, **words)
+
+
+def mini(**words):
+    usual = {"scene": "mini", "style": "p", "quality": "draft", "content": "embedded"}
+    return tasks.StylizedTrajectory(**usual | words)
+
+
+def made(root) -> set[str]:
+    return {stage.task.task_family for stage in plan_of(root).to_make}
+
+
+def contents(store: Path) -> set[str]:
+    folders = ("objects", "actions", "logs", "resume", "costs")
+    return {str(path) for folder in folders for path in (store / folder).rglob("*")}
+
+
+def test_a_plan_builds_nothing(tmp_path):
+    store = current_store().root
+    before = contents(store)
+    plan = plan_of(mini())
+    assert len(plan.to_make) == len(plan.stages) > 15
+    assert all(stage.reasons and stage.cost.seconds > 0 for stage in plan.to_make)
+    assert contents(store) == before
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("inline")
+def test_what_was_made_is_found_and_a_changed_parameter_is_named():
+    capture = tasks.SceneCapture(scene="mini")
+    capture.run()
+    image().run()
+    assert made(mini()) & {"SceneCapture", "StyleImage"} == set()
+    changed = mini(tuning={"SceneCapture": {"leave_out": ["a.png"]}})
+    (stage,) = (s for s in plan_of(changed).stages if s.task.task_family == "SceneCapture")
+    assert any("leave_out" in reason for reason in stage.reasons)
+
+
+@pytest.mark.usefixtures("inline")
+def test_a_plan_of_a_finished_command_has_nothing_to_make():
+    class Shown:
+        """A command that asks for an image alone."""
+
+        def cells(self):
+            return [self]
+
+        def planned(self):
+            image().run()
+            task = image()
+            task.scene = "mini"
+            return task, ""
+
+    plan = plan_of(Shown())
+    assert plan.to_make == []
+    assert plan.seconds(1, 2) == plan.seconds(4, 2) == 0
+    assert "0 to make" in plan_as_text(plan)
+
+
+def test_what_cells_of_a_grid_share_is_planned_once():
+    grid = tasks.Grid(scenes=["mini"], styles=["p", "q"], quality="draft", content="embedded")
+    families = [stage.task.task_family for stage in plan_of(grid).stages]
+    assert families.count("RadianceField") == 1
+    assert families.count("StyleNetwork") == families.count("StylizedTrajectory") == 2
+
+
+def test_the_plan_of_a_budget_is_that_of_the_settings_chosen():
+    plan = plan_of(mini(quality="standard", budget="1h"))
+    (settings,) = plan.settings
+    (field,) = (s.task for s in plan.stages if s.task.task_family == "RadianceField")
+    assert field.quality == "draft"
+    assert "assuming" in settings, "the kind of space is not known"
+
+
+def test_json_says_what_the_lines_say():
+    plan = plan_of(mini())
+    fields = json.loads(plan_as_json(plan))
+    lines = plan_as_text(plan).splitlines()
+    assert len(fields["stages"]) == len(lines) - 1
+    assert all(s["task"] in line for s, line in zip(fields["stages"], lines, strict=False))
+    assert fields["totals"]["seconds"] == pytest.approx(
+        sum(stage["seconds"] for stage in fields["stages"])
+    )
+
+
+graphs = st.lists(
+    st.tuples(st.floats(0.0, 100.0), st.sets(st.integers(0, 20))), min_size=1, max_size=12
+)
+
+
+@given(graphs, st.integers(1, 6), st.floats(0.2, 2.0))
+def test_more_workers_never_take_longer_than_one(rows, workers, busy):
+    durations = {
+        str(k): (seconds, [str(u) for u in upstream if u < k])
+        for k, (seconds, upstream) in enumerate(rows)
+    }
+    total = sum(seconds for seconds, _ in durations.values())
+    assert makespan(durations, 1) == pytest.approx(total)
+    assert makespan(durations, workers) <= total * (1 + 1e-9)
+    assert makespan(durations, workers) >= total / workers * (1 - 1e-9)
+    costs = [ExpectedCost(s, busy * s, 1, 1, "the reference") for s, _ in rows]
+    stages = [
+        StagePlan(tasks.StyleImage(style=f"{k}"), ("new",), cost) for k, cost in enumerate(costs)
+    ]
+    plan = BuildPlan(stages, ())
+    assert plan.seconds(workers, 2) <= plan.seconds(1, 2) * (1 + 1e-9)
+
+
+def run(*words: str) -> "subprocess.CompletedProcess[str]":
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "luigi", "--module", "tasks", *words]
+    return subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+WORDS = ("--scene", "mini", "--style", "p", "--content", "embedded", "--quality", "draft")
+
+
+def test_the_command_prints_the_plan_and_ends_with_status_0(tmp_path):
+    done = run("StylizedTrajectory", *WORDS, "--plan", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["totals"]["found"] == 0
+    assert list((current_store().root / "objects").iterdir()) == []
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "words", [("--device", "cuda"), ("--tuning", '{"RadianceField": {"iteration": 5}}')]
+)
+def test_what_the_command_would_refuse_its_plan_refuses(words):
+    done = run("StylizedTrajectory", *WORDS, "--plan", *words)
+    assert done.returncode == 1
+    assert done.stdout == ""

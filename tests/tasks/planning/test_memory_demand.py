@@ -1,0 +1,123 @@
+"""A command that takes clearly more memory than there is stops before anything long begins."""
+
+from dataclasses import replace
+
+import pytest
+from command_output import CELL, said
+
+import tasks
+from pipeline.execution import cpu_memory
+from pipeline.execution.cpu_memory import available_memory_bytes
+from styletrf.errors import InputError
+from tasks.command.graph import graph
+from tasks.planning.memory_demand import (
+    GROWTH,
+    MARGIN,
+    Demand,
+    Photographs,
+    demands_of,
+    photographs_of,
+    predicted_bytes,
+    require_memory,
+)
+
+SCENE = Photographs(count=50, width=4000, height=3000)
+DEMAND = Demand("ConsistencyMetrics", "yard", 504, 0, 224**3, 60, 0)
+WORDS = {"scene": "mini", "style": "p", "quality": "draft", "content": "embedded"}
+
+
+def taken(demand: Demand, photographs: Photographs = SCENE) -> float:
+    return sum(predicted_bytes(demand, photographs).values())
+
+
+@pytest.mark.parametrize("stage", GROWTH)
+def test_nothing_takes_less_memory_where_there_is_more_of_anything(stage):
+    demand = replace(DEMAND, stage=stage)
+    assert taken(replace(demand, frame_px=3840)) >= taken(demand)
+    assert taken(replace(demand, photograph_px=1008)) >= taken(demand)
+    assert taken(replace(demand, grid_points=384**3)) >= taken(demand)
+    assert taken(demand, replace(SCENE, count=500)) >= taken(demand)
+
+
+def test_what_is_beside_the_libraries_grows_with_the_square_of_the_frames():
+    parts = [predicted_bytes(replace(DEMAND, frame_px=px), SCENE) for px in (960, 1920)]
+    assert parts[1]["frames"] == pytest.approx(4 * parts[0]["frames"])
+    assert parts[1]["libraries"] == parts[0]["libraries"]
+
+
+def test_photographs_count_at_the_size_they_are_worked_on():
+    field = replace(DEMAND, stage="RadianceField")
+    small = Photographs(50, 400, 300)
+    assert taken(field, Photographs(50, 6000, 4500)) == taken(field, SCENE)
+    assert taken(replace(field, photograph_px=9999), small) == taken(field, small)
+    assert taken(field, Photographs(50, 3000, 4000)) == taken(field, SCENE), "standing, too"
+
+
+def test_refused_is_what_takes_clearly_more_than_is_available():
+    demand = replace(DEMAND, frame_px=3840)
+    enough = int(taken(demand) / MARGIN) + 1
+    require_memory([demand], enough, {"yard": SCENE})
+    with pytest.raises(InputError) as refused:
+        require_memory([demand], enough // 2, {"yard": SCENE})
+    told = str(refused.value)
+    for word in ("ConsistencyMetrics", "yard", "3840", "--frame-size"):
+        assert word in told
+    assert f"{taken(demand) / 2**30:.1f} GiB" in told
+    assert f"{enough // 2 / 2**30:.1f} GiB" in told
+    assert "\n" not in told
+
+
+def test_the_stage_that_takes_the_most_is_told():
+    large = replace(DEMAND, stage="RadianceField", grid_points=640**3)
+    with pytest.raises(InputError, match=r"RadianceField.*max_voxels"):
+        require_memory([DEMAND, large], 1 << 20, {"yard": SCENE})
+
+
+def test_what_the_user_allows_a_stage_counts_as_available():
+    with pytest.raises(InputError):
+        require_memory([replace(DEMAND, limit_bytes=1 << 20)], 1 << 40, {"yard": SCENE})
+
+
+def test_a_scene_that_cannot_be_read_is_left_to_its_own_stage(photographs, monkeypatch):
+    monkeypatch.setenv("STYLETRF_DATA", str(photographs))
+    assert photographs_of("nowhere", 60) is None
+    assert photographs_of("mini", 60) == Photographs(8, 96, 96)
+    require_memory([DEMAND], 1, {})
+
+
+def test_demands_are_those_of_the_command(out):
+    demands = demands_of(graph(tasks.StylizedTrajectory(**WORDS, frame_size=1920)))
+    by_stage = {demand.stage: demand for demand in demands}
+    assert set(by_stage) == GROWTH.keys() - {"StylizedFrames per-frame"}
+    assert {by_stage[name].frame_px for name in by_stage if GROWTH[name].frame} == {1920}
+    assert {demand.photograph_px for demand in demands} == {504}
+    painted = demands_of(graph(tasks.StylizedTrajectory(**WORDS, method="per-frame")))
+    assert "StylizedFrames per-frame" in {demand.stage for demand in painted}
+
+
+def test_a_command_stops_with_one_line_unless_it_keeps_going(photographs):
+    words = ["StylizedTrajectory", *CELL, "--RadianceField-memory-gib", "0.01"]
+    status, screen = said(photographs, *words)
+    assert status == 1
+    assert screen.startswith("RadianceField of scene mini, with")
+    assert screen.count("\n") == 1
+
+
+def test_keep_going_does_not_look_at_memory(out):
+    from tasks.command.sources import may_stop
+
+    root = tasks.StylizedTrajectory(**WORDS)
+    assert may_stop(root)
+    assert not may_stop(root.clone(keep_going=True))
+
+
+def test_available_is_what_the_group_of_the_container_leaves(tmp_path, monkeypatch):
+    monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path)
+    free = available_memory_bytes()
+    (tmp_path / "memory.max").write_text(f"{1 << 29}\n")
+    (tmp_path / "memory.current").write_text(f"{1 << 28}\n")
+    assert available_memory_bytes() == 1 << 28
+    (tmp_path / "memory.stat").write_text(f"anon 5\ninactive_file {1 << 27}\n")
+    assert available_memory_bytes() == (1 << 28) + (1 << 27)
+    (tmp_path / "memory.max").write_text("max\n")
+    assert available_memory_bytes() == pytest.approx(free, rel=0.2)

@@ -1,0 +1,105 @@
+"""What stages are expected to take: by builds of this machine, or by the reference."""
+
+import json
+import socket
+from dataclasses import replace
+
+import pytest
+from luigi.cmdline_parser import CmdlineParser
+
+import tasks
+from pipeline.execution.cost_history import Cost, CostSample, record_cost
+from pipeline.execution.resources import significant
+from pipeline.settings import current_store
+from tasks.command.graph import graph
+from tasks.planning.memory_demand import Photographs
+from tasks.planning.stage_costs import REFERENCE, CostModel, reference_costs
+from tasks.planning.stage_work import START_S, seconds_scaled
+
+SIZE = {"mini": Photographs(40, 504, 378)}
+
+
+def model(**changes) -> CostModel:
+    reference = reference_costs()
+    return CostModel(reference.calibration, SIZE, reference, **changes)
+
+
+def stage(family="RadianceField", quality="draft", **words):
+    return getattr(tasks, family)(scene="mini", quality=quality, **words)
+
+
+def took(task, seconds, host=""):
+    cost = Cost(seconds, 1 << 20, seconds, 1000)
+    record_cost(current_store(), task.task_family, CostSample(significant(task), cost, host))
+
+
+def test_the_reference_expects_of_itself_what_it_took():
+    reference = reference_costs()
+    for family in ("RadianceField", "TrajectoryFrames", "CameraPoses"):
+        like = reference.stage_like(stage(family))
+        cost = model().expected(like)
+        assert cost.seconds == pytest.approx(reference.stages[family].seconds)
+        assert cost.evidence == "the reference"
+
+
+@pytest.mark.parametrize("family", ["RadianceField", "StyleNetwork", "CameraPoses"])
+def test_a_machine_twice_as_slow_takes_twice_as_long(family):
+    words = {"style": "p", "content": "embedded"} if family == "StyleNetwork" else {}
+    here = reference_costs().calibration
+    slow = replace(here, seconds={k: 2 * v for k, v in here.seconds.items()})
+    slower = CostModel(slow, SIZE, reference_costs())
+    one, other = (m.expected(stage(family, **words)) for m in (model(), slower))
+    assert other.seconds == pytest.approx(2 * one.seconds)
+    assert other.output_bytes == one.output_bytes
+
+
+def test_builds_of_this_machine_go_before_the_reference():
+    took(stage(), 77.0, socket.gethostname())
+    assert model().expected(stage()).seconds == pytest.approx(77.0)
+    assert model().expected(stage()).evidence == "this machine"
+    assert model(uses_own_builds=False).expected(stage()).evidence == "the reference"
+
+
+def test_builds_of_another_machine_do_not():
+    took(stage(), 77.0, "another")
+    assert model().expected(stage()).evidence == "the reference"
+
+
+@pytest.mark.parametrize(
+    ("more", "family"),
+    [
+        ({"RadianceField": {"iterations": 10000}}, "RadianceField"),
+        ({"TrajectoryFrames": {"trajectory.frames": 600}}, "TrajectoryFrames"),
+        ({"TrajectoryFrames": {"long_side_px": 1008}}, "TrajectoryFrames"),
+        ({"SceneModel": {"max_voxels": 10**9}}, "RadianceField"),
+    ],
+)
+def test_more_work_takes_longer(more, family):
+    took(stage(family), 50.0)
+    for each in (model(), model(uses_own_builds=False)):
+        assert (
+            each.expected(stage(family, tuning=more)).seconds > each.expected(stage(family)).seconds
+        )
+
+
+def test_settings_of_the_command_are_those_of_the_stage_and_not_of_the_reference():
+    words = ["RadianceField", "--scene", "mini", "--quality", "draft"]
+    with CmdlineParser.global_instance([*words, "--settings", '{"iterations": 500}']) as command:
+        few = model().expected(command.get_task_obj()).seconds
+    with CmdlineParser.global_instance(
+        ["QualityMetrics", *words[1:], "--RadianceField-settings", '{"iterations": 500}']
+    ) as command:
+        (field,) = (s for s in graph(command.get_task_obj()) if s.task_family == "RadianceField")
+        assert model().expected(field).seconds == pytest.approx(few)
+    assert few < 0.2 * model().expected(stage()).seconds
+
+
+def test_the_start_of_a_stage_does_not_grow():
+    assert seconds_scaled(START_S, START_S, 100.0) == START_S
+    assert seconds_scaled(10.0, START_S, 2.0) == START_S + 2 * (10.0 - START_S)
+
+
+def test_the_reference_has_every_stage_of_a_fly_through():
+    words = {"scene": "s", "style": "p", "content": "embedded"}
+    families = {t.task_family for t in graph(tasks.StylizedTrajectory(**words))}
+    assert families <= json.loads(REFERENCE.read_text())["stages"].keys()

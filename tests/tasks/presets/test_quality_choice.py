@@ -1,0 +1,215 @@
+"""Requests for time and accuracy, and the fronts that serve them in the times of a machine."""
+
+import json
+import re
+from dataclasses import asdict, replace
+
+import pytest
+from luigi.cmdline_parser import CmdlineParser
+
+from styletrf.configuration import configured
+from styletrf.errors import InputError
+from styletrf.evaluation.trade_off import Combination
+from tasks import StylizedTrajectory
+from tasks.machine.calibration import Calibration, keep_calibration, this_machine
+from tasks.planning.kept_choice import choice_for, keep_choice
+from tasks.planning.remaining_time import cost_model, timing_of
+from tasks.planning.stage_costs import reference_costs
+from tasks.planning.validation import configurations
+from tasks.presets.presets import settings_for
+from tasks.presets.quality_choice import SHIPPED, Front, choose, fronts_for, require_reachable
+from tasks.presets.quality_request import quality_request
+
+FAST = Combination(
+    "quick", "", {"RadianceField": {"iterations": 9}}, 0.8, 24.0, -5.0, 100.0, 1.0, 0.0, 1, 1
+)
+GOOD = Combination("", "", {}, 0.0, 24.8, -5.0, 280.0, 1.0, 0.0, 1, 1)
+FRONT = Front("the front of this scene (s)", "draft", (FAST, GOOD), None)
+
+
+def as_there(_front, point):
+    """The times of the machine that measured the front."""
+    return point.seconds
+
+
+def twice(front, point):
+    return 2 * as_there(front, point)
+
+
+def calibrated(times_slower: float) -> None:
+    """This machine is so many times slower than that of the reference."""
+    seconds = reference_costs().calibration.seconds
+    slower = {kind: times_slower * value for kind, value in seconds.items()}
+    keep_calibration(Calibration(this_machine(), slower, "2026-01-01"))
+
+
+@pytest.fixture(autouse=True)
+def _data(monkeypatch, photographs, tmp_path):
+    from tasks.machine.calibration import calibration_of_machine
+
+    monkeypatch.setenv("STYLETRF_DATA", str(photographs))
+    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
+    calibration_of_machine.cache_clear()
+
+
+def mini(**words) -> StylizedTrajectory:
+    return StylizedTrajectory(**{"scene": "mini", "style": "p", "content": "embedded"} | words)
+
+
+@pytest.mark.parametrize(
+    ("quality", "budget", "found"),
+    [
+        ("within 1 dB", "", FAST), ("Within  0.5dB", "", GOOD), ("draft", "5min", GOOD),
+        ("standard", "101s", FAST), ("draft", "0.05h", FAST),
+    ],
+)  # fmt: skip
+def test_a_request_is_served_by_the_front(quality, budget, found):
+    choice = choose(quality_request(quality, budget), FRONT, as_there)
+    assert (choice.point, choice.quality, choice.front) == (found, "draft", FRONT.description)
+
+
+def test_on_a_machine_twice_as_slow_a_budget_buys_less():
+    request = quality_request("draft", "5min")
+    assert choose(request, FRONT, twice).point == replace(FAST, seconds=200.0)
+
+
+def test_a_quality_by_its_name_is_no_request():
+    assert quality_request("draft", "") is None
+
+
+@pytest.mark.parametrize(("quality", "budget"), [("draft", "soon"), ("within 1 dB", "5min")])
+def test_unclear_requests_are_refused(quality, budget):
+    with pytest.raises(InputError):
+        quality_request(quality, budget)
+
+
+def test_a_budget_below_the_fastest_names_the_nearest_which_can_be_reached():
+    with pytest.raises(InputError) as refused:
+        choose(quality_request("draft", "99s"), FRONT, as_there)
+    (nearest,) = re.findall(r"--budget (\S+)", refused.value.remedy)
+    assert choose(quality_request("draft", nearest), FRONT, as_there).point == FAST
+
+
+def test_while_the_front_is_unknown_the_fastest_point_of_all_counts():
+    slow = Front("another", "draft", (GOOD,), None)
+    require_reachable(quality_request("draft", "100s"), [slow, FRONT], as_there)
+    with pytest.raises(InputError):
+        require_reachable(quality_request("draft", "100s"), [slow], as_there)
+
+
+def test_a_budget_out_of_reach_is_refused_before_the_first_stage():
+    calibrated(1.0)
+    task = mini(budget="1s")
+    with pytest.raises(InputError) as refused:
+        task.require_reachable()
+    (nearest,) = re.findall(r"--budget (\S+)", refused.value.remedy)
+    mini(budget=nearest).require_reachable()
+
+
+@pytest.mark.parametrize("space", ["ndc", "unbounded", "box"])
+def test_seconds_double_on_a_machine_twice_as_slow(space):
+    from tasks.machine.calibration import calibration_of_machine
+
+    task, (front,) = mini(budget="5min"), fronts_for(SHIPPED / "none", space)
+    seconds = []
+    for slower in (1.0, 2.0):
+        calibrated(slower)
+        calibration_of_machine.cache_clear()
+        seconds.append(timing_of(task)(front, front.points[0]))
+    assert seconds[1] == pytest.approx(2 * seconds[0])
+
+
+def test_the_seconds_measured_for_a_front_are_scaled_from_its_own_machine():
+    """What the front of a scene has stage by stage goes before the reference."""
+    calibrated(1.0)
+    reference = reference_costs().calibration
+    there = replace(reference, seconds={k: v / 3 for k, v in reference.seconds.items()})
+    stages = dict.fromkeys(reference_costs().stages, 10.0)
+    front = replace(FRONT, calibration=there, points=(replace(GOOD, stage_seconds=stages),))
+    task = mini(budget="5min")
+    stage = task.with_settings("draft", {}).requires()["field"]
+    assert cost_model(task, front).expected(stage, 10.0).seconds == pytest.approx(30.0)
+    families = {s.task_family for s in graph_of(task)}
+    assert timing_of(task)(front, front.points[0]) >= 30.0 * len(families & stages.keys())
+
+
+def graph_of(task):
+    from tasks.command.graph import graph
+
+    return graph(task.with_settings("draft", {}))
+
+
+def test_a_choice_that_was_kept_stays_whatever_becomes_faster():
+    calibrated(1.0)
+    task = mini(budget="5min")
+    keep_choice(task, FRONT, choose(task.request, FRONT, lambda _front, _point: 299.0))
+    assert choice_for(task, task.request, FRONT).point.tuning == GOOD.tuning
+    other = mini(budget="4min")
+    keep_choice(other, FRONT, choose(other.request, FRONT, as_there))
+    assert choice_for(task, task.request, FRONT).point.seconds == 299.0
+
+
+@pytest.mark.parametrize("space", ["ndc", "unbounded", "box"])
+def test_the_settings_of_the_shipped_fronts_are_known(space):
+    (front,) = fronts_for(SHIPPED / "none", space)
+    assert choose(quality_request("within 1 dB", ""), front, as_there).quality == "draft"
+    assert json.loads((SHIPPED / f"{space}.json").read_text())["space"] == space
+    for point in front.points:
+        for stage, settings in point.tuning.items():
+            configured(configurations()[stage], {**settings_for(stage, "draft"), **settings})
+
+
+def test_the_front_of_the_scene_goes_before_the_shipped(tmp_path):
+    where = ("scene", "style", "changes", "measured", "machine", "quality")
+    rows = [{"combination": asdict(p), "overlaps": False} for p in FRONT.points]
+    path = tmp_path / "front.json"
+    path.write_text(json.dumps({**dict.fromkeys(where, "x"), "points": rows}))
+    assert [list(f.points) for f in fronts_for(path, "ndc")] == [[FAST, GOOD]]
+    assert len(fronts_for(tmp_path / "none", None)) == 3
+    with pytest.raises(InputError, match="TradeOff"):
+        fronts_for(tmp_path / "none", "curved")
+
+
+def test_other_words_are_no_quality():
+    with pytest.raises(ValueError, match="choice"):
+        StylizedTrajectory(scene="s", style="p", quality="within reason")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"budget": "soon"},
+        {"budget": "5min", "quality": "paper"},
+        {"budget": "5min", "quality": "within 1 dB"},
+        {"budget": "5min", "tuning": {"RadianceField": {"batch": 9}}},
+        {"style": "trade-off"},
+        {"json": True},
+    ],
+)
+def test_words_that_do_not_go_together_are_refused(words):
+    task = StylizedTrajectory(**{"scene": "s", "style": "p"} | words)
+    with pytest.raises(InputError):
+        task.validate()
+    assert task.resolved() is None
+    assert not task.complete()
+
+
+def test_settings_of_a_stage_and_a_request_are_refused():
+    """The settings that the front chooses would win over them, unseen."""
+    words = ["StylizedTrajectory", "--scene", "s", "--style", "p", "--budget", "5min"]
+    settings = ["--RadianceField-settings", '{"iterations": 9000}']
+    with (
+        CmdlineParser.global_instance([*words, *settings]) as command,
+        pytest.raises(InputError, match="settings of RadianceField"),
+    ):
+        command.get_task_obj().validate()
+
+
+def test_a_budget_needs_the_kind_of_scene_and_the_sources(tmp_path, monkeypatch):
+    """Content is a source only where there is some."""
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
+    task = StylizedTrajectory(scene="s", style="p", budget="5min")
+    sources = {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
+    assert set(task.requires()) == {"model"} | sources
+    assert task.resolved() is None, "while that is unknown"
+    assert task.cells() == [task]

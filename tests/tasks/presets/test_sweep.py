@@ -1,0 +1,75 @@
+"""The designed sweep: its middle, its changes, and what it calls the usual values."""
+
+from functools import reduce
+
+import pytest
+
+from styletrf.errors import InputError
+from tasks.planning.validation import configurations
+from tasks.presets.presets import PRESETS
+from tasks.presets.sweep import (
+    COMBINED_CHANGES,
+    CONFIG_DEFAULTS,
+    SWEEP_AXES,
+    baseline_settings,
+    sweep,
+)
+
+
+@pytest.mark.parametrize("quality", PRESETS)
+def test_every_change_is_a_setting_of_its_stage_and_changes_something(quality):
+    middle = baseline_settings(quality, {})
+    changes = [variant for variant in sweep(middle, 1) if variant.name]
+    assert len(changes) >= 25
+    assert len({(v.part, v.name) for v in changes}) == len(changes)
+    for variant in changes:
+        for stage, settings in variant.tuning.items():
+            from styletrf.configuration import configured
+
+            configured(configurations()[stage], settings)
+        assert any(
+            middle.get(stage, {}).get(name) != value
+            for stage, settings in variant.tuning.items()
+            for name, value in settings.items()
+        )
+
+
+def test_the_usual_values_are_those_of_the_configurations():
+    for stage, settings in CONFIG_DEFAULTS.items():
+        for name, value in settings.items():
+            configuration = configurations()[stage]()
+            assert reduce(getattr, name.split("."), configuration) == value
+
+
+def test_changes_are_factors_of_what_is_tuned():
+    middle = baseline_settings("draft", {"RadianceField": {"iterations": 100}})
+    by_name = {v.name: v.tuning for v in sweep(middle, 1)}
+    assert by_name["iterations x 0.5"] == {"RadianceField": {"iterations": 50}}
+    assert by_name["ranks x 2"]["RadianceField"]["field.density_ranks"] == [32]
+
+
+def test_repeats_differ_in_seeds_alone_and_the_first_in_nothing():
+    repeats = [v for v in sweep(baseline_settings("draft", {}), 3) if not v.name]
+    assert [v.part for v in repeats] == ["scene", "style"] * 3
+    assert [v.tuning for v in repeats[:2]] == [{}, {}]
+    names = {n.split(".")[-1] for v in repeats for s in v.tuning.values() for n in s}
+    assert names == {"seed"}
+
+
+def test_what_changes_nothing_is_left_out():
+    names = {
+        v.name for v in sweep(baseline_settings("draft", {"StyleNetwork": {"bfloat16": False}}), 1)
+    }
+    assert "network in float32" not in names
+    assert "network in float32" in {v.name for v in sweep(baseline_settings("draft", {}), 1)}
+
+
+def test_a_baseline_setting_that_is_not_a_number_is_refused():
+    with pytest.raises(InputError, match="is not a number"):
+        sweep(baseline_settings("draft", {"RadianceField": {"iterations": "many"}}), 1)
+
+
+def test_several_changes_are_of_knobs_there_are():
+    known = {knob.name: knob.part for knob in SWEEP_AXES}
+    for (part, _), factors in COMBINED_CHANGES.items():
+        assert {known[name] for name in factors} == {part}

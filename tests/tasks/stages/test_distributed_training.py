@@ -1,0 +1,88 @@
+"""A style network trained by several processes, as on several cards; here on cores."""
+
+import pytest
+
+from styletrf.errors import InputError
+from styletrf.files.tables import read_rows
+from styletrf.style.style_network import load_style_network
+from tasks.stages.distributed_training import (
+    TrainingRequest,
+    processes_for,
+    train_distributed,
+    train_local,
+)
+
+
+class Display:
+    def __init__(self):
+        self.seen, self.said = [], []
+
+    def __call__(self, done, total, **quality):
+        self.seen.append((done, total, quality))
+
+    def say(self, line):
+        self.said.append(line)
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def asked(stage_of, tmp_path):
+    stage, inputs = stage_of("StyleNetwork")
+    for name in ("out", "resume"):
+        (tmp_path / name).mkdir()
+
+    def ask(**settings):
+        return TrainingRequest(
+            settings={**stage.values(), "batch": 2, "bfloat16": False, **settings},
+            stroke_scale=1.0,
+            content_weight=1.0,
+            inputs={name: str(path) for name, path in inputs.items()},
+            out=str(tmp_path / "out"),
+            resume=str(tmp_path / "resume"),
+            device="cpu",
+        )
+
+    return ask
+
+
+def test_a_network_trains_on_no_pair_of_renders_that_this_command_measures(stage_of, build):
+    """Here all are measured, so that none is left."""
+    settings = {"steadiness.renders": 1.0, "steadiness.weight": 1.0}
+    every = {"ConsistencyMetrics": {"deltas": [1, 2, 3, 4, 5], "pairs": 99}}
+    usual, _ = stage_of("StyleNetwork", settings=settings)
+    stage, inputs = stage_of("StyleNetwork", settings=settings, tuning=every)
+    assert usual.identity_parameters() != stage.identity_parameters()
+    with pytest.raises(InputError, match="not measured"):
+        build(stage, **inputs)
+
+
+@pytest.mark.slow
+def test_two_processes_train_one_network(asked, tmp_path):
+    display = Display()
+    train_distributed(asked(iterations=3), 2, display)
+    load_style_network(tmp_path / "out", "cpu")
+    assert len(read_rows(tmp_path / "out/curve.parquet")) == 3
+    assert display.seen[-1][1] == 3
+    assert [p.name for p in (tmp_path / "resume").iterdir()] == ["style_training.safetensors"]
+
+
+@pytest.mark.slow
+def test_what_one_of_them_refuses_is_told_as_ever(asked):
+    with pytest.raises(InputError, match="Lower the learning rate"):
+        train_distributed(
+            asked(iterations=30, learning_rate=1e30, final_learning_rate=1e30), 2, Display()
+        )
+
+
+@pytest.mark.parametrize(
+    ("batch", "cards", "processes"), [(1, 4, 1), (4, 3, 2), (4, 4, 4), (6, 4, 3), (4, 0, 1)]
+)
+def test_as_many_cards_as_have_equal_parts_of_a_batch(batch, cards, processes):
+    assert processes_for(batch, cards) == processes
+
+
+def test_one_process_needs_nobody(asked, tmp_path):
+    train_local(asked(iterations=2), Display())
+    assert len(read_rows(tmp_path / "out/curve.parquet")) == 2

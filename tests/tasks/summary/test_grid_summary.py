@@ -1,0 +1,236 @@
+"""The summary of a grid: outcomes, exit status, files and webhook."""
+
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import luigi
+import pytest
+
+import tasks
+from pipeline.errors import TaskFailure
+from pipeline.execution.deadline import require_time_left
+from pipeline.job import write_outcome
+from pipeline.settings import current_store
+from tasks.command.graph import graph
+from tasks.stages.linked_results import link_results
+from tasks.summary.grid_summary import (
+    CellOutcome,
+    CostSummary,
+    GridSummary,
+    format_lines,
+    publish_summary,
+    summarize,
+)
+
+WORDS = {"quality": "draft", "content": "embedded"}
+
+
+def summary(*outcomes: str) -> GridSummary:
+    cells = [
+        CellOutcome("yard", f"{k}", outcome, "Stage: why") for k, outcome in enumerate(outcomes)
+    ]
+    stage = CostSummary("RadianceField", 2, 1, 5400.0, 1800.0, 1 << 30, 3 << 20)
+    return GridSummary(
+        "2026-11-22T20:00:00+00:00", "2026-11-23T06:00:00+00:00", "host", cells, [], [stage], []
+    )
+
+
+def test_a_broken_scene_and_a_broken_style_are_named_with_their_reasons(out):
+    grid = tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS)
+    found = summarize(grid.cells(), datetime.now(UTC))
+    told = {(cell.scene, cell.style): (cell.outcome, cell.reason) for cell in found.cells}
+    assert told["mini", "p"] == ("not begun", "this machine has tried nothing")
+    assert told["mini", "none"][0] == told["nowhere", "p"][0] == "failed"
+    assert "StyleImage: style 'none'" in told["mini", "none"][1]
+    assert "SceneCapture: scene 'nowhere'" in told["nowhere", "p"][1]
+    lines = "\n".join(format_lines(found))
+    assert "4 cells: 3 failed, 1 not begun" in lines
+    assert lines.count("scene 'nowhere'") == 1, "a reason is told once"
+
+
+def test_linking_results_is_silent_about_cells_that_cannot_be_built(out, caplog):
+    link_results(tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS).cells())
+    assert not caplog.messages
+
+
+def test_a_cell_with_a_budget_counts_with_its_chosen_settings(out, monkeypatch):
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], budget="5min", content="embedded")
+    chosen = tasks.StylizedTrajectory(scene="mini", style="none", **WORDS)
+    monkeypatch.setattr(tasks.StylizedTrajectory, "resolved", lambda self: chosen)
+    (cell,) = summarize(grid.cells(), datetime.now(UTC)).cells
+    assert (cell.style, cell.outcome) == ("none", "failed")
+
+
+def test_a_failure_of_an_earlier_run_is_no_reason(out):
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
+    (image,) = (t for t in graph(grid) if t.task_family == "StyleImage")
+    current_store().new_log("StyleImage", image.action().key).write_text("for want of luck\n")
+    last_week = datetime.now(UTC) - timedelta(days=7)
+    (cell,) = summarize(grid.cells(), last_week).cells
+    assert (cell.outcome, cell.reason) == ("failed", "StyleImage: for want of luck")
+    (cell,) = summarize(grid.cells(), datetime.now(UTC)).cells
+    assert cell.outcome == "not begun"
+
+
+def test_a_stage_skipped_for_until_is_late(out):
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
+    (image,) = (t for t in graph(grid) if t.task_family == "StyleImage")
+    begun, key = datetime.now(UTC), image.action().key
+    with pytest.raises(TaskFailure) as failure:
+        require_time_left(image, begun, None)
+    assert failure.value.kind == "late"
+    log = current_store().new_log("StyleImage", key)
+    write_outcome(log, failure.value.kind, failure.value.reason)
+    (cell,) = summarize(grid.cells(), begun).cells
+    assert cell.outcome == "late"
+    assert cell.reason.startswith("StyleImage: not begun: 0 s are left until")
+
+
+def test_artifacts_of_this_run_are_built_and_earlier_ones_found(out):
+    grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
+    (image,) = (t for t in graph(grid) if t.task_family == "StyleImage")
+    before = datetime.now(UTC)
+    assert luigi.build([image], local_scheduler=True, log_level="WARNING")
+    ran = summarize(grid.cells(), before)
+    (stage,) = ran.stages
+    assert (stage.name, stage.built, stage.found) == ("StyleImage", 1, 0)
+    assert stage.seconds > 0
+    assert stage.bytes == image.record().output.size
+    assert [scene.name for scene in ran.scenes] == ["all scenes"]
+    (later,) = summarize(grid.cells(), datetime.now(UTC)).stages
+    assert (later.built, later.found, later.bytes, later.seconds) == (0, 1, 0, 0)
+    assert ran.cells[0].outcome == "not begun"
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "status"),
+    [
+        (["made", "found"], 0),
+        (["made", "failed", "late"], 31),
+        (["found", "late"], 26),
+        (["found", "not begun"], None),
+        (["made", "under way"], None),
+        (["failed", "failed"], None),
+    ],
+)
+def test_the_exit_status_distinguishes_all_some_and_no_cells(outcomes, status):
+    assert summary(*outcomes).exit_status == status
+
+
+def test_a_summary_is_written_and_printed(out, caplog):
+    caplog.set_level("INFO", "pipeline")
+    publish_summary(summary("made", "failed"))
+    written = json.loads((out / "grid.json").read_text())
+    assert (out / "night.json").samefile(out / "grid.json"), "the name in earlier versions"
+    assert [cell["outcome"] for cell in written["cells"]] == ["made", "failed"]
+    assert written["stages"][0]["gpu_seconds"] == 1800
+    for words in (
+        "2 cells: 1 made, 1 failed",
+        "1.50 h, 0.50 h of them on GPUs",
+        "3 MiB",
+        "yard 1: Stage: why",
+    ):
+        assert words in caplog.text
+
+
+def test_an_output_folder_that_cannot_be_written_is_a_warning(out, caplog):
+    out.touch()
+    publish_summary(summary("made"))
+    assert "grid.json could not be written" in caplog.text
+
+
+class Listener(BaseHTTPRequestHandler):
+    heard: list[dict] = []  # noqa: RUF012  of the test's server
+
+    def do_POST(self) -> None:
+        self.heard.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, *_words: object) -> None:
+        pass
+
+
+@pytest.fixture
+def address() -> Iterator[str]:
+    server = HTTPServer(("127.0.0.1", 0), Listener)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}/hook"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+    luigi.configuration.get_config().remove_section("grid")
+
+
+def test_a_summary_is_posted_to_the_webhook(out, address):
+    luigi.configuration.get_config().set("grid", "webhook", address)
+    publish_summary(replace(summary("made", "failed"), host="somewhere"))
+    (heard,) = Listener.heard
+    assert heard["host"] == "somewhere"
+    assert heard["text"].startswith("2 cells: 1 made, 1 failed")
+
+
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_webhook_that_does_not_answer_is_a_warning(out, address, caplog, is_there):
+    """Nobody listens; or who does speaks no HTTP."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        hook = f"http://127.0.0.1:{server.getsockname()[1] if is_there else 9}/"
+
+        def answer() -> None:
+            connection, _ = server.accept()
+            connection.recv(1 << 16)
+            connection.sendall(b"garbage\r\n\r\n")
+            connection.close()
+
+        if is_there:
+            threading.Thread(target=answer, daemon=True).start()
+        luigi.configuration.get_config().set("grid", "webhook", hook)
+        publish_summary(summary("made"))
+    assert "nothing was posted to [grid] webhook" in caplog.text
+    assert hook not in caplog.text
+
+
+class Refusing(Listener):
+    """Answers with an error that quotes what it was asked."""
+
+    def do_POST(self) -> None:
+        self.send_error(404, f"no {self.path}")
+
+
+@pytest.mark.parametrize(
+    ("hook", "told"),
+    [
+        ("HERE/S3CRET", "the server answered 404"),
+        ("http://127.0.0.1:9/S3CRET", "Connection refused"),
+        ("http://S3CRET.invalid/", "[grid] webhook"),
+        ("http://127.0.0.1:S3CRET/", "the answer is not HTTP (InvalidURL)"),
+        ("http://127.0.0.1:9/S3CRET with spaces", "the answer is not HTTP (InvalidURL)"),
+        ("HERES/S3CRET", "no secure connection (SSLError)"),
+        ("S3CRET", "it is not a web address"),
+        ("S3CRET://127.0.0.1/", "it is not a web address"),
+        ("http:///S3CRET", "it is not a web address"),
+        ("http://[S3CRET", "it is not a web address"),
+    ],
+)
+def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, told):
+    """Who has it can post. Errors of the library, and answers of a server, quote it."""
+    with HTTPServer(("127.0.0.1", 0), Refusing) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        here = f"://127.0.0.1:{server.server_port}"
+        hook = hook.replace("HERES", f"https{here}").replace("HERE", f"http{here}")
+        luigi.configuration.get_config().set("grid", "webhook", hook)
+        try:
+            publish_summary(summary("made"))
+        finally:
+            luigi.configuration.get_config().remove_section("grid")
+            server.shutdown()
+    assert told in caplog.text
+    said = capfd.readouterr()
+    for text in (caplog.text, said.out, said.err, (out / "grid.json").read_text()):
+        assert "s3cret" not in text.lower()

@@ -1,0 +1,67 @@
+"""The index of `out/`: what is shown there, and what became of the cells of a grid."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import tasks
+from tasks.summary.gallery import refresh_gallery
+
+WORDS = {"quality": "draft", "content": "embedded"}
+
+
+def show(folder: Path, **more: object) -> None:
+    """As if a stylised trajectory were shown there."""
+    folder.mkdir(parents=True)
+    (folder / "video.mp4").touch()
+    errors = {"error": 0.002, "floor": 0.001, "style_distance": 0.25}
+    consistency = {"delta_1": errors, "delta_5": {"error": None, "floor": None}}
+    summary = {"quality": {"psnr": 23.456}, "consistency": consistency, **more}
+    (folder / "summary.json").write_text(json.dumps(summary))
+
+
+def test_cells_that_were_asked_for_have_a_place_and_say_what_is_wrong(out: Path):
+    grid = tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS)
+    text = refresh_gallery(grid).read_text()
+    assert text.count("<li") == 4
+    assert text.count("Not made yet") == 1
+    assert text.count("StyleImage: style &#x27;none&#x27;: ") == 1  # SceneCapture failed first
+    assert text.count("SceneCapture: scene &#x27;nowhere&#x27;: ") == 2
+
+
+def test_what_is_shown_has_its_numbers(out: Path):
+    show(out / "mini/p", cost={"seconds": 61.0}, words={"quality": "draft"})
+    text = refresh_gallery(tasks.StylizedTrajectory(scene="mini", style="q", **WORDS)).read_text()
+    for words in ("23.46 dB", "2.00 x floor", "0.2500", "1 min 01 s", "draft", "not measured"):
+        assert f">{words}<" in text
+    assert text.count("Not made yet") == 1
+
+
+def test_results_of_before_and_other_folders_do_no_harm(out: Path):
+    show(out / "mini/p")
+    (out / "mini/scene-report").mkdir()
+    (out / "mini/scene-report/summary.json").write_text("{}")
+    (out / "mini/gone").mkdir()
+    (out / "mini/gone/video.mp4").symlink_to(out / "nowhere")
+    assert refresh_gallery(None).read_text().count("<li") == 1
+
+
+def test_an_earlier_result_stays_beside_what_failed(out: Path):
+    show(out / "mini/none")
+    text = refresh_gallery(
+        tasks.StylizedTrajectory(scene="mini", style="none", **WORDS)
+    ).read_text()
+    assert "Failed anew; this is an earlier one" in text
+    assert "<video" in text
+
+
+def test_a_page_that_cannot_be_written_is_no_failure(out: Path, caplog: pytest.LogCaptureFixture):
+    (out / "index.html/x").mkdir(parents=True)
+    assert refresh_gallery(None) is None
+    assert "could not be written" in caplog.text
+    shutil.rmtree(out / "index.html")
+    show(out / "mini/p", quality="not a table of measures")
+    assert refresh_gallery(None) is None
+    assert list(out.glob(".*")) == []

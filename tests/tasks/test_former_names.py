@@ -1,0 +1,29 @@
+"""Names of earlier versions, which still work with a warning."""
+
+import luigi
+import pytest
+
+import tasks
+from tasks.summary import webhook
+
+
+def test_the_former_name_of_gpus_sets_their_number(caplog):
+    words = {"scene": "s", "style": "p", "content": "embedded", "settings": {"batch": 4}}
+    assert tasks.StyleNetwork(**words, gpus=2).max_gpus == 2
+    former = tasks.StyleNetwork(**words, cards=2)
+    assert former.max_gpus == 2
+    former.validate()
+    assert "--StyleNetwork-gpus" in caplog.text
+    assert former.identity_parameters() == tasks.StyleNetwork(**words).identity_parameters()
+
+
+@pytest.mark.parametrize("section", ["grid", "night"])
+def test_a_webhook_may_stand_in_the_former_section(section, caplog, monkeypatch):
+    config = luigi.configuration.get_config()
+    config.set(section, "webhook", "nowhere")
+    try:
+        webhook.post_to_webhook({"text": "hello"})
+    finally:
+        config.remove_section(section)
+    assert "is not a web address" in caplog.text
+    assert ("rename the section [night]" in caplog.text) == (section == "night")
