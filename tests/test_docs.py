@@ -1,0 +1,44 @@
+"""The documentation: its links lead to files, and its example of the library runs."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+from styletrf.files.video import video_info
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "benchmarks/README.md"])
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_relative_link_leads_to_a_file(page: Path):
+    targets = LINK.findall(page.read_text(encoding="utf-8"))
+    own = [target for target in targets if "://" not in target]
+    assert [target for target in own if not (page.parent / target).exists()] == []
+
+
+def test_every_page_is_in_the_navigation_of_the_site():
+    navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    pages = [path.relative_to(ROOT / "docs") for path in PAGES if ROOT / "docs" in path.parents]
+    decisions = re.compile(r"decisions/0\d{3}")
+    assert [
+        page for page in pages if f": {page}" not in navigation and not decisions.match(str(page))
+    ] == []
+
+
+def test_every_decision_is_in_their_table():
+    table = (ROOT / "docs/decisions/README.md").read_text(encoding="utf-8")
+    decisions = sorted((ROOT / "docs/decisions").glob("0*.md"))
+    assert [path.name for path in decisions if f"({path.name})" not in table] == []
+
+
+@pytest.mark.slow
+def test_the_example_of_the_library_makes_both_videos(tmp_path: Path):
+    example = runpy.run_path(str(ROOT / "docs/examples/library.py"))
+    example["main"](tmp_path)
+    for name in ("unstylized", "stylized"):
+        assert video_info(tmp_path / f"{name}.mp4").frames == 12
+    assert (tmp_path / "stylized.mp4").read_bytes() != (tmp_path / "unstylized.mp4").read_bytes()
