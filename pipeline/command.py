@@ -77,15 +77,14 @@ def take_over_luigi(module: str) -> None:
     after (`docs/decisions/0032-the-place-around-luigi.md`).
 
     Args:
-        module: Has the `begin` and the `end`. It goes by its name, since what a package does when
-            it is imported is part of the code of all its tasks.
+        module: The module whose `run` runs a command. It is given by its name, so that the code
+            of commands does not count as code of the stages.
 
     Raises:
         SystemExit: With the status of the command.
     """
     if getattr(sys.modules["__main__"], "luigi_run", None) is luigi_run:
-        around = importlib.import_module(module)
-        sys.exit(run_command(sys.argv[1:], around.begin, around.end))
+        sys.exit(importlib.import_module(module).run(sys.argv[1:]))
 
 
 @contextlib.contextmanager

@@ -1,24 +1,10 @@
-"""All toys as one package of tasks whose commands have a begin and an end, as `tasks` has."""
-
-import sys
+"""All toys as one package of tasks, whose commands `toy_commands.py` begins and ends."""
 
 import build_toys
-import luigi
 import store_toys
 
 from pipeline.command import take_over_luigi
 
 __all__ = ["build_toys", "store_toys"]
 
-
-def begin(task: luigi.Task) -> None:
-    """Nothing."""
-
-
-def end(task: luigi.Task) -> None:
-    """Looks at several steps."""
-    if isinstance(task, build_toys.Steps):
-        sys.stderr.write("whole\n" if task.complete() else "in part\n")
-
-
-take_over_luigi(__name__)
+take_over_luigi("toy_commands")
