@@ -1,7 +1,8 @@
 """The stability report: what the tests of numerical extremes found, as one table.
 
-A test that is marked `extremes("module")` states a law in its name and is in the report. By the
-fixture `stability` it tells its cases: what came out, and what the same gives in float64.
+A test that is marked `extremes("module")` states a law in its name and is in the report. With the
+fixture `stability` it compares what a case gives with what the same gives in float64, within a
+bound; a larger error fails the test.
 `pytest -m extremes --stability PATH` writes the table (`make stability`).
 """
 
@@ -18,13 +19,16 @@ import torch
 
 OPTION, PROPERTY = "--stability", "stability"
 ROUNDING = 1e-16  # of float64: an error below counts as none
-HEADER = "| what holds | case | precision | what happened | error |\n|---|---|---|---|---|\n"
+HEADER = "| what holds | case | precision | values | error | bound |\n|---|---|---|---|---|---|\n"
+BOUNDS = {"float64": 1e-11, "float32": 1e-5, "float16": 2e-3, "bfloat16": 3e-2}
+"""The largest error of a case that names no bound of its own, by precision."""
 PREFACE = """# Numerical extremes
 
 Written by `make stability`. The error is the largest deviation from the same computed in float64
 (or from a closed form in float64), relative to the largest value of that, absolute where that is
-zero; rounded up to a power of ten, the worst of all forms of the kernels and of all parameters
-that a row stands for. A row without an error states a law that has none.
+zero or the row says so; rounded up to a power of ten, the worst of all forms of the kernels and of
+all parameters that a row stands for. The tests assert each bound. A row without an error states a
+law that has none.
 """
 
 
@@ -38,8 +42,9 @@ class Row:
     law: str
     case: str = "-"
     precision: str = "-"
-    happened: str = "holds"
+    values: str = "holds"
     error: float | None = None
+    bound: float | None = None
 
 
 Cases = Callable[..., None]
@@ -47,27 +52,30 @@ Cases = Callable[..., None]
 
 @pytest.fixture
 def stability(request: pytest.FixtureRequest, record_property: Callable[..., None]) -> Cases:
-    """Tells a case: `found` against `exact`, both tensors, arrays or numbers; or only in words."""
+    """Compares a case with what is exact, both tensors, arrays or numbers, and asserts the bound.
+
+    `within` is the bound where it is not that of `BOUNDS`; an `absolute` error is not divided by
+    the largest value.
+    """
 
     def case(
-        name: str, found: Any = None, exact: Any = None,
-        *, precision: str | None = None, happened: str | None = None,
+        name: str, found: Any, exact: Any,
+        *, precision: str | None = None, within: float | None = None, absolute: bool = False,
     ) -> None:  # fmt: skip
         name = re.sub(r"e\+?(-?)0*(\d)", r"e\1\2", name)  # 1e+30 is 1e30
-        of_law = _law(request.node)
-        if found is None:
-            row = Row(*of_law, name, precision or "-", happened or "holds")
-        else:
-            values, error = _numbers(found), deviation(_numbers(found), _numbers(exact))
-            told = happened or _kind(values)
-            row = Row(*of_law, name, precision or _dtype(found), told, error)
+        precision = precision or _dtype(found)
+        bound = BOUNDS[precision] if within is None else within
+        values, reference = _numbers(found), _numbers(exact)
+        error = deviation(values, reference, absolute=absolute)
+        row = Row(*_law(request.node), name, precision, _kind(values), error, bound)
         record_property(PROPERTY, astuple(row))
+        assert error <= bound, f"{name} in {precision}"
 
     return case
 
 
-def deviation(found: np.ndarray, exact: np.ndarray) -> float:
-    """Returns the largest deviation over the largest finite magnitude of what is exact.
+def deviation(found: np.ndarray, exact: np.ndarray, *, absolute: bool = False) -> float:
+    """Returns the largest deviation over the largest finite magnitude of what is exact, or alone.
 
     The same infinity, and NaN where there is to be NaN, are no deviation.
     """
@@ -75,7 +83,7 @@ def deviation(found: np.ndarray, exact: np.ndarray) -> float:
         same = (found == exact) | (np.isnan(found) & np.isnan(exact))
         difference = np.where(same, 0.0, np.abs(found - exact))
     finite = np.abs(exact[np.isfinite(exact)])
-    scale = float(finite.max(initial=0.0)) or 1.0
+    scale = 1.0 if absolute else float(finite.max(initial=0.0)) or 1.0
     largest = float(difference.max(initial=0.0)) / scale
     return math.inf if math.isnan(largest) else largest
 
@@ -91,13 +99,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
-    """Notes the law of a test that told no cases, and of one that failed."""
+    """Notes the law of a test that compared no cases, and of one that failed."""
     report = yield
     if report.when == "call" and item.get_closest_marker("extremes") and not report.skipped:
-        told = [value for name, value in report.user_properties if name == PROPERTY]
-        if report.failed or not told:
-            words = "FAILED" if report.failed else "holds"
-            report.user_properties.append((PROPERTY, astuple(Row(*_law(item), happened=words))))
+        compared = [value for name, value in report.user_properties if name == PROPERTY]
+        if report.failed or not compared:
+            outcome = "FAILED" if report.failed else "holds"
+            report.user_properties.append((PROPERTY, astuple(Row(*_law(item), values=outcome))))
     return report
 
 
@@ -122,7 +130,7 @@ def in_markdown(rows: Iterable[Row]) -> str:
     """Returns the table, a section a module; of rows that differ in the error alone the worst."""
     worst: dict[tuple[str, ...], Row] = {}
     for row in rows:
-        key = astuple(row)[:-1]
+        key = astuple(row)[:-2]
         if key not in worst or (row.error or 0) > (worst[key].error or 0):
             worst[key] = row
     text, module, law = PREFACE, "", ""
@@ -132,7 +140,9 @@ def in_markdown(rows: Iterable[Row]) -> str:
             text += f"\n## {module}\n\n{HEADER}"
         shown = "" if row.law == law else row.law
         law = row.law
-        text += f"| {shown} | {row.case} | {row.precision} | {row.happened} | {_order(row)} |\n"
+        bound = "-" if row.bound is None else f"{row.bound:.0e}".replace("e-0", "e-")
+        cells = shown, row.case, row.precision, row.values, _order(row), bound
+        text += f"| {' | '.join(cells)} |\n"
     return text
 
 

@@ -40,6 +40,8 @@ def test_the_error_is_relative_to_the_largest_value(found, exact, expected):
 
 
 def test_of_rows_that_differ_in_the_error_the_worst_is_shown_rounded_up():
-    rows = [Row("m", "f", 1, "a law", "a case", "float32", "finite", e) for e in (2e-7, 3e-6, 0.0)]
-    assert in_markdown(rows).endswith("| a law | a case | float32 | finite | 1e-5 |\n")
+    rows = [
+        Row("m", "f", 1, "a law", "a case", "float32", "finite", e, 1e-4) for e in (2e-7, 3e-6, 0.0)
+    ]
+    assert in_markdown(rows).endswith("| a law | a case | float32 | finite | 1e-5 | 1e-4 |\n")
     assert in_markdown(rows).count("a case") == 1

@@ -39,8 +39,10 @@ def test_a_step_is_no_longer_than_its_rate_allows(size, stability):
     assert torch.isfinite(found).all()
     longest = 3 * BOUND * AdaptationConfig().factor_rate
     assert (found - before).abs().max() <= longest * (1 + 1e-5)
-    moved = "moved" if bool((found != before).any()) else "stays"
-    stability(f"gradients of {size:g}", found, exact, happened=moved)
+    if size < 1e30:  # the square of a larger one is infinite in float32 alone
+        stability(f"gradients of {size:g}", found, exact)
+    else:
+        torch.testing.assert_close(found, before)
 
 
 @pytest.mark.parametrize("decay", [1e-30, 1.0])

@@ -59,8 +59,10 @@ def test_normalised_features_have_mean_0_and_variance_at_most_1(dtype, contrast,
     assert found.float().mean(dim=(2, 3)).abs().max() < 0.05
     assert found.float().var(dim=(2, 3), unbiased=False).max() < 1.05
     precision = str(dtype).removeprefix("torch.")
-    stability(f"contrast {contrast:g} about {offset:g}", found - exact, 0 * exact,
-              precision=precision, happened="finite")  # fmt: skip
+    lost = 2e-6 * offset / max(contrast, 3e-3)  # what rounding takes of x - mean, in deviations
+    within = 3e-2 if dtype == torch.bfloat16 else 1e-5 + lost
+    stability(f"contrast {contrast:g} about {offset:g}", found, exact,
+              precision=precision, within=within, absolute=True)  # fmt: skip
 
 
 @NETWORK

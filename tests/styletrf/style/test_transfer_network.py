@@ -134,7 +134,7 @@ def test_bfloat16_is_within_two_levels_on_average(transfer, picture, stability):
         exact = copy.deepcopy(network).double()(image.double().permute(2, 0, 1)[None])[0]
     exact = exact.permute(1, 2, 0)
     assert (found - exact).abs().mean() < 2 / 255
-    stability(picture, found, exact, precision="bfloat16")
+    stability(picture, found, exact, precision="bfloat16", within=0.1)
 
 
 def test_embedding_of_a_square_does_not_depend_on_its_layout(transfer):
