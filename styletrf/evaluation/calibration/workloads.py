@@ -51,8 +51,8 @@ def measure_workloads(device: torch.device) -> dict[str, float]:
     """
     return {
         "poses": fastest_of(_extraction),
-        "field": fastest_of(_field_steps(device)),
-        "network": fastest_of(_network_steps(device)),
+        "field": fastest_of(field_steps(device)),
+        "network": fastest_of(network_steps(device)),
     }
 
 
@@ -102,7 +102,7 @@ def _extraction() -> None:
         extract_features(database, images, "SIMPLE_RADIAL", 4096, silent, first_octave=0)
 
 
-def _field_steps(device: torch.device) -> Callable[[], None]:
+def field_steps(device: torch.device) -> Callable[[], None]:
     """Returns what takes some iterations of a fit at its final size."""
     pose = np.column_stack([np.eye(3), [0.0, 0.0, -3.0]])
     camera = Camera("0", _SIDE_PX, _SIDE_PX, 500.0, 500.0, _SIDE_PX / 2, _SIDE_PX / 2, pose)
@@ -128,7 +128,7 @@ def _field_steps(device: torch.device) -> Callable[[], None]:
     return steps
 
 
-def _network_steps(device: torch.device) -> Callable[[], None]:
+def network_steps(device: torch.device) -> Callable[[], None]:
     """Returns what takes some iterations of a style training on random weights."""
     config = StyleTrainingConfig(batch=1, crop_px=_CROP_PX, style_px=_CROP_PX, predictor_weight=0.0)
     config = replace(config, color_weight=0.0)
