@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from styletrf.field.training.cost import FieldCost
-from styletrf.reports.page import duration, folded_table, gibibytes, section, write_page
+from styletrf.reports.expectation import Expectation, expectation_table
+from styletrf.reports.page import folded_table, section, write_page
 from styletrf.scene.survey import MOST_EXPOSURE_EV, Survey
 
 SPARSE = 0.2  # of the cells with points seen by fewer than 3 views, from which on it is a finding
@@ -14,7 +14,7 @@ SPARSE = 0.2  # of the cells with points seen by fewer than 3 views, from which 
 
 @dataclass(frozen=True, slots=True)
 class SceneReportContent:
-    """Everything the page shows; `costs` by quality, `evidence` as `scene.json` has it."""
+    """Everything the page shows; `expected` by quality, `evidence` as `scene.json` has it."""
 
     scene: str
     summary: str
@@ -23,7 +23,7 @@ class SceneReportContent:
     neighbours: Mapping[str, tuple[str, str]]  # of the unregistered, in the order of the capture
     drawings: str
     model: Mapping[str, object]
-    costs: Mapping[str, FieldCost]
+    expected: Mapping[str, Expectation]
     evidence: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
 
 
@@ -61,7 +61,7 @@ def write_scene_report(path: Path, content: SceneReportContent) -> None:
         section("What to do", _advice(advice(content))),
         section("Cameras and points", f'<div class="charts">{content.drawings}</div>'),
         section("What the photographs cover", _coverage(content.survey)),
-        section("What a field costs here", _costs(content.costs)),
+        section("What to expect here", expectation_table(content.expected)),
         section("Photographs", _views(content.survey)),
         section("The model, and why", _model(content)),
     ]
@@ -87,25 +87,6 @@ def _coverage(survey: Survey) -> str:
 def _middle(survey: Survey) -> str:
     counts = sorted(survey.seen_by[survey.has_points].tolist())
     return str(counts[len(counts) // 2]) if counts else "none"
-
-
-def _costs(costs: Mapping[str, FieldCost]) -> str:
-    rows = "".join(
-        f'<tr><th scope="row">{html.escape(quality)}</th>'
-        f'<td class="number">{duration(cost.seconds)}</td>'
-        f'<td class="number">{gibibytes(cost.peak_memory_bytes)}</td>'
-        f'<td class="number">{cost.voxels / 1e6:.1f} million voxels</td></tr>'
-        for quality, cost in costs.items()
-    )
-    head = (
-        '<tr><th>quality</th><th class="number">about</th><th class="number">memory</th>'
-        '<th class="number">at most</th></tr>'
-    )
-    note = "Timed on this machine: a few iterations of each at its final size."
-    return (
-        f'<p class="quiet small">{note}</p><div class="card"><table><thead>{head}</thead>'
-        f"<tbody>{rows}</tbody></table></div>"
-    )
 
 
 def _views(survey: Survey) -> str:

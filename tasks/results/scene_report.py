@@ -1,6 +1,7 @@
 """What a scene's photographs are worth, before hours are spent on them."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +10,16 @@ import luigi
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
 from tasks.presets.presets import settings_for
+from tasks.results.job_costs import JobCost, job_costs
 from tasks.stages.linked_results import LinkedStage
 from tasks.stages.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.stages.stage import PresetStage, Stage
 
-TIMED = ("draft", "standard")  # `paper` fills the memory of a small machine
+EXPECTED = ("draft", "standard")  # `paper` fills the memory of a small machine
 
 
 class SceneReport(LinkedStage, PresetStage):
-    """A page about a scene: cameras, coverage, outliers, the model, and what a field will cost.
+    """A page about a scene: cameras, coverage, outliers, the model, the time and PSNR to expect.
 
     Leaves `report.html` and `summary.json`, linked from `out/SCENE/scene-report/`.
     """
@@ -39,25 +41,28 @@ class SceneReport(LinkedStage, PresetStage):
         return {"scene": self.scene}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Survey the photographs, time a few iterations, write the page."""
+        """Survey the photographs, fit two brief fields at each quality, write the page."""
         from styletrf.devices import device_named
         from styletrf.files.tables import write_summary
         from styletrf.reports.scene_report import advice, write_scene_report
         from styletrf.scene.scene_model import read_scene_model
 
         model = read_scene_model(inputs["model"] / "scene.json")
-        costs = _costs(inputs["poses"], model, device_named(self.device), run)
-        content = self._content(inputs, costs)
+        jobs = job_costs(self.scene, self.device, EXPECTED)
+        expected = _expectations(inputs["poses"], model, jobs, device_named(self.device), run)
+        content = self._content(inputs, expected)
         summary = {
             "advice": advice(content),
             "seen_by_fewer_than_3": content.survey.sparse_share,
-            "seconds": {quality: cost.seconds for quality, cost in content.costs.items()},
+            "seconds": {quality: each.field.seconds for quality, each in expected.items()},
+            "job_seconds": {quality: each.job_seconds for quality, each in expected.items()},
+            "expected_psnr": {quality: each.psnr_db for quality, each in expected.items()},
             "views": {view.name: view.exposure_ev for view in content.survey.views},
         }
         write_summary(out / "summary.json", summary)
         write_scene_report(out / "report.html", content)
 
-    def _content(self, inputs: Mapping[str, Path], costs: dict[str, Any]) -> Any:
+    def _content(self, inputs: Mapping[str, Path], expected: dict[str, Any]) -> Any:
         from styletrf.files.images import read_rgb, to_integers
         from styletrf.geometry.camera_table import read_cameras, read_unregistered
         from styletrf.geometry.point_table import read_points
@@ -95,7 +100,7 @@ class SceneReport(LinkedStage, PresetStage):
                 "exposure": "each photograph's own" if model.exposures else "one for all",
                 "photographers looked": model.looking,
             },
-            costs=costs,
+            expected=expected,
             evidence=model.evidence,
         )
 
@@ -109,37 +114,39 @@ class SceneReport(LinkedStage, PresetStage):
         return {name: place(self) / name for name in ("report.html", "summary.json")}
 
 
-def _costs(poses: Path, decided: Any, device: Any, run: RunContext) -> dict[str, Any]:
-    from styletrf.capture.views import load_views
+def _expectations(
+    poses: Path, decided: Any, jobs: Mapping[str, JobCost], device: Any, run: RunContext
+) -> dict[str, Any]:
+    """Returns the time, the memory and the PSNR to expect, by quality."""
     from styletrf.configuration import configured
+    from styletrf.evaluation.expected_quality import expected_psnr
     from styletrf.field.kernels import kernels_for
     from styletrf.field.training.config import FieldTrainingConfig
     from styletrf.field.training.cost import field_cost
-    from styletrf.scene.placement import transformed
+    from styletrf.reports.expectation import Expectation
     from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
     from styletrf.scene.training_photographs import read_training_photographs
 
-    costs = {}
-    photographs = read_training_photographs(poses)
+    expectations = {}
+    photographs, kernels = read_training_photographs(poses), kernels_for(device)
     xyz = photographs.points.xyz_world
-    for k, quality in enumerate(TIMED):
-        run.progress(k, len(TIMED))
+    for k, (quality, job) in enumerate(jobs.items()):
+        run.progress(k, len(jobs))
         settings = {**settings_for("SceneModel", quality), "space": decided.space.kind}
         config = configured(SceneModelConfig, settings)
-        model = decide_scene_model(photographs.cameras, xyz, config)
-        cameras = model.normalized(photographs.cameras)
-        costs[quality] = field_cost(
-            model,
-            cameras,
-            load_views(photographs.folder, cameras, device),
-            model.space.to_grid(transformed(model.normalized_from_world, xyz)),
-            configured(
-                FieldTrainingConfig,
-                {"field.shading": decided.shading, **settings_for("RadianceField", quality)},
-            ),
-            kernels_for(device),
+        model = replace(
+            decide_scene_model(photographs.cameras, xyz, config), exposures=decided.exposures
         )
-    return costs
+        fit = configured(
+            FieldTrainingConfig,
+            {"field.shading": decided.shading, **settings_for("RadianceField", quality)},
+        )
+        cost = field_cost(model, photographs, fit, kernels, device)
+        psnr_db = expected_psnr(photographs, model, fit, kernels, device)
+        seconds = job.seconds - job.field_seconds + cost.seconds
+        memory = max(job.peak_memory_bytes, cost.peak_memory_bytes)
+        expectations[quality] = Expectation(cost, seconds, memory, job.output_bytes, psnr_db)
+    return expectations
 
 
 def _neighbours(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:

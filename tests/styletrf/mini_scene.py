@@ -1,6 +1,7 @@
 """A scene for tests: a painted plane seen by a few small cameras, with its exact colours."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -11,8 +12,11 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.trainer import train_field
+from styletrf.files.images import from_integers, write_rgb
 from styletrf.geometry.cameras import Camera, pixel_centers
+from styletrf.geometry.point_table import SparsePoints
 from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
+from styletrf.scene.training_photographs import TrainingPhotographs
 from styletrf.trajectory.trajectories import look_at
 
 KERNELS = kernels_for(torch.device("cpu"))
@@ -66,3 +70,17 @@ def fit(scene: MiniScene, config=MINI_FIT, kernels=KERNELS, **more) -> RadianceF
         scene.cameras, scene.images, model.space, model.resolution, config, kernels, **more
     )
     return field
+
+
+def photographs_of(scene: MiniScene, folder: Path) -> tuple[TrainingPhotographs, SceneModel]:
+    """Returns the scene as photographs on disk, with 30 points, and the model of that world."""
+    (folder / "images").mkdir(exist_ok=True)
+    for camera, image in zip(scene.cameras, scene.images.numpy(), strict=True):
+        write_rgb(folder / "images" / f"{camera.name}.png", from_integers(image))
+    xyz = np.random.default_rng(0).uniform(-1, 1, (30, 3))
+    none = np.zeros(0, np.int64)
+    points = SparsePoints(
+        xyz, np.zeros((30, 3), np.uint8), np.zeros(30), none, none, np.zeros((0, 2))
+    )
+    model = replace(scene.model, normalized_from_world=np.eye(4))
+    return TrainingPhotographs(folder / "images", scene.cameras, points), model

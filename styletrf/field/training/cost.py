@@ -7,7 +7,7 @@ about them.
 import resource
 import statistics
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,13 +16,14 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.capture.view_images import Image
+from styletrf.capture.views import load_views
 from styletrf.field.kernels import Kernels
 from styletrf.field.occupancy import non_empty, voxels_along
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.trainer import FieldTrainer
-from styletrf.geometry.cameras import Camera
+from styletrf.scene.placement import transformed
 from styletrf.scene.scene_model import SceneModel
+from styletrf.scene.training_photographs import TrainingPhotographs
 
 _ITERATIONS = 5
 _NEIGHBOURHOOD = 7  # voxels about a point that may be occupied
@@ -39,16 +40,18 @@ class FieldCost:
 
 def field_cost(
     model: SceneModel,
-    cameras: Sequence[Camera],
-    images: Iterable[Image],
-    points_grid: Float[np.ndarray, "points 3"],
+    photographs: TrainingPhotographs,
     config: FieldTrainingConfig,
     kernels: Kernels,
+    device: torch.device,
 ) -> FieldCost:
     """Returns what fitting the model costs; the iterations are thrown away."""
     brief = replace(config, upsample_at=(), iterations=_ITERATIONS + 1, occupancy_every=1 << 30)
+    cameras = model.normalized(photographs.cameras)
+    images = load_views(photographs.folder, cameras, device)
     trainer = FieldTrainer(cameras, images, model.space, model.resolution, brief, kernels)
-    occupied = voxels_about(points_grid, model.resolution)
+    points = transformed(model.normalized_from_world, photographs.points.xyz_world)
+    occupied = voxels_about(model.space.to_grid(points), model.resolution)
     trainer.field.density.occupancy = occupied.to(trainer.images.device)
     trainer.step()  # compiles
     seconds = []

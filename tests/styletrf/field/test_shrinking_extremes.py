@@ -2,8 +2,8 @@
 
 import pytest
 import torch
-
 from styletrf.field.shrinking import decomposed
+
 from styletrf.field.tensor_vm import TensorVM
 
 SHRINKING = pytest.mark.extremes("Shrinking")

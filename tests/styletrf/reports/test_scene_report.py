@@ -6,16 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from mini_scene import painted_plane
+from mini_scene import painted_plane, photographs_of
 
 from styletrf.field.kernels import kernels_for
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.cost import FieldCost, field_cost, voxels_about
+from styletrf.reports.expectation import Expectation, expectation_table
 from styletrf.reports.scene_report import SceneReportContent, advice, write_scene_report
 from styletrf.reports.survey_drawing import drawings
 from styletrf.scene.survey import Survey, ViewSurvey
 
 GOOD = ViewSurvey("a", 1.0, 0.0, 100, blurred=False, off_exposure=False)
+EXPECTED = Expectation(FieldCost(60.0, 2**30, 10**6), 300.0, 2**31, 2**20, 25.0)
 
 
 def content(views=(GOOD,), seen_by=5, **more) -> SceneReportContent:
@@ -23,7 +25,7 @@ def content(views=(GOOD,), seen_by=5, **more) -> SceneReportContent:
     return SceneReportContent(
         **{
             "scene": "place", "summary": "all of them", "drawings": "", "unregistered": [],
-            "neighbours": {}, "model": {}, "costs": {"draft": FieldCost(60.0, 2**30, 10**6)},
+            "neighbours": {}, "model": {}, "expected": {"draft": EXPECTED},
             "survey": Survey(views, cells, np.ones((2, 2, 2), bool)), **more,
         }
     )  # fmt: skip
@@ -82,16 +84,22 @@ def test_voxels_about_points_hold_them_and_their_neighbours():
     assert voxels_about(np.zeros((0, 3)), (9, 9, 1)).all()
 
 
-def test_a_cost_grows_with_the_iterations():
-    scene = painted_plane()
-    points = np.random.default_rng(0).uniform(-1, 1, (30, 3))
+def test_a_quality_is_a_row_with_its_time_and_psnr_and_its_name_stays_text():
+    table = expectation_table({"draft": EXPECTED, "<b>": EXPECTED})
+    assert table.count('<tr><th scope="row">') == 2
+    assert "<b>" not in table
+    assert {"5 min 00 s", "1 min 00 s", "2.00 GiB", "about 25.0 dB"} <= set(
+        re.findall(r'"number">([^<]*)<', table)
+    )
+
+
+def test_a_cost_grows_with_the_iterations(tmp_path):
+    photographs, model = photographs_of(painted_plane(), tmp_path)
+    cpu = torch.device("cpu")
 
     def cost(iterations: int) -> FieldCost:
         config = FieldTrainingConfig(iterations=iterations, batch=64)
-        return field_cost(
-            scene.model, scene.cameras, scene.images, points, config,
-            kernels_for(torch.device("cpu")),
-        )  # fmt: skip
+        return field_cost(model, photographs, config, kernels_for(cpu), cpu)
 
     assert cost(10_000).seconds > cost(100).seconds > 0
     assert cost(100).peak_memory_bytes > 2**26

@@ -1,0 +1,162 @@
+"""The PSNR that a fit will reach on views that it does not see, from two brief fits.
+
+A fit of twice the iterations is better by a gain, and from one doubling to the next the gain falls
+by a constant ratio r:
+
+    psnr(2^k n) = psnr(n) + r (1 + r + ... + r^(k-1)) (psnr(n) - psnr(n/2)).
+
+Learning curves are commonly taken to be power laws (Hestness et al. 2017), whose gains by doublings
+fall so. r is fitted to scenes of every kind of space (`benchmarks/expected_quality.py`).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float, Int64
+from torch import Tensor
+
+from styletrf.capture.view_images import ViewImages, view_images
+from styletrf.capture.views import load_views, split_views
+from styletrf.evaluation.metrics import psnr_of_error
+from styletrf.field.kernels import Kernels
+from styletrf.field.pixel_rays import pixel_rays
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.rendering import RenderConfig, render_rays
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.sparse_depth import sparse_depths
+from styletrf.field.training.trainer import train_field
+from styletrf.field.training.view_exposures import view_exposures
+from styletrf.field.view_rays import ViewRays
+from styletrf.geometry.cameras import Camera
+from styletrf.scene.free_space import free_space
+from styletrf.scene.scene_model import SceneModel
+from styletrf.scene.training_photographs import TrainingPhotographs
+
+GAIN_RATIO = 0.7
+TYPICAL_ERROR_DB = 0.5  # root mean square over the scenes that the ratio is fitted to
+BRIEF = (1 / 16, 1 / 8)  # of the iterations of the whole fit
+_RAYS_A_VIEW = 4096
+_LEAST_REFRESHES = 8  # of the occupancy
+
+
+@dataclass(frozen=True, slots=True)
+class BriefFit:
+    """The iterations of a fit, and the mean PSNR in dB of views that it did not see."""
+
+    iterations: int
+    psnr_db: float
+
+
+def extrapolated_psnr(
+    half_db: float, brief_db: float, doublings: float, ratio: float = GAIN_RATIO
+) -> float:
+    """Returns the PSNR in dB after so many doublings of the iterations of a brief fit.
+
+    Args:
+        half_db: The PSNR after half of its iterations.
+        brief_db: The PSNR after all of them.
+        doublings: At least 0; need not be whole.
+        ratio: Of one gain to that before it, in (0, 1).
+    """
+    return brief_db + (brief_db - half_db) * ratio * (1 - ratio**doublings) / (1 - ratio)
+
+
+def expected_psnr(
+    photographs: TrainingPhotographs,
+    model: SceneModel,
+    config: FieldTrainingConfig,
+    kernels: Kernels,
+    device: torch.device,
+) -> float:
+    """Returns the PSNR in dB that a fit of these photographs will have on other views.
+
+    Every eighth of the photographs is set aside for it; views held out have no part in it.
+
+    Args:
+        photographs: To fit to.
+        model: Of the scene.
+        config: Of the whole fit.
+        kernels: Of the device.
+        device: To fit on.
+    """
+    half, brief = brief_fits(photographs, model, config, kernels, device)
+    doublings = math.log2(config.iterations / brief.iterations)
+    return extrapolated_psnr(half.psnr_db, brief.psnr_db, doublings)
+
+
+def brief_fits(
+    photographs: TrainingPhotographs,
+    model: SceneModel,
+    config: FieldTrainingConfig,
+    kernels: Kernels,
+    device: torch.device,
+    shares: Sequence[float] = BRIEF,
+) -> list[BriefFit]:
+    """Returns fits of shares of the iterations; see `expected_psnr`."""
+    fitted_rows, aside_rows = split_views(len(photographs.cameras))
+    aside = model.normalized([photographs.cameras[row] for row in aside_rows])
+    images = view_images(load_views(photographs.folder, aside, device))
+    fitted = TrainingPhotographs(
+        photographs.folder,
+        [photographs.cameras[row] for row in fitted_rows],
+        photographs.points.of_images(fitted_rows),
+    )
+    fits = []
+    for share in shares:
+        iterations = max(round(share * config.iterations), 1)
+        field = _fitted(fitted, model, shortened(config, iterations), kernels, device)
+        fits.append(BriefFit(iterations, _psnr(field, model, aside, images, kernels)))
+    return fits
+
+
+def shortened(config: FieldTrainingConfig, iterations: int) -> FieldTrainingConfig:
+    """Returns the settings of the fit with fewer iterations, of which nothing else is kept."""
+    refresh = min(config.occupancy_every, max(iterations // _LEAST_REFRESHES, 1))
+    return replace(config, iterations=iterations, occupancy_every=refresh, shrink_rise=0.0)
+
+
+def _fitted(
+    photographs: TrainingPhotographs,
+    model: SceneModel,
+    config: FieldTrainingConfig,
+    kernels: Kernels,
+    device: torch.device,
+) -> RadianceField:
+    cameras, points = model.normalized(photographs.cameras), photographs.points
+    field, _ = train_field(
+        cameras,
+        load_views(photographs.folder, cameras, device),
+        model.space,
+        model.resolution,
+        config,
+        kernels,
+        free=torch.from_numpy(free_space(model, photographs.cameras, points)),
+        depths=sparse_depths(model, photographs.cameras, points),
+        exposures=view_exposures(photographs.cameras, model.exposures, device),
+    )
+    return field
+
+
+@torch.no_grad()
+def _psnr(
+    field: RadianceField,
+    model: SceneModel,
+    cameras: Sequence[Camera],
+    images: ViewImages,
+    kernels: Kernels,
+) -> float:
+    """Returns the mean over views of their PSNR, each at pixels drawn from it."""
+    generator = torch.Generator().manual_seed(0)
+    pixels = images.drawn(_RAYS_A_VIEW * len(cameras), generator)
+    rays = ViewRays(cameras, model.space.within(field.bounds), field.step_length, images.device)
+    segments, target = pixel_rays(rays, images, pixels)
+    color = render_rays(field, kernels, segments, RenderConfig()).color
+    errors = _means_by_view((color - target).square().mean(dim=1), images.places(pixels)[0])
+    return sum(map(psnr_of_error, errors)) / len(errors)
+
+
+def _means_by_view(error: Float[Tensor, " rays"], view: Int64[Tensor, " rays"]) -> list[float]:
+    """Returns the mean of each view that has any."""
+    return [float(error[view == k].mean()) for k in view.unique()]

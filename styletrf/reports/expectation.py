@@ -1,0 +1,58 @@
+"""What a scene will take and reach at each quality: a table of the scene's page."""
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from styletrf.evaluation.expected_quality import TYPICAL_ERROR_DB
+from styletrf.field.training.cost import FieldCost
+from styletrf.reports.page import duration, gibibytes
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What a fly-through with one painting takes from an empty store, and what its field reaches.
+
+    Attributes:
+        field: The cost of the fit, timed on this scene.
+        job_seconds: Of all stages, one after the other.
+        peak_memory_bytes: Of the stage that takes most.
+        output_bytes: Of all artifacts on disk.
+        psnr_db: Of views that the field does not see.
+    """
+
+    field: FieldCost
+    job_seconds: float
+    peak_memory_bytes: int
+    output_bytes: int
+    psnr_db: float
+
+
+def expectation_table(expected: Mapping[str, Expectation]) -> str:
+    """Returns the table as HTML, a row for each quality; names are escaped."""
+    columns = ("whole job", "of it the field", "memory", "disk", "voxels", "PSNR of unseen views")
+    head = "".join(f'<th class="number">{column}</th>' for column in columns)
+    rows = "".join(_row(quality, each) for quality, each in expected.items())
+    note = (
+        "The field is timed by a few iterations at its final size, and its PSNR is extrapolated "
+        f"from two brief fits, {TYPICAL_ERROR_DB:g} dB off as a rule. The other stages are "
+        "predicted from earlier builds on this machine, or from a reference and the machine's "
+        "speed."
+    )
+    return (
+        f'<p class="quiet small">{note}</p><div class="card"><table><thead><tr><th>quality</th>'
+        f"{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _row(quality: str, each: Expectation) -> str:
+    values = (
+        duration(each.job_seconds),
+        duration(each.field.seconds),
+        gibibytes(each.peak_memory_bytes),
+        gibibytes(each.output_bytes),
+        f"{each.field.voxels / 1e6:.1f} million",
+        f"about {each.psnr_db:.1f} dB",
+    )
+    cells = "".join(f'<td class="number">{value}</td>' for value in values)
+    return f'<tr><th scope="row">{html.escape(quality)}</th>{cells}</tr>'

@@ -1,0 +1,66 @@
+"""What a whole fly-through costs here at each quality, as an interpreter of its own predicts.
+
+Its own, since the prediction asks every stage for its settings: a page that shows it would
+otherwise depend on the code of all stages.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+_MAIN = "from tasks.results.job_costs import main; main()"
+_PAINTING = "any painting"  # its name decides no cost
+
+
+@dataclass(frozen=True, slots=True)
+class JobCost:
+    """The costs of a command from an empty store to its report.
+
+    Attributes:
+        seconds: Of all stages, one after the other.
+        field_seconds: Of the fit among them.
+        peak_memory_bytes: Of the stage that takes most.
+        output_bytes: Of all artifacts on disk.
+    """
+
+    seconds: float
+    field_seconds: float
+    peak_memory_bytes: int
+    output_bytes: int
+
+
+def job_costs(scene: str, device: str, qualities: Sequence[str]) -> Mapping[str, JobCost]:
+    """Returns the cost of `StylizedTrajectory` of a scene, by quality.
+
+    Raises:
+        subprocess.CalledProcessError: The prediction fails.
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-P", "-c", _MAIN, scene, device, *qualities]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
+    found: dict[str, dict[str, float]] = json.loads(done.stdout.splitlines()[-1])
+    return {quality: JobCost(**fields) for quality, fields in found.items()}  # type: ignore[arg-type]
+
+
+def main() -> None:
+    """Writes the costs as JSON; the command names the scene, the device and the qualities."""
+    from tasks.planning.remaining_time import cost_model, stages_to_make
+    from tasks.results.trajectory import StylizedTrajectory
+
+    scene, device, *qualities = sys.argv[1:]
+    costs = {}
+    for quality in qualities:
+        job = StylizedTrajectory(scene=scene, style=_PAINTING, quality=quality, device=device)
+        model = cost_model(job)
+        stages = stages_to_make(job, lambda _: False)
+        expected = {stage.task_family: model.expected(stage) for stage in stages}
+        costs[quality] = JobCost(
+            sum(cost.seconds for cost in expected.values()),
+            expected["RadianceField"].seconds,
+            max(cost.peak_memory_bytes for cost in expected.values()),
+            sum(cost.output_bytes for cost in expected.values()),
+        )
+    sys.stdout.write(f"{json.dumps({q: asdict(cost) for q, cost in costs.items()})}\n")

@@ -1,0 +1,66 @@
+"""The PSNR to expect of a fit: the law of gains, and that views set aside stay unseen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from mini_scene import KERNELS, MINI_FIT, painted_plane, photographs_of
+
+from styletrf.evaluation.expected_quality import (
+    brief_fits,
+    expected_psnr,
+    extrapolated_psnr,
+    shortened,
+)
+from styletrf.files.images import read_rgb, write_rgb
+
+CPU = torch.device("cpu")
+FIT = replace(MINI_FIT, iterations=400)
+DECIBELS = st.floats(5, 60)
+
+
+@given(first=DECIBELS, gain=st.floats(-3, 6), ratio=st.floats(0.1, 0.95), steps=st.integers(0, 9))
+def test_gains_that_fall_by_the_ratio_are_continued_exactly(first, gain, ratio, steps):
+    curve = [first]
+    for k in range(steps + 1):
+        curve.append(curve[-1] + gain * ratio**k)
+    found = extrapolated_psnr(curve[0], curve[1], float(steps), ratio)
+    assert found == pytest.approx(curve[-1], abs=1e-9)
+
+
+@given(brief=DECIBELS, gain=st.floats(0.01, 6), ratio=st.floats(0.1, 0.9))
+def test_more_iterations_are_better_and_bounded(brief, gain, ratio):
+    few, more, endless = (
+        extrapolated_psnr(brief - gain, brief, doublings, ratio) for doublings in (1.0, 3.0, 200.0)
+    )
+    assert brief < few < more <= endless
+    assert endless == pytest.approx(brief + gain * ratio / (1 - ratio))
+
+
+def test_a_shortened_fit_still_looks_for_what_is_empty_several_times():
+    brief = shortened(FIT, 16)
+    assert brief.iterations // brief.occupancy_every >= 8
+    assert replace(brief, iterations=FIT.iterations, occupancy_every=FIT.occupancy_every) == FIT
+
+
+def test_a_fit_of_a_plane_is_expected_to_get_better_with_its_iterations(tmp_path):
+    photographs, model = photographs_of(painted_plane(9), tmp_path)
+    half, brief = brief_fits(photographs, model, FIT, KERNELS, CPU)
+    assert brief.iterations == 2 * half.iterations
+    assert 10 < half.psnr_db < brief.psnr_db
+    assert expected_psnr(photographs, model, FIT, KERNELS, CPU) > brief.psnr_db
+
+
+def test_a_photograph_set_aside_is_measured_by_and_not_fitted_to(tmp_path):
+    photographs, model = photographs_of(painted_plane(8), tmp_path)
+    (_, before) = brief_fits(photographs, model, FIT, KERNELS, CPU)
+    path = photographs.folder / f"{photographs.cameras[0].name}.png"
+    write_rgb(path, 1 - read_rgb(path))
+    (_, inverted) = brief_fits(photographs, model, FIT, KERNELS, CPU)
+    write_rgb(path, np.ones_like(read_rgb(path)) - read_rgb(path))
+    (_, again) = brief_fits(photographs, model, FIT, KERNELS, CPU)
+    assert inverted.psnr_db < before.psnr_db - 3, "a field that had seen it would show it"
+    assert again.psnr_db == pytest.approx(before.psnr_db, abs=0.05)
