@@ -60,7 +60,8 @@ def extrapolated_psnr(
         doublings: At least 0; need not be whole.
         ratio: Of one gain to that before it, in (0, 1).
     """
-    return brief_db + (brief_db - half_db) * ratio * (1 - ratio**doublings) / (1 - ratio)
+    gains: float = ratio * (1 - ratio**doublings) / (1 - ratio)  # in units of the last gain
+    return brief_db + gains * (brief_db - half_db)
 
 
 def expected_psnr(

@@ -53,7 +53,8 @@ def main() -> None:
     scene, device, *qualities = sys.argv[1:]
     costs = {}
     for quality in qualities:
-        job = StylizedTrajectory(scene=scene, style=_PAINTING, quality=quality, device=device)
+        words = {"scene": scene, "style": _PAINTING, "quality": quality, "device": device}
+        job = StylizedTrajectory(**words)
         model = cost_model(job)
         stages = stages_to_make(job, lambda _: False)
         expected = {stage.task_family: model.expected(stage) for stage in stages}
