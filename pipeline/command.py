@@ -4,26 +4,29 @@
 `take_over_luigi` when it is imported, so that `luigi --module PACKAGE ...` reaches it, too.
 """
 
-import contextlib
 import importlib
 import logging
-import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 
 import luigi
 from luigi.cmdline import luigi_run
 from luigi.cmdline_parser import CmdlineParser
-from luigi.retcodes import run_with_retcodes
+from luigi.execution_summary import LuigiStatusCode
+from luigi.interface import PidLockAlreadyTakenExit
+from luigi.retcodes import retcode
+from luigi.setup_logging import InterfaceLogging
+from luigi.task_register import TaskClassException
 
 from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_tasks
-from pipeline.console.log_handler import in_one_line, is_for_users
+from pipeline.console.log_handler import in_one_line
 from pipeline.console.progress_client import close_progress, progress_client
 from pipeline.maintenance.why import upstream_first
 
 _log = logging.getLogger("pipeline")
+_luigi_log = logging.getLogger("luigi-interface")
 INTERRUPTED = 130
 """The exit status after Ctrl-C, as shells have it."""
 Begin = Callable[[luigi.Task], None]
@@ -46,28 +49,16 @@ def run_command(arguments: Sequence[str], begin: Begin, end: End) -> int:
     Raises:
         SystemExit: The command is refused, or prints a help.
     """
-    words = list(arguments)
     _require_configuration()
     try:
-        with _task_of(words) as task:
-            if task is not None:
-                begin(task)
-                reenable_failed_tasks(lambda: [task, *upstream_first(task)])
-                progress_client()  # before workers are forked
-        status = _luigi_status(words)
-        while status != INTERRUPTED and _is_to_run_again(words):
-            status = _luigi_status(words)
-        close_progress()
-        with _task_of(words) as task:
-            own = end(task) if task is not None else None
+        with CmdlineParser.global_instance(list(arguments)) as parser:
+            InterfaceLogging.setup(luigi.interface.core())  # type: ignore[no-untyped-call]
+            return _run(parser, begin, end)
     except KeyboardInterrupt:
         return _interrupted()
-    except Exception as error:
-        if not is_for_users(error):
-            raise
+    except TaskClassException as error:
         sys.stderr.write(f"{in_one_line(error)}\n")
         return 1
-    return status if own is None else own
 
 
 def take_over_luigi(module: str) -> None:
@@ -87,28 +78,48 @@ def take_over_luigi(module: str) -> None:
         sys.exit(importlib.import_module(module).run(sys.argv[1:]))
 
 
-@contextlib.contextmanager
-def _task_of(words: list[str]) -> Iterator[luigi.Task | None]:
-    """The task of a command, its parameters in force; None if Luigi will refuse them."""
-    with CmdlineParser.global_instance(words) as parser:
-        try:
-            task = parser.get_task_obj()
-        except Exception:  # noqa: BLE001  Luigi meets it again and reports it
-            task = None
-        yield task
-
-
-def _luigi_status(words: list[str]) -> int:
-    """Has Luigi run the command; returns the exit status."""
+def _run(parser: CmdlineParser, begin: Begin, end: End) -> int:
     try:
-        run_with_retcodes(words)  # type: ignore[no-untyped-call]
-    except SystemExit as ended:
-        if ended.code is None or isinstance(ended.code, int):
-            return ended.code or os.EX_OK
-        raise
+        task = parser.get_task_obj()  # type: ignore[no-untyped-call]
+    except Exception:  # noqa: BLE001  whatever it is, it is reported
+        _luigi_log.exception("The command cannot be read")
+        return int(retcode().unhandled_exception)  # type: ignore[no-untyped-call]
+    begin(task)
+    reenable_failed_tasks(lambda: [task, *upstream_first(task)])
+    progress_client()  # before workers are forked
+    status = _luigi_status(task)
+    while status != INTERRUPTED and _is_to_run_again(task):
+        status = _luigi_status(task)
+    close_progress()
+    own = end(task)
+    return status if own is None else own
+
+
+def _luigi_status(task: luigi.Task) -> int:
+    """Has Luigi run the task; returns the exit status, by `[retcode]` of `luigi.cfg`."""
+    statuses = retcode()  # type: ignore[no-untyped-call]
+    core = luigi.interface.core()  # type: ignore[no-untyped-call]
+    try:
+        result = luigi.build(  # type: ignore[no-untyped-call]
+            [task], detailed_summary=True, no_lock=core.no_lock
+        )
     except KeyboardInterrupt:
         return _interrupted()
-    return os.EX_OK
+    except PidLockAlreadyTakenExit:
+        return int(statuses.already_running)
+    except Exception:  # noqa: BLE001  such as a luigid that does not answer
+        _luigi_log.exception("Luigi failed")
+        return int(statuses.unhandled_exception)
+    is_there = core.local_scheduler or task.complete()  # type: ignore[no-untyped-call]
+    return {
+        LuigiStatusCode.SUCCESS: 0 if is_there else int(statuses.not_run),
+        LuigiStatusCode.SUCCESS_WITH_RETRY: 0 if is_there else int(statuses.not_run),
+        LuigiStatusCode.FAILED: int(statuses.task_failed),
+        LuigiStatusCode.FAILED_AND_SCHEDULING_FAILED: int(statuses.scheduling_error),
+        LuigiStatusCode.SCHEDULING_FAILED: int(statuses.scheduling_error),
+        LuigiStatusCode.NOT_RUN: int(statuses.not_run),
+        LuigiStatusCode.MISSING_EXT: int(statuses.missing_data),
+    }[result.status]
 
 
 def _interrupted() -> int:
@@ -116,17 +127,16 @@ def _interrupted() -> int:
     return INTERRUPTED
 
 
-def _is_to_run_again(words: list[str]) -> bool:
+def _is_to_run_again(task: luigi.Task) -> bool:
     """Whether luigid was restarted, something is missing, and the deadline has not passed."""
-    with _task_of(words) as task:
-        if task is None or not is_forgotten_by_luigid():
-            return False
-        until = getattr(task, "until", None)
-        has_time = until is None or datetime.now(until.tzinfo) < until
-        is_to_run = has_time and not task.complete()  # type: ignore[no-untyped-call]
-    if is_to_run:
-        _log.warning("luigid was restarted. Requesting all that is missing again.")
-    return bool(is_to_run)
+    if not is_forgotten_by_luigid():
+        return False
+    until = getattr(task, "until", None)
+    has_time = until is None or datetime.now(until.tzinfo) < until
+    if not has_time or task.complete():  # type: ignore[no-untyped-call]
+        return False
+    _log.warning("luigid was restarted. Requesting all that is missing again.")
+    return True
 
 
 def _require_configuration() -> None:

@@ -37,7 +37,7 @@ class MessageFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         """The text for the console."""
         error = record.exc_info[1] if record.exc_info else None
-        if error is not None and is_for_users(error):
+        if isinstance(error, _WITHOUT_TRACEBACK):
             return in_one_line(error)
         return super().format(record) if record.levelno >= logging.ERROR else record.getMessage()
 
@@ -47,11 +47,6 @@ def is_user_facing(record: logging.LogRecord) -> bool:
     if record.levelno >= logging.WARNING or record.name.startswith("pipeline"):
         return True
     return "Luigi Execution Summary" in record.getMessage()
-
-
-def is_for_users(error: BaseException) -> bool:
-    """Whether the text of an exception is meant for users, so that it has no traceback."""
-    return isinstance(error, _WITHOUT_TRACEBACK)
 
 
 def in_one_line(error: BaseException) -> str:
