@@ -27,6 +27,7 @@ from tasks.results.grid import Grid
 from tasks.results.scene_report import SceneReport
 from tasks.results.trade_off import TradeOff
 from tasks.results.trajectory import StylizedTrajectory
+from tasks.results.viewer import Viewer
 from tasks.stages.content import ContentImages
 from tasks.stages.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.stages.metrics import (
@@ -63,6 +64,7 @@ __all__ = [
     "TradeOff",
     "TrajectoryFrames",
     "TransferWeights",
+    "Viewer",
 ]
 
 take_over_luigi(f"{__name__}.command_line")  # of `luigi --module tasks ...` only

@@ -68,7 +68,7 @@ def end(root: luigi.Task) -> int | None:
         shown = set(link_results(_cells(root)))
         for result in _results(root):
             if result in shown or result.complete():
-                print(result.folder / "report.html")  # noqa: T201  the command's answer
+                print(result.folder / result.page)  # noqa: T201  the command's answer
             elif not isinstance(root, Grid):
                 _log_reason(result)
     with _reported():

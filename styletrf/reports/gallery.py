@@ -38,6 +38,7 @@ class Cell:
         scores: The metrics of the result.
         failure: Why the build, or a rebuild, failed.
         is_under_way: Whether `failure` names a stage that is being built instead.
+        has_viewer: Whether `SCENE/viewer.html` is there.
     """
 
     scene: str
@@ -47,6 +48,7 @@ class Cell:
     scores: Sequence[Score] = ()
     failure: str = ""
     is_under_way: bool = False
+    has_viewer: bool = False
 
 
 def write_gallery(path: Path, cells: Sequence[Cell]) -> None:
@@ -104,12 +106,14 @@ def _made(cell: Cell) -> str:
         for score in cell.scores
     )
     again = f'<div class="again">{_problem(cell)}</div>' if cell.failure else ""
+    viewer = f"{quote(cell.scene, safe='')}/viewer.html"
+    walk = f' <a class="small" href="{viewer}">Walk around</a>' if cell.has_viewer else ""
     return (
         f'<video src="{folder}/video.mp4" poster="{folder}/poster.png" controls muted loop '
         f'playsinline preload="none" aria-label="{name}"></video>'
         f'<div class="caption"><h2><img src="{folder}/style.png" alt="" loading="lazy">'
         f'<a href="{folder}/report.html">{name}</a> '
-        f'<span class="quiet small">{html.escape(cell.quality)}</span></h2>'
+        f'<span class="quiet small">{html.escape(cell.quality)}</span>{walk}</h2>'
         f"{again}<dl>{scores}</dl></div>"
     )
 

@@ -5,7 +5,7 @@ import os
 from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pipeline.maintenance.roots import add_folder_root
 from pipeline.settings import current_store
@@ -17,7 +17,13 @@ screen = logging.getLogger("pipeline")
 
 
 class LinkedStage(Stage):
-    """A stage whose result and related files are linked from a folder in `out/`."""
+    """A stage whose result and related files are linked from a folder in `out/`.
+
+    Attributes:
+        page: The name of the link that a command prints.
+    """
+
+    page: ClassVar[str] = "report.html"
 
     @property
     @abstractmethod

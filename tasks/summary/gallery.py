@@ -56,7 +56,10 @@ def _shown(folder: Path) -> Cell:
     summary = json.loads((folder / "summary.json").read_text())  # no pyarrow, which starts threads
     quality = str(summary.get("words", {}).get("quality", ""))
     scores = _scores(summary)
-    return Cell(folder.parent.name, folder.name, is_made=True, quality=quality, scores=scores)
+    return Cell(
+        folder.parent.name, folder.name, is_made=True, quality=quality, scores=scores,
+        has_viewer=(folder.parent / "viewer.html").exists(),
+    )  # fmt: skip
 
 
 def _scores(summary: Mapping[str, Any]) -> list[Score]:

@@ -26,10 +26,10 @@ console.error = (...words) => errors.push(words.join(" "));
 addEventListener("error", (event) => errors.push(event.message || event.target.outerHTML), true);
 addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));
 </script>"""
-AT_END = """<script>
+PROBE = """<script>
 const until = async (holds) => { while (!holds()) await new Promise((r) => setTimeout(r, 20)); };
 const overflow = () => document.documentElement.scrollWidth - document.documentElement.clientWidth;
-const probe = async () => { PROBE };
+const probe = async () => { BODY };
 addEventListener("load", async () => {
   const found = await probe().catch((error) => ({ probe: String(error) }));
   parent.postMessage(JSON.stringify({ width: innerWidth, errors, ...found }), "*");
@@ -49,22 +49,22 @@ FLAGS = (
 )
 
 
-def answer_of(page: Path, probe: str, width: int) -> dict[str, Any]:
+def answer_of(page: Path, probe: str, width: int, seconds: float = 60) -> dict[str, Any]:
     """Returns what the body of an async function returns in the page, with `width` and `errors`.
 
     It may call `until(holds)` and `overflow()`. Files are written beside the page.
     """
-    text = page.read_text().replace("<head>", "<head>" + IN_HEAD)
-    text = text.replace("</body>", AT_END.replace("PROBE", probe) + "</body>")
+    scripts = IN_HEAD + PROBE.replace("BODY", probe)  # before a policy that would forbid them
+    text = page.read_text().replace("<head>", "<head>" + scripts)
     page.with_name("probe.html").write_text(text)
     frame = page.with_name("frame.html")
     with _answers() as (port, received):
         frame.write_text(FRAME.format(width=width, port=port))
         with _browser(frame, _TOUCH if width < 700 else _MOUSE):
             try:
-                return received.get(timeout=60)
+                return received.get(timeout=seconds)
             except queue.Empty:
-                return pytest.fail("the page did not do within a minute what the probe waits for")
+                return pytest.fail(f"the page did not answer the probe within {seconds} s")
 
 
 @contextmanager

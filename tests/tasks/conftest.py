@@ -195,6 +195,7 @@ def mini_graph(
     words = {
         "scene": "mini",
         "style": "p",
+        "styles": ("p",),
         "quality": "draft",
         "content": "embedded",
         "perceptual": str(perceptual_file),

@@ -52,6 +52,14 @@ def test_scene_report_says_what_a_field_costs_here(mini: Mini):
     assert page.count('class="camera') == 2 * 4
 
 
+def test_a_viewer_shows_the_photographs_and_every_style(mini: Mini):
+    page = (mini("Viewer") / "viewer.html").read_text()
+    scene = json.loads(page.partition('id="scene">')[2].partition("</script>")[0])
+    assert [look["name"] for look in scene["looks"]] == ["Photographs", "p"]
+    assert all(look["thumbnail"].startswith("data:image/jpeg") for look in scene["looks"])
+    assert len(scene["path"]) == 7
+
+
 def test_radiance_field_learns_and_loads(mini: Mini):
     field = load_field(mini("RadianceField"))
     assert all(torch.isfinite(p).all() for p in field.parameters())

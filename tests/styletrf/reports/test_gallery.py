@@ -50,6 +50,12 @@ def test_it_names_only_files_below_itself(tmp_path: Path):
         assert {scene, style}.isdisjoint({"", "..", "."})
 
 
+def test_a_viewer_is_linked_where_there_is_one(tmp_path: Path):
+    with_viewer, without = (Cell("a b", "x", is_made=True, has_viewer=has) for has in (True, False))
+    assert "a%20b/viewer.html" in written(tmp_path, [with_viewer]).addresses
+    assert not any("viewer" in address for address in written(tmp_path, [without]).addresses)
+
+
 def test_text_stays_text(tmp_path: Path):
     harmless = written(tmp_path, CELLS[2:3])
     text = [Score(HOSTILE, 1.0, HOSTILE), Score("PSNR", 1.0, "x")]

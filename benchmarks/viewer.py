@@ -1,0 +1,122 @@
+"""A viewer in Chromium against the field's own renderer: size, PSNR, times, samples.
+
+python benchmarks/viewer.py horns mosaic udnie --quality draft
+
+The stages are those of `luigi --module tasks Viewer` with the same words, which has to have run.
+Without a graphics card Chromium draws on the CPU (SwiftShader).
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from tasks.results.viewer import PHOTOGRAPHS, Viewer
+
+from pipeline.task import artifact
+from styletrf.field.kernels import kernels_for
+from styletrf.field.radiance_field import RadianceField, load_field, load_stylized_field
+from styletrf.field.rendering import render_view
+from styletrf.field.view_rays import ViewRays
+from styletrf.geometry.camera_table import read_cameras
+from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
+from styletrf.geometry.space import Space
+from styletrf.scene.scene_model import read_scene_model
+from styletrf.viewer.viewer_content import RENDER
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "styletrf"))
+from headless import answer_of
+
+CPU = torch.device("cpu")
+VIEWS = 5
+PROBE = """
+  const loaded = performance.now(), { renderer } = await viewer, shots = [], ms = [];
+  const ready = performance.now();
+  for (const each of CASES) {
+    const begun = performance.now();
+    renderer.draw(each);
+    const colors = renderer.read();
+    ms.push(performance.now() - begun);
+    shots.push(colors.map((v) => Math.round(v * 1000)));
+  }
+  return { shots, ms, loaded, ready };
+"""
+
+
+def main() -> None:
+    """Print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scene")
+    parser.add_argument("styles", nargs="*")
+    parser.add_argument("--quality", default="draft")
+    parser.add_argument("--content", default="auto")
+    parser.add_argument("--tuning", type=json.loads, default={})
+    parser.add_argument("--long-side", type=int, default=504)
+    given = parser.parse_args()
+    words = {"scene": given.scene, "quality": given.quality, "content": given.content}
+    viewer = Viewer(styles=given.styles, tuning=given.tuning, **words)
+    inputs = {name: artifact(task) for name, task in viewer.requires().items()}
+    page, space = artifact(viewer) / "viewer.html", read_scene_model(inputs["model"] / "scene.json")
+    path = read_cameras(inputs["trajectory"] / "cameras.parquet")
+    spread = np.linspace(0, len(path) - 1, VIEWS).round().astype(int)
+    cameras = [fitted_to(path[k], given.long_side) for k in spread]
+    print(f"{page.stat().st_size / 1e6:.2f} MB")  # noqa: T201
+    for look, name in enumerate([PHOTOGRAPHS, *given.styles]):
+        stylized = inputs.get(f"stylized {name}")
+        of = inputs["field"]
+        field = load_stylized_field(of, stylized) if stylized else load_field(of)
+        measure(page, look, name, field, space.space, cameras)
+
+
+def measure(
+    page: Path, look: int, name: str, field: RadianceField, space: Space, cameras: list[Camera]
+) -> None:
+    """Prints the figures of one look."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "viewer.html"
+        copy.write_text(page.read_text())
+        cases = json.dumps([case(camera, look) for camera in cameras])
+        answer = answer_of(copy, PROBE.replace("CASES", cases), 1000, seconds=300)
+    if answer["errors"]:
+        raise SystemExit(answer["errors"])
+    rays = ViewRays(cameras, space.within(field.bounds), field.step_length, CPU)
+    kernels, found = kernels_for(CPU), []
+    for k, (camera, shot) in enumerate(zip(cameras, answer["shots"], strict=True)):
+        exact = render_view(field, kernels, rays, k, camera, RENDER).color.numpy()
+        error = float(np.square(np.array(shot).reshape(exact.shape) / 1000 - exact).mean())
+        found.append(-10 * np.log10(max(error, 1e-10)))
+    size = f"{cameras[0].width} x {cameras[0].height}"
+    seconds = f"loaded in {(answer['ready'] - answer['loaded']) / 1000:.1f} s after load"
+    psnr = f"{np.mean(found):.2f} dB (least {min(found):.2f})"
+    times = f"{np.median(answer['ms']):.0f} ms a picture of {size}"
+    samples = samples_in_words(field, rays, cameras[0])
+    print(f"{name}: {psnr}, {times}, {seconds}, {samples}")  # noqa: T201
+
+
+def case(camera: Camera, look: int) -> dict[str, Any]:
+    """Returns what the page is to draw."""
+    lens = {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
+    view = {"pose": camera.world_from_camera.ravel().tolist(), **lens}
+    size = {"width": camera.width, "height": camera.height}
+    return {"view": view, "a": look, "b": look, "shareB": 0.0, **size}
+
+
+def samples_in_words(field: RadianceField, rays: ViewRays, camera: Camera) -> str:
+    """Returns how many samples and colors a ray of the first picture takes."""
+    kernels = kernels_for(CPU)
+    segments = rays.segments(0, torch.from_numpy(pixel_centers(camera.width, camera.height)))
+    jitter = torch.full_like(segments.lengths, 0.5)
+    march = field.density.march(RENDER.termination)
+    with torch.no_grad():
+        samples = kernels.trace(field.density.factors, segments, jitter, march)
+        heavy = kernels.prune(samples, RENDER.min_weight)
+    n = len(segments)
+    return f"{len(samples.ray) / n:.1f} densities and {len(heavy.ray) / n:.1f} colors a ray"
+
+
+if __name__ == "__main__":
+    main()

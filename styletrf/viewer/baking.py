@@ -1,0 +1,192 @@
+"""From fields that share a density to values at lattice points.
+
+Raw densities and plain colors are exact there but for their quantization; colors that depend on the
+view are fitted (`color_refit`). What a picture loses by it is measured, in dB.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from styletrf.errors import InputError
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.shading import DiffuseColor
+from styletrf.field.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
+from styletrf.viewer.baked_appearance import BakedAppearance
+from styletrf.viewer.baking_loss import psnr_db
+from styletrf.viewer.coding import Codes, color_codes, density_codes, slope_codes
+from styletrf.viewer.color_refit import RefitConfig, refitted_colors
+from styletrf.viewer.lattice import (
+    MOST_BRICKS,
+    BrickLattice,
+    brick_lattice,
+    empty_distances,
+    occupied_cells,
+)
+from styletrf.viewer.visibility import Views
+
+_CHUNK = 1 << 17
+_SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too many bricks
+
+
+@dataclass(frozen=True, slots=True)
+class BakedDensity:
+    """Raw densities at lattice points, and where they may be more than nothing.
+
+    Attributes:
+        lattice: Of the points.
+        codes: Of the raw densities.
+        distances: See `empty_distances`; of the field's own occupancy grid.
+        shift: See `Density`.
+        scale: See `Density`.
+        reduced_from: The points of the field's lattice, where that had too many.
+        psnr_db: Of pictures with the coarser lattice against those with the field's own.
+    """
+
+    lattice: BrickLattice
+    codes: Codes
+    distances: UInt8[np.ndarray, "x y z"]
+    shift: float
+    scale: float
+    reduced_from: tuple[int, int, int] | None = None
+    psnr_db: float = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class BakedLook:
+    """The colors of one appearance.
+
+    Attributes:
+        name: Of the painting, or of the photographs.
+        lattice: Of the points.
+        codes: Of the colors before their sigmoid.
+        slope_codes: Of how they change with the direction; None if they do not.
+        mean_direction: From which directions are counted.
+        weight_power: See `styletrf.field.weight_sharpening`.
+        background: The color behind everything.
+        psnr_db: Of pictures with these colors against pictures with the appearance's own.
+        reduced_from: The points of the appearance's lattice, where that had too many.
+    """
+
+    name: str
+    lattice: BrickLattice
+    codes: Codes
+    slope_codes: Codes | None
+    mean_direction: tuple[float, float, float]
+    weight_power: float
+    background: tuple[float, float, float]
+    psnr_db: float
+    reduced_from: tuple[int, int, int] | None
+
+
+def bake_density(
+    field: RadianceField, views: Views, most_bricks: int = MOST_BRICKS
+) -> BakedDensity:
+    """Returns the density of a field, on a coarser lattice where its own has too many bricks.
+
+    Args:
+        field: Whose density it is.
+        views: By which the loss of a coarser lattice is measured.
+        most_bricks: Of the lattice.
+    """
+    density = field.density
+    occupancy, own = density.occupancy.numpy(), density.factors
+    factors, lattice = _within(own, occupancy, most_bricks)
+    values = lattice_values(factors, lattice)
+    codes, distances = density_codes(values, lattice.needed.ravel()), empty_distances(occupancy)
+    baked = BakedDensity(lattice, codes, distances, density.shift, density.scale)
+    if factors is own:
+        return baked
+    loss = psnr_db(field, views, density=factors)
+    return replace(baked, reduced_from=own.resolution, psnr_db=loss)
+
+
+def bake_look(
+    name: str,
+    field: RadianceField,
+    views: Views,
+    visible: UInt8[np.ndarray, "x y z"],
+    refit: RefitConfig,
+    most_bricks: int = MOST_BRICKS,
+) -> BakedLook:
+    """Returns the colors of a field.
+
+    Args:
+        name: To be shown.
+        field: Whose appearance it is.
+        views: That see it.
+        visible: Voxels of the grid that are to have colors, see `visible_voxels`.
+        refit: How colors that depend on the view are fitted.
+        most_bricks: Of the lattice.
+    """
+    appearance = field.appearance
+    own = appearance.factors
+    factors, lattice = _within(own, visible, most_bricks)
+    needed = lattice.needed.ravel()
+    slopes, mean = None, np.zeros(3, np.float32)
+    if isinstance(appearance.shading, DiffuseColor):
+        values = lattice_values(factors, lattice, appearance.shading.basis.weight.detach())
+    else:
+        fitted = refitted_colors(field, views, lattice, refit)
+        values, mean = fitted.base, fitted.mean_direction
+        slopes = slope_codes(fitted.slope, needed)
+    codes, background = color_codes(values, needed), appearance.background_color().detach()
+    power, slope = appearance.weight_power, None if slopes is None else slopes.values()
+    baked = BakedAppearance(lattice, codes.values(), power, background, slope, mean)
+    (x, y, z), (red, green, blue) = mean.tolist(), background.tolist()
+    return BakedLook(
+        name, lattice, codes, slopes, (x, y, z), power, (red, green, blue),
+        psnr_db(field, views, appearance=baked), None if factors is own else own.resolution,
+    )  # fmt: skip
+
+
+def require_shared_density(name: str, field: RadianceField, other: RadianceField) -> None:
+    """Refuses a field whose density is not that of the other.
+
+    Raises:
+        InputError: Its painting was made with the strategies s1 or s2.
+    """
+    ours, theirs = field.density.state_dict(), other.density.state_dict()
+    if any(not torch.equal(ours[key], theirs[key]) for key in ours):
+        problem = "has a geometry of its own, and the viewer shows all paintings on one"
+        raise InputError(f"style {name}", problem, "Make it with --strategy s3")
+
+
+def lattice_values(
+    factors: TensorVM,
+    lattice: BrickLattice,
+    basis: Float[Tensor, "channels components"] | None = None,
+) -> Float[np.ndarray, "points channels"]:
+    """Returns the sum of the components at the stored points, or their product with `basis`.
+
+    At a lattice point neither plane nor line is interpolated.
+    """
+    parts = []
+    for chunk in torch.from_numpy(lattice.points()).split(_CHUNK):
+        columns = [
+            plane[chunk[:, v], chunk[:, u]] * line[chunk[:, w]]
+            for (u, v), w, plane, line in zip(
+                PLANE_AXES, LINE_AXES, factors.planes, factors.lines, strict=True
+            )
+        ]
+        components = torch.cat(columns, dim=1).detach()
+        parts.append(components.sum(1, keepdim=True) if basis is None else components @ basis.T)
+    values: Float[np.ndarray, "points channels"] = torch.cat(parts).numpy()
+    return values
+
+
+def _within(
+    factors: TensorVM, voxels: UInt8[np.ndarray, "x y z"], most_bricks: int
+) -> tuple[TensorVM, BrickLattice]:
+    """Returns the factors and their lattice in the voxels, coarser until it has few bricks."""
+    resolution = factors.resolution
+    lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
+    while lattice.n_bricks > most_bricks:  # they grow as the square to the cube
+        share = min(_SHRINK, (most_bricks / lattice.n_bricks) ** 0.4)
+        x, y, z = (max(2, round(share * side)) for side in resolution)
+        resolution = (x, y, z)
+        lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
+    return factors if resolution == factors.resolution else factors.upsampled(resolution), lattice

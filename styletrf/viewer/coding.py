@@ -1,0 +1,117 @@
+"""Values at lattice points as few bytes: whole numbers, their differences, zlib.
+
+What no sample needs takes the mean of its neighbors, whose difference is 0. The browser undoes this
+in `webpage/unpacking.js`.
+"""
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from styletrf.viewer.lattice import SIDE
+
+FINEST_DENSITY = 1 / 32
+"""The step of raw densities, unless their range needs a coarser one."""
+COLOR_LEVELS = 64
+"""Of colors before their sigmoid: pictures have about 50 dB, and 256 levels would double a page."""
+LARGEST_LOGIT = 7.0
+"""Beyond it colors count as black or full: 0.1 % of the brightness."""
+
+
+@dataclass(frozen=True, slots=True)
+class Codes:
+    """Whole numbers that stand for values: `low + step * code`."""
+
+    low: float
+    step: float
+    codes: Int[np.ndarray, "points channels"]
+
+    def values(self) -> Float[np.ndarray, "points channels"]:
+        """Returns the values, in float32."""
+        return (self.low + self.step * self.codes).astype(np.float32)
+
+
+def density_codes(
+    values: Float[np.ndarray, "points 1"], needed: Bool[np.ndarray, " points"]
+) -> Codes:
+    """Returns raw densities in 16 bits."""
+    return _codes(values, needed, FINEST_DENSITY, 2**16 - 1, np.inf)
+
+
+def color_codes(
+    values: Float[np.ndarray, "points 3"], needed: Bool[np.ndarray, " points"]
+) -> Codes:
+    """Returns colors before their sigmoid by COLOR_LEVELS."""
+    return _codes(values, needed, 0.0, COLOR_LEVELS - 1, LARGEST_LOGIT)
+
+
+def slope_codes(
+    values: Float[np.ndarray, "points 3"], needed: Bool[np.ndarray, " points"]
+) -> Codes:
+    """Returns slopes of colors by COLOR_LEVELS; the steepest in a thousand are less steep then."""
+    counted = np.abs(values[needed]) if needed.any() else np.zeros(1)
+    return _codes(values, needed, 0.0, COLOR_LEVELS - 1, float(np.quantile(counted, 0.999)))
+
+
+def _codes(
+    values: Float[np.ndarray, "points channels"],
+    needed: Bool[np.ndarray, " points"],
+    finest: float,
+    most: int,
+    largest: float,
+) -> Codes:
+    clipped = np.clip(values, -largest, largest)
+    counted = clipped[needed] if needed.any() else np.zeros((1, 1), np.float32)
+    low, high = float(counted.min()), float(counted.max())
+    step = max((high - low) / most, finest) or 1.0
+    codes = np.clip(np.rint((clipped - low) / step), 0, most).astype(np.int32)
+    return Codes(low, step, codes)
+
+
+def packed_codes(
+    codes: Int[np.ndarray, "points channels"],
+    needed: Bool[np.ndarray, "bricks 512"],
+    n_bytes: int,
+) -> bytes:
+    """Returns the compressed differences of codes from the mean of their neighbors.
+
+    These are the points before along x, y and z in the same brick. Of three channels the first and
+    the last are given by their difference from the second, and 128. Channel by channel, the low
+    bytes before the high ones.
+    """
+    channels = codes.shape[1]
+    if channels == 3:
+        red, green, blue = codes.T
+        codes = np.stack([red - green + 128, green, blue - green + 128], axis=1)
+    planes = []
+    for channel in codes.T.reshape(channels, *needed.shape):
+        differences = _differences(channel.copy(), needed) % 2 ** (8 * n_bytes)
+        planes += [(differences >> 8 * k) & 255 for k in range(n_bytes)]
+    return packed_bytes(np.stack(planes).astype(np.uint8))
+
+
+def packed_bytes(values: UInt8[np.ndarray, "..."]) -> bytes:
+    """Returns the compressed bytes of an array in its order in memory."""
+    return zlib.compress(np.ascontiguousarray(values).tobytes(), 9)
+
+
+def _differences(
+    codes: Int[np.ndarray, "bricks 512"], needed: Bool[np.ndarray, "bricks 512"]
+) -> Int[np.ndarray, "bricks 512"]:
+    """Returns codes less the mean of their neighbors; 0 where they are not needed.
+
+    A brick begins with the first code that is.
+    """
+    differences = np.zeros_like(codes)
+    first = codes[np.arange(len(codes)), needed.argmax(axis=1)]
+    codes[:, 0] = np.where(needed[:, 0], codes[:, 0], first)
+    differences[:, 0] = codes[:, 0]
+    for point in range(1, SIDE**3):
+        z, y, x = point // SIDE**2, point // SIDE % SIDE, point % SIDE
+        steps = [step for step, at in ((1, x), (SIDE, y), (SIDE**2, z)) if at > 0]
+        mean = sum(codes[:, point - step] for step in steps) // len(steps)
+        codes[:, point] = np.where(needed[:, point], codes[:, point], mean)
+        differences[:, point] = codes[:, point] - mean
+    return differences

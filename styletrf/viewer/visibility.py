@@ -1,0 +1,90 @@
+"""What of a field the viewer can see: the voxels that any supported view shows.
+
+Most of what is occupied lies behind surfaces; its colors would be most of the page.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+
+from styletrf.field.kernels import Samples, kernels_for
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.rendering import RenderConfig
+from styletrf.field.view_rays import ViewRays
+from styletrf.geometry.cameras import Camera, pixel_centers, resized
+from styletrf.geometry.space import Space
+
+CPU = torch.device("cpu")
+_RAYS = 4_000_000  # of all cameras together, about
+
+
+@dataclass(frozen=True, slots=True)
+class Views:
+    """Who sees a scene, and how pictures of it are rendered.
+
+    Attributes:
+        space: Of the scene.
+        cameras: In the normalized world.
+        render: Of which termination and least weight count.
+        radius: How far from a camera the viewer's may be.
+    """
+
+    space: Space
+    cameras: Sequence[Camera]
+    render: RenderConfig
+    radius: float = 0.0
+
+    def beside(self) -> list[Camera]:
+        """Returns the cameras, and each moved by the radius to a side, above or below."""
+        moved = []
+        for k, camera in enumerate(self.cameras):
+            pose = camera.world_from_camera.copy()
+            pose[:, 3] += self.radius * (-1) ** (k // 2) * pose[:, k % 2]
+            moved.append(replace(camera, world_from_camera=pose))
+        return [*self.cameras, *moved]
+
+
+@torch.no_grad()
+def visible_voxels(
+    field: RadianceField, views: Views, rays: int = _RAYS
+) -> UInt8[np.ndarray, "x y z"]:
+    """Returns 1 where a sample is heavy enough to be seen, within what is occupied.
+
+    The voxels are half as long as those of the field's occupancy.
+
+    Args:
+        field: Whose density it is.
+        views: That see it; see `Views.beside`.
+        rays: Of all views together, about.
+    """
+    occupancy = field.density.occupancy.numpy()
+    for axis in range(3):
+        occupancy = occupancy.repeat(2, axis)
+    voxels = np.array(occupancy.shape)
+    seen = np.zeros(voxels, dtype=bool)
+    cameras = views.beside()
+    pixels = max(64.0, rays / len(cameras))
+    for camera in cameras:
+        share = min(1.0, (pixels / (camera.width * camera.height)) ** 0.5)
+        width, height = (max(1, round(share * side)) for side in (camera.width, camera.height))
+        samples = heavy_samples(field, views, resized(camera, width, height))[0]
+        at = ((samples.positions.numpy() + 1) / 2 * voxels).astype(np.int64)
+        seen[tuple(at.clip(0, voxels - 1).T)] = True
+    visible: UInt8[np.ndarray, "x y z"] = (seen & (occupancy != 0)).astype(np.uint8)
+    return visible
+
+
+def heavy_samples(
+    field: RadianceField, views: Views, camera: Camera
+) -> tuple[Samples, Float[torch.Tensor, "rays 3"]]:
+    """Returns the samples of a camera's rays that get a color, and the rays' directions."""
+    kernels = kernels_for(CPU)
+    rays = ViewRays([camera], views.space.within(field.bounds), field.step_length, CPU)
+    segments = rays.segments(0, torch.from_numpy(pixel_centers(camera.width, camera.height)))
+    jitter = torch.full_like(segments.lengths, 0.5)
+    march = field.density.march(views.render.termination)
+    samples = kernels.trace(field.density.factors, segments, jitter, march)
+    return kernels.prune(samples, views.render.min_weight), segments.view_directions

@@ -1,0 +1,1 @@
+"""The page itself: its HTML, style, scripts and shader, and the file that they become."""

@@ -1,0 +1,219 @@
+// Controls: pointers, keys, paintings, mixing, and the page's address.
+const $ = (id) => document.getElementById(id);
+const refuse = (error) => {
+  $("notice").textContent = error instanceof Refusal ? error.message : `The viewer stopped: ${error.message ?? error}`;
+  $("notice").hidden = false;
+  document.body.classList.add("refused");
+};
+const isCalm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+const start = async () => {
+  if (!$("end")) throw new Refusal("This file is incomplete: its end is missing. Copy or download it again.");
+  if (!("DecompressionStream" in window)) throw new Refusal("This viewer needs a browser of 2023 or later.");
+  const scene = JSON.parse($("scene").textContent), canvas = $("canvas");
+  const renderer = makeRenderer(canvas, scene, $("march").textContent), navigation = makeNavigation(scene);
+  canvas.addEventListener("webglcontextlost", () => refuse(new Refusal("The graphics card gave up. Load the page again.")));
+  const begun = performance.now(), photographs = 0;
+  const shown = { a: Math.min(1, scene.looks.length - 1), b: photographs, share: 1, split: -1, frame: 0, isPlaying: false };
+  const keys = new Set();
+  let loop = null, last = 0, loaded = "";
+  const change = () => { loop?.change(); remember(); };
+
+  // The address: the view, what is shown, and how.
+  let timer = 0;
+  const remember = () => {
+    clearTimeout(timer);
+    timer = setTimeout(() => {
+      const words = new URLSearchParams({ view: navigation.toText(), show: shown.a, with: shown.b, share: shown.share });
+      if (shown.split >= 0) words.set("split", shown.split.toFixed(3));
+      try { history.replaceState(null, "", `#${words}`); } catch { /* a page within another may have no address */ }
+    }, 300);
+  };
+  const recall = () => {
+    const words = new URLSearchParams(location.hash.slice(1)), among = (v) => clamp(Math.floor(+v) || 0, 0, scene.looks.length - 1);
+    navigation.fromText(words.get("view"));
+    if (words.has("show")) shown.a = among(words.get("show"));
+    if (words.has("with")) shown.b = among(words.get("with"));
+    if (words.has("share")) shown.share = clamp(+words.get("share") || 0, 0, 1);
+    shown.split = words.has("split") ? clamp(+words.get("split") || 0, 0, 1) : -1;
+  };
+
+  // Paintings.
+  const labels = scene.looks.map((look, k) => {
+    const label = document.createElement("label"), radio = document.createElement("input");
+    Object.assign(radio, { type: "radio", name: "look", value: k });
+    radio.addEventListener("change", () => choose(k));
+    const image = document.createElement("img"), name = document.createElement("span");
+    Object.assign(image, { src: look.thumbnail, alt: "" });
+    name.textContent = label.title = look.name;
+    label.append(radio, image, name);
+    $("other").append(new Option(look.name, k));
+    return label;
+  });
+  $("looks").append(...labels);
+  const choose = (k) => {
+    if (k === shown.b) shown.b = shown.a;
+    shown.a = k;
+    refresh();
+  };
+  const refresh = () => {
+    const isSplit = shown.split >= 0;
+    labels.forEach((label, k) => {
+      label.firstChild.checked = k === shown.a;
+      label.firstChild.disabled = !renderer.isLoaded(k);
+      label.classList.toggle("chosen", k === shown.a);
+      $("other").options[k].disabled = k === shown.a || !renderer.isLoaded(k);
+    });
+    $("other").value = shown.b;
+    $("share").value = shown.share;
+    $("share").disabled = isSplit || scene.looks.length < 2;
+    $("shareText").value = `${Math.round(100 * shown.share)} % ${scene.looks[shown.a].name}`;
+    $("halve").setAttribute("aria-pressed", isSplit);
+    $("split").hidden = $("edge").hidden = $("sides").hidden = !isSplit;
+    if (isSplit) $("split").value = shown.split;
+    $("stage").style.setProperty("--split", `${100 * shown.split}%`);
+    $("left").textContent = scene.looks[shown.b].name;
+    $("right").textContent = scene.looks[shown.a].name;
+    $("play").setAttribute("aria-pressed", shown.isPlaying);
+    $("play").textContent = shown.isPlaying ? "Pause" : "Play";
+    canvas.setAttribute("aria-label", `${scene.name} in the style of ${scene.looks[shown.a].name}. Arrow keys turn, W A S D walk, plus and minus zoom.`);
+    change();
+  };
+  const picture = (width, height) => ({
+    view: navigation.view(width, height), a: shown.a, b: renderer.isLoaded(shown.b) ? shown.b : shown.a,
+    shareB: 1 - shown.share, split: shown.split,
+  });
+
+  // Buttons and sliders.
+  const toggles = {
+    play: () => { shown.isPlaying = !shown.isPlaying; refresh(); },
+    halve: () => { shown.split = shown.split < 0 ? 0.5 : -1; refresh(); },
+    reset: () => { shown.isPlaying = false; shown.frame = 0; navigation.show(scene.path[0].pose); refresh(); },
+    full: () => (document.fullscreenElement ? document.exitFullscreen() : $("main").requestFullscreen()).catch(() => {}),
+    save: () => {
+      const { width, height } = canvas;
+      renderer.draw({ ...picture(width, height), width, height });
+      renderer.present();
+      canvas.toBlob((blob) => {
+        const link = document.createElement("a"), name = `${scene.name}-${scene.looks[shown.a].name}.png`;
+        Object.assign(link, { href: URL.createObjectURL(blob), download: name });
+        link.click();
+        setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+      });
+      loop.change();
+    },
+  };
+  for (const [id, act] of Object.entries(toggles)) $(id).addEventListener("click", act);
+  $("full").hidden = !document.fullscreenEnabled;
+  $("halve").disabled = $("other").disabled = scene.looks.length < 2;
+  $("other").addEventListener("change", () => { shown.b = +$("other").value; refresh(); });
+  $("share").addEventListener("input", () => { shown.share = +$("share").value; refresh(); });
+  $("split").addEventListener("input", () => { shown.split = +$("split").value; refresh(); });
+  addEventListener("hashchange", () => { recall(); refresh(); });
+
+  // Pointers: one turns, with Shift or the right button it slides; two slide and zoom.
+  const pointers = new Map();
+  const stop = () => { if (shown.isPlaying) toggles.play(); };
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  canvas.addEventListener("pointerdown", (event) => {
+    stop();
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    try { canvas.setPointerCapture(event.pointerId); } catch { /* it was released meanwhile */ }
+  });
+  for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, (event) => pointers.delete(event.pointerId));
+  canvas.addEventListener("pointermove", (event) => {
+    const before = pointers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.clientX, event.clientY], tall = canvas.clientHeight || 1;
+    const by = [(now[0] - before[0]) / tall, (now[1] - before[1]) / tall];
+    pointers.set(event.pointerId, now);
+    const others = [...pointers].filter(([id]) => id !== event.pointerId);
+    if (others.length) {
+      const apart = ([x, y]) => Math.hypot(x - others[0][1][0], y - others[0][1][1]) || 1;
+      navigation.zoomBy(apart(now) / apart(before));
+      navigation.slide(by[0] / 2, by[1] / 2);
+    } else if (event.shiftKey || event.buttons & 2) navigation.slide(...by);
+    else navigation.turn(...by);
+    change();
+  });
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    navigation.zoomBy(Math.exp(-event.deltaY * (event.deltaMode ? 0.03 : 0.0015)));
+    change();
+  }, { passive: false });
+
+  // Keys, on the canvas: held ones move by the time they are held.
+  const HELD = {
+    ArrowLeft: [-1, 0, "turn"], ArrowRight: [1, 0, "turn"], ArrowUp: [0, -1, "turn"], ArrowDown: [0, 1, "turn"],
+    w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, 1, 0], e: [0, -1, 0],
+  };
+  const PRESSED = { " ": "play", x: "halve", p: "save", f: "full", Home: "reset" };
+  canvas.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key, number = +key - 1;
+    if (HELD[key]) { stop(); keys.add(key); }
+    else if (PRESSED[key] && !event.repeat) toggles[PRESSED[key]]();
+    else if ("+=-".includes(key)) { navigation.zoomBy(key === "-" ? 0.9 : 1 / 0.9); change(); }
+    else if (renderer.isLoaded(number)) choose(number);
+    else return;
+    event.preventDefault();
+  });
+  canvas.addEventListener("keyup", (event) => keys.delete(event.key.length === 1 ? event.key.toLowerCase() : event.key));
+  canvas.addEventListener("blur", () => keys.clear());
+
+  const next = (now) => {
+    const seconds = Math.min(0.1, (now - last) / 1000);
+    last = now;
+    for (const key of keys) {
+      const [x, y, z] = HELD[key];
+      if (z === "turn") navigation.turn(x * seconds, y * seconds);
+      else navigation.walk(x * seconds, y * seconds, z * seconds);
+    }
+    if (shown.isPlaying) {
+      shown.frame = (shown.frame + seconds * scene.framesPerSecond) % navigation.frames;
+      navigation.follow(Math.floor(shown.frame));
+    }
+    if (keys.size || shown.isPlaying) remember();
+    return keys.size > 0 || shown.isPlaying;
+  };
+  const tell = ({ width, height, ms, count }) => {
+    const pictures = count > 1 ? `, mean of ${count} pictures` : "";
+    $("status").textContent = `${loaded}${width} x ${height} in ${ms.toFixed(ms < 10 ? 1 : 0)} ms${pictures}`;
+  };
+
+  const fit = () => {
+    const wide = canvas.clientWidth || 300, dense = Math.min(2, devicePixelRatio || 1);
+    const width = Math.max(16, Math.round(Math.min(wide * dense, scene.mostPixels)));
+    const height = Math.max(16, Math.round(width / navigation.aspect));
+    if (canvas.width === width && canvas.height === height) return;
+    Object.assign(canvas, { width, height });
+    loop?.change();
+  };
+  $("main").style.setProperty("--aspect", navigation.aspect);
+  new ResizeObserver(fit).observe(canvas);
+  $("notice").textContent = "Loading ...";
+  recall();
+  const bricks = await renderer.loadDensity();
+  await renderer.loadLook(shown.a);
+  fit();
+  $("notice").hidden = true;
+  loop = makeLoop(canvas, renderer, { next, picture, tell });
+  refresh();
+  loop.start();
+  const first = performance.now() - begun;
+  for (let k = 0; k < scene.looks.length; k++) {
+    if (!renderer.isLoaded(k)) {
+      await new Promise((go) => setTimeout(go, isCalm ? 0 : 30));
+      await renderer.loadLook(k);
+      refresh();
+    }
+  }
+  const looks = scene.looks.length, second = performance.now() - begun;
+  loaded = `${looks} look${looks > 1 ? "s" : ""}, ${bricks} bricks of 512 points, loaded in ${(first / 1000).toFixed(1)} s, all in ${(second / 1000).toFixed(1)} s; `;
+  refresh();
+  return { scene, renderer, navigation, shown, loop, picture, choose, refresh };
+};
+
+const isWhole = new Promise((go) => document.addEventListener("DOMContentLoaded", go));
+window.viewer = isWhole.then(start);
+window.viewer.catch(refuse);

@@ -1,0 +1,110 @@
+// Where the camera is, and how far it may go: near a camera that saw the scene, looking as that did.
+const add = (a, b, t = 1) => a.map((v, i) => v + t * b[i]);
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (a) => { const n = Math.hypot(...a) || 1; return a.map((v) => v / n); };
+const clamp = (v, low, high) => Math.min(high, Math.max(low, v));
+const column = (pose, k) => [pose[k], pose[4 + k], pose[8 + k]];
+const poseOf = (right, down, ahead, center) => [0, 1, 2].flatMap((i) => [right[i], down[i], ahead[i], center[i]]);
+
+const MOST_PITCH = 1.5, MOST_ZOOM = 8;
+
+const makeNavigation = (scene) => {
+  const path = scene.path, guides = scene.guides;
+  const down = unit(scene.down);  // of the world, as most cameras hold it
+  const north = unit(add(column(path[0].pose, 2), down, -dot(column(path[0].pose, 2), down)));
+  const east = cross(down, north);
+  const lens = path[0], aspect = lens.width / lens.height;
+  const state = { center: [0, 0, 0], yaw: 0, pitch: 0, roll: 0, zoom: 1 };
+
+  const axes = ({ yaw, pitch, roll }) => {
+    const level = add(north.map((v) => v * Math.cos(yaw)), east, Math.sin(yaw));
+    const ahead = add(level.map((v) => v * Math.cos(pitch)), down, -Math.sin(pitch));
+    const right = unit(cross(down, level)), below = cross(ahead, right);
+    return {
+      ahead,
+      right: add(right.map((v) => v * Math.cos(roll)), below, Math.sin(roll)),
+      down: add(below.map((v) => v * Math.cos(roll)), right, -Math.sin(roll)),
+    };
+  };
+  const look = (ahead) => {
+    state.yaw = Math.atan2(dot(ahead, east), dot(ahead, north));
+    state.pitch = clamp(Math.asin(clamp(-dot(ahead, down), -1, 1)), -MOST_PITCH, MOST_PITCH);
+  };
+  const show = (pose, zoom = 1) => {
+    Object.assign(state, { center: column(pose, 3), zoom, roll: 0 });
+    look(column(pose, 2));
+    const flat = axes(state), right = column(pose, 0);
+    state.roll = Math.atan2(dot(right, flat.down), dot(right, flat.right));
+  };
+
+  // The distance of the point that a drag turns about: of the focus, as far ahead as it is.
+  const pivot = () => Math.max(scene.radius, dot(add(scene.focus, state.center, -1), axes(state).ahead));
+  const bound = () => {
+    const { ahead } = axes(state);
+    let best = null, least = Infinity;
+    for (const guide of guides) {
+      const away = Math.hypot(...add(state.center, guide.center, -1)) / scene.radius;
+      const turned = Math.acos(clamp(dot(ahead, guide.ahead), -1, 1)) / scene.reach;
+      const distance = Math.max(away, turned);
+      if (distance < least) [best, least] = [{ guide, away, turned }, distance];
+    }
+    if (least <= 1) return;
+    const { guide, away, turned } = best;
+    if (away > 1) state.center = add(guide.center, add(state.center, guide.center, -1), 1 / away);
+    if (turned > 1) {
+      const aside = unit(add(ahead, guide.ahead, -dot(ahead, guide.ahead)));
+      look(add(guide.ahead.map((v) => v * Math.cos(scene.reach)), aside, Math.sin(scene.reach)));
+    }
+  };
+
+  const turn = (x, y) => {  // by shares of the picture's height
+    const angle = 1 / (lens.fy / lens.height) / state.zoom, inward = scene.looking === "inward" || scene.looking === "ahead";
+    const distance = pivot(), target = add(state.center, axes(state).ahead, distance);
+    state.yaw += (inward ? 1 : -1) * x * angle;
+    state.pitch = clamp(state.pitch + (inward ? -1 : 1) * y * angle, -MOST_PITCH, MOST_PITCH);
+    state.roll = 0;
+    if (inward) {
+      state.center = add(target, axes(state).ahead, -distance);
+      bound();
+      look(unit(add(target, state.center, -1)));
+    }
+    bound();
+  };
+  const slide = (x, y) => {
+    const scale = pivot() / (lens.fy / lens.height) / state.zoom, { right, down: below } = axes(state);
+    state.center = add(add(state.center, right, -x * scale), below, -y * scale);
+    bound();
+  };
+  const walk = (x, y, z) => {  // by shares of the radius
+    const { right, down: below, ahead } = axes(state);
+    const by = add(add(right.map((v) => v * x), below, y), ahead, z);
+    state.center = add(state.center, by, scene.radius);
+    bound();
+  };
+  const zoomBy = (factor) => { state.zoom = clamp(state.zoom * factor, 1, MOST_ZOOM); };
+
+  const pose = () => { const { right, down: below, ahead } = axes(state); return poseOf(right, below, ahead, state.center); };
+  const view = (width, height) => ({
+    pose: pose(),
+    fx: (lens.fx / lens.width) * width * state.zoom,
+    fy: (lens.fy / lens.height) * height * state.zoom,
+    cx: width * (0.5 + (lens.cx / lens.width - 0.5) * state.zoom),
+    cy: height * (0.5 + (lens.cy / lens.height - 0.5) * state.zoom),
+  });
+  const NAMES = ["yaw", "pitch", "roll", "zoom"];
+  const toText = () => [...state.center, ...NAMES.map((name) => state[name])].map((v) => +v.toFixed(5)).join(",");
+  const fromText = (text) => {
+    const numbers = (text || "").split(",").map(Number);
+    if (numbers.length !== 7 || !numbers.every(Number.isFinite)) return false;
+    state.center = numbers.slice(0, 3);
+    NAMES.forEach((name, k) => { state[name] = numbers[3 + k]; });
+    state.pitch = clamp(state.pitch, -MOST_PITCH, MOST_PITCH);
+    state.zoom = clamp(state.zoom, 1, MOST_ZOOM);
+    bound();
+    return true;
+  };
+  show(path[0].pose);
+  return { aspect, turn, slide, walk, zoomBy, view, pose, show, toText, fromText, frames: path.length,
+           follow: (frame) => show(path[frame].pose, state.zoom) };
+};

@@ -1,0 +1,124 @@
+"""The interactive viewer of a scene in some styles."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import luigi
+
+from pipeline.parameters import ListParameter
+from pipeline.settings import out_root
+from pipeline.task import RunContext, StoredTask
+from styletrf.errors import InputError
+from tasks.command.graph import root_of_command
+from tasks.stages.field import RadianceField, TrajectoryFrames
+from tasks.stages.linked_results import LinkedStage
+from tasks.stages.path_parameters import PathParameters
+from tasks.stages.scene import CameraPoses, SceneModel
+from tasks.stages.stage import Stage
+from tasks.stages.style import StyleImage
+from tasks.stages.style_parameters import NetworkParameters, StyleParameters
+from tasks.stages.stylization import StylizedField
+from tasks.summary.gallery import refresh_gallery
+
+PHOTOGRAPHS = "Photographs"
+_THUMBNAIL_PX = 192
+
+
+class Viewer(LinkedStage, PathParameters):
+    """A page to walk around in: one geometry, and every style on it (`docs/viewer.md`).
+
+    Leaves `viewer.html`, linked from `out/SCENE/`.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    styles = ListParameter(description='such as ["mosaic", "udnie"]')
+    content = NetworkParameters.content
+    perceptual = NetworkParameters.perceptual
+    stroke_scale = NetworkParameters.stroke_scale
+    content_weight = NetworkParameters.content_weight
+    transfer = NetworkParameters.transfer
+    stylizer = NetworkParameters.stylizer
+    colors = StyleParameters.colors
+    match = StyleParameters.match
+    rounds = StyleParameters.rounds
+    tools = ("av", "numba", "opencv-contrib-python-headless", "torch")
+    page = "viewer.html"
+
+    def validate(self) -> None:
+        """Refuses styles that are not each one name.
+
+        Raises:
+            InputError: With what to give instead.
+        """
+        super().validate()
+        if not all(isinstance(style, str) and style for style in self.styles):
+            problem = "has what is no name of an image in data/styles"
+            raise InputError(f"--styles {list(self.styles)}", problem, 'Give such as ["mosaic"]')
+        if len(set(self.styles)) < len(self.styles):
+            raise InputError(f"--styles {list(self.styles)}", "names one twice", "Name each once")
+
+    def requires(self) -> Mapping[str, Stage]:
+        """The density, the appearances, the cameras, and what the paintings look like."""
+        needed: dict[str, Stage] = {
+            "field": self.upstream(RadianceField),
+            "model": self.upstream(SceneModel),
+            "poses": self.upstream(CameraPoses),
+            "trajectory": self.upstream(TrajectoryFrames),
+        }
+        for style in self.styles:
+            needed[f"style {style}"] = self.upstream(StyleImage, style=style)
+            needed[f"stylized {style}"] = self.upstream(StylizedField, style=style)
+        return needed
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """The names that the page shows."""
+        return {"scene": self.scene, "styles": list(self.styles)}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Bake the fields and write the page."""
+        from styletrf.files.video import video_info
+        from styletrf.geometry.camera_table import read_cameras
+        from styletrf.reports.embedding import embedded_image
+        from styletrf.scene.scene_model import read_scene_model
+        from styletrf.viewer.viewer_content import viewer_content
+        from styletrf.viewer.webpage.viewer_page import write_viewer
+
+        model = read_scene_model(inputs["model"] / "scene.json")
+        photographs = read_cameras(inputs["poses"] / "cameras.parquet")
+        path = read_cameras(inputs["trajectory"] / "cameras.parquet")
+        content = viewer_content(
+            self.scene, model, self._fields(inputs), model.normalized(photographs), path,
+            run.progress,
+        )  # fmt: skip
+        middle = photographs[len(photographs) // 2].name
+        images = [inputs["poses"] / "images" / f"{middle}.png"]
+        images += [inputs[f"style {style}"] / "style.png" for style in self.styles]
+        thumbnails = [embedded_image(image, _THUMBNAIL_PX) for image in images]
+        rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
+        write_viewer(out / "viewer.html", content, thumbnails, float(rate))
+
+    def _fields(self, inputs: Mapping[str, Path]) -> list[tuple[str, Callable[[], Any]]]:
+        """Returns the names, and what loads the fields."""
+        from styletrf.field.radiance_field import load_field, load_stylized_field
+
+        field = inputs["field"]
+        return [(PHOTOGRAPHS, partial(load_field, field))] + [
+            (style, partial(load_stylized_field, field, inputs[f"stylized {style}"]))
+            for style in self.styles
+        ]
+
+    def publish(self, object_path: Path) -> None:
+        """Make the link, and have the index show it."""
+        super().publish(object_path)
+        refresh_gallery(root_of_command())
+
+    @property
+    def folder(self) -> Path:
+        """Where the page is shown."""
+        return Path(out_root(), self.scene)
+
+    def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        """The page."""
+        return {"viewer.html": place(self) / "viewer.html"}

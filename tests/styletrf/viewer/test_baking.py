@@ -1,0 +1,100 @@
+"""What is baked is the field: exactly at lattice points and, but for rounding, between them."""
+
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from mini_scene import KERNELS
+from test_lattice import positions_in
+
+from styletrf.errors import InputError
+from styletrf.viewer.baking import bake_density, bake_look, require_shared_density
+from styletrf.viewer.camera_bounds import camera_bounds
+from styletrf.viewer.color_refit import RefitConfig
+from styletrf.viewer.viewer_content import RENDER
+from styletrf.viewer.visibility import Views, heavy_samples
+
+EVERYWHERE = np.ones((1, 1, 1), np.uint8)
+SPACES = ["ndc", "box", "unbounded"]
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_baked_densities_interpolate_to_the_field(tiny, content, space):
+    field, baked = tiny(space).fields["Photographs"], content(space).density
+    at = positions_in(field.density.occupancy.numpy(), 0).astype(np.float32)
+    addresses, weights = baked.lattice.corners(at)
+    shown = (weights * baked.codes.values()[addresses, 0]).sum(axis=1)
+    exact = KERNELS.density(field.density.factors, torch.from_numpy(at)).detach().numpy()
+    assert baked.reduced_from is None
+    assert np.abs(shown - exact).max() < 0.51 * baked.codes.step + 1e-4
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_plain_colors_lose_8_bits_and_nothing_else(content, space):
+    photographs, *styles = content(space).looks
+    assert photographs.slope_codes is not None
+    assert photographs.psnr_db > 30
+    for look in styles:
+        assert look.slope_codes is None
+        assert look.psnr_db > 50
+
+
+def views(scene) -> Views:
+    return Views(scene.model.space, scene.cameras, RENDER)
+
+
+def test_a_refit_is_nearer_than_the_colors_along_one_direction(tiny):
+    scene = tiny("box")
+    field = scene.fields["Photographs"]
+    none, some = (
+        bake_look("", field, views(scene), EVERYWHERE, RefitConfig(rounds=rounds)).psnr_db
+        for rounds in (0, 6)
+    )
+    assert some > none + 1
+
+
+def test_a_lattice_with_too_many_bricks_is_made_coarser_and_says_what_that_costs(tiny):
+    scene = tiny("ndc")
+    field = scene.fields["style 1"]
+    whole = bake_density(field, views(scene))
+    most = whole.lattice.n_bricks // 2
+    coarse = bake_density(field, views(scene), most)
+    assert coarse.lattice.n_bricks <= most
+    assert coarse.reduced_from == whole.lattice.resolution
+    assert 10 < coarse.psnr_db < 60
+    assert whole.psnr_db == 100
+
+
+def test_what_a_camera_within_the_bounds_sees_has_colors(tiny, content):
+    scene = tiny("ndc")
+    field, of, lattice = scene.fields["style 1"], views(scene), content("ndc").looks[1].lattice
+    radius = content("ndc").bounds.radius
+    for k, camera in enumerate(scene.cameras[:5]):
+        pose = camera.world_from_camera.copy()
+        pose[:, 3] += 0.5 * radius * pose[:, k % 2]
+        heavy, _ = heavy_samples(field, of, replace(camera, world_from_camera=pose))
+        addresses, _ = lattice.corners(heavy.positions.numpy())
+        has_colors = lattice.needed.ravel()[addresses] & (addresses >= 0)
+        assert has_colors.all(axis=1).mean() > 0.995
+
+
+def test_a_field_with_a_density_of_its_own_is_refused(tiny):
+    field = tiny("ndc").fields["Photographs"]
+    other = deepcopy(field)
+    require_shared_density("same", other, field)
+    with torch.no_grad():
+        other.density.factors.planes[0] += 1
+    with pytest.raises(InputError, match="style other: has a geometry of its own"):
+        require_shared_density("other", other, field)
+
+
+def test_every_camera_is_within_the_bounds(tiny):
+    cameras = tiny("unbounded").cameras
+    bounds = camera_bounds(cameras, cameras[:2])
+    centers = {tuple(center) for center, _ in bounds.guides}
+    assert {tuple(camera.center_world) for camera in cameras} <= centers
+    assert bounds.radius > 0
+    assert np.linalg.norm(bounds.down) == pytest.approx(1)
+    assert min(camera.world_from_camera[:, 1] @ bounds.down for camera in cameras) > 0.5

@@ -1,0 +1,107 @@
+"""The page runs its own script alone, whatever names say, and reports what is wrong with it."""
+
+import base64
+import hashlib
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from headless import answer_of, needs_chromium
+
+from styletrf.viewer.webpage.viewer_page import write_viewer
+
+HOSTILE = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)> $body & ünï"
+PIXEL = "data:image/gif;base64,R0lGODlhAQABAAAAACwAAAAAAQABAAA="
+
+
+def written(content, path: Path, **more) -> Path:
+    write_viewer(path, content, [PIXEL] * len(content.looks), 24.0, **more)
+    return path
+
+
+class Tags(HTMLParser):
+    """The tags of a page with their attributes, and the text outside of scripts."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.text = ""
+        self.feed(page.read_text())
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+
+    def handle_data(self, data):
+        if self.tags and self.tags[-1][0] not in ("script", "style"):
+            self.text += data
+
+
+def hostile(content):
+    looks = [replace(look, name=HOSTILE) for look in content.looks]
+    return replace(content, scene=HOSTILE, looks=looks)
+
+
+def test_names_stay_text(content, tmp_path):
+    harmless = Tags(written(content("ndc"), tmp_path / "a.html"))
+    page = written(hostile(content("ndc")), tmp_path / "b.html")
+    found = Tags(page)
+    assert [tag for tag, _ in found.tags] == [tag for tag, _ in harmless.tags]
+    assert found.text.count(HOSTILE) >= 3
+    inside = re.search(r'id="scene">(.*?)</script>', page.read_text(), re.S)
+    assert json.loads(inside[1])["looks"][1]["name"] == HOSTILE
+
+
+def test_the_policy_allows_the_one_script_and_no_network(content, tmp_path):
+    page = written(content("ndc"), tmp_path / "a.html")
+    scripts = re.findall(r"<script>(.*?)</script>", page.read_text(), re.S)
+    assert len(scripts) == 1
+    digest = base64.b64encode(hashlib.sha256(scripts[0].encode()).digest()).decode()
+    policy = next(a["content"] for tag, a in Tags(page).tags if a.get("http-equiv"))
+    assert policy.startswith(f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'sha")
+    assert "http" not in policy
+    assert "unsafe" not in policy
+
+
+def test_the_same_content_gives_the_same_bytes(content, tmp_path):
+    pages = [written(content("ndc"), tmp_path / f"{name}.html").read_bytes() for name in "ab"]
+    assert pages[0] == pages[1]
+
+
+def test_the_density_is_there_once_and_a_coarser_lattice_is_named(content, tmp_path):
+    baked = content("ndc")
+    one = written(replace(baked, looks=baked.looks[:1]), tmp_path / "a.html")
+    both = written(replace(baked, looks=baked.looks[:1] * 2), tmp_path / "b.html")
+    assert both.stat().st_size - one.stat().st_size < 2000
+    coarse = replace(baked.density, reduced_from=(300, 200, 100), psnr_db=41.26)
+    page = Tags(written(replace(baked, density=coarse), tmp_path / "c.html"))
+    assert "300 x 200 x 100 points is too large for a page" in page.text
+    assert "within 41.3 dB" in page.text
+
+
+NOTICE = """
+  await viewer.catch(() => {});
+  const notice = document.querySelector("#notice");
+  return { notice: notice.hidden ? "" : notice.textContent };
+"""
+WITHOUT_WEBGL = "<script>HTMLCanvasElement.prototype.getContext = () => null;</script>"
+
+
+@needs_chromium
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text[: -len(text) // 3], "This file is incomplete"),
+        (lambda text: text.replace("<head>", "<head>" + WITHOUT_WEBGL), "This viewer needs WebGL2"),
+        (lambda text: re.sub(r'(id="data-\w+">).{40}', r"\1" + "A" * 40, text), "is damaged"),
+    ],
+    ids=["truncated", "without WebGL2", "damaged"],
+)
+def test_a_page_that_cannot_be_shown_says_why(content, tmp_path, change, message):
+    page = written(content("ndc"), tmp_path / "viewer.html")
+    page.write_text(change(page.read_text()))
+    answer = answer_of(page, NOTICE, 800)
+    assert message in answer["notice"]
+    assert answer["errors"] == []
