@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from tasks.results.viewer import PHOTOGRAPHS, Viewer
 
 from pipeline.task import artifact
 from styletrf.field.kernels import kernels_for
@@ -27,6 +26,7 @@ from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
 from styletrf.geometry.space import Space
 from styletrf.scene.scene_model import read_scene_model
 from styletrf.viewer.viewer_content import RENDER
+from tasks.results.viewer import PHOTOGRAPHS, Viewer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "styletrf"))
 from headless import answer_of

@@ -67,4 +67,4 @@ __all__ = [
     "Viewer",
 ]
 
-take_over_luigi(f"{__name__}.command_line")  # of `luigi --module tasks ...` only
+take_over_luigi(f"{__name__}.command_line")  # of `luigi --module tasks ...`; others go on

@@ -4,7 +4,7 @@ import functools
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import luigi
 from luigi.parameter import ParameterVisibility
@@ -168,6 +168,8 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
             self._convert(inputs, out)
             return
         run.resume.mkdir(parents=True, exist_ok=True)
+        # by value, from the key: so the code of the stages that choose the pairs is not part of it
+        measured = cast("dict[str, Any]", self.identity_parameters().get("measured_pairs", {}))
         request = TrainingRequest(
             settings=self.values(),
             stroke_scale=self.stroke_scale,
@@ -176,7 +178,7 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
             out=str(out),
             resume=str(run.resume),
             device=self.device,
-            measured=self.measured_pairs(),
+            measured=measured,
         )
         train(request, run.progress)
 
