@@ -4,7 +4,6 @@ import html
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from styletrf.evaluation.expected_quality import TYPICAL_ERROR_DB
 from styletrf.field.training.cost import FieldCost
 from styletrf.reports.page import duration, gibibytes
 
@@ -34,8 +33,8 @@ def expectation_table(expected: Mapping[str, Expectation]) -> str:
     head = "".join(f'<th class="number">{column}</th>' for column in columns)
     rows = "".join(_row(quality, each) for quality, each in expected.items())
     note = (
-        "The field is timed by a few iterations at its final size, and its PSNR is extrapolated "
-        f"from two brief fits, {TYPICAL_ERROR_DB:g} dB off as a rule. The other stages are "
+        "The field is timed by a few iterations at its final size. Its PSNR is extrapolated from "
+        "two brief fits, and may be off by a decibel or more. The other stages are "
         "predicted from earlier builds on this machine, or from a reference and the machine's "
         "speed."
     )
