@@ -120,7 +120,12 @@ def test_comments_docstrings_and_formatting_change_no_code(project: Workbench):
 
 CLIPS = "PriorRenders TrajectoryFrames StylizedFrames"
 EDITS = {  # file, what is replaced by what, and the families whose results may change
-    "a constant": ("styletrf/capture/views.py", "EVERY = 8", "EVERY = 9", "CameraPoses"),
+    "a constant": (
+        "styletrf/capture/views.py",
+        "EVERY = 8",
+        "EVERY = 9",
+        "CameraPoses SceneReport",
+    ),
     "two imports away": (
         "styletrf/field/occupancy.py",
         "POINT = 0.5",
