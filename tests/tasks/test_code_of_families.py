@@ -281,6 +281,10 @@ BY_VALUE = {
     "tasks.stages.stage:_thawed",
     "tasks.stages.style:StyleNetwork.values",
     "tasks.stages.stylization:StylizedField.values",
+    "tasks.stages.stage:Stage.upstream",
+    "tasks.stages.style:StyleNetwork.identity_parameters",
+    "tasks.stages.style:StyleNetwork.measured_pairs",
+    "tasks.stages.style:StyleNetwork.requires",
     "tasks.stages.stylization:StylizedPriors.factors",
     "tasks.stages.stylization:StylizedPriors.values",
 }

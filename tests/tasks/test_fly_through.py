@@ -166,7 +166,7 @@ def test_warnings_name_what_is_odd_about_the_photographs(first: Run):
 @pytest.mark.usefixtures("first")
 def test_colmaps_messages_lie_beside_the_log(workplace: Workplace):
     logs = workplace.root / "store/logs/CameraPoses"
-    assert {path.suffix for path in logs.iterdir()} == {".log", ".colmap"}
+    assert {path.suffix for path in logs.iterdir()} == {".log", ".json", ".colmap"}
     assert list(logs.glob("*.colmap/colmap.*"))
 
 
