@@ -207,6 +207,6 @@ def _require_unchanged(task: ArtifactTask, action: Action) -> None:
         raise TaskFailure(
             "changed",
             str(task),
-            "its code or the files it reads were edited meanwhile, so its result cannot be told"
-            " from another's and was not kept. Run the same command again.",
+            "its code or the files it reads were edited meanwhile, so its result may mix two"
+            " versions and was not kept. Run the same command again.",
         )

@@ -66,15 +66,15 @@ def describe_error(
     other: FailureKind = "transient" if isinstance(error, transient_errors) else "crash"
     if isinstance(error, (*user_errors, StoreError)):
         return ("user" if other == "crash" else other), str(error)
-    told = f"{type(error).__name__}: {error}"
+    cause = f"{type(error).__name__}: {error}"
     if is_disk_full(error) or _is_short(log.parent):
         where = getattr(error, "filename", None) or log.parent
         return "disk", (
-            f"no space left on the disk of {where} ({told}). Nothing half-made was kept: free some"
+            f"no space left on the disk of {where} ({cause}). Nothing half-made was kept: free some"
             " space, or set STYLETRF_STORE to a folder on another disk, and run the same"
             " command again."
         )
-    return other, f"{told}. The trace is in {log}"
+    return other, f"{cause}. The trace is in {log}"
 
 
 def _is_short(folder: Path) -> bool:

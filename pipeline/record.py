@@ -13,7 +13,7 @@ from pipeline.digest import Tree, typed_digest
 FORMAT = 2
 """Of the JSON below. A reader takes a record of any other format for absent."""
 
-_TOLD = {"label", "task", "started", "seconds", "log"}
+_PROVENANCE_FIELDS = {"label", "task", "started", "seconds", "log"}
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,10 @@ class ActionRecord:
     Attributes:
         action: What was asked.
         output: What came out.
-        provenance: How, told and never keyed: `task` and `label` (as shown), `host`, `started`
-            (UTC), `seconds`, `log` (relative to the store), and for builds `peak_memory_bytes`,
-            `earlier_seconds` (of `seconds`, those of attempts that were killed), `cpu_seconds`,
-            and `other_cpu_seconds` (of all else on the machine meanwhile).
+        provenance: How it was made, which no key holds: `task` and `label` (as shown), `host`,
+            `started` (UTC), `seconds`, `log` (relative to the store), and for builds
+            `peak_memory_bytes`, `earlier_seconds` (of `seconds`, those of attempts that were
+            killed), `cpu_seconds`, and `other_cpu_seconds` (of all else on the machine meanwhile).
     """
 
     action: Action
@@ -81,9 +81,9 @@ class ActionRecord:
                 Action(**fields["action"]), Tree(**fields["output"]), dict(fields["provenance"])
             )
             check = fields.pop("check")
-            told = (fields["format"], fields["key"], check)
-            is_whole = told == (FORMAT, record.action.key, _check(fields))
-            if not (is_whole and record.provenance.keys() >= _TOLD):
+            found = (fields["format"], fields["key"], check)
+            is_whole = found == (FORMAT, record.action.key, _check(fields))
+            if not (is_whole and record.provenance.keys() >= _PROVENANCE_FIELDS):
                 raise ValueError("another format, or altered")
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an action record: {error!r}") from error

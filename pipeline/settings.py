@@ -67,8 +67,8 @@ def out_root() -> Path:
 
 def _place(variable: str, section: str) -> Path:
     """The folder in an environment variable, or in `root` of a section."""
-    told = os.environ.get(variable)
-    return (Path(told) if told else configured_path(section, "root")).absolute()
+    folder = os.environ.get(variable)
+    return (Path(folder) if folder else configured_path(section, "root")).absolute()
 
 
 def configured_path(section: str, name: str) -> Path:

@@ -71,7 +71,7 @@ class Store:
         return self.root / "actions" / key[:2] / f"{key}.json"
 
     def code(self, digest: str) -> Path:
-        """Where what the code with this digest consists of is told, if it is."""
+        """Where the parts of the code with this digest are listed, if they are."""
         return self.root / "code" / digest[:2] / f"{digest}.json"
 
     @contextlib.contextmanager

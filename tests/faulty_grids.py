@@ -70,8 +70,8 @@ def under_luigid(grid: GridRun, proxy: Proxy) -> None:
             commands["full"].kill()
             raise SystemExit(screen)
         screen, _ = commands["full"].communicate()
-        told = [line for line in screen.splitlines() if "luigid;" in line or "no space" in line]
-        print("the machine whose disk was filled:", told or screen.splitlines()[-3:])  # noqa: T201
+        reasons = [line for line in screen.splitlines() if "luigid;" in line or "no space" in line]
+        print("the machine whose disk was filled:", reasons or screen.splitlines()[-3:])  # noqa: T201
         luigid.kill()
         _tell([Store.open(path) for path in stores.values()])
 
@@ -132,8 +132,8 @@ def _is_training(process: psutil.Process) -> bool:
     """Whether it builds a field; what it is to build lies on the disk that it alone sees."""
     with contextlib.suppress(OSError, psutil.Error):
         if "pipeline.execution.supervisor" in (words := process.cmdline()):
-            told = Path(f"/proc/{process.pid}/root{words[-1]}").read_text()
-            return '"RadianceField"' in told
+            job = Path(f"/proc/{process.pid}/root{words[-1]}").read_text()
+            return '"RadianceField"' in job
     return False
 
 

@@ -39,8 +39,8 @@ def main() -> None:
             place = {**server.environment(proxy.port), "STYLETRF_REMOTE": server.bucket().url}
             for name, store in (("built", "one"), ("fetched", "two"), ("found", "one")):
                 own = {"STYLETRF_STORE": f"{folder}/{store}"}
-                told = requests_of(grid, proxy, place | own)
-                print(f"{name}: {told.total()} requests, {dict(told)}", flush=True)  # noqa: T201
+                requests = requests_of(grid, proxy, place | own)
+                print(f"{name}: {requests.total()} requests, {dict(requests)}", flush=True)  # noqa: T201
         server.kill()
 
 

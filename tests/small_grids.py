@@ -64,9 +64,9 @@ class GridRun:
     def begin(self, *words: str, **more: str) -> "subprocess.Popen[str]":
         """The grid's command, under way."""
         grid = ["Grid", "--scenes", json.dumps(self.scenes), "--styles", json.dumps(self.styles)]
-        told = ["--quality", "draft", "--content", "embedded", "--tuning", json.dumps(TUNING)]
+        options = ["--quality", "draft", "--content", "embedded", "--tuning", json.dumps(TUNING)]
         return subprocess.Popen(
-            [sys.executable, "-m", "luigi", "--module", "tasks", *grid, *told, *words],
+            [sys.executable, "-m", "luigi", "--module", "tasks", *grid, *options, *words],
             cwd=ROOT,
             env=self.environment(**more),
             stdout=subprocess.PIPE,

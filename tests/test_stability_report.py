@@ -15,12 +15,12 @@ def test_the_committed_report_has_every_law_of_extremes(request: pytest.FixtureR
     """Else run `make stability`; of the tests that this run has collected."""
     report = COMMITTED.read_text()
     laws = {law_in_words(i.name) for i in request.session.items if i.get_closest_marker("extremes")}
-    told = {line.split("|")[1].strip() for line in report.splitlines() if line.startswith("| ")}
-    assert laws - told == set()
+    listed = {line.split("|")[1].strip() for line in report.splitlines() if line.startswith("| ")}
+    assert laws - listed == set()
     assert "FAILED" not in report
     extreme = {p for p in HERE.rglob("test_*.py") if "pytest.mark.extremes(" in p.read_text()}
     if extreme <= {item.path for item in request.session.items}:
-        assert told - laws - {"", "what holds"} == set(), "no such tests any more"
+        assert listed - laws - {"", "what holds"} == set(), "no such tests any more"
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 Names are followed statically, function by function, across the modules of the project, without
 importing them (they load torch). Comments, formatting and docstrings do not count; a file of the
-package counts for the code that names it. Where a name cannot be told apart, more is taken than
+package counts for the code that names it. Where a name is ambiguous, more is taken than
 needed: a module used as an object counts whole, and what a module does when it is imported counts
 for all who import it. What cannot be followed at all is refused. Not followed is what the key
 holds by value: parameters, and `self.x` in `identity_parameters`' result. `pipeline` itself is

@@ -69,8 +69,8 @@ def allocate(
         open_locks("core", [str(n) for n in cores]) as files,
     ):
         with fifo_queue(lambda: say_so("for its turn")):
-            told = f"for {n_parts * part / 2**30:.1f} GiB of memory"
-            held = acquire(parts, n_parts, n_parts, lambda: say_so(told))
+            resource = f"for {n_parts * part / 2**30:.1f} GiB of memory"
+            held = acquire(parts, n_parts, n_parts, lambda: say_so(resource))
             mine = acquire(files, 1, max_cores, lambda: say_so("for a core"))
         yield CpuAllocation(
             cores=len(mine),
@@ -90,8 +90,8 @@ def usable_cores() -> list[int]:
 
 def memory_bytes() -> int:
     """What builds may take together: `[host] memory_gib`, or nine tenths of what the host has."""
-    if told := float(setting("host", "memory_gib")):
-        return int(told * 2**30)
+    if gibibytes := float(setting("host", "memory_gib")):
+        return int(gibibytes * 2**30)
     total = int(psutil.virtual_memory().total)
     return int(0.9 * min([total, *_limits_of_memory()]))
 
@@ -136,11 +136,11 @@ def _may_bind() -> bool:
 
 
 def _quota() -> int:
-    """How many cores the control group of this container may keep busy; 0 if that is not told."""
-    told = _words("cpu.max") or [*_words("cpu/cpu.cfs_quota_us"), *_words("cpu/cpu.cfs_period_us")]
-    if len(told) != 2 or not told[0].isdigit():
+    """How many cores the control group of this container may keep busy; 0 if no file says so."""
+    quota = _words("cpu.max") or [*_words("cpu/cpu.cfs_quota_us"), *_words("cpu/cpu.cfs_period_us")]
+    if len(quota) != 2 or not quota[0].isdigit():
         return 0
-    return max(1, math.ceil(int(told[0]) / int(told[1])))
+    return max(1, math.ceil(int(quota[0]) / int(quota[1])))
 
 
 def _words(name: str) -> Sequence[str]:

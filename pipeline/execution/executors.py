@@ -53,11 +53,11 @@ class Subprocess:
         specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
         with self._start(specification, job) as supervisor:
             try:
-                told = read_messages(cast("IO[bytes]", supervisor.stdout), display)
+                received = read_messages(cast("IO[bytes]", supervisor.stdout), display)
             finally:
                 display.close()
                 supervisor.communicate()  # which first closes its standard input
-        return self._report(told, supervisor.returncode, job.log)
+        return self._report(received, supervisor.returncode, job.log)
 
     def _start(self, specification: Path, job: Job) -> subprocess.Popen[bytes]:
         """A supervisor that reports on its standard output."""
@@ -76,10 +76,10 @@ class Subprocess:
                 start_new_session=True,
             )
 
-    def _report(self, told: Mapping[str, Any], status: int, log: str) -> Report:
-        """Put together what the builder and the supervisor told."""
+    def _report(self, received: Mapping[str, Any], status: int, log: str) -> Report:
+        """Returns the report from the fields that the builder and the supervisor sent."""
         fields: dict[str, Any] = {"kind": "crash", "status": status}
-        fields |= {"seconds": 0.0, "peak_memory_bytes": 0} | dict(told)
+        fields |= {"seconds": 0.0, "peak_memory_bytes": 0} | dict(received)
         silent = f"ended with status {fields['status']} before it was done. Its log: {log}"
         return Report(**{"message": silent, **fields})
 

@@ -31,7 +31,7 @@ def leased(say_so: Callable[[], object], most: int = 1) -> Iterator[Lease]:
         there are no cards.
 
     Raises:
-        StoreError: When the cards cannot be told, or the folder of leases cannot be used.
+        StoreError: When the cards cannot be listed, or the folder of leases cannot be used.
     """
     with open_locks("gpu", visible_cards()) as files:
         taken = acquire(files, 1, most, say_so) if files else []
@@ -42,7 +42,7 @@ def visible_cards() -> list[str]:
     """The cards of this host that CUDA_VISIBLE_DEVICES does not hide, by their UUIDs.
 
     Raises:
-        StoreError: When they cannot be told.
+        StoreError: When they cannot be listed.
     """
     return visible(_cards(), os.environ.get(VISIBLE))
 
@@ -57,8 +57,8 @@ def visible(cards: Sequence[str], wanted: str | None) -> list[str]:
 
 
 def _cards() -> list[str]:
-    if told := setting("gpu", "cards"):
-        return told.replace(",", " ").split()
+    if cards := setting("gpu", "cards"):
+        return cards.replace(",", " ").split()
     try:
         ask = ["nvidia-smi", "-L"]
         return CARD.findall(subprocess.check_output(ask, text=True, timeout=60))

@@ -46,6 +46,6 @@ def expected_cost(task: ArtifactTask, store: Store) -> Cost | None:
 
 
 def significant(task: ArtifactTask) -> dict[str, str]:
-    """The parameters that tell the task from others, serialized."""
-    told: dict[str, str] = task.to_str_params(only_significant=True)  # type: ignore[no-untyped-call]
-    return told
+    """The parameters that distinguish the task from others, serialized."""
+    serialized: dict[str, str] = task.to_str_params(only_significant=True)  # type: ignore[no-untyped-call]
+    return serialized

@@ -72,7 +72,7 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -
     report |= {"earlier_seconds": earlier}
     report |= {"cpu_seconds": own, "other_cpu_seconds": max(0.0, _busy_seconds() - busy - own)}
     if status >= 0:
-        return report  # and the builder has told the rest
+        return report  # and the builder has reported the rest
     if kind == "killed" and _oom_kills() > oom_kills:
         kind = "memory"
     cause = f"by {signal.Signals(-status).name}" if kind == "killed" else _CAUSES[kind]

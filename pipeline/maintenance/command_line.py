@@ -45,8 +45,10 @@ def _parser() -> argparse.ArgumentParser:
 
     def command(run: Callable[..., Answer], **positional: Any) -> Callable[..., Any]:
         """Adds a command named and explained as its function; returns what adds its options."""
-        told = str(run.__doc__)
-        added = subparsers.add_parser(run.__name__, help=told.partition(".")[0], description=told)
+        description = str(run.__doc__)
+        added = subparsers.add_parser(
+            run.__name__, help=description.partition(".")[0], description=description
+        )
         added.set_defaults(run=run)
         added.add_argument("--json", action="store_true", help="for programs")
         for name, arguments in positional.items():

@@ -50,7 +50,7 @@ class GcDecision:
 def collect(
     store: Store, *, keep_last: int = 3, grace_hours: float = 24.0, delete: bool = False
 ) -> list[GcDecision]:
-    """Find what nothing holds and, if told so, delete it; safe beside any number of processes.
+    """Find what nothing holds and, if asked to, delete it; safe beside any number of processes.
 
     Args:
         store: Its `gc.lock` is held while the garbage is found, and moved to `trash/`.
@@ -98,12 +98,12 @@ def _decisions(store: Store, keep_last: int, grace_hours: float) -> Iterator[GcD
     for why, holders in _references(store, known, keep_last, grace_hours).items():
         addresses = {address for _, held in holders for address in held}
         for record in ancestors(addresses, known):
-            path, told = store.object(record.output.digest), record.provenance
+            path, provenance = store.object(record.output.digest), record.provenance
             if path not in needed:
                 yield GcDecision(path, "artifacts", record.output.size, why, delete=False)
             needed |= {path, store.action(record.action.key)}
-            needed.add(store.code(str(told.get("closure", record.action.code))))
-            needed.add(store.root / str(told["log"]))
+            needed.add(store.code(str(provenance.get("closure", record.action.code))))
+            needed.add(store.root / str(provenance["log"]))
         needed |= {path for path, _ in holders} | {store.object(each) for each in addresses}
     for pattern, hours, why in _RETENTION_RULES:
         for path in sorted(store.root.glob(pattern)):

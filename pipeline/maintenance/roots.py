@@ -68,8 +68,8 @@ def add_folder_root(store: Store, folder: Path, targets: Iterable[Path]) -> None
         targets: Where its links lead, or soon will.
     """
     shows = sorted(address for target in targets for address in _addresses(store, target))
-    told = {"folder": str(folder.absolute()), "device": folder.stat().st_dev, "shows": shows}
-    _write_root(store, _name_of(folder), lambda path: path.write_text(json.dumps(told)))
+    content = {"folder": str(folder.absolute()), "device": folder.stat().st_dev, "shows": shows}
+    _write_root(store, _name_of(folder), lambda path: path.write_text(json.dumps(content)))
 
 
 def roots(store: Store) -> References:
@@ -88,8 +88,12 @@ def _held(store: Store, root: Path) -> set[str]:
         shown = root.iterdir() if root.is_dir() else ()
         return {address for link in (root, *shown) for address in _addresses(store, link)}
     try:
-        told = json.loads(root.read_bytes())
-        folder, device, shows = Path(told["folder"]), told["device"], set[str](told["shows"])
+        content = json.loads(root.read_bytes())
+        folder, device, shows = (
+            Path(content["folder"]),
+            content["device"],
+            set[str](content["shows"]),
+        )
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{root} cannot be read, so nobody can tell what it keeps") from error
     links = folder.iterdir() if folder.is_dir() else ()

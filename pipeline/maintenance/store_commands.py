@@ -69,7 +69,7 @@ def _transfer(chosen: list[ActionRecord], act: Callable[[ActionRecord], str]) ->
 
 
 def gc(store: Store, options: Namespace) -> Answer:
-    """What nothing holds any more, then what stays, and why; deletes only if told so."""
+    """What nothing holds any more, then what stays, and why; deletes only with --delete."""
     decisions = collect(
         store, keep_last=options.keep_last, grace_hours=options.grace, delete=options.delete
     )

@@ -182,7 +182,7 @@ class Remote:
 
     @contextlib.contextmanager
     def _at(self, name: str) -> Iterator[tuple[Any, str]]:
-        """The file system, and a name's path there; whatever goes wrong with it is told."""
+        """The file system, and a name's path there; each of its failures is reported."""
         try:
             from fsspec.core import url_to_fs  # here, since most runs share nothing
 

@@ -185,11 +185,11 @@ def records_of_night(remote: Remote, name: str) -> list[ActionRecord]:
     Raises:
         StoreError: There is no such list.
     """
-    told = remote.read(f"nights/{name}.keys")
-    if told is None:
+    keys = remote.read(f"nights/{name}.keys")
+    if keys is None:
         known = ", ".join(n.removesuffix(".keys") for n in remote.names("nights")[-5:]) or "none"
         raise StoreError(f"{remote.url} has no list of the night {name}; the last are: {known}")
-    found = (shared_record(remote, key) for key in told.decode("ascii", "replace").split())
+    found = (shared_record(remote, key) for key in keys.decode("ascii", "replace").split())
     return [record for record in found if record]
 
 

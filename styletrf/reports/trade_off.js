@@ -1,4 +1,4 @@
-const told = document.querySelector(".told");
+const description = document.querySelector(".description");
 for (const point of document.querySelectorAll(".front circle"))
   for (const event of ["pointerenter", "focus", "click"])
-    point.addEventListener(event, () => { told.textContent = point.dataset.told; });
+    point.addEventListener(event, () => { description.textContent = point.dataset.description; });

@@ -17,7 +17,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 56, 18, 14, 44
 def front_svg(points: Sequence[Combination], front: Sequence[FrontPoint]) -> str:
     """Returns the `<svg>`: seconds on a logarithmic axis, decibels short of the best downwards.
 
-    A point is a focusable circle whose `<title>` and `data-told` say what it is; those that are
+    A point is a focusable circle whose `<title>` and `data-description` describe it; those that are
     beaten are grey, those on the front have a bar of one standard deviation of their time.
     """
     chosen = {id(point.combination) for point in front}
@@ -69,7 +69,7 @@ def _circle(axes: "_Axes", point: Combination, kind: str, radius: int) -> str:
     x, y = axes.place(point.seconds, point.shortfall_db).split(",")
     focus = ' tabindex="0"' if kind.startswith("best") else ""
     return (
-        f'<circle class="{kind}" cx="{x}" cy="{y}" r="{radius}"{focus} data-told="{lines}">'
+        f'<circle class="{kind}" cx="{x}" cy="{y}" r="{radius}"{focus} data-description="{lines}">'
         f"<title>{lines}</title></circle>"
     )
 

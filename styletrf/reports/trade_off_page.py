@@ -50,9 +50,9 @@ def write_trade_off_page(path: Path, content: TradeOffContent) -> None:
     )
     chart = (
         f'<div class="card">{front_svg(content.points, content.front)}</div>'
-        '<pre class="card told small" aria-live="polite">Point at a circle, or reach one with the '
-        "tabulator: here stands what it is.</pre>"
-        '<p class="quiet small">Filled: on the front. Hollow: on it, but not to be told from '
+        '<pre class="card description small" aria-live="polite">'
+        "Point at a circle, or reach one with the tabulator: here stands what it is.</pre>"
+        '<p class="quiet small">Filled: on the front. Hollow: on it, but not distinguishable from '
         f"its neighbour. Grey: another is faster and nearer to the best. {_noise(content)}</p>"
     )
     sections = [

@@ -3,7 +3,7 @@
 import json
 import logging
 import shutil
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import cast
@@ -116,8 +116,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             InputError: It names the nearest budget that can be reached.
         """
         if self.request and not self.resolved():
-            fronts = fronts_for(self._measured_front(), self._space())
-            require_reachable(self.request, fronts, timing_of(self))
+            require_reachable(self.request, self._fronts(), timing_of(self))
 
     def requires(self) -> Mapping[str, Stage]:
         """Returns all inputs of the report; with a bound, the kind of space and the sources."""
@@ -203,7 +202,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             self.validate()
             if not self._space():
                 return None
-            choice = known_choice(self, self.request, self._front())
+            choice = known_choice(self, self.request, self._fronts()[0])
         except InputError:
             return None
         return self.with_settings(choice.quality, choice.point.tuning) if choice else None
@@ -232,7 +231,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         if self._space():
             choice = self._choice()
             return self.with_settings(choice.quality, choice.point.tuning), choice.description
-        fronts, timing = fronts_for(self._measured_front(), None), timing_of(self)
+        fronts, timing = self._fronts(), timing_of(self)
         require_reachable(self.request, fronts, timing)
         choices = possible_choices(self.request, fronts, timing)
         choice = max(choices, key=lambda c: c.point.seconds)
@@ -246,18 +245,17 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             InputError: No settings meet the bound.
         """
         choice = self._choice()
-        keep_choice(self, self._front(), choice)
+        keep_choice(self, self._fronts()[0], choice)
         screen.info("%s: %s", self.label, choice.description)
         return choice
 
     def _choice(self) -> Choice:
-        return choice_for(self, cast("QualityRequest", self.request), self._front())
+        return choice_for(self, cast("QualityRequest", self.request), self._fronts()[0])
 
-    def _front(self) -> Front:
-        return fronts_for(self._measured_front(), self._space())[0]
-
-    def _measured_front(self) -> Path:
-        return Path(out_root(), self.scene, "trade-off", "front.json")
+    def _fronts(self) -> Sequence[Front]:
+        """Returns the scene's own front, or those of its kind of space; all while it is unknown."""
+        measured = Path(out_root(), self.scene, "trade-off", "front.json")
+        return fronts_for(measured, self._space())
 
     def _space(self) -> str | None:
         """Returns the kind of the scene's space; None before it is decided."""

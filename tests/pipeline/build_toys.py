@@ -283,13 +283,13 @@ class OnCores(StoredTask):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         began = time.monotonic()
         time.sleep(self.seconds)
-        told = {
+        measured = {
             "cores": sorted(os.sched_getaffinity(0)),
             "threads": os.environ.get("OMP_NUM_THREADS"),
             "began": began,
             "ended": time.monotonic(),
         }
-        (out / "cores.json").write_text(json.dumps(told))
+        (out / "cores.json").write_text(json.dumps(measured))
 
 
 class ManyOnCores(luigi.WrapperTask):

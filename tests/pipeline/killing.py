@@ -98,8 +98,8 @@ def make(
         (workspace / "out" / "deep").mkdir(parents=True)
         for number in range(files):
             (workspace / "out" / "deep" / f"{number}").write_text(content or name)
-        told = {"label": name, "task": f"Toy(scene={name})", "started": f"{time.time():.6f}"}
-        return publish(store, workspace / "out", action, told | {"seconds": 0.0, "log": ""})
+        provenance = {"label": name, "task": f"Toy(scene={name})", "started": f"{time.time():.6f}"}
+        return publish(store, workspace / "out", action, provenance | {"seconds": 0.0, "log": ""})
 
 
 def action_of(name: str, *inputs: str) -> Action:

@@ -172,7 +172,7 @@ def proxy_of(server: Server) -> Iterator[Proxy]:
 
 def _error(status: int) -> bytes:
     code = {403: "AccessDenied", 503: "SlowDown"}.get(status, "InternalError")
-    return f"<Error><Code>{code}</Code><Message>as told</Message></Error>".encode()
+    return f"<Error><Code>{code}</Code><Message>as asked</Message></Error>".encode()
 
 
 @contextlib.contextmanager

@@ -58,14 +58,14 @@ class Surroundings(StoredTask):
 
 
 class Account(StoredTask):
-    """What a build is told of everything above it."""
+    """What a build knows of everything above it."""
 
     def requires(self) -> dict[str, StoredTask]:
         return {"sentence": Sentence(), "word": Word("hello")}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        told = [[r.action.family, r.action.parameters, r.output.digest] for r in run.lineage]
-        (out / "told.json").write_text(json.dumps(told))
+        lineage = [[r.action.family, r.action.parameters, r.output.digest] for r in run.lineage]
+        (out / "lineage.json").write_text(json.dumps(lineage))
 
 
 class Slow(StoredTask):

@@ -65,7 +65,7 @@ def test_different_values_have_different_texts(a, b):
 
 
 def _types(value):
-    """The value with booleans told from the numbers that Python takes them for."""
+    """The value with booleans distinguished from the numbers that Python takes them for."""
     return json.dumps(canonical(value), sort_keys=True)
 
 

@@ -93,11 +93,11 @@ def test_a_build_is_told_what_is_upstream_in_the_graph_of_the_command():
     assert status == 0, screen
     made = {str(record.provenance["label"]): record for record in current_store().records()}
     artifact = current_store().object(made["Account"].output.digest)
-    told = json.loads((artifact / "told.json").read_text())
-    assert [family for family, _, _ in told] == ["Word", "Word", "Sentence"]
-    assert [parameters["loudness"] for _, parameters, _ in told[:2]] == [3.5, 3.5]
+    lineage = json.loads((artifact / "lineage.json").read_text())
+    assert [family for family, _, _ in lineage] == ["Word", "Word", "Sentence"]
+    assert [parameters["loudness"] for _, parameters, _ in lineage[:2]] == [3.5, 3.5]
     upstream = [made[label].output.digest for label in ("Word hello", "Word world", "Sentence")]
-    assert [digest for _, _, digest in told] == upstream
+    assert [digest for _, _, digest in lineage] == upstream
 
 
 def test_a_batch_finishes_what_it_can_and_fails():
@@ -210,9 +210,9 @@ def test_a_pin_is_of_one_artifact_and_of_its_makers_the_newest():
     process = start("pipeline", "pin", made[0].output.digest, "--json")
     (pinned,) = json.loads(process.communicate(timeout=30)[0])
     assert pinned["key"] == made[2].action.key
-    with pytest.raises(StoreError, match=r"several begin so.*Word bye \(") as told:
+    with pytest.raises(StoreError, match=r"several begin so.*Word bye \(") as refused:
         require_single(made)
-    assert all(record.action.key[:12] in str(told.value) for record in made)
+    assert all(record.action.key[:12] in str(refused.value) for record in made)
 
 
 def test_failed_attempts_are_those_that_published_nothing(toys):

@@ -246,11 +246,11 @@ def test_a_store_that_cannot_be_made_is_refused(tmp_path):
 
 def test_what_is_made_anew_with_other_bytes_is_told(store, caplog):
     lost = make(store, "a", "one")
-    for content, told in (("one", 0), ("two", 1)):
+    for content, n_messages in (("one", 0), ("two", 1)):
         caplog.clear()
         shutil.rmtree(store.object(lost.output.digest))
         made = make(store, "a", content)
-        assert len(caplog.messages) == told
+        assert len(caplog.messages) == n_messages
     assert "a: what was lost is made anew with other bytes" in caplog.text
     assert made.output.digest[:12] in caplog.text
     assert lost.output.digest[:12] in caplog.text

@@ -250,11 +250,11 @@ def test_diamonds_are_resolved_in_linear_time():
 def test_provenance_tells_how():
     build(Word("a"))
     path = current_store().action(Word("a").action().key)
-    told = json.loads(path.read_text())["provenance"]
-    assert told["label"] == "Word a"
-    assert told["task"] == str(Word("a"))
-    assert (current_store().root / told["log"]).exists()
-    assert told["peak_memory_bytes"] > 1e6
+    provenance = json.loads(path.read_text())["provenance"]
+    assert provenance["label"] == "Word a"
+    assert provenance["task"] == str(Word("a"))
+    assert (current_store().root / provenance["log"]).exists()
+    assert provenance["peak_memory_bytes"] > 1e6
 
 
 def test_pinned_revision_replaces_the_code():

@@ -163,7 +163,7 @@ EDITS = {  # file, what is replaced by what, and the families whose results may 
         "<title>A ",
         "StylizedTrajectory SceneReport TradeOff",
     ),
-    "a setting, in the keys by value, but told by the report": (
+    "a setting, in the keys by value, but shown by the report": (
         "tasks/presets/presets.py",
         "1536, 3072",
         "1537, 3072",
@@ -206,9 +206,9 @@ def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
 def test_a_revision_stands_in_the_snapshot_as_such(project: Workbench):
     project.edit("tasks/stages/field.py", r"(class RadianceField.*)", r'\1\n    revision = "2"')
     project.pipeline("snapshot")
-    told = json.loads((project.folder / "tasks/identity.json").read_text())
-    assert told["families"]["RadianceField"] == "revision 2"
-    assert len(told["families"]["SceneModel"]) == 64
+    snapshot = json.loads((project.folder / "tasks/identity.json").read_text())
+    assert snapshot["families"]["RadianceField"] == "revision 2"
+    assert len(snapshot["families"]["SceneModel"]) == 64
 
 
 def test_why_of_the_whole_graph_is_quick_and_loads_no_torch(photographs: Path):
@@ -297,8 +297,8 @@ def test_all_that_a_build_runs_is_in_its_code(
     """Every function that Python runs while a stage builds was found without running anything."""
     for family in sorted(set(tasks.__all__) - COMMANDS - {"CameraPoses"}):
         mini(family)
-        told = code_closure(getattr(tasks, family)).keys() | BY_VALUE
+        known = code_closure(getattr(tasks, family)).keys() | BY_VALUE
         names = {re.sub(r"\.?<.*", "", name) for name in ran[family]}
         named = {name for name in names if not name.endswith(":")}  # no lambda of a table
-        assert {name for name in named if not {name, name.rpartition(".")[0]} & told} == set()
+        assert {name for name in named if not {name, name.rpartition(".")[0]} & known} == set()
         assert any(name.startswith("styletrf") for name in names), family

@@ -232,10 +232,10 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     assert "there is no such style" in text
     assert 'href="yard/brush/report.html"' in text
     summary = json.loads((workplace.root / "out/grid.json").read_text())
-    told = {(c["scene"], c["style"]): (c["outcome"], c["reason"]) for c in summary["cells"]}
-    assert told["yard", "brush"] == ("found", "")
-    assert "there is no such style" in told["yard", "none"][1]
-    assert "there is no such scene" in told["nowhere", "brush"][1]
+    outcomes = {(c["scene"], c["style"]): (c["outcome"], c["reason"]) for c in summary["cells"]}
+    assert outcomes["yard", "brush"] == ("found", "")
+    assert "there is no such style" in outcomes["yard", "none"][1]
+    assert "there is no such scene" in outcomes["nowhere", "brush"][1]
     assert "4 cells: 1 found, 3 failed" in grid.screen
 
 

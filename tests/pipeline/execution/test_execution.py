@@ -1,4 +1,4 @@
-"""A task's build from first to last: how failures are told, tried again and cleaned up after."""
+"""A task's build from first to last: its failures are reported, tried again and cleaned up."""
 
 import errno
 import json

@@ -21,7 +21,7 @@ from pipeline.locks import try_lock
 
 @pytest.fixture
 def job(tmp_path: Path) -> Job:
-    """A job for `Act`, whose act is still to be told."""
+    """A job for `Act`, whose act is still to be chosen."""
     for name in ("out", "resume"):
         (tmp_path / name).mkdir()
     (tmp_path / "log").touch()

@@ -23,7 +23,7 @@ class Told(StoredTask):
         return {act: Act(act) for act in self.acts}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        (out / "told.txt").touch()
+        (out / "note.txt").touch()
 
 
 class Album(StoredTask):

@@ -120,8 +120,8 @@ def test_what_a_folder_away_showed_can_be_given_up(store, tmp_path):
     out.mkdir()
     add_folder_root(store, out, [store.object(made(store, "a").output.digest)])
     (root,) = (store.root / "roots").iterdir()
-    told = json.loads(root.read_text())
-    root.write_text(json.dumps({**told, "device": told["device"] + 1}))
+    content = json.loads(root.read_text())
+    root.write_text(json.dumps({**content, "device": content["device"] + 1}))
     out.rmdir()
     collect_all(store)
     assert names(store) == ["a"]
@@ -146,9 +146,9 @@ def test_what_lies_beside_a_log_stays_with_it(store, monkeypatch):
     folder.mkdir()
     for name in ("mine.1.log", "mine.1.colmap", "other.1.colmap"):
         (folder / name).touch()
-    told = dict(record.provenance) | {"log": "logs/Toy/mine.1.log"}
+    provenance = dict(record.provenance) | {"log": "logs/Toy/mine.1.log"}
     store.action(record.action.key).unlink()
-    commit(store, ActionRecord(record.action, record.output, told), store.find)
+    commit(store, ActionRecord(record.action, record.output, provenance), store.find)
     pin(store, record.action.key, "kept")
     monkeypatch.setattr(pipeline.maintenance.garbage_collection, "_is_younger", lambda *_: False)
     decisions = collect(store, keep_last=0, grace_hours=0)
@@ -338,9 +338,9 @@ def test_ten_thousand_records_are_collected_in_seconds(store):
     for number in range(10_000):
         digest = typed_digest("toy", str(number).encode())
         action = action_of(str(number), *([previous] if number % 2 and previous else []))
-        told = {"label": str(number), "task": "", "started": f"{number:06}"}
-        told |= {"seconds": 0.0, "log": ""}
-        record = ActionRecord(action, Tree(digest, 1, 1), told)
+        provenance = {"label": str(number), "task": "", "started": f"{number:06}"}
+        provenance |= {"seconds": 0.0, "log": ""}
+        record = ActionRecord(action, Tree(digest, 1, 1), provenance)
         store.action(action.key).parent.mkdir(exist_ok=True)
         store.action(action.key).write_bytes(record.to_json())
         store.object(digest).mkdir(parents=True)

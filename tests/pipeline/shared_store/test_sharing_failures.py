@@ -202,8 +202,8 @@ def test_a_server_that_errs_for_longer_is_waited_for_as_long_as_patience_lasts(
     proxy.fault = lambda _method, _path: 500 if time.monotonic() < end else None
     assert build(Word("hello"))
     assert len(place.names("actions")) == 1
-    (told,) = warnings(caplog)
-    assert "Waiting for it for up to 60 s" in told
+    (warning,) = warnings(caplog)
+    assert "Waiting for it for up to 60 s" in warning
 
 
 @pytest.mark.usefixtures("inline")
@@ -218,7 +218,7 @@ def test_what_will_not_pass_is_not_waited_for(proxied, monkeypatch, caplog, what
     begun = time.monotonic()
     assert build(Word("hello"))
     assert time.monotonic() - begun < 20
-    assert not any("Waiting" in told for told in warnings(caplog))
+    assert not any("Waiting" in warning for warning in warnings(caplog))
 
 
 @pytest.mark.usefixtures("inline")

@@ -185,12 +185,12 @@ def test_the_page_shows_every_point_and_escapes_all_text(tmp_path):
 
 
 PROBE = """
-  const told = document.querySelector(".told"), before = told.textContent;
+  const description = document.querySelector(".description"), before = description.textContent;
   const grey = document.querySelector("circle.beaten");
   document.querySelector("circle.best").focus();
-  const focused = told.textContent;
+  const focused = description.textContent;
   grey.dispatchEvent(new PointerEvent("pointerenter"));
-  return { before, focused, pointed: told.textContent, overflow: overflow() };
+  return { before, focused, pointed: description.textContent, overflow: overflow() };
 """
 
 

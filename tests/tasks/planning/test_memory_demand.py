@@ -59,12 +59,12 @@ def test_refused_is_what_takes_clearly_more_than_is_available():
     require_memory([demand], enough, {"yard": SCENE})
     with pytest.raises(InputError) as refused:
         require_memory([demand], enough // 2, {"yard": SCENE})
-    told = str(refused.value)
+    message = str(refused.value)
     for word in ("ConsistencyMetrics", "yard", "3840", "--frame-size"):
-        assert word in told
-    assert f"{taken(demand) / 2**30:.1f} GiB" in told
-    assert f"{enough // 2 / 2**30:.1f} GiB" in told
-    assert "\n" not in told
+        assert word in message
+    assert f"{taken(demand) / 2**30:.1f} GiB" in message
+    assert f"{enough // 2 / 2**30:.1f} GiB" in message
+    assert "\n" not in message
 
 
 def test_the_stage_that_takes_the_most_is_told():

@@ -81,7 +81,7 @@ def test_a_damaged_input_stops_its_stage_which_names_it(
     damaged = tmp_path / "damaged"
     shutil.copytree(inputs[needed], damaged)
     spoil(damaged / file, name, value)
-    with pytest.raises((InputError, NotFiniteError)) as told:
+    with pytest.raises((InputError, NotFiniteError)) as refused:
         build(stage, **{**inputs, needed: damaged})
-    assert name in str(told.value)
-    assert file in str(told.value)
+    assert name in str(refused.value)
+    assert file in str(refused.value)

@@ -51,10 +51,10 @@ def test_all_that_a_sharded_result_needs_is_sharded():
         assert task.shards == 2, task
 
 
-@pytest.mark.parametrize("told", ["0/3", "4/3", "1", "a/b", "/", "1/"])
-def test_what_is_no_part_is_refused(told):
+@pytest.mark.parametrize("shard", ["0/3", "4/3", "1", "a/b", "/", "1/"])
+def test_what_is_no_part_is_refused(shard):
     with pytest.raises(InputError, match="Give one such as 2/5"):
-        tasks.TrajectoryFrames(**WORDS, shard=told).validate()
+        tasks.TrajectoryFrames(**WORDS, shard=shard).validate()
 
 
 def test_no_parts_at_all_are_refused():

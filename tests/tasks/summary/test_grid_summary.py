@@ -43,14 +43,14 @@ def summary(*outcomes: str) -> GridSummary:
 def test_a_broken_scene_and_a_broken_style_are_named_with_their_reasons(out):
     grid = tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS)
     found = summarize(grid.cells(), datetime.now(UTC))
-    told = {(cell.scene, cell.style): (cell.outcome, cell.reason) for cell in found.cells}
-    assert told["mini", "p"] == ("not begun", "this machine has tried nothing")
-    assert told["mini", "none"][0] == told["nowhere", "p"][0] == "failed"
-    assert "StyleImage: style 'none'" in told["mini", "none"][1]
-    assert "SceneCapture: scene 'nowhere'" in told["nowhere", "p"][1]
+    outcomes = {(cell.scene, cell.style): (cell.outcome, cell.reason) for cell in found.cells}
+    assert outcomes["mini", "p"] == ("not begun", "this machine has tried nothing")
+    assert outcomes["mini", "none"][0] == outcomes["nowhere", "p"][0] == "failed"
+    assert "StyleImage: style 'none'" in outcomes["mini", "none"][1]
+    assert "SceneCapture: scene 'nowhere'" in outcomes["nowhere", "p"][1]
     lines = "\n".join(format_lines(found))
     assert "4 cells: 3 failed, 1 not begun" in lines
-    assert lines.count("scene 'nowhere'") == 1, "a reason is told once"
+    assert lines.count("scene 'nowhere'") == 1, "a reason appears once"
 
 
 def test_linking_results_is_silent_about_cells_that_cannot_be_built(out, caplog):
@@ -204,7 +204,7 @@ class Refusing(Listener):
 
 
 @pytest.mark.parametrize(
-    ("hook", "told"),
+    ("hook", "warning"),
     [
         ("HERE/S3CRET", "the server answered 404"),
         ("http://127.0.0.1:9/S3CRET", "Connection refused"),
@@ -218,7 +218,7 @@ class Refusing(Listener):
         ("http://[S3CRET", "it is not a web address"),
     ],
 )
-def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, told):
+def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, warning):
     """Who has it can post. Errors of the library, and answers of a server, quote it."""
     with HTTPServer(("127.0.0.1", 0), Refusing) as server:
         threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
@@ -230,7 +230,7 @@ def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, told):
         finally:
             luigi.configuration.get_config().remove_section("grid")
             server.shutdown()
-    assert told in caplog.text
+    assert warning in caplog.text
     said = capfd.readouterr()
     for text in (caplog.text, said.out, said.err, (out / "grid.json").read_text()):
         assert "s3cret" not in text.lower()

@@ -13,8 +13,8 @@ from tasks.summary.trade_off_measurements import lineage_of, machine, measuremen
 
 def record(family, digest, inputs=(), **provenance):
     action = Action(family, "code", {}, dict(inputs), {}, {})
-    told = {"seconds": 10.0, "peak_memory_bytes": 5, "cpu_seconds": 9.0, "other_cpu_seconds": 0.0}
-    return ActionRecord(action, Tree(digest, 100, 1), told | provenance)
+    costs = {"seconds": 10.0, "peak_memory_bytes": 5, "cpu_seconds": 9.0, "other_cpu_seconds": 0.0}
+    return ActionRecord(action, Tree(digest, 100, 1), costs | provenance)
 
 
 RECORDS = [
@@ -37,14 +37,16 @@ def test_a_stage_made_in_parts_took_what_all_of_them_did():
     parts = [record("TrajectoryFrames", f"part{k}", seconds=20.0 + k) for k in range(2)]
     joined = record("TrajectoryFrames", "t", {"0": "part0", "1": "part1"}, seconds=1.0)
     lineage = lineage_of(Path("objects/t"), [*parts, joined]).values()
-    told = measurement(Variant("scene", "", {}), lineage, {"psnr": 25.0})
-    assert told.seconds == {"TrajectoryFrames": 42.0}
+    measured = measurement(Variant("scene", "", {}), lineage, {"psnr": 25.0})
+    assert measured.seconds == {"TrajectoryFrames": 42.0}
 
 
 def test_another_host_is_named():
     assert "measured on" not in machine([record("SceneModel", "m", host=socket.gethostname())])
-    told = machine([record("SceneModel", "m", host="faraway", started="2026-01-02T03:04:05")])
-    assert told.endswith("measured on faraway")
+    description = machine(
+        [record("SceneModel", "m", host="faraway", started="2026-01-02T03:04:05")]
+    )
+    assert description.endswith("measured on faraway")
 
 
 def test_each_side_counts_its_own_stages_and_no_judge():
@@ -71,12 +73,12 @@ def test_each_side_counts_its_own_stages_and_no_judge():
 def test_the_share_of_other_work(monkeypatch, provenance, share):
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     lineage = [record("RadianceField", "f", **provenance)]
-    told = measurement(Variant("scene", "", {}), lineage, {"psnr": 25.0})
-    assert told.other_cpu_share == pytest.approx(share)
+    measured = measurement(Variant("scene", "", {}), lineage, {"psnr": 25.0})
+    assert measured.other_cpu_share == pytest.approx(share)
 
 
 def test_records_that_do_not_tell_of_other_work_are_not_taken_for_idle():
     old = record("RadianceField", "f")
     del old.provenance["other_cpu_seconds"]
-    told = measurement(Variant("scene", "", {}), [old], {"psnr": 25.0})
-    assert told.other_cpu_share is None
+    measured = measurement(Variant("scene", "", {}), [old], {"psnr": 25.0})
+    assert measured.other_cpu_share is None
