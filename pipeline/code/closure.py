@@ -17,7 +17,16 @@ import re
 from collections.abc import Iterator, Mapping
 
 from pipeline.canonical import canonical_json
-from pipeline.code.source import Imports, Source, Symbol, data_files, dotted_names, imports_in, read
+from pipeline.code.source import (
+    Imports,
+    Piece,
+    Source,
+    Symbol,
+    data_files,
+    dotted_names,
+    piece,
+    read,
+)
 from pipeline.digest import file_digest, typed_digest
 from pipeline.errors import StoreError
 from pipeline.store import Store
@@ -98,9 +107,8 @@ class _Walk:
         if source is _OUTSIDE or symbol in self._seen:
             return
         self._seen.add(symbol)
-        pieces = source.members[names[0]] if names[1:] else source.bindings
-        code = ast.Module(pieces.get(names[-1], []) if names else [], [])
-        local, paths = imports_in(code, source.package), set(dotted_names(code))
+        code = piece(source, *names)
+        local, paths = code.imports, set(code.names)
         if not names:
             paths = {(name,) for name in (*source.bindings, *source.imports)}
         meanings = {".".join(path): self._resolve(module, path, local) for path in paths}
@@ -110,18 +118,19 @@ class _Walk:
         for path in paths - self.by_value if names[1:] else ():
             if path[0] in ("self", "cls"):
                 self.pending += self._members(*path[1:2])
-        if code.body:
+        if code.text:
             self._note(f"{module}:{'.'.join(names)}", code, meanings)
 
-    def _note(self, name: str, code: ast.Module, meanings: Mapping[str, list[Symbol]]) -> None:
+    def _note(self, name: str, code: Piece, meanings: Mapping[str, list[Symbol]]) -> None:
         """Put a piece of code among the found, with the files of the project that it names."""
-        text = ast.dump(code)
-        strings = {str(part.value) for part in ast.walk(code) if isinstance(part, ast.Constant)}
-        for string in filter(_MODULE.fullmatch, strings):
+        for string in filter(_MODULE.fullmatch, code.strings):
             self.pending += self._locate(tuple(string.split(".")))
-        files = [file for file in self.files if any(f"/{s}/" in f"{file}/" for s in strings)]
+        files = [file for file in self.files if any(f"/{s}/" in f"{file}/" for s in code.strings)]
         words = {*meanings, *(".".join(symbol) for each in meanings.values() for symbol in each)}
-        hiding = [*_UNTRACEABLE.findall(text), *sorted(filter(_DYNAMIC_EXECUTION.match, words))]
+        hiding = [
+            *_UNTRACEABLE.findall(code.text),
+            *sorted(filter(_DYNAMIC_EXECUTION.match, words)),
+        ]
         hiding += [
             *_computed_imports(code, meanings),
             *filter(_FILE_LOOKUP.match, () if files else words),
@@ -131,7 +140,9 @@ class _Walk:
                 f"{self.task}: its build reaches {name}, where {hiding[0]} hides what is used."
                 " Name that in the code, or give the task a `revision`."
             )
-        self.found[name] = typed_digest("pipeline-code-v2", text.encode(), canonical_json(meanings))
+        self.found[name] = typed_digest(
+            "pipeline-code-v2", code.text.encode(), canonical_json(meanings)
+        )
         self.found |= {file: file_digest(self.files[file]) for file in files}
 
     def _members(self, member: str = "") -> Iterator[Symbol]:
@@ -203,12 +214,10 @@ class _Walk:
         return found or [(module,)]
 
 
-def _computed_imports(code: ast.AST, meanings: Mapping[str, list[Symbol]]) -> list[str]:
+def _computed_imports(code: Piece, meanings: Mapping[str, list[Symbol]]) -> list[str]:
     """Uses of what imports by name, however called here, other than for a name in the text."""
     importers = {path for path, symbols in meanings.items() if _IMPORTERS & {path, *symbols}}
-    uses = [path for path in map(".".join, dotted_names(code)) if path in importers]
-    for call in ast.walk(code):
-        match call:
-            case ast.Call(func=called, args=[ast.Constant()]) if ast.unparse(called) in importers:
-                uses.remove(ast.unparse(called))
+    uses = [path for path in map(".".join, code.names) if path in importers]
+    for called in filter(importers.__contains__, code.calls_with_constant):
+        uses.remove(called)
     return uses

@@ -16,9 +16,9 @@ Imports = dict[str, list[Symbol]]
 _OF_PARAMETERS = ("luigi.", "pipeline.parameters.")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """One module, without its docstrings.
+    """One module, without its docstrings; of one text there is one.
 
     Attributes:
         package: What its relative imports start from.
@@ -32,6 +32,43 @@ class Source:
     bindings: Pieces
     members: Mapping[str, Pieces]
     imports: Imports
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """What a piece of code says, before its names are followed.
+
+    Attributes:
+        text: Its syntax tree as `ast.dump` writes it; empty if there is no code.
+        imports: What its own import statements bind.
+        names: The dotted names in it, as often as they occur.
+        strings: Its constants, as strings.
+        calls_with_constant: What it calls with nothing but a constant, as often as it does.
+    """
+
+    text: str
+    imports: Imports
+    names: tuple[Symbol, ...]
+    strings: frozenset[str]
+    calls_with_constant: tuple[str, ...]
+
+
+@functools.cache
+def piece(source: Source, *names: str) -> Piece:
+    """Returns what the code under a top-level name, or a class and its member, says."""
+    pieces = source.members[names[0]] if names[1:] else source.bindings
+    body = pieces.get(names[-1], []) if names else []
+    code = ast.Module(body, [])
+    parts = list(ast.walk(code))
+    calls = [part for part in parts if isinstance(part, ast.Call)]
+    called = [call.func for call in calls if [*map(type, call.args)] == [ast.Constant]]
+    return Piece(
+        ast.dump(code) if body else "",
+        imports_in(code, source.package),
+        tuple(dotted_names(code)),
+        frozenset(str(part.value) for part in parts if isinstance(part, ast.Constant)),
+        tuple(map(ast.unparse, called)),
+    )
 
 
 def read(module: str) -> Source | None:

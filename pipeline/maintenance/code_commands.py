@@ -49,7 +49,7 @@ def families(module: str) -> list[type[StoredTask]]:
     _import(module)
     kinds = StoredTask.__subclasses__()
     for kind in kinds:
-        kinds += kind.__subclasses__()
+        kinds += [each for each in kind.__subclasses__() if each not in kinds]
     ours = [kind for kind in kinds if kind.__module__.split(".")[0] == module.split(".")[0]]
     return [kind for kind in ours if kind.build is not StoredTask.build]
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 _MAIN = "from tasks.results.job_costs import main; main()"
 _PAINTING = "any painting"  # its name decides no cost
@@ -32,29 +33,31 @@ class JobCost:
     output_bytes: int
 
 
-def job_costs(scene: str, device: str, qualities: Sequence[str]) -> Mapping[str, JobCost]:
-    """Returns the cost of `StylizedTrajectory` of a scene, by quality.
+def job_costs(
+    scene: str, device: str, qualities: Sequence[str], tuning: Mapping[str, Any]
+) -> Mapping[str, JobCost]:
+    """Returns the cost of `StylizedTrajectory` of a scene, with settings of stages, by quality.
 
     Raises:
         subprocess.CalledProcessError: The prediction fails.
     """
+    words = {"scene": scene, "device": device, "tuning": tuning, "style": _PAINTING}
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-P", "-c", _MAIN, scene, device, *qualities]
+    command = [sys.executable, "-P", "-c", _MAIN, json.dumps(words, default=dict), *qualities]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
     found: dict[str, dict[str, float]] = json.loads(done.stdout.splitlines()[-1])
     return {quality: JobCost(**fields) for quality, fields in found.items()}  # type: ignore[arg-type]
 
 
 def main() -> None:
-    """Writes the costs as JSON; the command names the scene, the device and the qualities."""
+    """Writes the costs as JSON; the command has the job's parameters and the qualities."""
     from tasks.planning.remaining_time import cost_model, stages_to_make
     from tasks.results.trajectory import StylizedTrajectory
 
-    scene, device, *qualities = sys.argv[1:]
+    words, *qualities = sys.argv[1:]
     costs = {}
     for quality in qualities:
-        words = {"scene": scene, "style": _PAINTING, "quality": quality, "device": device}
-        job = StylizedTrajectory(**words)
+        job = StylizedTrajectory(**{**json.loads(words), "quality": quality})
         model = cost_model(job)
         stages = stages_to_make(job, lambda _: False)
         expected = {stage.task_family: model.expected(stage) for stage in stages}

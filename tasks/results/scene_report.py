@@ -9,8 +9,7 @@ import luigi
 
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
-from tasks.presets.presets import settings_for
-from tasks.results.job_costs import JobCost, job_costs
+from tasks.results.job_costs import job_costs
 from tasks.stages.linked_results import LinkedStage
 from tasks.stages.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.stages.stage import PresetStage, Stage
@@ -37,8 +36,8 @@ class SceneReport(LinkedStage, PresetStage):
         }
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """The scene's name, which the page repeats."""
-        return {"scene": self.scene}
+        """The scene's name, which the page repeats, and the settings that replace the presets'."""
+        return {"scene": self.scene} | ({"tuning": self.tuning} if self.tuning else {})
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Survey the photographs, fit two brief fields at each quality, write the page."""
@@ -48,8 +47,7 @@ class SceneReport(LinkedStage, PresetStage):
         from styletrf.scene.scene_model import read_scene_model
 
         model = read_scene_model(inputs["model"] / "scene.json")
-        jobs = job_costs(self.scene, self.device, EXPECTED)
-        expected = _expectations(inputs["poses"], model, jobs, device_named(self.device), run)
+        expected = self._expectations(inputs["poses"], model, device_named(self.device), run)
         content = self._content(inputs, expected)
         summary = {
             "advice": advice(content),
@@ -104,6 +102,42 @@ class SceneReport(LinkedStage, PresetStage):
             evidence=model.evidence,
         )
 
+    def _expectations(
+        self, poses: Path, decided: Any, device: Any, run: RunContext
+    ) -> dict[str, Any]:
+        """Returns the time, the memory and the PSNR to expect, by quality."""
+        from styletrf.evaluation.expected_quality import expected_psnr
+        from styletrf.field.kernels import kernels_for
+        from styletrf.field.training.cost import field_cost
+        from styletrf.reports.expectation import Expectation
+        from styletrf.scene.training_photographs import read_training_photographs
+
+        expectations = {}
+        photographs, kernels = read_training_photographs(poses), kernels_for(device)
+        jobs = job_costs(self.scene, self.device, EXPECTED, self.tuning)
+        for k, (quality, job) in enumerate(jobs.items()):
+            run.progress(k, len(jobs))
+            model, fit = self._fit(photographs, decided, quality)
+            cost = field_cost(model, photographs, fit, kernels, device)
+            psnr_db = expected_psnr(photographs, model, fit, kernels, device)
+            seconds = job.seconds - job.field_seconds + cost.seconds
+            memory = max(job.peak_memory_bytes, cost.peak_memory_bytes)
+            expectations[quality] = Expectation(cost, seconds, memory, job.output_bytes, psnr_db)
+        return expectations
+
+    def _fit(self, photographs: Any, decided: Any, quality: str) -> tuple[Any, Any]:
+        """Returns the scene model and the configuration of the fit at a quality."""
+        from styletrf.configuration import configured
+        from styletrf.field.training.config import FieldTrainingConfig
+        from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
+
+        settings = {**self.tuned("SceneModel", quality), "space": decided.space.kind}
+        config = configured(SceneModelConfig, settings)
+        model = decide_scene_model(photographs.cameras, photographs.points.xyz_world, config)
+        settings = {"field.shading": decided.shading, **self.tuned("RadianceField", quality)}
+        fit = configured(FieldTrainingConfig, settings)
+        return replace(model, exposures=decided.exposures), fit
+
     @property
     def folder(self) -> Path:
         """Where the page is shown."""
@@ -112,41 +146,6 @@ class SceneReport(LinkedStage, PresetStage):
     def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
         """The page and its numbers."""
         return {name: place(self) / name for name in ("report.html", "summary.json")}
-
-
-def _expectations(
-    poses: Path, decided: Any, jobs: Mapping[str, JobCost], device: Any, run: RunContext
-) -> dict[str, Any]:
-    """Returns the time, the memory and the PSNR to expect, by quality."""
-    from styletrf.configuration import configured
-    from styletrf.evaluation.expected_quality import expected_psnr
-    from styletrf.field.kernels import kernels_for
-    from styletrf.field.training.config import FieldTrainingConfig
-    from styletrf.field.training.cost import field_cost
-    from styletrf.reports.expectation import Expectation
-    from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
-    from styletrf.scene.training_photographs import read_training_photographs
-
-    expectations = {}
-    photographs, kernels = read_training_photographs(poses), kernels_for(device)
-    xyz = photographs.points.xyz_world
-    for k, (quality, job) in enumerate(jobs.items()):
-        run.progress(k, len(jobs))
-        settings = {**settings_for("SceneModel", quality), "space": decided.space.kind}
-        config = configured(SceneModelConfig, settings)
-        model = replace(
-            decide_scene_model(photographs.cameras, xyz, config), exposures=decided.exposures
-        )
-        fit = configured(
-            FieldTrainingConfig,
-            {"field.shading": decided.shading, **settings_for("RadianceField", quality)},
-        )
-        cost = field_cost(model, photographs, fit, kernels, device)
-        psnr_db = expected_psnr(photographs, model, fit, kernels, device)
-        seconds = job.seconds - job.field_seconds + cost.seconds
-        memory = max(job.peak_memory_bytes, cost.peak_memory_bytes)
-        expectations[quality] = Expectation(cost, seconds, memory, job.output_bytes, psnr_db)
-    return expectations
 
 
 def _neighbours(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:

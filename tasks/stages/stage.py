@@ -104,6 +104,10 @@ class PresetStage(Stage):
         """Returns no parameters: the inputs decide the artifact."""
         return {}
 
+    def tuned(self, family: str, quality: str) -> dict[str, Any]:
+        """Returns the settings of a stage at a preset, then those of `--tuning`."""
+        return {**settings_for(family, quality), **_thawed(self.tuning).get(family, {})}
+
 
 class ConfigurableStage(PresetStage):
     """A stage whose configuration comes from the preset's column of `tasks/presets/presets.py`.

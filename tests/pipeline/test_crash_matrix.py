@@ -226,8 +226,8 @@ COLLECTIONS = [
 @pytest.mark.parametrize(
     ("scenarios", "at_least"), [(PUBLICATIONS, 150), (COLLECTIONS, 120)], ids=["publish", "gc"]
 )
-def test_no_kill_loses_anything_or_leaves_anything_half_done(scenarios, at_least, tmp_path):
-    kills = sum(kill_everywhere(scenario, tmp_path) for scenario in scenarios)
+def test_no_kill_loses_anything_or_leaves_anything_half_done(scenarios, at_least, memory_path):
+    kills = sum(kill_everywhere(scenario, memory_path) for scenario in scenarios)
     assert kills >= at_least
 
 
@@ -238,5 +238,5 @@ BAD_DISK = [
 
 
 @pytest.mark.parametrize("scenario", BAD_DISK, ids=[each.name for each in BAD_DISK])
-def test_a_disk_that_fails_at_any_write_is_survived(scenario, tmp_path):
-    assert everywhere(scenario, tmp_path, faulted) >= 10
+def test_a_disk_that_fails_at_any_write_is_survived(scenario, memory_path):
+    assert everywhere(scenario, memory_path, faulted) >= 10

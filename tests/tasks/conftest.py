@@ -222,6 +222,8 @@ def mini_graph(
         parameters: dict[str, Any] = {k: v for k, v in words.items() if k in names}
         if "settings" in names:
             parameters["settings"] = SETTINGS.get(family, {}) | controls.pop("settings", {})
+        elif "tuning" in names:
+            parameters["tuning"] = SETTINGS
         stage = kind(**{**parameters, **controls})
         stage.validate()
         with pytest.MonkeyPatch.context() as patch:

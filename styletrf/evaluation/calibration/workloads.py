@@ -104,6 +104,18 @@ def _extraction() -> None:
 
 def field_steps(device: torch.device) -> Callable[[], None]:
     """Returns what takes some iterations of a fit at its final size."""
+    trainer = field_trainer(device)
+
+    def steps() -> None:
+        for _ in range(_FIELD_STEPS):
+            trainer.step()
+        _finish(device)
+
+    return steps
+
+
+def field_trainer(device: torch.device) -> FieldTrainer:
+    """Returns a fit of two images at its final size."""
     pose = np.column_stack([np.eye(3), [0.0, 0.0, -3.0]])
     camera = Camera("0", _SIDE_PX, _SIDE_PX, 500.0, 500.0, _SIDE_PX / 2, _SIDE_PX / 2, pose)
     cameras = [camera, replace(camera, name="1")]
@@ -118,14 +130,7 @@ def field_steps(device: torch.device) -> Callable[[], None]:
     space = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), depth_min=0.1)
     resolution = (_LATTICE, _LATTICE, _LATTICE)
     kernels = kernels_for(device)
-    trainer = FieldTrainer(cameras, [image, image], space, resolution, config, kernels)
-
-    def steps() -> None:
-        for _ in range(_FIELD_STEPS):
-            trainer.step()
-        _finish(device)
-
-    return steps
+    return FieldTrainer(cameras, [image, image], space, resolution, config, kernels)
 
 
 def network_steps(device: torch.device) -> Callable[[], None]:

@@ -348,9 +348,9 @@ def test_ten_thousand_records_are_collected_in_seconds(store):
         if number % 2:
             previous, keys = digest, [*keys, action.key]
     pin(store, keys[-1], "last")
-    started = time.monotonic()
+    started = time.process_time()
     collect_all(store)
-    assert time.monotonic() - started < 40  # 5 on one idle core
+    assert time.process_time() - started < 40  # 5 on one idle core
     assert len(list(store.records())) == 5_000
 
 
@@ -359,6 +359,6 @@ def test_a_closure_is_found_in_linear_time():
     for number in range(20_000):
         action = action_of(str(number), *(str(k) for k in range(max(0, number - 3), number)))
         known[str(number)] = ActionRecord(action, Tree(str(number), 1, 1), {})
-    started = time.monotonic()
+    started = time.process_time()
     assert len(ancestors([str(19_999)], known)) == 20_000
-    assert time.monotonic() - started < 10
+    assert time.process_time() - started < 10

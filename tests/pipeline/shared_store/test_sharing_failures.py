@@ -27,7 +27,7 @@ from pipeline.store import Store
 from pipeline.task import artifact
 
 
-def test_a_push_killed_anywhere_is_finished_by_the_next(shared, tmp_path):
+def test_a_push_killed_anywhere_is_finished_by_the_next(shared, memory_path):
     """SIGKILL at each point: over there an artifact is whole and recorded, or absent."""
     is_s3 = shared.url.startswith("s3:")
 
@@ -44,7 +44,7 @@ def test_a_push_killed_anywhere_is_finished_by_the_next(shared, tmp_path):
 
     def is_believable(store: Store) -> None:
         remote = part(store)
-        reader = Store.open(tmp_path / f"{store.root.name}-reader")
+        reader = Store.open(memory_path / f"{store.root.name}-reader")
         for record in store.records():
             if found := shared_record(remote, record.action.key):
                 assert found == record
@@ -67,7 +67,7 @@ def test_a_push_killed_anywhere_is_finished_by_the_next(shared, tmp_path):
 
     situations = {"partly": partly} | ({} if is_s3 else {"three": three})  # S3 takes its time
     kills = sum(
-        kill_everywhere(Scenario(name, give, prepare, is_believable, is_complete), tmp_path)
+        kill_everywhere(Scenario(name, give, prepare, is_believable, is_complete), memory_path)
         for name, prepare in situations.items()
     )
     assert kills >= (10 if is_s3 else 40)

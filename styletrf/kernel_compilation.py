@@ -1,0 +1,47 @@
+"""Compiles the kernels ahead of their first use: `python -m styletrf.kernel_compilation`.
+
+The installation runs it, for about a minute. `styletrf.compiled` says where numba keeps the code.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+
+def compile_field_kernels() -> None:
+    """Runs each kernel of the field on the CPU once, in the types of a fit."""
+    import torch  # here, as below, since each of the two processes needs its own half alone
+
+    from styletrf.evaluation.calibration.workloads import field_trainer
+    from styletrf.field.kernels import kernels_for
+
+    cpu = torch.device("cpu")
+    trainer = field_trainer(cpu)
+    trainer.step()
+    with torch.no_grad():  # as the occupancy asks for density
+        kernels_for(cpu).density(trainer.field.density.factors, torch.zeros(1, 3))
+
+
+def compile_courtyard_kernels() -> None:
+    """Renders two small views of the courtyard."""
+    from styletrf.synthetic.courtyard.capture import CourtyardConfig
+    from styletrf.synthetic.courtyard.folder import write_courtyard
+
+    with TemporaryDirectory() as folder:
+        write_courtyard(Path(folder), CourtyardConfig(n_views=2, width=16, height=12))
+
+
+COMPILATIONS: tuple[Callable[[], None], ...] = (compile_field_kernels, compile_courtyard_kernels)
+
+
+def main() -> None:
+    """Compiles all kernels, in two processes at once."""
+    with ProcessPoolExecutor(len(COMPILATIONS), mp_context=get_context("spawn")) as pool:
+        for compilation in [pool.submit(each) for each in COMPILATIONS]:
+            compilation.result()
+
+
+if __name__ == "__main__":
+    main()
