@@ -2,7 +2,7 @@
 
 Enters: factors of a field, and its rays as segments. Leaves: samples with weights, features,
 colors, and the gradients of all. Begin with `reference`, which defines what each form computes;
-`differentiable` makes a form of forward and backward loops.
+`differentiable` makes a form of forward and backward loops, `plain` one of `reference`.
 
 `kernels_for(device)` gives the fastest form for a device: numba on the CPU, Triton on a GPU where
 it is installed, else the plain-torch reference; a name overrides the choice.
@@ -14,8 +14,9 @@ import torch
 
 from styletrf.errors import InputError
 from styletrf.field.kernels import fused, reference
-from styletrf.field.kernels.differentiable import form_of
+from styletrf.field.kernels.differentiable import DifferentiableKernels
 from styletrf.field.kernels.form import Kernels
+from styletrf.field.kernels.plain import PlainKernels
 from styletrf.field.kernels.samples import March, Samples, Segments
 from styletrf.field.kernels.sparsification import Sparsification, sparsify_gradient
 
@@ -41,14 +42,14 @@ def kernels_for(device: torch.device, name: str | None = None) -> Kernels:
     """
     match name or _fastest(device):
         case "reference":
-            return _plain_torch()
+            return PlainKernels()
         case "fused":
-            return form_of("fused", fused, fused.decode)
+            return DifferentiableKernels("fused", fused, fused.decode)
         case "triton" if _has_triton():
             from styletrf.field.kernels import triton_form
 
             # Two matrix products, which torch hands to the tensor cores: nothing to gain.
-            return form_of("triton", triton_form, reference.decode)
+            return DifferentiableKernels("triton", triton_form, reference.decode)
         case "triton":
             raise InputError("kernels triton", "the package triton is not installed", _REMEDY)
     raise InputError(f"kernels {name}", "there is no such form", f"Choose from {', '.join(FORMS)}")
@@ -65,10 +66,3 @@ def _fastest(device: torch.device) -> str:
 
 def _has_triton() -> bool:
     return find_spec("triton") is not None
-
-
-def _plain_torch() -> Kernels:
-    return Kernels(
-        "reference", reference.features, reference.density, reference.trace, reference.prune,
-        reference.composite, reference.decode,
-    )  # fmt: skip

@@ -4,18 +4,20 @@ Factors receive gradients from their features and from the weights of a march, c
 them on to weights and values. Positions are constants.
 """
 
-from collections.abc import Sequence
-from functools import partial
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, final, runtime_checkable
 
 import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.field.kernels.form import Decode, Kernels
+from styletrf.field.kernels.form import Kernels
 from styletrf.field.kernels.samples import March, Samples, Segments
 from styletrf.field.kernels.sparsification import sparsified
 from styletrf.field.tensor_vm import TensorVM
+
+Decode = Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 @runtime_checkable
@@ -84,49 +86,56 @@ class Backend(Protocol):
         """Returns the gradients of the weights and of the values from that of the sums."""
 
 
-def form_of(name: str, backend: Backend, decode: Decode) -> Kernels:
-    """Returns the form whose kernels are the backend's; `decode` is differentiable by itself."""
-    return Kernels(
-        name,
-        features=partial(_features, backend),
-        density=partial(_density, backend),
-        trace=partial(_trace, backend),
-        prune=partial(_prune, backend),
-        composite=partial(_composite, backend),
-        decode=decode,
-    )
+@final
+@dataclass(frozen=True, slots=True)
+class DifferentiableKernels(Kernels):
+    """The form whose loops are a backend's; its `decode` is differentiable by itself."""
 
+    name: str
+    backend: Backend
+    decoder: Decode
 
-def _features(backend: Backend, factors: TensorVM, positions: Tensor) -> Tensor:
-    result: Tensor = _Features.apply(  # type: ignore[no-untyped-call]
-        backend, positions, *factors.planes, *factors.lines
-    )
-    return result
+    def features(self, factors: TensorVM, positions: Tensor) -> Tensor:
+        """See `Kernels.features`."""
+        result: Tensor = _Features.apply(  # type: ignore[no-untyped-call]
+            self.backend, positions, *factors.planes, *factors.lines
+        )
+        return result
 
+    def density(self, factors: TensorVM, positions: Tensor) -> Tensor:
+        """See `Kernels.density`."""
+        return self.backend.density_features(positions, [*factors.planes, *factors.lines])
 
-def _density(backend: Backend, factors: TensorVM, positions: Tensor) -> Tensor:
-    return backend.density_features(positions, [*factors.planes, *factors.lines])
+    def trace(self, factors: TensorVM, segments: Segments, jitter: Tensor, march: March) -> Samples:
+        """See `Kernels.trace`."""
+        samples = _Trace.apply(  # type: ignore[no-untyped-call]
+            self.backend, segments, jitter, march, *factors.planes, *factors.lines
+        )
+        return Samples(*samples)
 
+    def prune(self, samples: Samples, threshold: float) -> Samples:
+        """See `Kernels.prune`."""
+        weights = samples.weights.detach()
+        return samples.chosen(*self.backend.heavy_samples(samples.offsets, weights, threshold))
 
-def _trace(
-    backend: Backend, factors: TensorVM, segments: Segments, jitter: Tensor, march: March
-) -> Samples:
-    samples = _Trace.apply(  # type: ignore[no-untyped-call]
-        backend, segments, jitter, march, *factors.planes, *factors.lines
-    )
-    return Samples(*samples)
+    def composite(self, samples: Samples, values: Tensor) -> Tensor:
+        """See `Kernels.composite`."""
+        result: Tensor = _Composite.apply(  # type: ignore[no-untyped-call]
+            self.backend, samples.offsets, samples.ray, samples.weights, values
+        )
+        return result
 
-
-def _prune(backend: Backend, samples: Samples, threshold: float) -> Samples:
-    weights = samples.weights.detach()
-    return samples.chosen(*backend.heavy_samples(samples.offsets, weights, threshold))
-
-
-def _composite(backend: Backend, samples: Samples, values: Tensor) -> Tensor:
-    result: Tensor = _Composite.apply(  # type: ignore[no-untyped-call]
-        backend, samples.offsets, samples.ray, samples.weights, values
-    )
-    return result
+    def decode(
+        self,
+        components: Tensor,
+        of_view: Tensor,
+        ray: Tensor,
+        matrix: Tensor,
+        output: Tensor,
+        bias: Tensor,
+    ) -> Tensor:
+        """See `Kernels.decode`."""
+        return self.decoder(components, of_view, ray, matrix, output, bias)
 
 
 class _Features(torch.autograd.Function):
