@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-pytest_plugins = ["stability"]
+pytest_plugins = ["durations", "stability"]
 
 # A run on the same code draws the same examples: what fails, fails again.
 # How long an example takes depends on what else the machine does.
