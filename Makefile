@@ -33,6 +33,8 @@ demo: install
 	$(RUN)/python -m styletrf.synthetic.courtyard data/scenes/courtyard
 	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory \
 		--scene $(SCENE) --style $(STYLE) --quality draft $(DEMO_SETTINGS)
+	STYLETRF_DATA= $(RUN)/luigi --module tasks Viewer \
+		--scene $(SCENE) --styles '["$(STYLE)"]' --quality draft $(DEMO_SETTINGS)
 
 # Idle OpenMP threads sleep: torch and numba have a pool each, and spinning threads of one take the
 # cores of the other.

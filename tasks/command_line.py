@@ -25,6 +25,7 @@ from tasks.results.trajectory import StylizedTrajectory
 from tasks.stages.linked_results import LinkedStage, link_results
 from tasks.summary.gallery import refresh_gallery
 from tasks.summary.grid_summary import finish_command
+from tasks.summary.lineage import write_lineages
 
 _log = logging.getLogger("pipeline")
 
@@ -64,17 +65,19 @@ def end(root: luigi.Task) -> int | None:
         The exit status; None if Luigi's is right.
     """
     status = None
+    results = _results(root)
     with _reported():
         shown = set(link_results(_cells(root)))
-        for result in _results(root):
+        for result in results:
             if result in shown or result.complete():
                 print(result.folder / result.page)  # noqa: T201  the command's answer
             elif not isinstance(root, Grid):
                 _log_reason(result)
     with _reported():
+        write_lineages(results)
         if isinstance(root, Grid):
             status = finish_command(root)
-        elif isinstance(root, StylizedTrajectory):
+        elif results:
             refresh_gallery(root)
     return status
 

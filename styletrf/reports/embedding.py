@@ -26,6 +26,15 @@ def embedded_image(path: Path, longest_px: int) -> str:
     Raises:
         InputError: The file cannot be read, or is no image.
     """
+    return _uri("image/jpeg", small_jpeg(path, longest_px))
+
+
+def small_jpeg(path: Path, longest_px: int) -> bytes:
+    """Returns an image as a JPEG whose longer side has at most so many pixels.
+
+    Raises:
+        InputError: The file cannot be read, or is no image.
+    """
     pixels = to_integers(read_rgb(path))
     share = min(1.0, longest_px / max(pixels.shape[:2]))
     if share < 1:
@@ -33,7 +42,7 @@ def embedded_image(path: Path, longest_px: int) -> str:
         pixels = np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA))
     bgr = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR)
     _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    return _uri("image/jpeg", encoded.tobytes())
+    return encoded.tobytes()
 
 
 def embedded_bytes(uri: str) -> int:

@@ -1,76 +1,74 @@
-const gallery = document.querySelector(".gallery"), announcement = document.querySelector(".announcement");
-const tiles = [...document.querySelectorAll(".tile")];
-const buttons = [...document.querySelectorAll(".sort button")];
-const playAll = document.querySelector(".play-all");
-const isCalm = matchMedia("(prefers-reduced-motion: reduce)").matches;
-const canHover = matchMedia("(hover: hover)").matches;
-document.body.classList.add("live");
+// What is shown, and in which order.
+const gallery = document.querySelector(".gallery"), controls = document.querySelector(".controls");
+const tiles = [...document.querySelectorAll(".tile")].map((tile) => {
+  const { scene, style } = tile.dataset;
+  const scores = JSON.parse(tile.dataset.scores), isMade = tile.classList.contains("made");
+  return { tile, scene, style, scores, isMade, words: `${scene} ${style}`.toLowerCase() };
+});
 
-const names = new Intl.Collator();
-const byName = (a, b, ...keys) => keys.reduce((order, key) => order || names.compare(a.dataset[key], b.dataset[key]), 0);
-const score = (tile, key) => JSON.parse(tile.dataset.scores)[key];
+const named = new Intl.Collator().compare;
+const byNames = (a, b) => named(a.scene, b.scene) || named(a.style, b.style);
 const byScore = (a, b, key, sign) => {  // what has none comes last, either way round
-  const [x, y] = [score(a, key), score(b, key)];
+  const [x, y] = [a.scores[key], b.scores[key]];
   if (x === undefined || y === undefined) return (x === undefined) - (y === undefined);
   return sign * (x - y);
 };
-const order = (key, sign) => (a, b) => {
-  if (key === "scene") return sign * byName(a, b, "scene") || byName(a, b, "style");
-  if (key === "style") return sign * byName(a, b, "style") || byName(a, b, "scene");
-  return byScore(a, b, key, sign) || byName(a, b, "scene", "style");
-};
-const sortBy = (button) => {
-  const isAgain = button.getAttribute("aria-pressed") === "true";
-  const isReversed = isAgain && button.dataset.reversed === undefined;
-  for (const each of buttons) {
-    each.setAttribute("aria-pressed", each === button);
-    delete each.dataset.reversed;
-  }
-  if (isReversed) button.dataset.reversed = "";
-  const key = button.dataset.key;
-  const sign = (button.dataset.best === "highest") === isReversed ? 1 : -1;
-  gallery.append(...tiles.sort(order(key, sign)));
-  for (const row of gallery.querySelectorAll("dl div"))
-    row.classList.toggle("sorted", row.firstChild.textContent === key);
-  align(key);
-  watch();
-  announcement.textContent = `Sorted by ${key}${isReversed ? ", reversed" : ""}.`;
-};
-const align = (key) => {  // a row for a scene, or for a style, where that fits
-  const columns = { scene: +gallery.dataset.styles, style: +gallery.dataset.scenes }[key] || 0;
-  gallery.toggleAttribute("data-columns", 2 <= columns && columns <= 6);
-  gallery.style.setProperty("--columns", columns);
+const order = (key, sign) => (a, b) =>
+  (key === "scene" || key === "style" ? sign * named(a[key], b[key]) : byScore(a, b, key, sign)) || byNames(a, b);
+
+const field = (name) => controls.elements.namedItem(name);
+const filter = () => {
+  const words = field("words").value.toLowerCase().split(/\s+/).filter(Boolean);
+  const scene = field("scene").value, style = field("style").value, state = field("state").value;
+  const measure = field("measure").value, [low, high] = [field("low").value, field("high").value];
+  const isWithin = ({ scores }) => {
+    const score = scores[measure];
+    return score !== undefined && (low === "" || score >= +low) && (high === "" || score <= +high);
+  };
+  return (each) =>
+    words.every((word) => each.words.includes(word)) &&
+    (!scene || scene === `=${each.scene}`) && (!style || style === `=${each.style}`) &&
+    (!state || (state === "made") === each.isMade) && (!measure || isWithin(each));
 };
 
-const start = (video) => video.play().catch(() => {});
-const isPlayingAll = () => playAll.getAttribute("aria-pressed") === "true";
-const seen = new IntersectionObserver((entries) => {
-  for (const { target, isIntersecting } of entries) {
-    if (!isIntersecting) target.pause();
-    else if (isPlayingAll() || (!canHover && !isCalm)) start(target);
-  }
-}, { threshold: 0.6 });
-for (const tile of tiles) {
-  const video = tile.querySelector("video");
-  if (!video) continue;
-  video.controls = false;
-  if (isCalm) continue;
-  for (const event of ["pointerenter", "focusin"]) tile.addEventListener(event, () => start(video));
-  for (const event of ["pointerleave", "focusout"])
-    tile.addEventListener(event, () => { if (canHover && !isPlayingAll()) video.pause(); });
-}
-const watch = () => {  // anew, which plays what is on the screen where all are to play
-  for (const video of document.querySelectorAll(".tile video")) {
-    seen.unobserve(video);
-    seen.observe(video);
-  }
+const count = document.querySelector(".count");
+const announce = (shown) => {
+  const chosen = field("key").selectedOptions[0].text;
+  count.textContent = `${shown} of ${tiles.length} shown, by ${chosen}${isReversed() ? ", reversed" : ""}.`;
 };
-playAll.addEventListener("click", () => {
-  playAll.setAttribute("aria-pressed", !isPlayingAll());
-  playAll.textContent = isPlayingAll() ? "Pause all" : "Play all";
-  document.querySelectorAll(".tile video").forEach((video) => video.pause());
-  watch();
-});
-watch();
-if (gallery) align("scene");
-for (const button of buttons) button.addEventListener("click", () => sortBy(button));
+let shown = tiles.length;
+const show = () => {
+  const isWanted = filter();
+  shown = 0;
+  for (const each of tiles) {
+    const isShown = isWanted(each);
+    shown += isShown;
+    if (each.tile.hidden === isShown) each.tile.hidden = !isShown;
+  }
+  announce(shown);
+};
+const direction = document.querySelector(".direction");
+const isReversed = () => direction?.getAttribute("aria-pressed") === "true";
+const sort = () => {
+  const key = field("key").value, highest = field("key").selectedOptions[0].dataset.best === "highest";
+  const sorted = tiles.toSorted(order(key, highest === isReversed() ? 1 : -1));
+  gallery.append(...sorted.map(({ tile }) => tile));
+  for (const row of gallery.querySelectorAll("dt")) {
+    const isSorted = row.textContent === key;
+    if (row.classList.contains("sorted") === isSorted) continue;
+    row.classList.toggle("sorted", isSorted);
+    row.nextElementSibling.classList.toggle("sorted", isSorted);
+  }
+  announce(shown);
+};
+if (controls) {
+  direction.addEventListener("click", () => {
+    direction.setAttribute("aria-pressed", !isReversed());
+    sort();
+  });
+  field("key").addEventListener("change", sort);
+  controls.addEventListener("submit", (event) => event.preventDefault());
+  controls.addEventListener("input", (event) => { if (event.target.name !== "key") show(); });
+  if (field("key").value !== "scene") sort();  // as the browser restored the page
+  show();
+}

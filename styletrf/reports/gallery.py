@@ -1,135 +1,117 @@
-"""The gallery of results: a tile with a video for every scene and style, sortable by any metric.
+"""The gallery of results: a tile for every result, and for what a command asked for in vain.
 
 The page lies above the folders of the results and links to their files by relative paths.
 """
 
 import html
-import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from styletrf.reports.page import write_page
+from styletrf.reports.gallery_tile import OUTCOMES, Cell, tile
+from styletrf.reports.page import section, write_page
 
 STYLE = Path(__file__).with_name("gallery.css").read_text(encoding="utf-8")
-SCRIPT = Path(__file__).with_name("gallery.js").read_text(encoding="utf-8")
+SCRIPT = "".join(
+    Path(__file__).with_name(name).read_text(encoding="utf-8")
+    for name in ("gallery.js", "gallery_playback.js", "gallery_comparison.js")
+)
 
 
-@dataclass(frozen=True, slots=True)
-class Score:
-    """A metric to sort by: `value` is the sort key, None if it is unknown; `text` is shown."""
+def write_gallery(
+    path: Path, cells: Sequence[Cell], pages: Mapping[str, Mapping[str, str]] | None = None
+) -> None:
+    """Writes the page with a tile for every cell; equal cells give equal bytes.
 
-    name: str
-    value: float | int | None
-    text: str
-    best: str = "lowest"  # or "highest"
-
-
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """A scene in a style.
-
-    Attributes:
-        scene: Its name.
-        style: Its name.
-        is_made: Whether `SCENE/STYLE/` beside the page contains a result.
-        quality: The preset of the result.
-        scores: The metrics of the result.
-        failure: Why the build, or a rebuild, failed.
-        is_under_way: Whether `failure` names a stage that is being built instead.
-        has_viewer: Whether `SCENE/viewer.html` is there.
+    Args:
+        path: Where to.
+        cells: Each scene and style at most once.
+        pages: The pages of scenes: by scene, the title of each and its file in `SCENE/`.
     """
-
-    scene: str
-    style: str
-    is_made: bool = False
-    quality: str = ""
-    scores: Sequence[Score] = ()
-    failure: str = ""
-    is_under_way: bool = False
-    has_viewer: bool = False
-
-
-def write_gallery(path: Path, cells: Sequence[Cell]) -> None:
-    """Writes the page with a tile for every scene in every style; equal cells give equal bytes.
-
-    A combination without a cell is shown as not made yet.
-    """
-    given = {(cell.scene, cell.style): cell for cell in cells}
-    scenes, styles = sorted({cell.scene for cell in cells}), sorted({cell.style for cell in cells})
-    every = [given.get((scene, style), Cell(scene, style)) for scene in scenes for style in styles]
-    counts = f'data-scenes="{len(scenes)}" data-styles="{len(styles)}"'
-    tiles = "\n".join(map(_tile, every))
-    gallery = f'<ol class="gallery" {counts}>\n{tiles}\n</ol>' if every else "<p>Nothing yet.</p>"
-    write_page(path, "Scenes and styles", [_header(every), gallery], STYLE, SCRIPT)
+    ordered = sorted(cells, key=lambda cell: (cell.scene, cell.style))
+    tiles = "\n".join(map(tile, ordered))
+    gallery = f'<ol class="gallery">\n{tiles}\n</ol>' if ordered else "<p>Nothing yet.</p>"
+    sections = [_header(ordered), _controls(ordered) if ordered else "", gallery]
+    sections.append(section("Scenes", _scenes(pages or {})))
+    sections.append(_COMPARISON if any(cell.has_report for cell in ordered) else "")
+    write_page(path, "Scenes and styles", sections, STYLE, SCRIPT)
 
 
 def _header(cells: Sequence[Cell]) -> str:
-    failed = sum(map(_has_failed, cells))
-    counts = f"{sum(cell.is_made for cell in cells)} of {len(cells)} made"
-    counts += f", {failed} failed" if failed else ""
-    measures = {score.name: score.best for cell in cells for score in cell.scores}
-    buttons = "".join(
-        f'<button type="button" data-key="{html.escape(name)}" data-best="{html.escape(best)}" '
-        f'aria-pressed="{"true" if name == "scene" else "false"}">{html.escape(name)}</button>'
-        for name, best in {"scene": "lowest", "style": "lowest", **measures}.items()
-    )
+    made = sum(cell.is_made for cell in cells)
+    counts = [f"{made} made"]
+    for outcome, word in OUTCOMES.items():
+        if number := sum(bool(outcome) and cell.outcome == outcome for cell in cells):
+            counts.append(f"{number} {word.lower()}")
     return (
-        f'<header><div><h1>Scenes and styles</h1><p class="quiet">{counts}.</p></div></header>\n'
-        '<div class="bar-of-buttons"><div class="sort" role="group" aria-label="Sort by">'
-        f'<span class="quiet small">Sort by</span>{buttons}</div>'
-        '<button type="button" class="play-all" aria-pressed="false">Play all</button></div>'
-        '<p class="announcement" role="status"></p>'
+        '<header><div><h1>Scenes and styles</h1><p class="quiet">'
+        f"{', '.join(counts)}.</p></div></header>"
     )
 
 
-def _tile(cell: Cell) -> str:
-    values = {score.name: score.value for score in cell.scores if score.value is not None}
-    names = f'data-scene="{html.escape(cell.scene)}" data-style="{html.escape(cell.style)}"'
-    kind = "made" if cell.is_made else "failed" if _has_failed(cell) else "missing"
-    body = _made(cell) if cell.is_made else f"<h2>{_name(cell)}</h2>{_problem(cell)}"
-    return (
-        f'<li class="tile {kind}" {names} data-scores="{html.escape(json.dumps(values))}">'
-        f"{body}</li>"
+def _controls(cells: Sequence[Cell]) -> str:
+    scores = {score.name: score for cell in cells for score in cell.scores}
+    names = {"scene": {cell.scene for cell in cells}, "style": {cell.style for cell in cells}}
+    measures = "".join(
+        f'<option value="{html.escape(name)}" data-best="{html.escape(score.best)}">'
+        f"{html.escape(f'{name}, {score.unit}' if score.unit else name)}</option>"
+        for name, score in scores.items()
+    )
+    choices = "".join(
+        f'<label>{title} <select name="{key}"><option value="">all</option>'
+        f"{_options(sorted(names[key]))}</select></label>"
+        for key, title in (("scene", "Scene"), ("style", "Painting"))
+    )
+    return _CONTROLS.format(measures=measures, choices=choices)
+
+
+def _options(names: Iterable[str]) -> str:
+    """Options with prefixed values, since a name may be empty or look like `all`."""
+    return "".join(
+        f'<option value="={html.escape(name)}">{html.escape(name)}</option>' for name in names
     )
 
 
-def _has_failed(cell: Cell) -> bool:
-    return bool(cell.failure) and not cell.is_under_way
+_CONTROLS = """<form class="controls" role="search" aria-label="Filter and sort">
+<label class="find">Find <input type="search" name="words" placeholder="scene or painting" \
+autocomplete="off"></label>
+<label>Sort by <select name="key"><option value="scene">scene</option>\
+<option value="style">painting</option>{measures}</select></label>
+<button type="button" class="direction" aria-pressed="false">Reverse</button>
+<button type="button" class="play-all" aria-pressed="false">Play all</button>
+<details><summary>More filters</summary><div class="filters">{choices}
+<label>State <select name="state"><option value="">all</option><option value="made">made</option>\
+<option value="problem">not made</option></select></label>
+<fieldset><legend>Measure</legend><select name="measure" aria-label="Measure"><option value="">any\
+</option>{measures}</select>
+<label>from <input type="number" name="low" step="any"></label>
+<label>to <input type="number" name="high" step="any"></label></fieldset></div></details>
+</form>
+<p class="count quiet small" role="status"></p>"""
+
+_COMPARISON = """<div class="chosen card" role="region" aria-label="Chosen for comparison" hidden>
+<span class="names"></span><button type="button" class="open">Side by side</button>
+<button type="button" class="clear">Clear</button></div>
+<dialog class="comparison" aria-labelledby="comparison-title">
+<div class="head"><h2 id="comparison-title">Side by side</h2>
+<button type="button" class="close">Close</button></div>
+<div class="pair"></div>
+<div class="seeking"><button type="button" class="play">Play</button>
+<input class="seek" type="range" min="0" max="1" value="0" step="any" aria-label="Time"></div>
+<table><caption class="quiet small">In bold, the better of the two.</caption><thead></thead>\
+<tbody></tbody></table>
+</dialog>"""
 
 
-def _made(cell: Cell) -> str:
-    folder, name = _folder(cell), _name(cell)
-    scores = "".join(
-        f"<div><dt>{html.escape(score.name)}</dt><dd>{html.escape(score.text)}</dd></div>"
-        for score in cell.scores
+def _scenes(pages: Mapping[str, Mapping[str, str]]) -> str:
+    rows = "".join(
+        f'<tr><th scope="row">{html.escape(scene)}</th><td>'
+        + " ".join(
+            f'<a href="{quote(scene, safe="")}/{quote(file)}">{html.escape(title)}</a>'
+            for title, file in files.items()
+        )
+        + "</td></tr>"
+        for scene, files in sorted(pages.items())
     )
-    again = f'<div class="again">{_problem(cell)}</div>' if cell.failure else ""
-    viewer = f"{quote(cell.scene, safe='')}/viewer.html"
-    walk = f' <a class="small" href="{viewer}">Walk around</a>' if cell.has_viewer else ""
-    return (
-        f'<video src="{folder}/video.mp4" poster="{folder}/poster.png" controls muted loop '
-        f'playsinline preload="none" aria-label="{name}"></video>'
-        f'<div class="caption"><h2><img src="{folder}/style.png" alt="" loading="lazy">'
-        f'<a href="{folder}/report.html">{name}</a> '
-        f'<span class="quiet small">{html.escape(cell.quality)}</span>{walk}</h2>'
-        f"{again}<dl>{scores}</dl></div>"
-    )
-
-
-def _problem(cell: Cell) -> str:
-    if not cell.failure:
-        return "<b>Not made yet</b>"
-    word = "Being made" if cell.is_under_way else "Failed"
-    again = f"{word} anew; this is an earlier one" if cell.is_made else word
-    return f"<b>{again}</b><p>{html.escape(cell.failure)}</p>"
-
-
-def _name(cell: Cell) -> str:
-    return html.escape(f"{cell.scene} · {cell.style}")
-
-
-def _folder(cell: Cell) -> str:
-    """Its folder as a relative URL; quoting leaves no room for a scheme or an attribute's end."""
-    return f"{quote(cell.scene, safe='')}/{quote(cell.style, safe='')}"
+    table = f'<table class="scenes"><tbody>{rows}</tbody></table>'
+    return f'<div class="card">{table}</div>' if rows else ""

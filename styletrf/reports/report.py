@@ -1,7 +1,7 @@
 """The page that goes with a stylised trajectory: what was made, how well, how, and at what cost.
 
-`report.html` needs nothing beside it: videos, images, charts, styles and script are inside, and no
-link leads out, so that it can be mailed.
+`report.html` needs nothing beside it: videos, images, charts, styles and script are inside, so that
+it can be mailed. The only link that leads out is to the viewer beside it, where there is one.
 """
 
 import html
@@ -15,6 +15,9 @@ from styletrf.reports.curve_chart import Curve, curve_svg
 from styletrf.reports.embedding import embedded_bytes, embedded_image, embedded_video
 from styletrf.reports.metric_table import MetricTable, metric_table
 from styletrf.reports.page import duration, folded_table, gibibytes, megabytes, section, write_page
+from styletrf.reports.report_viewer import LINK, viewer_part
+from styletrf.reports.report_viewer import SCRIPT as VIEWER_SCRIPT
+from styletrf.reports.report_viewer import STYLE as VIEWER_STYLE
 
 _POSTER_PX, _STYLE_PX, _PRIOR_PX = 1920, 480, 480  # longer sides, about twice what is shown
 
@@ -35,6 +38,7 @@ class ReportContent:
 
     Files are put into the page: videos as they are, images as JPEG, smaller where they are large.
     `error_curves` are curves over the frames; `parameters` go by stage; `digests` by artifact.
+    `viewer_command` makes a viewer of the same field.
     """
 
     scene: str
@@ -54,6 +58,7 @@ class ReportContent:
     versions: Mapping[str, str] = field(default_factory=dict)
     digests: Mapping[str, str] = field(default_factory=dict)
     command: str = ""
+    viewer_command: str = ""
 
 
 def write_report(path: Path, content: ReportContent) -> None:
@@ -74,10 +79,11 @@ def write_report(path: Path, content: ReportContent) -> None:
         section("Time and memory", _costs(content.stages)),
         section("How it was made", _provenance(content)),
         section("Make it again", _command(content.command)),
+        viewer_part(content.style, content.viewer_command),
         _inside(videos, [style_image, *priors]),
     ]
     title = f"{content.scene} in the style of {content.style}"
-    write_page(path, title, sections, STYLE, SCRIPT)
+    write_page(path, title, sections, STYLE + VIEWER_STYLE, SCRIPT + VIEWER_SCRIPT)
 
 
 def _comparison(content: ReportContent) -> Comparison:
@@ -103,7 +109,8 @@ def _header(content: ReportContent, style_image: str) -> str:
         f"<header>{image}<div><h1>{html.escape(content.scene)} "
         f'<span class="quiet">in the style of</span> {html.escape(content.style)}</h1>'
         f'<p class="quiet">Quality: {html.escape(content.quality)}</p>'
-        f"<p>{html.escape(content.summary)}</p></div></header>"
+        f"<p>{html.escape(content.summary)}</p>{LINK if content.viewer_command else ''}"
+        "</div></header>"
     )
 
 

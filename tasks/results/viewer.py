@@ -11,7 +11,6 @@ from pipeline.parameters import ListParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
-from tasks.command.graph import root_of_command
 from tasks.stages.field import RadianceField, TrajectoryFrames
 from tasks.stages.linked_results import LinkedStage
 from tasks.stages.path_parameters import PathParameters
@@ -20,7 +19,6 @@ from tasks.stages.stage import Stage
 from tasks.stages.style import StyleImage
 from tasks.stages.style_parameters import NetworkParameters, StyleParameters
 from tasks.stages.stylization import StylizedField
-from tasks.summary.gallery import refresh_gallery
 
 PHOTOGRAPHS = "Photographs"
 _THUMBNAIL_PX = 192
@@ -29,7 +27,8 @@ _THUMBNAIL_PX = 192
 class Viewer(LinkedStage, PathParameters):
     """A page to walk around in: one geometry, and every style on it (`docs/viewer.md`).
 
-    Leaves `viewer.html`, linked from `out/SCENE/`.
+    Leaves `viewer.html`, linked from `out/SCENE/`, and `STYLE.jpg` for each style, by which a
+    report finds out whether the page beside it shows its style.
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
@@ -80,7 +79,7 @@ class Viewer(LinkedStage, PathParameters):
         """Bake the fields and write the page."""
         from styletrf.files.video import video_info
         from styletrf.geometry.camera_table import read_cameras
-        from styletrf.reports.embedding import embedded_image
+        from styletrf.reports.embedding import embedded_image, small_jpeg
         from styletrf.scene.scene_model import read_scene_model
         from styletrf.viewer.viewer_content import viewer_content
         from styletrf.viewer.webpage.viewer_page import write_viewer
@@ -98,6 +97,9 @@ class Viewer(LinkedStage, PathParameters):
         thumbnails = [embedded_image(image, _THUMBNAIL_PX) for image in images]
         rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
         write_viewer(out / "viewer.html", content, thumbnails, float(rate))
+        for style in self.styles:
+            image = inputs[f"style {style}"] / "style.png"
+            (out / f"{style}.jpg").write_bytes(small_jpeg(image, _THUMBNAIL_PX))
 
     def _fields(self, inputs: Mapping[str, Path]) -> list[tuple[str, Callable[[], Any]]]:
         """Returns the names, and what loads the fields."""
@@ -109,16 +111,12 @@ class Viewer(LinkedStage, PathParameters):
             for style in self.styles
         ]
 
-    def publish(self, object_path: Path) -> None:
-        """Make the link, and have the index show it."""
-        super().publish(object_path)
-        refresh_gallery(root_of_command())
-
     @property
     def folder(self) -> Path:
         """Where the page is shown."""
         return Path(out_root(), self.scene)
 
     def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
-        """The page."""
-        return {"viewer.html": place(self) / "viewer.html"}
+        """The page, and a picture for each style."""
+        pictures = {f"viewer.{style}.jpg": place(self) / f"{style}.jpg" for style in self.styles}
+        return {"viewer.html": place(self) / "viewer.html", **pictures}

@@ -1,5 +1,7 @@
 """Results linked in `out/`: folders of symbolic links into the store, restored by every run."""
 
+import contextlib
+import json
 import logging
 import os
 from abc import abstractmethod
@@ -11,6 +13,7 @@ from pipeline.maintenance.roots import add_folder_root
 from pipeline.settings import current_store
 from pipeline.task import StoredTask, artifact
 from styletrf.errors import InputError
+from styletrf.files.atomic_write import atomic_write
 from tasks.stages.stage import Stage
 
 screen = logging.getLogger("pipeline")
@@ -37,7 +40,7 @@ class LinkedStage(Stage):
     def published(self) -> bool:
         """Returns whether every link has the right target, and that exists."""
         folder = self.folder
-        return all(
+        return _keys_file(folder / self.page).exists() and all(
             (folder / name).is_symlink()
             and (folder / name).readlink() == target
             and target.exists()
@@ -45,7 +48,7 @@ class LinkedStage(Stage):
         )
 
     def publish(self, object_path: Path) -> None:
-        """Makes the links, and removes links of earlier runs."""
+        """Makes the links, removes links of earlier runs, and lists the keys of the lineage."""
         links = self.links(artifact)
         self.folder.mkdir(parents=True, exist_ok=True)
         add_folder_root(current_store(), self.folder, links.values())
@@ -54,9 +57,36 @@ class LinkedStage(Stage):
             partial.unlink(missing_ok=True)
             partial.symlink_to(target)
             partial.replace(self.folder / name)
+        keys = [*self.lineage(), self.action().key]
+        with atomic_write(_keys_file(self.folder / self.page)) as file:
+            file.write_text(json.dumps(keys))
         for path in self.folder.iterdir():
             if path.is_symlink() and path.name not in links:
                 path.unlink()
+
+
+def made_from(page: Path) -> list[str]:
+    """Returns the keys of all that a linked page was made from, upstream first; last its own.
+
+    Empty for a page that was linked by an earlier version.
+    """
+    with contextlib.suppress(OSError, ValueError):
+        return [str(key) for key in json.loads(_keys_file(page).read_text())]
+    return []
+
+
+def linked_pages(scene: Path) -> list[Path]:
+    """Returns the pages in a scene's folder in `out/` of which `made_from` knows the keys."""
+    files = sorted([*scene.glob(f"*{_KEYS}"), *scene.glob(f"*/*{_KEYS}")])
+    pages = [file.with_name(file.name.removesuffix(_KEYS) + ".html") for file in files]
+    return [page for page in pages if page.exists()]
+
+
+_KEYS = ".keys.json"
+
+
+def _keys_file(page: Path) -> Path:
+    return page.with_suffix(_KEYS)
 
 
 def link_results(cells: Iterable[Any]) -> list[Any]:

@@ -1,9 +1,11 @@
-"""`out/index.html`, the gallery: the results in `out/`, and why other requested ones failed."""
+"""`out/index.html`, the gallery: the results in `out/`, and why requested ones are missing."""
 
+import contextlib
 import json
 import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,55 +13,120 @@ import luigi
 
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.settings import current_store, out_root
-from styletrf.reports.gallery import Cell, Score, write_gallery
+from styletrf.reports.gallery import write_gallery
+from styletrf.reports.gallery_tile import OUTCOMES, Cell, Score
 from styletrf.reports.page import duration
+from tasks.stages.linked_results import made_from
 from tasks.summary.metric_labels import NOT_MEASURED, by_delta, term
 
 screen = logging.getLogger("pipeline")
+Cells = dict[tuple[str, str], Cell]
+
+PAGES = {
+    "Viewer": "viewer.html",
+    "Lineage": "lineage.html",
+    "Before the fit": "scene-report/report.html",
+    "Time and accuracy": "trade-off/report.html",
+}
+"""The pages of a scene in `out/SCENE/`, by their titles."""
 
 
 def refresh_gallery(root: luigi.Task | None) -> Path | None:
     """Writes the gallery and returns its path; never raises, since no result depends on it.
 
     Args:
-        root: The requested task; each of its `cells()`, if it has any, gets a tile.
+        root: The requested task; each of its `cells()`, if it has any, gets a tile. So does each
+            of the latest grid, by `out/grid.json`.
     """
     path = out_root() / "index.html"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_gallery(path, _cells(getattr(root, "cells", list)()))
+        scenes = [folder for folder in path.parent.iterdir() if folder.is_dir()]
+        cells = _shown(scenes)
+        _add_grid(cells)
+        _add_requested(cells, getattr(root, "cells", list)())
+        write_gallery(path, list(cells.values()), _pages(scenes))
     except Exception as error:  # noqa: BLE001
         screen.warning("%s could not be written: %s: %s", path, type(error).__name__, error)
         return None
     return path
 
 
-def _cells(requested: Iterable[Any]) -> list[Cell]:
-    cells = {(cell.scene, cell.style): cell for cell in map(_shown, _folders())}
-    for task in requested:
-        name, problem = (task.scene, task.style), find_blocking_failure(task, current_store())
-        cells.setdefault(name, Cell(*name))
-        if problem:
-            family, is_under_way = problem.task.task_family, problem.is_under_way
-            reason = family if is_under_way else f"{family}: {problem.reason}"
-            cells[name] = replace(cells[name], failure=reason, is_under_way=is_under_way)
-    return list(cells.values())
+def _shown(scenes: Iterable[Path]) -> Cells:
+    """The existing results: stylized trajectories, and paintings in viewers."""
+    cells: Cells = {}
+    for scene in scenes:
+        for folder in scene.iterdir():
+            if (folder / "video.mp4").exists() and (folder / "summary.json").exists():
+                cells[scene.name, folder.name] = _result(folder)
+        for look, style in enumerate(viewer_styles(scene), start=1):
+            name = scene.name, style
+            cells[name] = replace(cells.get(name, Cell(*name)), look=look)
+    return {n: _with_lineage(cell) for n, cell in cells.items()}
 
 
-def _folders() -> list[Path]:
-    """The folders of `out/` with an existing stylized trajectory."""
-    found = (path.parent for path in out_root().glob("*/*/video.mp4") if path.exists())
-    return [folder for folder in found if (folder / "summary.json").exists()]
+def viewer_styles(scene: Path) -> list[str]:
+    """Returns the styles in the viewer in a scene's folder in `out/`, in its order."""
+    if not (scene / "viewer.html").exists():
+        return []
+    keys = made_from(scene / "viewer.html")
+    record = current_store().record(keys[-1]) if keys else None
+    parameters: Any = record.action.parameters if record else {}
+    return [str(style) for style in parameters.get("styles", [])]
 
 
-def _shown(folder: Path) -> Cell:
+def _with_lineage(cell: Cell) -> Cell:
+    return replace(cell, has_lineage=(out_root() / cell.scene / "lineage.html").exists())
+
+
+def _result(folder: Path) -> Cell:
     summary = json.loads((folder / "summary.json").read_text())  # no pyarrow, which starts threads
     quality = str(summary.get("words", {}).get("quality", ""))
-    scores = _scores(summary)
-    return Cell(
-        folder.parent.name, folder.name, is_made=True, quality=quality, scores=scores,
-        has_viewer=(folder.parent / "viewer.html").exists(),
-    )  # fmt: skip
+    name = folder.parent.name, folder.name
+    return Cell(*name, has_report=True, quality=quality, scores=_scores(summary))
+
+
+def _add_grid(cells: Cells) -> None:
+    """Adds what the latest grid did not make, unless it was made since; no grid adds nothing."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        grid = json.loads((out_root() / "grid.json").read_text())
+        ended = datetime.fromisoformat(grid["ended"]).timestamp()
+        for each in grid["cells"]:
+            name, outcome = (str(each["scene"]), str(each["style"])), str(each["outcome"])
+            if outcome in OUTCOMES and not _is_newer(name, ended):
+                _add(cells, name, outcome, str(each["reason"]))
+
+
+def _is_newer(name: tuple[str, str], moment: float) -> bool:
+    """Whether a result was linked after a moment."""
+    report = Path(out_root(), *name, "report.html")
+    return report.exists() and report.lstat().st_mtime > moment
+
+
+def _add_requested(cells: Cells, requested: Iterable[Any]) -> None:
+    for task in requested:
+        name, problem = (task.scene, task.style), find_blocking_failure(task, current_store())
+        if problem is None:
+            is_made = name in cells and cells[name].has_report
+            _add(cells, name, "" if is_made else "not begun")
+        elif problem.is_under_way:
+            _add(cells, name, "under way", problem.task.task_family)
+        else:
+            outcome = "late" if problem.kind == "late" else "failed"
+            _add(cells, name, outcome, f"{problem.task.task_family}: {problem.reason}")
+
+
+def _add(cells: Cells, name: tuple[str, str], outcome: str, reason: str = "") -> None:
+    cell = cells.get(name) or _with_lineage(Cell(*name))
+    cells[name] = replace(cell, outcome=outcome, reason=reason)
+
+
+def _pages(scenes: Iterable[Path]) -> dict[str, dict[str, str]]:
+    found = {
+        scene.name: {title: file for title, file in PAGES.items() if (scene / file).exists()}
+        for scene in scenes
+    }
+    return {scene: pages for scene, pages in found.items() if pages}
 
 
 def _scores(summary: Mapping[str, Any]) -> list[Score]:
@@ -68,7 +135,7 @@ def _scores(summary: Mapping[str, Any]) -> list[Score]:
     seconds = summary.get("cost", {}).get("seconds")
     resemblance = summary.get("resemblance", {})
     return [
-        _score("PSNR", psnr, "{:.2f} dB".format, "highest"),
+        _score("PSNR", psnr, "{:.2f} dB".format, "dB", best="highest"),
         *(
             _score(f"{term(delta)} error", _ratio_to_floor(values), "{:.2f} x floor".format)
             for delta, values in by_delta(summary).items()
@@ -80,7 +147,7 @@ def _scores(summary: Mapping[str, Any]) -> list[Score]:
             for name, key in _RESEMBLANCE.items()
         ),
         _score("content lost", resemblance.get("content"), "{:.2f}".format),
-        _score("time, all stages", seconds, duration),
+        _score("time, all stages", seconds, duration, "s"),
     ]
 
 
@@ -93,9 +160,13 @@ _RESEMBLANCE = {
 
 
 def _score(
-    name: str, value: float | None, form: Callable[[float], str], best: str = "lowest"
+    name: str,
+    value: float | None,
+    form: Callable[[float], str],
+    unit: str = "",
+    best: str = "lowest",
 ) -> Score:
-    return Score(name, value, NOT_MEASURED if value is None else form(value), best)
+    return Score(name, value, NOT_MEASURED if value is None else form(value), best, unit)
 
 
 def _ratio_to_floor(values: Mapping[str, Any]) -> float | None:

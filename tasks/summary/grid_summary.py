@@ -89,7 +89,7 @@ def finish_command(root: Any) -> int | None:
     if summary.keys:
         name = f"{begun:%Y%m%dT%H%M%SZ}-{summary.host}"
         list_night(current_store(), name, summary.keys)
-    if path := refresh_gallery(root):
+    if path := refresh_gallery(None):  # which reads the summary
         print(path)  # noqa: T201  the command's answer
     return summary.exit_status
 
@@ -103,7 +103,7 @@ def summarize(cells: Iterable[Any], begun: datetime) -> GridSummary:
     """
     cells = [each for requested in cells for each in requested.cells()]
     stages = {task.task_id: task for cell in cells for task in graph(cell)}
-    records = {name: _record(task) for name, task in stages.items()}
+    records = {name: found_record(task) for name, task in stages.items()}
     made = {name: record for name, record in records.items() if record}
     families: dict[str, list[ActionRecord]] = {}
     scenes: dict[str, list[ActionRecord]] = {}
@@ -170,7 +170,7 @@ _OUTCOMES: tuple[Outcome, ...] = ("made", "found", "failed", "under way", "late"
 
 def _outcome(cell: Any, begun: datetime) -> CellOutcome:
     name = cell.scene, cell.style
-    if record := _record(cell):
+    if record := found_record(cell):
         return CellOutcome(*name, "made" if _began(record) >= begun else "found")
     problem = find_blocking_failure(cell, current_store(), since=begun)
     if problem is None:
@@ -198,7 +198,8 @@ def _gpus(provenance: Mapping[str, Any]) -> int:
     return len([gpu for gpu in str(provenance.get("gpu", "")).split(",") if gpu])
 
 
-def _record(task: luigi.Task) -> ActionRecord | None:
+def found_record(task: luigi.Task) -> ActionRecord | None:
+    """Returns the record of a task's artifact; None if it is not made, or cannot be."""
     try:
         return task.record() if isinstance(task, StoredTask) else None
     except Exception:  # noqa: BLE001  reported by `find_blocking_failure`

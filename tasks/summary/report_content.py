@@ -48,6 +48,7 @@ def report_content(
         poster: The frame shown while nothing plays.
         lineage: The records of everything upstream.
     """
+    tuning = _tuning(words["quality"], lineage)
     return ReportContent(
         scene=words["scene"],
         style=words["style"],
@@ -73,8 +74,26 @@ def report_content(
             **{name: number for record in lineage for name, number in record.action.tools.items()},
         },
         digests={name: record.output.digest for name, record in _named(lineage).items()},
-        command=main_command(words, _tuning(words["quality"], lineage)),
+        command=main_command(words, tuning),
+        viewer_command=viewer_command(words, tuning),
     )
+
+
+def viewer_command(words: Mapping[str, Any], tuning: Mapping[str, Mapping[str, Any]]) -> str:
+    """Returns the command of a viewer that shows the same stylized field; "" where none can.
+
+    Fields of the strategies s1 and s2 have a geometry of their own, painted frames have no field,
+    and networks from elsewhere are no parameter of a viewer.
+    """
+    method, strategy = words.get("method", "field"), words.get("strategy", "s3")
+    if (method, strategy, words.get("network", "")) != ("field", "s3", ""):
+        return ""
+    of_field = {name: value for name, value in words.items() if name not in _OF_FRAMES}
+    return main_command({**of_field, "styles": [words["style"]]}, tuning, "Viewer")
+
+
+_OF_FRAMES = ("style", "method", "strategy", "network", "strength", "blend", "region")
+"""Parameters of a trajectory that a viewer lacks: its page itself mixes paintings."""
 
 
 def registration_summary(
