@@ -31,44 +31,48 @@ const filter = () => {
     (!state || (state === "made") === each.isMade) && (!measure || isWithin(each));
 };
 
-const count = document.querySelector(".count");
-const announce = (shown) => {
-  const chosen = field("key").selectedOptions[0].text;
-  count.textContent = `${shown} of ${tiles.length} shown, by ${chosen}${isReversed() ? ", reversed" : ""}.`;
+const direction = document.querySelector(".direction"), count = document.querySelector(".count");
+const isReversed = () => direction.getAttribute("aria-pressed") === "true";
+const mark = ({ tile }, key) => {
+  for (const name of tile.querySelectorAll("dt"))
+    for (const part of [name, name.nextElementSibling]) part.classList.toggle("sorted", name.textContent === key);
+  return tile;
 };
-let shown = tiles.length;
-const show = () => {
-  const isWanted = filter();
-  shown = 0;
-  for (const each of tiles) {
-    const isShown = isWanted(each);
-    shown += isShown;
-    if (each.tile.hidden === isShown) each.tile.hidden = !isShown;
-  }
-  announce(shown);
+
+// The page holds the first tiles only, and more as one scrolls, so that thousands stay quick.
+const portion = 60;
+let listed = tiles, held = 0;
+const hold = (number) => {
+  const more = listed.slice(held, held + number), key = field("key").value;
+  gallery.append(...more.map((each) => mark(each, key)));
+  held += more.length;
 };
-const direction = document.querySelector(".direction");
-const isReversed = () => direction?.getAttribute("aria-pressed") === "true";
-const sort = () => {
-  const key = field("key").value, highest = field("key").selectedOptions[0].dataset.best === "highest";
-  const sorted = tiles.toSorted(order(key, highest === isReversed() ? 1 : -1));
-  gallery.append(...sorted.map(({ tile }) => tile));
-  for (const row of gallery.querySelectorAll("dt")) {
-    const isSorted = row.textContent === key;
-    if (row.classList.contains("sorted") === isSorted) continue;
-    row.classList.toggle("sorted", isSorted);
-    row.nextElementSibling.classList.toggle("sorted", isSorted);
-  }
-  announce(shown);
+const update = () => {
+  const key = field("key").value, chosen = field("key").selectedOptions[0];
+  const sign = (chosen.dataset.best === "highest") === isReversed() ? 1 : -1;
+  listed = tiles.filter(filter()).sort(order(key, sign));
+  gallery.replaceChildren();
+  held = 0;
+  hold(portion);
+  reach();
+  count.textContent = `${listed.length} of ${tiles.length}, by ${chosen.text}${isReversed() ? ", reversed" : ""}.`;
+};
+const end = document.querySelector(".end");
+const onEnd = new IntersectionObserver((entries) => {
+  if (!entries.at(-1).isIntersecting || held === listed.length) return;
+  hold(portion);
+  reach();
+}, { rootMargin: "1200px" });
+const reach = () => {  // anew, since an end that stays in view is reported once
+  onEnd.unobserve(end);
+  onEnd.observe(end);
 };
 if (controls) {
   direction.addEventListener("click", () => {
     direction.setAttribute("aria-pressed", !isReversed());
-    sort();
+    update();
   });
-  field("key").addEventListener("change", sort);
   controls.addEventListener("submit", (event) => event.preventDefault());
-  controls.addEventListener("input", (event) => { if (event.target.name !== "key") show(); });
-  if (field("key").value !== "scene") sort();  // as the browser restored the page
-  show();
+  controls.addEventListener("input", update);
+  update();
 }

@@ -30,7 +30,11 @@ def write_gallery(
     """
     ordered = sorted(cells, key=lambda cell: (cell.scene, cell.style))
     tiles = "\n".join(map(tile, ordered))
-    gallery = f'<ol class="gallery">\n{tiles}\n</ol>' if ordered else "<p>Nothing yet.</p>"
+    gallery = (
+        f'<ol class="gallery">\n{tiles}\n</ol>\n<div class="end"></div>'
+        if ordered
+        else "<p>Nothing yet.</p>"
+    )
     sections = [_header(ordered), _controls(ordered) if ordered else "", gallery]
     sections.append(section("Scenes", _scenes(pages or {})))
     sections.append(_COMPARISON if any(cell.has_report for cell in ordered) else "")

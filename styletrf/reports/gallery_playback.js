@@ -17,8 +17,8 @@ const stop = (picture) => picture.querySelector("video")?.remove();
 const isPlayingAll = () => playAll?.getAttribute("aria-pressed") === "true";
 const onScreen = new IntersectionObserver((entries) => {
   for (const { target, isIntersecting } of entries)
-    if (isIntersecting && (isPlayingAll() || (!canHover && !isCalm))) play(target);
-    else stop(target);
+    if (!isIntersecting) stop(target);
+    else if (isPlayingAll() || (!canHover && !isCalm)) play(target);
 }, { threshold: 0.6 });
 
 const pictures = tiles.map(({ tile }) => tile.querySelector(".picture")).filter(Boolean);
@@ -40,6 +40,7 @@ if (gallery && !isCalm && canHover)
 playAll?.addEventListener("click", () => {
   playAll.setAttribute("aria-pressed", !isPlayingAll());
   playAll.textContent = isPlayingAll() ? "Stop all" : "Play all";
+  pictures.forEach(stop);
   watch();
 });
 watch();

@@ -34,7 +34,9 @@ def write_lineages(results: Iterable[LinkedStage]) -> None:
     """
     scenes: dict[str, list[LinkedStage]] = {}
     for result in results:
-        scenes.setdefault(str(result.param_kwargs["scene"]), []).append(result)
+        scene = str(result.param_kwargs["scene"])
+        if Path(scene).name == scene and not scene.startswith("."):  # it is one folder in `out/`
+            scenes.setdefault(scene, []).append(result)
     for scene, requested in scenes.items():
         folder = out_root() / scene
         try:

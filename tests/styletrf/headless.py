@@ -83,9 +83,11 @@ def _answers() -> Iterator[tuple[int, "queue.Queue[dict[str, Any]]"]]:
     with http.server.HTTPServer(("127.0.0.1", 0), Handler) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        yield server.server_address[1], received
-        server.shutdown()
-        thread.join()
+        try:
+            yield server.server_address[1], received
+        finally:  # else a test that fails would keep its process from ending
+            server.shutdown()
+            thread.join()
 
 
 @contextmanager

@@ -120,7 +120,7 @@ def _columns(
             wanted[point] = (not found, passes, best)  # what goes on below comes first
         for point in sorted(wanted, key=lambda p: wanted[p]):
             group, best = group_of[point[0]], wanted[point][2]
-            free = (k for k in range(len(wanted)) if (group, row, k) not in taken)
+            free = (k for k in range(len(points)) if (group, row, k) not in taken)
             columns[point] = min(free, key=lambda k: (abs(k - best), k))
             taken.add((group, row, columns[point]))
     return columns

@@ -10,8 +10,8 @@ from styletrf.reports.page import duration, megabytes, section, write_page
 
 STYLE = Path(__file__).with_name("lineage.css").read_text(encoding="utf-8")
 SCRIPT = Path(__file__).with_name("lineage.js").read_text(encoding="utf-8")
-_COLUMN_PX, _ROW_PX, _TOP_PX = 168, 112, 40  # from card to card, and above the first
-_CARD_PX = (152, 72)
+_COLUMN_PX, _ROW_PX, _TOP_PX = 172, 112, 40  # from card to card, and above the first
+_CARD_PX = (158, 72)
 
 
 def write_lineage_page(path: Path, scene: str, artifacts: Sequence[Artifact]) -> None:
@@ -22,7 +22,7 @@ def write_lineage_page(path: Path, scene: str, artifacts: Sequence[Artifact]) ->
         scene: Its name.
         artifacts: What was made for the scene, and what was requested; inputs by their names.
     """
-    ordered = upstream_first(artifacts)
+    ordered = sorted(upstream_first(artifacts), key=lambda each: each.painting)
     sections = [_header(scene, ordered), _graph(ordered), section("Artifacts", _table(ordered))]
     write_page(path, f"Lineage of {scene}", sections, STYLE, SCRIPT)
 

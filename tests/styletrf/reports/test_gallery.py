@@ -9,7 +9,8 @@ from test_report import HOSTILE, Page, moving
 
 from styletrf.files.images import write_rgb
 from styletrf.files.video import write_video
-from styletrf.reports.gallery import Cell, Score, write_gallery
+from styletrf.reports.gallery import write_gallery
+from styletrf.reports.gallery_tile import Cell, Score
 
 
 def scores(psnr, error):
@@ -18,51 +19,61 @@ def scores(psnr, error):
 
 
 CELLS = [
-    Cell("horns", "udnie", is_made=True, quality="draft", scores=scores(26.4, 0.7)),
-    Cell("horns", "brush", is_made=True, quality="draft", scores=scores(26.4, None)),
-    Cell("fern", "udnie", is_made=True, scores=scores(25.0, 0.9), failure="CameraPoses: no luck"),
-    Cell("fern", "mosaic", failure="StyleImage: there is no such style"),
-    Cell("fern", "brush", failure="StyleNetwork", is_under_way=True),
+    Cell("horns", "udnie", has_report=True, quality="draft", scores=scores(26.4, 0.7), look=2),
+    Cell("horns", "brush", has_report=True, quality="draft", scores=scores(26.4, None)),
+    Cell("fern", "udnie", True, "", scores(25.0, 0.9), outcome="failed", reason="CameraPoses: no"),
+    Cell("fern", "mosaic", outcome="failed", reason="StyleImage: there is no such style"),
+    Cell("fern", "brush", outcome="under way", reason="StyleNetwork", has_lineage=True),
 ]
 
 
-def written(tmp_path: Path, cells) -> Page:
-    write_gallery(tmp_path / "index.html", cells)
+def written(tmp_path: Path, cells, pages=None) -> Page:
+    write_gallery(tmp_path / "index.html", cells, pages)
     return Page((tmp_path / "index.html").read_text())
 
 
-def test_every_scene_has_a_place_in_every_style(tmp_path: Path):
+def test_what_was_made_or_requested_has_a_tile_and_nothing_else(tmp_path: Path):
     page = written(tmp_path, CELLS)
-    assert page.tags.count("li") == 2 * 3
-    assert page.tags.count("video") == 3
-    for words in ("3 of 6 made, 2 failed.", "Not made yet", "Being made", "0.7 x floor", "no luck"):
+    assert page.tags.count("li") == len(CELLS)  # of 2 scenes in 3 styles
+    for words in ("3 made, 2 failed, 1 being made.", "0.7 x floor", "CameraPoses: no"):
         assert words in page.text
     assert "StyleImage: there is no such style" in page.text
     assert "Failed anew; this is an earlier one" in page.text
 
 
 def test_it_names_only_files_below_itself(tmp_path: Path):
-    odd = Cell("javascript:x", "../a b", is_made=True)
-    for address in written(tmp_path, [*CELLS, odd]).addresses:
-        scene, style, file = address.split("/")
-        assert file in ("video.mp4", "poster.png", "style.png", "report.html")
+    odd = Cell("javascript:x", "../a b", has_report=True, look=1, has_lineage=True)
+    for address in written(tmp_path, [*CELLS, odd], {"a:b": {"Title": "c/d.html"}}).addresses:
+        scene, *folders, file = address.split("/")
+        assert file.partition("#")[0] in (
+            *("poster.png", "style.png", "report.html", "viewer.html", "lineage.html", "d.html"),
+        )
         assert ":" not in address
-        assert {scene, style}.isdisjoint({"", "..", "."})
+        assert {scene, *folders}.isdisjoint({"", "..", "."})
 
 
-def test_a_viewer_is_linked_where_there_is_one(tmp_path: Path):
-    with_viewer, without = (Cell("a b", "x", is_made=True, has_viewer=has) for has in (True, False))
-    assert "a%20b/viewer.html" in written(tmp_path, [with_viewer]).addresses
-    assert not any("viewer" in address for address in written(tmp_path, [without]).addresses)
+def test_a_viewer_opens_at_its_painting_and_is_a_result_of_its_own(tmp_path: Path):
+    beside = written(tmp_path, [Cell("a b", "x", has_report=True, look=3)])
+    assert {"a%20b/x/report.html", "a%20b/viewer.html#show=3"} <= set(beside.addresses)
+    alone = written(tmp_path, [Cell("a b", "x", look=3)])
+    assert "a%20b/viewer.html#show=3" in alone.addresses
+    assert "a%20b/viewer.x.jpg" in alone.addresses
+    assert "report.html" not in "".join(alone.addresses)
+    without = written(tmp_path, [Cell("a b", "x", has_report=True)])
+    assert "viewer" not in "".join(without.addresses)
 
 
 def test_text_stays_text(tmp_path: Path):
     harmless = written(tmp_path, CELLS[2:3])
     text = [Score(HOSTILE, 1.0, HOSTILE), Score("PSNR", 1.0, "x")]
-    hostile = Cell(HOSTILE, HOSTILE, is_made=True, quality=HOSTILE, scores=text, failure=HOSTILE)
+    hostile = Cell(HOSTILE, HOSTILE, True, HOSTILE, text, outcome="failed", reason=HOSTILE)
     page = written(tmp_path, [hostile])
     assert sorted(page.tags) == sorted(harmless.tags)
     assert page.text.count(HOSTILE) >= 4
+    with_pages = written(tmp_path, [hostile], {HOSTILE: {"Lineage": "lineage.html"}})
+    assert set(with_pages.tags) - set(page.tags) == {"section", "tbody", "tr", "th", "td"} - set(
+        page.tags
+    )
 
 
 def test_the_same_cells_give_the_same_bytes_in_any_order(tmp_path: Path):
@@ -76,62 +87,155 @@ def test_nothing_at_all_is_a_page_too(tmp_path: Path):
 
 
 PROBE = """
-  const names = () => [...document.querySelectorAll(".tile h2")].map((h) => h.innerText.trim());
-  const button = (key) => document.querySelector(`.sort button[data-key="${key}"]`);
-  const sorted = (key) => { button(key).click(); return names().map((n) => n.split("  ")[0]); };
+  const all = (selector, root = document) => [...root.querySelectorAll(selector)];
+  const names = () => all(".tile").map(({ dataset }) => dataset.scene[0] + dataset.style[0]);
+  const field = (name) => document.querySelector(".controls").elements.namedItem(name);
+  const set = (name, value) => {
+    field(name).value = value;
+    field(name).dispatchEvent(new Event("input", { bubbles: true }));
+    return names();
+  };
+  const reverse = () => { document.querySelector(".direction").click(); return names(); };
   const orders = {};
   for (const key of ["scene", "style", "PSNR", "short-term"]) {
-    if (key !== "scene") orders[key] = sorted(key);
-    orders[key + " reversed"] = sorted(key);
+    orders[key] = set("key", key);
+    orders[key + " reversed"] = reverse();
+    reverse();
   }
-  const pressed = document.querySelectorAll('.sort [aria-pressed="true"]').length;
-  const videos = [...document.querySelectorAll("video")];
-  const still = videos.every((v) => v.paused && !v.controls);
-  const tile = videos[0].closest(".tile");
-  tile.querySelector("a").focus();
-  await until(() => videos[0].currentTime > 0.1);
-  const alone = videos.slice(1).every((v) => v.paused);
-  tile.querySelector("a").blur();
-  document.querySelector(".play-all").click();
-  for (const video of videos) {
-    video.scrollIntoView({ block: "center" });
-    await until(() => !video.paused && video.currentTime > 0.1);
+  set("key", "scene");
+  const found = {};
+  for (const [name, value] of [["words", "HORN  ud"], ["scene", "=fern"], ["style", "=brush"],
+    ["state", "problem"], ["measure", "short-term"], ["words", "no such thing"]]) {
+    found[value] = set(name, value);
+    set(name, "");
   }
-  document.querySelector(".play-all").click();
-  await until(() => videos.every((v) => v.paused));
-  return { orders, pressed, still, alone, overflow: overflow(), links: document.links.length };
+  set("measure", "PSNR");
+  found.low = set("low", "26");
+  set("low", "");
+  found.high = set("high", "26");
+  set("high", "");
+  set("measure", "");
+
+  const horns = document.querySelector('.tile[data-scene="horns"][data-style="udnie"]');
+  const videos = () => all(".tile video");
+  const canHover = matchMedia("(hover: hover)").matches;
+  let alone = true;
+  if (canHover) {
+    const before = videos().length;
+    horns.querySelector("h2 a").focus();
+    await until(() => videos().length === 1 && videos()[0].currentTime > 0.1);
+    horns.querySelector("h2 a").blur();
+    await until(() => !videos().length);
+    alone = before === 0;
+    document.querySelector(".play-all").click();
+  }
+  horns.scrollIntoView({ block: "center" });
+  await until(() => horns.querySelector("video")?.currentTime > 0.1);
+
+  const boxes = all(".choose");
+  boxes[0].click();
+  const early = document.querySelector(".chosen .open").disabled;
+  boxes[1].click();
+  boxes[2].click();
+  document.querySelector(".chosen .open").click();
+  const dialog = document.querySelector("dialog"), pair = all("video", dialog);
+  await until(() => pair.every((video) => video.readyState >= 2));
+  const seek = dialog.querySelector(".seek");
+  seek.value = 0.5;
+  seek.dispatchEvent(new Event("input"));
+  const isHalfway = (v) => !v.seeking && Math.abs(v.currentTime / v.duration - 0.5) < 0.03;
+  await until(() => pair.every((video) => video.paused && isHalfway(video)));
+  const texts = (selector, root = dialog) => all(selector, root).map((each) => each.textContent);
+  const compared = {
+    early, titles: texts("figcaption"), better: texts(".better"),
+    rows: all("tbody tr", dialog).map((row) => texts("*", row)),
+    overflow: overflow(), isOpen: dialog.open,
+  };
+  dialog.querySelector(".close").click();
+  document.querySelector(".chosen .clear").click();
+  compared.isCleared = !all(".choose:checked").length && document.querySelector(".chosen").hidden;
+  return { orders, found, alone, compared, overflow: overflow() };
 """
 ORDERS = {
-    "scene reversed": ["hb", "hm", "hu", "fb", "fm", "fu"],
-    "style": ["fb", "hb", "fm", "hm", "fu", "hu"],
-    "style reversed": ["fu", "hu", "fm", "hm", "fb", "hb"],
-    "PSNR": ["hb", "hu", "fu", "fb", "fm", "hm"],
-    "PSNR reversed": ["fu", "hb", "hu", "fb", "fm", "hm"],
-    "short-term": ["hu", "fu", "fb", "fm", "hb", "hm"],
-    "short-term reversed": ["fu", "hu", "fb", "fm", "hb", "hm"],
+    "scene": ["fb", "fm", "fu", "hb", "hu"],
+    "scene reversed": ["hb", "hu", "fb", "fm", "fu"],
+    "style": ["fb", "hb", "fm", "fu", "hu"],
+    "style reversed": ["fu", "hu", "fm", "fb", "hb"],
+    "PSNR": ["hb", "hu", "fu", "fb", "fm"],
+    "PSNR reversed": ["fu", "hb", "hu", "fb", "fm"],
+    "short-term": ["hu", "fu", "fb", "fm", "hb"],
+    "short-term reversed": ["fu", "hu", "fb", "fm", "hb"],
 }
+FOUND = {
+    "HORN  ud": ["hu"],
+    "=fern": ["fb", "fm", "fu"],
+    "=brush": ["fb", "hb"],
+    "problem": ["fb", "fm"],
+    "short-term": ["fu", "hu"],
+    "no such thing": [],
+    "low": ["hb", "hu"],
+    "high": ["fu"],
+}
+
+
+def with_files(folder: Path, cells) -> None:
+    for cell in cells:
+        place = folder / cell.scene / cell.style
+        place.mkdir(parents=True)
+        write_video(place / "video.mp4", moving(0), 24)
+        for name in ("poster", "style"):
+            write_rgb(place / f"{name}.png", np.full((48, 64, 3), 0.5, dtype=np.float32))
 
 
 @needs_chromium
 @pytest.mark.parametrize("width", [390, 1280])
-def test_a_browser_sorts_it_and_plays_its_videos(tmp_path: Path, width: int):
-    for cell in CELLS[:3]:
-        folder = tmp_path / cell.scene / cell.style
-        folder.mkdir(parents=True)
-        write_video(folder / "video.mp4", moving(0), 24)
-        for name in ("poster", "style"):
-            write_rgb(folder / f"{name}.png", np.full((48, 64, 3), 0.5, dtype=np.float32))
+def test_a_browser_sorts_filters_plays_and_compares(tmp_path: Path, width: int):
+    with_files(tmp_path, CELLS[:3])
     write_gallery(tmp_path / "index.html", CELLS)
     answer = answer_of(tmp_path / "index.html", PROBE, width)
     assert answer["errors"] == []
-    orders = {key: [_initials(name) for name in names] for key, names in answer["orders"].items()}
-    assert orders == ORDERS
-    assert (answer["pressed"], answer["links"], answer["overflow"]) == (1, 3, 0)
-    has_mouse = width > 700  # where there is none, what is on the screen plays by itself
-    assert answer["still"] == has_mouse
-    assert answer["alone"] or not has_mouse
+    for name, expected in (("orders", ORDERS), ("found", FOUND)):
+        assert answer.get(name) == expected, answer.get("probe")
+    assert (answer["alone"], answer["overflow"]) == (True, 0)
+    compared = answer["compared"]
+    assert compared["titles"] == ["horns · brush", "horns · udnie"], "a third replaces the first"
+    assert compared["rows"][0] == ["PSNR", "26.4 dB", "26.4 dB"]
+    assert compared["rows"][1] == ["short-term", "not measured", "0.7 x floor"]
+    assert compared["better"] == [], "equal, and unknown"
+    assert (compared["early"], compared["isOpen"], compared["isCleared"]) == (True, True, True)
+    assert compared["overflow"] == 0
 
 
-def _initials(name: str) -> str:
-    scene, style = name.split(" · ")
-    return scene[0] + style[0]
+MANY = """
+  const held = () => document.querySelectorAll(".tile").length;
+  const before = held();
+  const words = document.querySelector("[name=words]");
+  words.value = "scene07 style1";
+  words.dispatchEvent(new Event("input", { bubbles: true }));
+  const found = held(), count = document.querySelector(".count").textContent;
+  words.value = "";
+  words.dispatchEvent(new Event("input", { bubbles: true }));
+  const seen = new Set();
+  while (seen.size < 2000) {
+    scrollTo(0, document.body.scrollHeight);
+    for (const { dataset } of document.querySelectorAll(".tile"))
+      seen.add(dataset.scene + dataset.style);
+    await new Promise((r) => setTimeout(r, 20));
+  }
+  return { before, found, count, seen: seen.size };
+"""
+
+
+@needs_chromium
+def test_of_two_thousand_results_it_holds_those_near_and_scrolling_reaches_all(tmp_path: Path):
+    cells = [
+        Cell(f"scene{scene:02}", f"style{style:02}", has_report=True, scores=scores(scene, style))
+        for scene in range(100)
+        for style in range(20)
+    ]
+    with_files(tmp_path, cells[:1])
+    write_gallery(tmp_path / "index.html", cells)
+    answer = answer_of(tmp_path / "index.html", MANY, 1280)
+    assert answer["before"] < 400
+    assert (answer["found"], answer["seen"]) == (10, 2000)
+    assert answer["count"].startswith("10 of 2000")
