@@ -58,6 +58,7 @@ def test_a_viewer_shows_the_photographs_and_every_style(mini: Mini):
     assert [look["name"] for look in scene["looks"]] == ["Photographs", "p"]
     assert all(look["thumbnail"].startswith("data:image/jpeg") for look in scene["looks"])
     assert len(scene["path"]) == 7
+    assert read_rgb(mini("Viewer") / "p.jpg").size > 0
 
 
 def test_radiance_field_learns_and_loads(mini: Mini):

@@ -229,6 +229,7 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     assert (grid.status, grid.report, set(grid.started)) == (31, index, set())
     text = index.read_text()
     assert "3 failed." in text
+    assert "SceneCapture" in (index.parent / "nowhere/lineage.html").read_text()
     assert "there is no such style" in text
     assert 'href="yard/brush/report.html"' in text
     summary = json.loads((workplace.root / "out/grid.json").read_text())
@@ -239,12 +240,25 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     assert "4 cells: 1 found, 3 failed" in grid.screen
 
 
+@pytest.mark.usefixtures("first")
+def test_a_viewer_is_made_of_the_same_field_and_the_index_opens_it(workplace: Workplace):
+    viewer = workplace.command("Viewer", "--scene", "yard", "--styles", '["brush"]')
+    assert (viewer.status, viewer.started) == (0, ["Viewer"]), viewer.screen
+    out = workplace.root / "out"
+    assert viewer.report == out / "yard/viewer.html"
+    assert "yard/viewer.html#show=1" in (out / "index.html").read_text()
+    assert (out / "yard/viewer.brush.jpg").is_file(), "by which the report finds it"
+    lineage = (out / "yard/lineage.html").read_text()
+    for family in ("CameraPoses", "StylizedField", "StylizedTrajectory", "Viewer"):
+        assert f"<span>{family}</span>" in lineage
+
+
 def test_links_that_were_deleted_come_back_without_building(workplace: Workplace, first: Run):
-    links = {link.name: link.readlink() for link in first.report.parent.iterdir()}
+    links = {path.name: path.resolve() for path in first.report.parent.iterdir()}
     shutil.rmtree(workplace.root / "out")
     again = workplace.run("brush")
     assert (again.status, again.report, again.started) == (0, first.report, [])
-    assert {link.name: link.readlink() for link in first.report.parent.iterdir()} == links
+    assert {path.name: path.resolve() for path in first.report.parent.iterdir()} == links
 
 
 @pytest.mark.usefixtures("first")

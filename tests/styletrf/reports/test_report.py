@@ -1,11 +1,11 @@
 import base64
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 from headless import answer_of, needs_chromium
+from parsed_page import HOSTILE, Page
 
 from styletrf.errors import InputError
 from styletrf.files.images import read_rgb, write_rgb
@@ -37,6 +37,7 @@ WORDS = replace(
     digests={"StylizedField": "0123456789abcdef" * 4},
     command="luigi --module tasks StylizedTrajectory --scene horns --style mosaic --long "
     + "x" * 80,
+    viewer_command="luigi --module tasks Viewer --scene horns",
 )
 
 
@@ -63,27 +64,6 @@ def full(tmp_path_factory):
     )
 
 
-class Page(HTMLParser):
-    """The text, the addresses and the tags of a page."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.addresses, self.tags, self.words, self.named = [], [], [], set()
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append(tag)
-        self.named |= {name for name, _ in attributes}
-        self.addresses += [v for k, v in attributes if k in ("src", "href", "poster")]
-
-    def handle_data(self, data):
-        self.words.append(data)
-
-    @property
-    def text(self):
-        return " ".join(self.words)
-
-
 def written(tmp_path, content):
     write_report(tmp_path / "report.html", content)
     return Page((tmp_path / "report.html").read_text(encoding="utf-8"))
@@ -95,6 +75,7 @@ def test_everything_given_is_on_the_page(tmp_path, full):
         *("horns", "mosaic", "draft", "24 frames", "Flicker.", "0.001", "floor 0.002", "reused"),
         *("not measured", "1 min 01 s", "2 h 01 min", "3.00 GiB", "1536", "[288, 256, 128]"),
         *("2.13.0", "All in this one file", full.command, "0123456789abcdef" * 4),
+        full.viewer_command,
     ):
         assert words in page.text
     assert page.tags.count("svg") == 4
@@ -102,11 +83,13 @@ def test_everything_given_is_on_the_page(tmp_path, full):
     assert page.tags.count("img") == 1 + 12
 
 
-def test_the_page_needs_nothing_beside_it_and_leads_nowhere(tmp_path, full):
+def test_the_page_needs_nothing_beside_it_and_leads_to_its_viewer_alone(tmp_path, full):
     page = written(tmp_path, full)
     assert {address.partition(",")[0] for address in page.addresses} == {
         "data:video/mp4;base64",
         "data:image/jpeg;base64",
+        "#walk",
+        "../viewer.html",
     }
     text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", (tmp_path / "report.html").read_text())
     assert "//" not in re.sub(r"  // .*", "", text)
@@ -141,6 +124,7 @@ def test_an_empty_part_leaves_its_section_out(tmp_path, full):
         "Time and memory": {"stages": full.stages},
         "How it was made": {"versions": full.versions},
         "Make it again": {"command": "luigi"},
+        "Walk around in it": {"viewer_command": "luigi"},
     }
     for title, part in sections.items():
         page = written(tmp_path, replace(EMPTY, **part))
@@ -152,9 +136,6 @@ def test_one_video_alone_has_the_browsers_own_controls(tmp_path, full):
     page = written(tmp_path, replace(EMPTY, video=full.video))
     assert (page.tags.count("video"), page.tags.count("input")) == (1, 0)
     assert "controls" in page.named
-
-
-HOSTILE = "</title><script>alert(1)</script>\"'><img src=x onerror=alert(2)> $body & ünï"
 
 
 def test_all_text_is_escaped(tmp_path, full):
@@ -181,6 +162,7 @@ def test_all_text_is_escaped(tmp_path, full):
             versions={HOSTILE: HOSTILE},
             digests={HOSTILE: HOSTILE},
             command=HOSTILE,
+            viewer_command=HOSTILE,
         ),
     )
     assert set(page.tags) == set(harmless.tags)
@@ -260,3 +242,27 @@ def test_a_browser_plays_both_videos_and_nothing_overflows(tmp_path, full, width
     assert answer["shown"] == "inset(0px 80% 0px 0px)"
     assert answer["clock"] == "0.5 of 1.0 s"
     assert answer["broken"] == 0
+
+
+OFFER = """
+  await new Promise((r) => setTimeout(r, 300));
+  const shown = (selector) => document.querySelector(selector)?.checkVisibility() ?? false;
+  const before = { enter: shown(".enter"), link: shown(".there"), command: shown(".absent") };
+  document.querySelector(".enter")?.click();
+  const frame = document.querySelector("iframe");
+  return { before, frame: frame?.src.split("/").slice(-2).join("/") ?? "", overflow: overflow() };
+"""
+
+
+@needs_chromium
+def test_a_viewer_that_shows_the_style_is_offered_and_else_its_command(tmp_path):
+    place = tmp_path / "horns/a b#1"
+    place.mkdir(parents=True)
+    write_report(place / "report.html", replace(WORDS, style="a b#1"))
+    answer = answer_of(place / "report.html", OFFER, 390)
+    assert answer["before"] == {"enter": False, "link": False, "command": True}
+    (tmp_path / "horns/viewer.html").write_text("<!doctype html><p>Walk</p>")
+    write_rgb(tmp_path / "horns/viewer.a b#1.jpg", np.full((8, 8, 3), 0.5, dtype=np.float32))
+    answer = answer_of(place / "report.html", OFFER, 390)
+    assert answer["before"] == {"enter": True, "link": True, "command": False}
+    assert (answer["frame"], answer["overflow"]) == ("horns/viewer.html", 0)

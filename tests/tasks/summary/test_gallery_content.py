@@ -22,11 +22,11 @@ def show(folder: Path, **more: object) -> None:
     (folder / "summary.json").write_text(json.dumps(summary))
 
 
-def test_cells_that_were_asked_for_have_a_place_and_say_what_is_wrong(out: Path):
+def test_requested_cells_have_a_tile_that_says_what_is_wrong(out: Path):
     grid = tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS)
     text = refresh_gallery(grid).read_text()
     assert text.count("<li") == 4
-    assert text.count("Not made yet") == 1
+    assert text.count("<b>Not made yet</b>") == 1
     assert text.count("StyleImage: style &#x27;none&#x27;: ") == 1  # SceneCapture failed first
     assert text.count("SceneCapture: scene &#x27;nowhere&#x27;: ") == 2
 
@@ -36,7 +36,33 @@ def test_what_is_shown_has_its_numbers(out: Path):
     text = refresh_gallery(tasks.StylizedTrajectory(scene="mini", style="q", **WORDS)).read_text()
     for words in ("23.46 dB", "2.00 x floor", "0.2500", "1 min 01 s", "draft", "not measured"):
         assert f">{words}<" in text
-    assert text.count("Not made yet") == 1
+    assert text.count("<b>Not made yet</b>") == 1
+
+
+def test_results_of_separate_commands_are_not_crossed(out: Path):
+    for name in ("horns/p", "fern/q", "fox/r"):
+        show(out / name)
+    assert refresh_gallery(None).read_text().count("<li") == 3
+
+
+def test_what_a_grid_did_not_make_stays_until_it_is_made(out: Path):
+    show(out / "mini/p")
+    cells = [
+        {"scene": "mini", "style": "p", "outcome": "failed", "reason": "Stage: of before"},
+        {"scene": "mini", "style": "q", "outcome": "late", "reason": "Stage: it was six"},
+        {"scene": "mini", "style": "r", "outcome": "made", "reason": ""},
+    ]
+    grid = {"ended": "2026-11-22T06:00:00+00:00", "cells": cells}
+    (out / "grid.json").write_text(json.dumps(grid))
+    (out / "mini/p/report.html").touch()
+    text = refresh_gallery(None).read_text()
+    assert text.count("<li") == 2
+    assert "Not begun in time" in text
+    assert "of before" not in text, "it was made after the grid"
+    (out / "grid.json").write_text(json.dumps({**grid, "ended": "2126-11-22T06:00:00+00:00"}))
+    assert "of before" in refresh_gallery(None).read_text()
+    (out / "grid.json").write_text("{")
+    assert refresh_gallery(None).read_text().count("<li") == 1
 
 
 def test_results_of_before_and_other_folders_do_no_harm(out: Path):
@@ -54,7 +80,7 @@ def test_an_earlier_result_stays_beside_what_failed(out: Path):
         tasks.StylizedTrajectory(scene="mini", style="none", **WORDS)
     ).read_text()
     assert "Failed anew; this is an earlier one" in text
-    assert "<video" in text
+    assert 'data-video="mini/none/video.mp4"' in text
 
 
 def test_a_page_that_cannot_be_written_is_no_failure(out: Path, caplog: pytest.LogCaptureFixture):

@@ -1,0 +1,103 @@
+"""The lineage of a scene: what its pages were made from, and what was requested in vain."""
+
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import luigi
+import pytest
+
+import tasks
+from pipeline.errors import TaskFailure
+from pipeline.settings import current_store
+from pipeline.task import RunContext, StoredTask
+from tasks.stages.linked_results import LinkedStage, linked_pages, made_from
+from tasks.stages.stage import Stage
+from tasks.summary.gallery import refresh_gallery
+from tasks.summary.lineage import lineage, write_lineages
+
+
+class PaintingPage(LinkedStage):
+    """A page made from one painting."""
+
+    scene, style = luigi.Parameter(), luigi.Parameter()
+    page, revision = "page.html", "1"
+
+    def requires(self) -> Mapping[str, Stage]:
+        return {"style": tasks.StyleImage(style=self.style, executor="inline")}
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        (out / "page.html").write_text("<p>")
+
+    @property
+    def folder(self) -> Path:
+        return Path(tasks.results.trajectory.out_root(), self.scene, self.style)
+
+    def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        return {"page.html": place(self) / "page.html"}
+
+
+def page(style: str, scene: str = "mini") -> PaintingPage:
+    return PaintingPage(scene=scene, style=style, executor="inline")
+
+
+def made(style: str) -> PaintingPage:
+    result = page(style)
+    for task in (result.requires()["style"], result):
+        task.run()
+    return result
+
+
+def test_a_page_says_what_it_was_made_from_also_to_later_commands(out: Path):
+    first, second = made("p"), made("q")
+    assert linked_pages(out / "mini") == [out / f"mini/{style}/page.html" for style in "pq"]
+    upstream = first.requires()["style"].record().action.key
+    assert made_from(out / "mini/p/page.html") == [upstream, first.record().action.key]
+    found = {each.name: each for each in lineage(out / "mini", [])}
+    assert len(found) == 4
+    for result in (first, second):
+        own = found[result.record().action.key]
+        assert (own.painting, own.page) == (result.style, f"{result.style}/page.html")
+        (image,) = own.inputs
+        assert (found[image].family, found[image].state) == ("StyleImage", "made")
+        assert found[image].size_bytes > 0
+
+
+def test_what_left_the_store_was_made_all_the_same(out: Path):
+    result = made("p")
+    record = result.requires()["style"].record()
+    current_store().set_aside(current_store().object(record.output.digest), "trash")
+    states = {each.family: each.state for each in lineage(out / "mini", [])}
+    assert states == {"StyleImage": "removed", "PaintingPage": "made"}
+
+
+def test_a_page_that_is_gone_is_in_no_lineage(out: Path):
+    made("p")
+    shutil.rmtree(out / "mini/p")
+    made("q")
+    (out / "mini/q/page.html").unlink()
+    assert lineage(out / "mini", []) == []
+
+
+def test_what_failed_says_why_and_the_rest_waits(out: Path):
+    result = page("none")
+    with pytest.raises(TaskFailure):
+        result.requires()["style"].run()
+    found = {each.family: each for each in lineage(out / "mini", [result])}
+    assert found["StyleImage"].state == "failed"
+    assert "none" in found["StyleImage"].reason
+    assert found["PaintingPage"].state == "not made"
+    assert found["PaintingPage"].inputs == [found["StyleImage"].name]
+
+
+def test_the_pages_lie_in_the_folders_of_scenes_and_the_gallery_leads_there(out: Path):
+    write_lineages([page("none"), page("none", "../elsewhere"), page("none", "..")])
+    assert sorted(out.rglob("*.html")) == [out / "mini/lineage.html"]
+    assert not (out.parent / "elsewhere").exists()
+    assert 'href="mini/lineage.html"' in refresh_gallery(None).read_text()
+
+
+def test_a_lineage_that_cannot_be_written_is_no_failure(out: Path, caplog):
+    (out / "mini/lineage.html/x").mkdir(parents=True)
+    write_lineages([page("none")])
+    assert "could not be written" in caplog.text
