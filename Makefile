@@ -29,12 +29,18 @@ DEMO_SETTINGS = --SceneModel-settings '{"image_long_side": 320}' \
 	--StyleNetwork-settings '{"crop_px": 128, "style_px": 267}' \
 	--StylizedField-settings '{"adaptation.iterations": 200}'
 
+# The viewer shows every painting that the demo made so far.
+empty :=
+space := $(empty) $(empty)
+comma := ,
+DEMO_STYLES = $(sort $(STYLE) $(patsubst out/$(SCENE)/%/video.mp4,%,$(wildcard out/$(SCENE)/*/video.mp4)))
+
 demo: install
 	$(RUN)/python -m styletrf.synthetic.courtyard data/scenes/courtyard
 	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory \
 		--scene $(SCENE) --style $(STYLE) --quality draft $(DEMO_SETTINGS)
 	STYLETRF_DATA= $(RUN)/luigi --module tasks Viewer \
-		--scene $(SCENE) --styles '["$(STYLE)"]' --quality draft $(DEMO_SETTINGS)
+		--scene $(SCENE) --styles '["$(subst $(space),"$(comma)",$(DEMO_STYLES))"]' --quality draft $(DEMO_SETTINGS)
 
 # Idle OpenMP threads sleep: torch and numba have a pool each, and spinning threads of one take the
 # cores of the other.

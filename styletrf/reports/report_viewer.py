@@ -31,7 +31,8 @@ def viewer_part(style: str, command: str) -> str:
         f'<div class="walk" data-picture="../viewer.{html.escape(quote(style, safe=""))}.jpg">'
         '<p class="there"><a href="../viewer.html">Open the viewer beside this report</a>, '
         "if it was made.</p>"
-        '<div class="absent"><p class="quiet small">This makes the viewer, a page of its own:</p>'
+        '<div class="absent"><p class="quiet small">This makes the viewer, a page of its own. '
+        "It shows every style in the list:</p>"
         f'<div class="card"><pre>{html.escape(command)}</pre></div></div></div>'
     )
     return section('<span id="walk">Walk around in it</span>', body)
