@@ -28,7 +28,7 @@ from styletrf.scene.scene_model import read_scene_model
 from styletrf.viewer.viewer_content import RENDER
 from tasks.results.viewer import PHOTOGRAPHS, Viewer
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "styletrf"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from headless import answer_of
 
 CPU = torch.device("cpu")

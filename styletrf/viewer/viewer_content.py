@@ -1,7 +1,10 @@
 """All that the viewer of a scene shows, gathered from its fields and cameras."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, UInt8
 
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
@@ -40,6 +43,7 @@ class ViewerContent:
         bounds: Where the camera may go.
         focus: What it turns about, in the normalized world.
         looking: How the photographers did, see `SceneModel`.
+        world_from_normalized: Leads to the capture's world, which camera paths are in.
     """
 
     scene: str
@@ -52,6 +56,33 @@ class ViewerContent:
     bounds: CameraBounds
     focus: tuple[float, float, float]
     looking: str
+    world_from_normalized: Float[np.ndarray, "4 4"]
+
+
+@dataclass(frozen=True, slots=True)
+class LookBaking:
+    """What all looks of a scene are baked with.
+
+    Attributes:
+        field: Of the photographs, whose density all share.
+        views: That see it.
+        visible: The voxels that they see.
+        most_bricks: Of each lattice.
+    """
+
+    field: RadianceField
+    views: Views
+    visible: UInt8[np.ndarray, "x y z"]
+    most_bricks: int
+
+    def baked(self, name: str, field: RadianceField) -> BakedLook:
+        """Returns the colors of a field.
+
+        Raises:
+            InputError: It has a density of its own.
+        """
+        require_shared_density(name, field, self.field)
+        return bake_look(name, field, self.views, self.visible, RefitConfig(), self.most_bricks)
 
 
 def viewer_content(
@@ -79,17 +110,41 @@ def viewer_content(
         InputError: A field has a density of its own.
     """
     (name, load), *others = fields
-    field, bounds = load(), camera_bounds(photographed, path)
-    views = Views(model.space, [*photographed, *path], RENDER, bounds.radius)
-    density, visible = bake_density(field, views, most_bricks), visible_voxels(field, views)
-    looks = [bake_look(name, field, views, visible, RefitConfig(), most_bricks)]
+    content, baking = bake_scene(scene, model, (name, load()), photographed, path, most_bricks)
+    looks = list(content.looks)
     for style, load_stylized in others:
         progress(len(looks), len(fields))
-        stylized = load_stylized()
-        require_shared_density(style, stylized, field)
-        looks.append(bake_look(style, stylized, views, visible, RefitConfig(), most_bricks))
+        looks.append(baking.baked(style, load_stylized()))
     progress(len(looks), len(fields))
-    return ViewerContent(
-        scene, model.space.within(field.bounds), field.step_length, RENDER, density, looks, path,
-        bounds, model.focus, model.looking,
+    return replace(content, looks=looks)
+
+
+def bake_scene(
+    scene: str,
+    model: SceneModel,
+    photographs: tuple[str, RadianceField],
+    photographed: Sequence[Camera],
+    path: Sequence[Camera],
+    most_bricks: int = MOST_BRICKS,
+) -> tuple[ViewerContent, LookBaking]:
+    """Returns the scene with the look of the photographs alone, and what bakes further looks.
+
+    Args:
+        scene: Its name.
+        model: Its space and focus.
+        photographs: The name of that look, and its field.
+        photographed: The photographs' cameras, in the normalized world.
+        path: The fly-through, in the normalized world.
+        most_bricks: Of each lattice.
+    """
+    name, field = photographs
+    bounds = camera_bounds(photographed, path)
+    views = Views(model.space, [*photographed, *path], RENDER, bounds.radius)
+    density, visible = bake_density(field, views, most_bricks), visible_voxels(field, views)
+    baking = LookBaking(field, views, visible, most_bricks)
+    content = ViewerContent(
+        scene, model.space.within(field.bounds), field.step_length, RENDER, density,
+        [baking.baked(name, field)], path, bounds, model.focus, model.looking,
+        np.linalg.inv(model.normalized_from_world),
     )  # fmt: skip
+    return content, baking

@@ -21,7 +21,6 @@ from tasks.stages.style_parameters import NetworkParameters, StyleParameters
 from tasks.stages.stylization import StylizedField
 
 PHOTOGRAPHS = "Photographs"
-_THUMBNAIL_PX = 192
 
 
 class Viewer(LinkedStage, PathParameters):
@@ -77,29 +76,22 @@ class Viewer(LinkedStage, PathParameters):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Bake the fields and write the page."""
-        from styletrf.files.video import video_info
-        from styletrf.geometry.camera_table import read_cameras
-        from styletrf.reports.embedding import embedded_image, small_jpeg
-        from styletrf.scene.scene_model import read_scene_model
+        from styletrf.reports.embedding import small_jpeg
+        from styletrf.viewer.viewed_scene import THUMBNAIL_PX, read_viewed_scene, thumbnail
         from styletrf.viewer.viewer_content import viewer_content
         from styletrf.viewer.webpage.viewer_page import write_viewer
 
-        model = read_scene_model(inputs["model"] / "scene.json")
-        photographs = read_cameras(inputs["poses"] / "cameras.parquet")
-        path = read_cameras(inputs["trajectory"] / "cameras.parquet")
+        scene = read_viewed_scene(inputs)
         content = viewer_content(
-            self.scene, model, self._fields(inputs), model.normalized(photographs), path,
+            self.scene, scene.model, self._fields(inputs), scene.photographed, scene.path,
             run.progress,
         )  # fmt: skip
-        middle = photographs[len(photographs) // 2].name
-        images = [inputs["poses"] / "images" / f"{middle}.png"]
-        images += [inputs[f"style {style}"] / "style.png" for style in self.styles]
-        thumbnails = [embedded_image(image, _THUMBNAIL_PX) for image in images]
-        rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
-        write_viewer(out / "viewer.html", content, thumbnails, float(rate))
+        paintings = [thumbnail(inputs[f"style {style}"] / "style.png") for style in self.styles]
+        thumbnails = [scene.thumbnail, *paintings]
+        write_viewer(out / "viewer.html", content, thumbnails, scene.frames_per_second)
         for style in self.styles:
             image = inputs[f"style {style}"] / "style.png"
-            (out / f"{style}.jpg").write_bytes(small_jpeg(image, _THUMBNAIL_PX))
+            (out / f"{style}.jpg").write_bytes(small_jpeg(image, THUMBNAIL_PX))
 
     def _fields(self, inputs: Mapping[str, Path]) -> list[tuple[str, Callable[[], Any]]]:
         """Returns the names, and what loads the fields."""

@@ -5,6 +5,12 @@ const refuse = (error) => {
   $("notice").hidden = false;
   document.body.classList.add("refused");
 };
+const offer = (blob, name) => {  // as a download
+  const link = document.createElement("a");
+  Object.assign(link, { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+};
 const isCalm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 const start = async () => {
@@ -14,9 +20,9 @@ const start = async () => {
   const renderer = makeRenderer(canvas, scene, $("march").textContent), navigation = makeNavigation(scene);
   canvas.addEventListener("webglcontextlost", () => refuse(new Refusal("The graphics card gave up. Load the page again.")));
   const begun = performance.now(), photographs = 0;
-  const shown = { a: Math.min(1, scene.looks.length - 1), b: photographs, share: 1, split: -1, frame: 0, isPlaying: false };
+  const shown = { a: Math.min(1, scene.looks.length - 1), b: photographs, share: 1, split: -1, frame: 0, isPlaying: false, clip: null };
   const keys = new Set();
-  let loop = null, last = 0, loaded = "";
+  let loop = null, last = 0, loaded = "", editor = null;
   const change = () => { loop?.change(); remember(); };
 
   // The address: the view, what is shown, and how.
@@ -26,6 +32,7 @@ const start = async () => {
     timer = setTimeout(() => {
       const words = new URLSearchParams({ view: navigation.toText(), show: shown.a, with: shown.b, share: shown.share });
       if (shown.split >= 0) words.set("split", shown.split.toFixed(3));
+      if (editor?.toText()) words.set("path", editor.toText());
       try { history.replaceState(null, "", `#${words}`); } catch { /* a page within another may have no address */ }
     }, 300);
   };
@@ -36,10 +43,12 @@ const start = async () => {
     if (words.has("with")) shown.b = among(words.get("with"));
     if (words.has("share")) shown.share = clamp(+words.get("share") || 0, 0, 1);
     shown.split = words.has("split") ? clamp(+words.get("split") || 0, 0, 1) : -1;
+    editor?.fromText(words.get("path"));
   };
 
   // Paintings.
-  const labels = scene.looks.map((look, k) => {
+  const labels = [];
+  const addLabel = (look, k) => {
     const label = document.createElement("label"), radio = document.createElement("input");
     Object.assign(radio, { type: "radio", name: "look", value: k });
     radio.addEventListener("change", () => choose(k));
@@ -48,16 +57,17 @@ const start = async () => {
     name.textContent = label.title = look.name;
     label.append(radio, image, name);
     $("other").append(new Option(look.name, k));
-    return label;
-  });
-  $("looks").append(...labels);
+    $("looks").append(label);
+    labels.push(label);
+  };
+  scene.looks.forEach(addLabel);
   const choose = (k) => {
     if (k === shown.b) shown.b = shown.a;
     shown.a = k;
     refresh();
   };
   const refresh = () => {
-    const isSplit = shown.split >= 0;
+    const isSplit = shown.split >= 0, isSingle = scene.looks.length < 2;
     labels.forEach((label, k) => {
       label.firstChild.checked = k === shown.a;
       label.firstChild.disabled = !renderer.isLoaded(k);
@@ -66,7 +76,8 @@ const start = async () => {
     });
     $("other").value = shown.b;
     $("share").value = shown.share;
-    $("share").disabled = isSplit || scene.looks.length < 2;
+    $("share").disabled = isSplit || isSingle;
+    $("halve").disabled = $("other").disabled = isSingle;
     $("shareText").value = `${Math.round(100 * shown.share)} % ${scene.looks[shown.a].name}`;
     $("halve").setAttribute("aria-pressed", isSplit);
     $("split").hidden = $("edge").hidden = $("sides").hidden = !isSplit;
@@ -74,8 +85,11 @@ const start = async () => {
     $("stage").style.setProperty("--split", `${100 * shown.split}%`);
     $("left").textContent = scene.looks[shown.b].name;
     $("right").textContent = scene.looks[shown.a].name;
-    $("play").setAttribute("aria-pressed", shown.isPlaying);
-    $("play").textContent = shown.isPlaying ? "Pause" : "Play";
+    for (const [id, isOn, text] of [["play", !shown.clip, "Play"], ["preview", shown.clip, "Preview"]]) {
+      const isPlaying = shown.isPlaying && Boolean(isOn);
+      $(id).setAttribute("aria-pressed", isPlaying);
+      $(id).textContent = isPlaying ? "Pause" : text;
+    }
     canvas.setAttribute("aria-label", `${scene.name} in the style of ${scene.looks[shown.a].name}. Arrow keys turn, W A S D walk, plus and minus zoom.`);
     change();
   };
@@ -86,26 +100,25 @@ const start = async () => {
 
   // Buttons and sliders.
   const toggles = {
-    play: () => { shown.isPlaying = !shown.isPlaying; refresh(); },
+    play: () => {
+      shown.isPlaying = !shown.isPlaying || Boolean(shown.clip);
+      shown.frame = shown.clip ? 0 : shown.frame;
+      shown.clip = null;
+      refresh();
+    },
     halve: () => { shown.split = shown.split < 0 ? 0.5 : -1; refresh(); },
-    reset: () => { shown.isPlaying = false; shown.frame = 0; navigation.show(scene.path[0].pose); refresh(); },
+    reset: () => { Object.assign(shown, { isPlaying: false, frame: 0, clip: null }); navigation.show(scene.path[0].pose); refresh(); },
     full: () => (document.fullscreenElement ? document.exitFullscreen() : $("main").requestFullscreen()).catch(() => {}),
     save: () => {
       const { width, height } = canvas;
       renderer.draw({ ...picture(width, height), width, height });
       renderer.present();
-      canvas.toBlob((blob) => {
-        const link = document.createElement("a"), name = `${scene.name}-${scene.looks[shown.a].name}.png`;
-        Object.assign(link, { href: URL.createObjectURL(blob), download: name });
-        link.click();
-        setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-      });
+      canvas.toBlob((blob) => offer(blob, `${scene.name}-${scene.looks[shown.a].name}.png`));
       loop.change();
     },
   };
   for (const [id, act] of Object.entries(toggles)) $(id).addEventListener("click", act);
   $("full").hidden = !document.fullscreenEnabled;
-  $("halve").disabled = $("other").disabled = scene.looks.length < 2;
   $("other").addEventListener("change", () => { shown.b = +$("other").value; refresh(); });
   $("share").addEventListener("input", () => { shown.share = +$("share").value; refresh(); });
   $("split").addEventListener("input", () => { shown.split = +$("split").value; refresh(); });
@@ -113,7 +126,7 @@ const start = async () => {
 
   // Pointers: one turns, with Shift or the right button it slides; two slide and zoom.
   const pointers = new Map();
-  const stop = () => { if (shown.isPlaying) toggles.play(); };
+  const stop = () => { if (shown.isPlaying) { shown.isPlaying = false; refresh(); } };
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
     stop();
@@ -154,6 +167,7 @@ const start = async () => {
     if (HELD[key]) { stop(); keys.add(key); }
     else if (PRESSED[key] && !event.repeat) toggles[PRESSED[key]]();
     else if ("+=-".includes(key)) { navigation.zoomBy(key === "-" ? 0.9 : 1 / 0.9); change(); }
+    else if (key === "k" && !event.repeat) $("addKey").click();
     else if (renderer.isLoaded(number)) choose(number);
     else return;
     event.preventDefault();
@@ -161,6 +175,18 @@ const start = async () => {
   canvas.addEventListener("keyup", (event) => keys.delete(event.key.length === 1 ? event.key.toLowerCase() : event.key));
   canvas.addEventListener("blur", () => keys.clear());
 
+  const advance = (frames) => {
+    const clip = shown.clip, count = clip?.frames.length ?? navigation.frames;
+    shown.frame += frames;
+    if (clip && !clip.isClosed && shown.frame >= count - 1) {
+      shown.frame = count - 1;
+      stop();
+    }
+    shown.frame %= count;
+    if (!clip) return navigation.follow(Math.floor(shown.frame));
+    const { pose, zoom } = clip.frames[Math.floor(shown.frame)];
+    return navigation.show(pose, zoom);
+  };
   const next = (now) => {
     const seconds = Math.min(0.1, (now - last) / 1000);
     last = now;
@@ -169,10 +195,7 @@ const start = async () => {
       if (z === "turn") navigation.turn(x * seconds, y * seconds);
       else navigation.walk(x * seconds, y * seconds, z * seconds);
     }
-    if (shown.isPlaying) {
-      shown.frame = (shown.frame + seconds * scene.framesPerSecond) % navigation.frames;
-      navigation.follow(Math.floor(shown.frame));
-    }
+    if (shown.isPlaying) advance(seconds * scene.framesPerSecond);
     if (keys.size || shown.isPlaying) remember();
     return keys.size > 0 || shown.isPlaying;
   };
@@ -198,6 +221,19 @@ const start = async () => {
   fit();
   $("notice").hidden = true;
   loop = makeLoop(canvas, renderer, { next, picture, tell });
+  editor = makePathEditor(scene, navigation, {
+    changed: change,
+    play: (frames, isClosed) => {
+      if (shown.isPlaying && shown.clip) return stop();
+      Object.assign(shown, { clip: { frames, isClosed }, frame: 0, isPlaying: true });
+      return refresh();
+    },
+    drawn: (view, width, height) => {
+      renderer.draw({ ...picture(width, height), view, width, height });
+      return renderer.read();
+    },
+  });
+  recall();
   refresh();
   loop.start();
   const first = performance.now() - begun;
@@ -211,7 +247,16 @@ const start = async () => {
   const looks = scene.looks.length, second = performance.now() - begun;
   loaded = `${looks} look${looks > 1 ? "s" : ""}, ${bricks} bricks of 512 points, loaded in ${(first / 1000).toFixed(1)} s, all in ${(second / 1000).toFixed(1)} s; `;
   refresh();
-  return { scene, renderer, navigation, shown, loop, picture, choose, refresh };
+  if (scene.isLive) {
+    offerSaving(editor, () => ({ a: shown.a, b: shown.b, share: shown.share }));
+    followServer(scene, async (look) => {
+      scene.looks.push(look);
+      await renderer.loadLook(scene.looks.length - 1);
+      addLabel(look, scene.looks.length - 1);
+      refresh();
+    }).catch(refuse);
+  }
+  return { scene, renderer, navigation, shown, loop, picture, choose, refresh, editor };
 };
 
 const isWhole = new Promise((go) => document.addEventListener("DOMContentLoaded", go));

@@ -84,27 +84,36 @@ const makeNavigation = (scene) => {
   };
   const zoomBy = (factor) => { state.zoom = clamp(state.zoom * factor, 1, MOST_ZOOM); };
 
-  const pose = () => { const { right, down: below, ahead } = axes(state); return poseOf(right, below, ahead, state.center); };
-  const view = (width, height) => ({
-    pose: pose(),
-    fx: (lens.fx / lens.width) * width * state.zoom,
-    fy: (lens.fy / lens.height) * height * state.zoom,
-    cx: width * (0.5 + (lens.cx / lens.width - 0.5) * state.zoom),
-    cy: height * (0.5 + (lens.cy / lens.height - 0.5) * state.zoom),
+  const poseAt = (at) => { const { right, down: below, ahead } = axes(at); return poseOf(right, below, ahead, at.center); };
+  const pose = () => poseAt(state);
+  const view = (width, height, seen = { pose: pose(), zoom: state.zoom }) => ({
+    pose: seen.pose,
+    fx: (lens.fx / lens.width) * width * seen.zoom,
+    fy: (lens.fy / lens.height) * height * seen.zoom,
+    cx: width * (0.5 + (lens.cx / lens.width - 0.5) * seen.zoom),
+    cy: height * (0.5 + (lens.cy / lens.height - 0.5) * seen.zoom),
   });
   const NAMES = ["yaw", "pitch", "roll", "zoom"];
-  const toText = () => [...state.center, ...NAMES.map((name) => state[name])].map((v) => +v.toFixed(5)).join(",");
-  const fromText = (text) => {
+  const toText = () => [...state.center, ...NAMES.map((name) => state[name])].map((v) => +v.toFixed(6)).join(",");
+  const parsed = (text) => {  // null if it is no view
     const numbers = (text || "").split(",").map(Number);
-    if (numbers.length !== 7 || !numbers.every(Number.isFinite)) return false;
-    state.center = numbers.slice(0, 3);
-    NAMES.forEach((name, k) => { state[name] = numbers[3 + k]; });
-    state.pitch = clamp(state.pitch, -MOST_PITCH, MOST_PITCH);
-    state.zoom = clamp(state.zoom, 1, MOST_ZOOM);
+    if (numbers.length !== 7 || !numbers.every(Number.isFinite)) return null;
+    const [yaw, pitch, roll, zoom] = numbers.slice(3);
+    return { center: numbers.slice(0, 3), yaw, pitch: clamp(pitch, -MOST_PITCH, MOST_PITCH), roll,
+             zoom: clamp(zoom, 1, MOST_ZOOM) };
+  };
+  const fromText = (text) => {
+    const found = parsed(text);
+    if (!found) return false;
+    Object.assign(state, found);
     bound();
     return true;
   };
+  const seenFrom = (text) => {  // the pose and the zoom of a view
+    const found = parsed(text);
+    return found && { pose: poseAt(found), zoom: found.zoom };
+  };
   show(path[0].pose);
-  return { aspect, turn, slide, walk, zoomBy, view, pose, show, toText, fromText, frames: path.length,
+  return { aspect, lens, turn, slide, walk, zoomBy, view, pose, show, toText, fromText, seenFrom, frames: path.length,
            follow: (frame) => show(path[frame].pose, state.zoom) };
 };

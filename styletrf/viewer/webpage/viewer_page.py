@@ -7,16 +7,11 @@ from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
-from typing import Any
-
-import numpy as np
 
 from styletrf.files.atomic_write import atomic_write
-from styletrf.geometry.cameras import Camera
-from styletrf.viewer.baking import BakedLook
-from styletrf.viewer.coding import COLOR_LEVELS, Codes, packed_bytes, packed_codes
 from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.viewer_content import ViewerContent
+from styletrf.viewer.webpage.packed_scene import Packed, packed_look, packed_scene
 
 _TEMPLATE = Path(__file__).with_name("viewer.html").read_text(encoding="utf-8")
 _STYLE = Path(__file__).with_name("viewer.css").read_text(encoding="utf-8")
@@ -25,11 +20,13 @@ _SCRIPTS = (
     Path(__file__).with_name("unpacking.js"),
     Path(__file__).with_name("renderer.js"),
     Path(__file__).with_name("navigation.js"),
+    Path(__file__).with_name("camera_curve.js"),
+    Path(__file__).with_name("path_editor.js"),
+    Path(__file__).with_name("live.js"),
     Path(__file__).with_name("loop.js"),
     Path(__file__).with_name("interface.js"),
 )
 _SCRIPT = "\n".join(script.read_text(encoding="utf-8") for script in _SCRIPTS)
-_MOST_PIXELS_WIDE = 1600
 
 
 def write_viewer(
@@ -40,7 +37,7 @@ def write_viewer(
     *,
     fetched: bool = False,
 ) -> None:
-    """Writes the page; names are escaped, and only its own script may run.
+    """Writes the page as one file.
 
     Args:
         path: Where to.
@@ -50,29 +47,44 @@ def write_viewer(
         fetched: Whether the shader weighs the eight points around a sample itself, instead of the
             graphics card's filter.
     """
-    blocks: dict[str, str] = {}
-    looks = [_look(look, blocks) for look in content.looks]
-    for look, thumbnail in zip(looks, thumbnails, strict=True):
-        look["thumbnail"] = thumbnail
-    options = {"framesPerSecond": frames_per_second, "fetched": fetched, "looks": looks}
-    scene = _scene(content, blocks) | options
+    scene = packed_scene(content, frames_per_second)
+    looks = [packed_look(*each) for each in zip(content.looks, thumbnails, strict=True)]
+    scene.values["fetched"] = fetched
+    with atomic_write(path) as partial:
+        partial.write_text(viewer_page(content, scene, looks), encoding="utf-8", newline="\n")
+
+
+def viewer_page(
+    content: ViewerContent, scene: Packed, looks: Sequence[Packed], *, is_live: bool = False
+) -> str:
+    """Returns the page; names are escaped, and only its own script may run.
+
+    Args:
+        content: What it shows, for its title and what it says of itself.
+        scene: All but the looks.
+        looks: Of the photographs and the paintings.
+        is_live: Whether it asks the server that it comes from for more looks, and for nothing else.
+    """
+    values = scene.values | {"looks": [look.values for look in looks], "isLive": is_live}
+    blocks = {name: block for part in (scene, *looks) for name, block in part.blocks.items()}
     script, style = f"(() => {{\n{_SCRIPT}}})();\n", f"\n{_STYLE}"
     policy = (
         f"default-src 'none'; script-src '{_digest(chr(10) + script)}'; "
         f"style-src '{_digest(style)}'; img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
-    page = Template(_TEMPLATE).substitute(
+    return Template(_TEMPLATE).substitute(
         title=html.escape(content.scene),
-        policy=policy,
+        policy=policy + ("; connect-src 'self'" if is_live else ""),
         style=style,
         about=about(content),
         script=script,
         march=_MARCH,
-        scene=json.dumps(scene).replace("<", "\\u003c"),
-        blocks="\n".join(blocks.values()),
+        scene=json.dumps(values).replace("<", "\\u003c"),
+        blocks="\n".join(
+            f'<script type="text/plain" id="{name}">{block}</script>'
+            for name, block in blocks.items()
+        ),
     )
-    with atomic_write(path) as partial:
-        partial.write_text(page, encoding="utf-8", newline="\n")
 
 
 def about(content: ViewerContent) -> str:
@@ -103,83 +115,6 @@ def _reduced(points: tuple[int, int, int], psnr_db: float) -> str:
     x, y, z = points
     problem = f"Its lattice of {x} x {y} x {z} points is too large for a page and was made coarser"
     return f"{problem}: pictures are within {psnr_db:.1f} dB of those of the field."
-
-
-def _scene(content: ViewerContent, blocks: dict[str, str]) -> dict[str, Any]:
-    """Returns what the script reads as JSON; adds the blocks that it names."""
-    density, render = content.density, content.render
-    needed = density.lattice.needed
-    numbers = {
-        "uDepthMin": content.space.depth_min,
-        "uStep": content.step_length,
-        "uScale": density.scale,
-        "uShift": density.shift,
-        "uTermination": render.termination,
-        "uMinWeight": render.min_weight,
-    }
-    empty = np.ascontiguousarray(density.distances.transpose(2, 1, 0))
-    return {
-        "name": content.scene,
-        "maps": content.space.grid_from_world.reshape(-1, 16).tolist(),
-        "axisLengths": list(content.space.axis_lengths),
-        "march": numbers,
-        "density": {
-            "lattice": _lattice(density.lattice, blocks),
-            "values": _block(packed_codes(density.codes.codes, needed, 2), blocks),
-            "low": density.codes.low,
-            "step": density.codes.step,
-        },
-        "empty": {
-            "size": list(density.distances.shape),
-            "values": _block(packed_bytes(empty), blocks),
-        },
-        "path": [_view(camera) for camera in content.path],
-        "guides": [{"center": c, "ahead": a} for c, a in content.bounds.guides],
-        "down": list(content.bounds.down),
-        "radius": content.bounds.radius,
-        "reach": content.bounds.reach_rad,
-        "focus": list(content.focus),
-        "looking": content.looking,
-        "mostPixels": _MOST_PIXELS_WIDE,
-    }
-
-
-def _look(look: BakedLook, blocks: dict[str, str]) -> dict[str, Any]:
-    return {
-        "name": look.name,
-        "lattice": _lattice(look.lattice, blocks),
-        "colors": _values(look.codes, look.lattice, blocks),
-        "slopes": _values(look.slope_codes, look.lattice, blocks) if look.slope_codes else None,
-        "meanDirection": list(look.mean_direction),
-        "power": look.weight_power,
-        "background": list(look.background),
-    }
-
-
-def _values(codes: Codes, lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:
-    """Returns values that a texture of 8 bits holds, by what its 0 and 255 stand for."""
-    packed, gain = packed_codes(codes.codes, lattice.needed, 1), 256 // COLOR_LEVELS
-    bounds = {"low": codes.low, "high": codes.low + 255 / gain * codes.step, "gain": gain}
-    return {"values": _block(packed, blocks), **bounds}
-
-
-def _lattice(lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:
-    present = (lattice.slots.transpose(2, 1, 0) >= 0).astype(np.uint8)
-    packed = packed_bytes(present)
-    return {"resolution": list(lattice.resolution), "present": _block(packed, blocks)}
-
-
-def _block(packed: bytes, blocks: dict[str, str]) -> str:
-    """Adds a block of data to the page, unless it is there, and returns its name."""
-    name = "data-" + hashlib.sha256(packed).hexdigest()[:16]
-    content = b64encode(packed).decode()
-    blocks[name] = f'<script type="text/plain" id="{name}">{content}</script>'
-    return name
-
-
-def _view(camera: Camera) -> dict[str, Any]:
-    lens = {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
-    return {"pose": camera.world_from_camera.reshape(-1).tolist(), **lens}
 
 
 def _digest(text: str) -> str:

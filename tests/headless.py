@@ -1,5 +1,6 @@
 """A page opened in Debian's Chromium, which says what a script found in it."""
 
+import asyncio
 import http.server
 import json
 import os
@@ -9,6 +10,8 @@ import signal
 import subprocess
 import tempfile
 import threading
+import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,8 +29,12 @@ console.error = (...words) => errors.push(words.join(" "));
 addEventListener("error", (event) => errors.push(event.message || event.target.outerHTML), true);
 addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));
 </script>"""
-PROBE = """<script>
+UNTIL = """
 const until = async (holds) => { while (!holds()) await new Promise((r) => setTimeout(r, 20)); };
+"""
+PROBE = (
+    f"""<script>{UNTIL}"""
+    + """
 const overflow = () => document.documentElement.scrollWidth - document.documentElement.clientWidth;
 const probe = async () => { BODY };
 addEventListener("load", async () => {
@@ -35,6 +42,7 @@ addEventListener("load", async () => {
   parent.postMessage(JSON.stringify({ width: innerWidth, errors, ...found }), "*");
 });
 </script>"""
+)
 # A frame, since a window is never as narrow as a phone.
 FRAME = """<iframe src="probe.html" style="width:{width}px;height:900px;border:0"
 allow="autoplay"></iframe><script>addEventListener("message", (event) =>
@@ -60,7 +68,7 @@ def answer_of(page: Path, probe: str, width: int, seconds: float = 60) -> dict[s
     frame = page.with_name("frame.html")
     with _answers() as (port, received):
         frame.write_text(FRAME.format(width=width, port=port))
-        with _browser(frame, _TOUCH if width < 700 else _MOUSE):
+        with _browser(frame.as_uri(), _TOUCH if width < 700 else _MOUSE):
             try:
                 return received.get(timeout=seconds)
             except queue.Empty:
@@ -90,18 +98,95 @@ def _answers() -> Iterator[tuple[int, "queue.Queue[dict[str, Any]]"]]:
             thread.join()
 
 
+class OpenPage:
+    """A page as its server sends it: scripts run beside its policy, and nothing is added to it.
+
+    Attributes:
+        errors: What failed, was forbidden by the policy, or was logged as an error, so far.
+    """
+
+    def __init__(self, socket: Any, runner: asyncio.Runner) -> None:
+        self.errors: list[str] = []
+        self._socket, self._runner, self._number = socket, runner, 0
+
+    def run(self, body: str) -> Any:
+        """Returns what the body of an async function returns; it may call `until(holds)`."""
+        answer = self.command(
+            "Runtime.evaluate", expression=f"(async () => {{ {UNTIL} {body} }})()",
+            awaitPromise=True, returnByValue=True,
+        )  # fmt: skip
+        if "exceptionDetails" in answer:
+            pytest.fail(str(answer["exceptionDetails"]))
+        return answer["result"].get("value")
+
+    def command(self, method: str, seconds: float = 120, **words: Any) -> Any:
+        """Returns the browser's answer to a command of its protocol."""
+        return self._runner.run(asyncio.wait_for(self._answer(method, words), seconds))
+
+    async def _answer(self, method: str, words: dict[str, Any]) -> Any:
+        self._number += 1
+        await self._socket.write_message(
+            json.dumps({"id": self._number, "method": method, "params": words})
+        )
+        while True:
+            message = json.loads(await self._socket.read_message() or "{}")
+            if message.get("id") == self._number:
+                return message["result"]
+            self._note(message.get("method"), message.get("params", {}))
+
+    def _note(self, event: str | None, what: dict[str, Any]) -> None:
+        is_error = event == "Runtime.exceptionThrown" or (
+            event == "Log.entryAdded" and what["entry"]["level"] == "error"
+        )
+        if is_error or (event == "Runtime.consoleAPICalled" and what["type"] == "error"):
+            self.errors.append(json.dumps(what))
+
+
 @contextmanager
-def _browser(page: Path, hover: int) -> Iterator[None]:
+def opened(address: str, width: int = 1000) -> Iterator[OpenPage]:
+    """Opens an address in a window of a width."""
+    from tornado.websocket import websocket_connect
+
+    with _browser("about:blank", _MOUSE) as profile, asyncio.Runner() as runner:
+
+        async def connected() -> Any:
+            return await websocket_connect(_debugger(profile), max_message_size=1 << 28)
+
+        page = OpenPage(runner.run(connected()), runner)
+        for domain in ("Runtime", "Log", "Page"):
+            page.command(f"{domain}.enable")
+        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        page.command("Emulation.setDeviceMetricsOverride", **size)
+        page.command("Page.navigate", url=address)
+        page.run("await until(() => document.readyState === 'complete');")
+        yield page
+
+
+def _debugger(profile: Path, seconds: float = 60) -> str:
+    """Returns the address by which the browser's first page takes commands."""
+    end, found = time.monotonic() + seconds, profile / "DevToolsActivePort"
+    while time.monotonic() < end:
+        if found.exists() and (port := found.read_text().partition("\n")[0]):
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/json") as answer:
+                pages = [page for page in json.load(answer) if page["type"] == "page"]
+            if pages:
+                return str(pages[0]["webSocketDebuggerUrl"])
+        time.sleep(0.1)
+    return pytest.fail(f"no page in the browser within {seconds} s")
+
+
+@contextmanager
+def _browser(address: str, hover: int) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         flags = (*FLAGS, f"user-data-dir={profile}", f"blink-settings=primaryHoverType={hover}")
         process = subprocess.Popen(
-            [CHROMIUM, *(f"--{flag}" for flag in flags), page.as_uri()],
+            [CHROMIUM, *(f"--{flag}" for flag in flags), address],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
         try:
-            yield
+            yield Path(profile)
         finally:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()

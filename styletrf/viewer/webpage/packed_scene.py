@@ -1,0 +1,112 @@
+"""What the page's script reads: JSON, and the blocks of data that it names."""
+
+import hashlib
+from base64 import b64encode
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from styletrf.geometry.cameras import Camera
+from styletrf.viewer.baking import BakedLook
+from styletrf.viewer.coding import COLOR_LEVELS, Codes, packed_bytes, packed_codes
+from styletrf.viewer.lattice import BrickLattice
+from styletrf.viewer.viewer_content import ViewerContent
+
+_MOST_PIXELS_WIDE = 1600
+
+
+@dataclass(frozen=True, slots=True)
+class Packed:
+    """A part of what the script reads.
+
+    Attributes:
+        values: As JSON.
+        blocks: The data that it names: compressed, in base64.
+    """
+
+    values: dict[str, Any]
+    blocks: dict[str, str] = field(default_factory=dict)
+
+
+def packed_scene(content: ViewerContent, frames_per_second: float) -> Packed:
+    """Returns all but the looks; `frames_per_second` are those of the fly-through."""
+    density, render, blocks = content.density, content.render, dict[str, str]()
+    needed = density.lattice.needed
+    numbers = {
+        "uDepthMin": content.space.depth_min,
+        "uStep": content.step_length,
+        "uScale": density.scale,
+        "uShift": density.shift,
+        "uTermination": render.termination,
+        "uMinWeight": render.min_weight,
+    }
+    empty = np.ascontiguousarray(density.distances.transpose(2, 1, 0))
+    values = {
+        "name": content.scene,
+        "maps": content.space.grid_from_world.reshape(-1, 16).tolist(),
+        "axisLengths": list(content.space.axis_lengths),
+        "march": numbers,
+        "density": {
+            "lattice": _lattice(density.lattice, blocks),
+            "values": _block(packed_codes(density.codes.codes, needed, 2), blocks),
+            "low": density.codes.low,
+            "step": density.codes.step,
+        },
+        "empty": {
+            "size": list(density.distances.shape),
+            "values": _block(packed_bytes(empty), blocks),
+        },
+        "path": [_view(camera) for camera in content.path],
+        "guides": [{"center": c, "ahead": a} for c, a in content.bounds.guides],
+        "down": list(content.bounds.down),
+        "radius": content.bounds.radius,
+        "reach": content.bounds.reach_rad,
+        "focus": list(content.focus),
+        "looking": content.looking,
+        "mostPixels": _MOST_PIXELS_WIDE,
+        "framesPerSecond": frames_per_second,
+        "worldFromNormalized": content.world_from_normalized.reshape(-1).tolist(),
+    }
+    return Packed(values, blocks)
+
+
+def packed_look(look: BakedLook, thumbnail: str) -> Packed:
+    """Returns a look; its thumbnail is a `data:` URI."""
+    blocks: dict[str, str] = {}
+    values = {
+        "name": look.name,
+        "thumbnail": thumbnail,
+        "lattice": _lattice(look.lattice, blocks),
+        "colors": _values(look.codes, look.lattice, blocks),
+        "slopes": _values(look.slope_codes, look.lattice, blocks) if look.slope_codes else None,
+        "meanDirection": list(look.mean_direction),
+        "power": look.weight_power,
+        "background": list(look.background),
+    }
+    return Packed(values, blocks)
+
+
+def _values(codes: Codes, lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:
+    """Returns values that a texture of 8 bits holds, by what its 0 and 255 stand for."""
+    packed, gain = packed_codes(codes.codes, lattice.needed, 1), 256 // COLOR_LEVELS
+    bounds = {"low": codes.low, "high": codes.low + 255 / gain * codes.step, "gain": gain}
+    return {"values": _block(packed, blocks), **bounds}
+
+
+def _lattice(lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:
+    present = (lattice.slots.transpose(2, 1, 0) >= 0).astype(np.uint8)
+    packed = packed_bytes(present)
+    return {"resolution": list(lattice.resolution), "present": _block(packed, blocks)}
+
+
+def _block(packed: bytes, blocks: dict[str, str]) -> str:
+    """Adds a block of data, unless it is there, and returns its name."""
+    name = "data-" + hashlib.sha256(packed).hexdigest()[:16]
+    blocks[name] = b64encode(packed).decode()
+    return name
+
+
+def _view(camera: Camera) -> dict[str, Any]:
+    lens = {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
+    return {"pose": camera.world_from_camera.reshape(-1).tolist(), **lens}

@@ -1,0 +1,28 @@
+"""The command that renders a path as the viewer shows it."""
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+
+def path_command(
+    file: Path, seconds: float, weights: Mapping[str, float], words: Sequence[str], style: str
+) -> str:
+    """Returns the shell command of the fly-through along a path.
+
+    Args:
+        file: Of the path.
+        seconds: Its length.
+        weights: Of the paintings that are mixed, above 0; what they lack of 1 is the photographs'.
+        words: The scene, the quality and all else that the fields were made with.
+        style: The painting of a command where `weights` has none.
+    """
+    first, *others = weights or [style]
+    mixture = ["--style", first]
+    if others:
+        mixture += ["--blend", json.dumps({name: weights[name] for name in others})]
+    elif weights.get(first, 0.0) < 1:
+        mixture += ["--strength", f"{weights.get(first, 0.0):g}"]
+    path = ["--path", str(file), "--seconds", f"{seconds:g}"]
+    return shlex.join(["luigi", "--module", "tasks", "StylizedTrajectory", *words, *mixture, *path])

@@ -1,0 +1,69 @@
+"""What a store has for the viewer of a scene, and the styles that come while it is watched."""
+
+from collections.abc import Callable, Sequence
+from threading import Event
+
+from pipeline.settings import data_root
+from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES
+from styletrf.errors import InputError
+from styletrf.viewer.baking import BakedLook
+from tasks.presets.presets import PRESETS
+from tasks.results.viewer import Viewer
+from tasks.stages.stylization import StylizedField
+from tasks.view.live_viewer import LiveViewer
+
+POLL_S = 2.0
+Bake = Callable[[str], tuple[BakedLook, str]]
+"""Returns the look of a style and its thumbnail."""
+
+
+def known_styles() -> list[str]:
+    """Returns the names of the images in the folder of styles, in their order."""
+    files = sorted((data_root() / "styles").glob("[!.]*"))
+    return [file.stem for file in files if file.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+
+
+def adapted_styles(viewer: Viewer) -> list[str]:
+    """Returns the styles whose fields are in the store, made as the viewer's parameters say."""
+    fields = {style: viewer.upstream(StylizedField, style=style) for style in known_styles()}
+    return [style for style, field in fields.items() if field.complete()]
+
+
+def best_quality(viewers: Sequence[Viewer]) -> Viewer:
+    """Returns the viewer with the most styles in the store; of several the one of best quality.
+
+    Args:
+        viewers: Without styles, of one scene, at one quality or at several.
+
+    Raises:
+        InputError: None has a field and a fly-through; has the command that makes them.
+    """
+    ready = [v for v in viewers if all(task.complete() for task in v.requires().values())]
+    if ready:
+        return max(ready, key=lambda v: (len(adapted_styles(v)), PRESETS.index(v.quality)))
+    scene, style = viewers[0].scene, next(iter(known_styles()), "STYLE")
+    problem = "has no field with a fly-through in the store that was made with these settings"
+    command = f"luigi --module tasks StylizedTrajectory --scene {scene} --style {style}"
+    raise InputError(
+        f"scene {scene}", problem, f"Make them: {command} --quality {viewers[0].quality}"
+    )
+
+
+def watch_store(viewer: Viewer, live: LiveViewer, bake: Bake, stop: Event) -> None:
+    """Adds the styles of a viewer as they come, until `stop` is set.
+
+    A style that cannot be shown is reported in the page.
+    """
+    seen, problems = set[str](), list[str]()
+    while not stop.is_set():
+        for style in adapted_styles(viewer):
+            if style in seen or stop.is_set():
+                continue
+            seen.add(style)
+            live.report = " ".join([*problems, f"{style} is being prepared."])
+            try:
+                live.add(*bake(style))
+            except Exception as error:  # noqa: BLE001  the others are shown all the same
+                problems.append(f"{style} cannot be shown: {error}")
+            live.report = " ".join(problems)
+        stop.wait(POLL_S)

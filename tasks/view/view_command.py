@@ -1,0 +1,145 @@
+"""`styletrf view SCENE`: serves the viewer of a scene to this machine, until Ctrl-C."""
+
+import os
+import secrets
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from threading import Event, Thread
+
+from luigi.cmdline_parser import CmdlineParser
+
+from pipeline.errors import StoreError
+from pipeline.settings import current_store, data_root, out_root
+from pipeline.task import artifact
+from styletrf.capture.user_folders import find_scene
+from styletrf.errors import InputError
+from styletrf.field.radiance_field import load_field, load_stylized_field
+from styletrf.trajectory.path_files import read_path
+from styletrf.viewer.baking import BakedLook
+from styletrf.viewer.viewed_scene import read_viewed_scene, thumbnail
+from styletrf.viewer.viewer_content import bake_scene
+from tasks.presets.presets import PRESETS
+from tasks.results.viewer import PHOTOGRAPHS, Viewer
+from tasks.stages.style import StyleImage
+from tasks.stages.stylization import StylizedField
+from tasks.view.live_viewer import LiveViewer
+from tasks.view.page_server import LOOPBACK, PageServer, is_loopback
+from tasks.view.path_command import path_command
+from tasks.view.store_watch import Bake, adapted_styles, best_quality, known_styles, watch_store
+
+_DESCRIPTION = """Serves the viewer of a scene, with the styles that are in the store and those that
+come, and saves the camera paths drawn in it. What else is given, such as --content embedded, is
+what the fields were made with, as in the command that made them."""
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Runs the command; returns its exit status.
+
+    Raises:
+        SystemExit: The command is refused, or prints a help.
+    """
+    given, words = _parser().parse_known_args(arguments)
+    try:
+        return _serve(given, words)
+    except (InputError, StoreError) as error:
+        raise SystemExit(str(error)) from error
+    except KeyboardInterrupt:
+        return _stopped()
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser("styletrf view", description=_DESCRIPTION, allow_abbrev=False)
+    parser.add_argument("scene", help="a folder in data/scenes")
+    parser.add_argument(
+        "--quality", choices=PRESETS, help="by default the one with the most styles in the store"
+    )
+    parser.add_argument("--host", default=LOOPBACK, help="the address to listen on")
+    parser.add_argument("--port", type=int, default=0, help="by default a free one")
+    parser.add_argument(
+        "--path-file", type=Path, help="where paths are saved; out/SCENE/camera-path.json"
+    )
+    return parser
+
+
+def _serve(given: Namespace, words: Sequence[str]) -> int:
+    find_scene(data_root(), given.scene)
+    current_store(create=False)
+    line = ["Viewer", "--scene", given.scene, "--styles", "[]", *words]
+    with (
+        CmdlineParser.global_instance(line) as parser,
+        PageServer(given.host, given.port, secrets.token_urlsafe(24)) as server,
+    ):
+        viewer = _viewer(parser.get_task_obj(), given)  # type: ignore[no-untyped-call]
+        print(f"Preparing {viewer.scene} at {viewer.quality} ...", flush=True)  # noqa: T201
+        file = given.path_file or out_root() / viewer.scene / "camera-path.json"
+        live, bake = _live_viewer(viewer, file.absolute(), words)
+        server.site, stop = live, Event()
+        watch = Thread(target=watch_store, args=(viewer, live, bake, stop), daemon=True)
+        watch.start()
+        _print_address(server)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            stop.set()
+        watch.join(timeout=1)
+        status = _stopped()
+        if watch.is_alive():  # within native code, during which an interpreter cannot end
+            os._exit(status)
+        return status
+
+
+def _viewer(viewer: Viewer, given: Namespace) -> Viewer:
+    """Returns the viewer that is served, without its styles."""
+    if viewer.styles:
+        problem = "is not of this command, which shows all styles in the store"
+        raise InputError(f"--styles {list(viewer.styles)}", problem, "Leave it out")
+    qualities = [given.quality] if given.quality else PRESETS
+    viewers = [viewer.clone(quality=quality) for quality in qualities]
+    viewers[0].validate()
+    return best_quality(viewers)
+
+
+def _live_viewer(viewer: Viewer, file: Path, words: Sequence[str]) -> tuple[LiveViewer, Bake]:
+    """Returns what is served, with the photographs, and what bakes the styles.
+
+    Raises:
+        InputError: The file of paths is something else.
+    """
+    if file.exists() and read_path(file).of_given_poses:
+        raise InputError(str(file), "has cameras of another program", "Give another --path-file")
+    inputs = {name: artifact(task) for name, task in viewer.requires().items()}
+    scene, field = read_viewed_scene(inputs), load_field(inputs["field"])
+    content, baking = bake_scene(
+        viewer.scene, scene.model, (PHOTOGRAPHS, field), scene.photographed, scene.path
+    )
+
+    def bake(style: str) -> tuple[BakedLook, str]:
+        stylized = artifact(viewer.upstream(StylizedField, style=style))
+        image = artifact(viewer.upstream(StyleImage, style=style)) / "style.png"
+        look = baking.baked(style, load_stylized_field(inputs["field"], stylized))
+        return look, thumbnail(image)
+
+    def command(weights: Mapping[str, float], seconds: float) -> str:
+        made_with = ["--scene", viewer.scene, "--quality", viewer.quality, *words]
+        first = next(iter([*adapted_styles(viewer), *known_styles()]), "STYLE")
+        return path_command(file, seconds, weights, made_with, first)
+
+    live = LiveViewer(content, [scene.thumbnail], scene.frames_per_second, file, command)
+    return live, bake
+
+
+def _print_address(server: PageServer) -> None:
+    """Prints where the page is, and a warning where other machines reach it."""
+    if not is_loopback(server.host):
+        sys.stderr.write(
+            f"Warning: whoever reaches {server.host} and has this address sees the scene, and can"
+            " save a path. The connection is not encrypted.\n"
+        )
+    print(f"Ctrl-C stops it. Open\n{server.address}", flush=True)  # noqa: T201
+
+
+def _stopped() -> int:
+    print("\nStopped.", flush=True)  # noqa: T201
+    return 0
