@@ -12,6 +12,7 @@ are the networks of arbitrary style transfer. `Grid` requests every style on eve
 
 The packages, each of which imports only those below it:
 
+    view                  `styletrf view SCENE`, the viewer while styles are made
     results               the tasks that users request
     summary | planning    what they read afterwards; what a command would build, and its cost
     stages                the stages of the graph

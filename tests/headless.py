@@ -123,6 +123,15 @@ class OpenPage:
         """Returns the browser's answer to a command of its protocol."""
         return self._runner.run(asyncio.wait_for(self._answer(method, words), seconds))
 
+    def close(self) -> None:
+        """Ends the connection, not the browser."""
+        self._runner.run(self._closed())
+
+    async def _closed(self) -> None:
+        self._socket.close()
+        while await self._socket.read_message() is not None:
+            pass
+
     async def _answer(self, method: str, words: dict[str, Any]) -> Any:
         self._number += 1
         await self._socket.write_message(
@@ -159,7 +168,10 @@ def opened(address: str, width: int = 1000) -> Iterator[OpenPage]:
         page.command("Emulation.setDeviceMetricsOverride", **size)
         page.command("Page.navigate", url=address)
         page.run("await until(() => document.readyState === 'complete');")
-        yield page
+        try:
+            yield page
+        finally:
+            page.close()
 
 
 def _debugger(profile: Path, seconds: float = 60) -> str:

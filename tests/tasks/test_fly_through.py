@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from viewing import viewing
 
 import tasks
 from pipeline.maintenance.garbage_collection import collect
@@ -94,15 +96,21 @@ class Workplace:
     def run(self, style: str) -> Run:
         return self.command("StylizedTrajectory", "--scene", "yard", "--style", style)
 
-    def command(self, *task: str) -> Run:
+    def words(self, *task: str) -> list[str]:
         words = [*task] if "--quality" in task else [*task, "--quality", "draft"]
         words += ["--content", "embedded", "--perceptual", str(self.perceptual), "--device", "cpu"]
         if "--tuning" not in task:
             for family, settings in SETTINGS.items():
                 words += [f"--{family}-settings", json.dumps(settings)]
+        return words
+
+    def command(self, *task: str) -> Run:
+        return self.luigi("--module", "tasks", *self.words(*task))
+
+    def luigi(self, *words: str) -> Run:
         begun = time.monotonic()
         process = subprocess.run(
-            [sys.executable, "-m", "luigi", "--module", "tasks", *words],
+            [sys.executable, "-m", "luigi", *words],
             cwd=ROOT,
             env=os.environ | self.environment(),
             capture_output=True,
@@ -212,8 +220,21 @@ def test_the_same_again_builds_nothing(workplace: Workplace, first: Run):
 
 
 @pytest.mark.usefixtures("first")
-def test_another_style_builds_only_what_depends_on_it(workplace: Workplace):
-    other = workplace.run("dots")
+def test_another_style_builds_only_what_depends_on_it_and_comes_into_an_open_viewer(
+    workplace: Workplace,
+):
+    with viewing(workplace.words("yard"), workplace.environment()) as viewer:
+        assert viewer.looks(2) == ["Photographs", "brush"]
+        other = workplace.run("dots")
+        assert viewer.looks(3) == ["Photographs", "brush", "dots"]
+        pose = {"position": [0, 0, 0], "orientation": [1, 0, 0, 0]}
+        path = {"key_frames": [pose], "closed": False, "easing": 0}
+        request = {"path": path, "seconds": 2, "a": 2, "b": 0, "share": 1}
+        saved = viewer.asked("path", request)
+        assert viewer.interrupted() == 0
+    assert Path(saved["file"]) == workplace.root / "out/yard/camera-path.json"
+    planned = workplace.luigi(*shlex.split(saved["command"])[1:], "--plan")
+    assert planned.status == 0, planned.screen
     assert other.status == 0, other.screen
     assert set(other.started) == OF_THE_STYLE
     assert other.report.parent.name == "dots"

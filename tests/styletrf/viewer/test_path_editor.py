@@ -105,6 +105,7 @@ CHANGED = """
   press("Delete key frame 1");
   press("Delete key frame 1");
   const isEmpty = find("#preview").disabled && find("#download").disabled;
+  await until(() => !location.hash.includes("path="));
   location.hash = hash;
   await until(() => editor.toText());
   const again = texts();

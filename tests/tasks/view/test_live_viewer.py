@@ -6,7 +6,6 @@ from headless import needs_chromium, opened
 
 from styletrf.geometry.lenses import focal_of
 from styletrf.geometry.rotations import matrices_of
-from styletrf.geometry.typical_view import typical_view
 from styletrf.trajectory.path_files import placed_key_frames, read_path
 
 pytestmark = needs_chromium
@@ -48,14 +47,14 @@ def test_a_style_comes_and_a_path_goes(served, width: int):
     assert drawn["command"].endswith(f"--style p --path {served.file} --seconds 3.5")
     scene, keys = served.scene, read_path(served.file)
     placed = placed_key_frames(keys, scene.photographed, scene.model, are_given=False)
-    usual = typical_view(scene.photographed)
+    lens = focal_of(scene.path[0])  # of the page, which counts zoom from it
     for k, (view, rotation) in enumerate(
         zip(drawn["views"], matrices_of(placed.quaternions), strict=True)
     ):
         pose = np.reshape(view["pose"], (3, 4))
         np.testing.assert_allclose(placed.centers[k], pose[:, 3], atol=1e-5)
         np.testing.assert_allclose(rotation, pose[:, :3], atol=1e-5)
-        assert placed.focals[k] == pytest.approx(view["zoom"] * focal_of(usual), rel=1e-5)
+        assert placed.focals[k] == pytest.approx(view["zoom"] * lens, rel=1e-5)
 
 
 def test_a_page_that_is_loaded_again_has_all_styles(served):

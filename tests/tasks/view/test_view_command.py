@@ -1,0 +1,47 @@
+"""What the command refuses, and with which remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.settings import current_store
+from tasks.view.view_command import run
+
+pytestmark = pytest.mark.usefixtures("out")
+
+
+@pytest.fixture
+def store() -> Path:
+    return current_store().root
+
+
+@pytest.mark.usefixtures("store")
+def test_a_scene_without_results_is_refused_with_the_command_that_makes_them():
+    with pytest.raises(SystemExit) as error:
+        run(["mini", "--quality", "draft"])
+    command = "luigi --module tasks StylizedTrajectory --scene mini --style p --quality draft"
+    assert command in str(error.value)
+
+
+@pytest.mark.usefixtures("store")
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["nowhere"], "nowhere"),
+        (["../mini"], "../mini"),
+        (["mini", "--styles", '["p"]'], "--styles"),
+        (["mini", "--path", "nowhere.json"], "nowhere.json"),
+        (["mini", "--host", "203.0.113.7"], "203.0.113.7"),
+        (["mini", "--port", "99999"], "99999"),
+    ],
+)
+def test_an_error_names_what_is_wrong(words: list[str], named: str):
+    with pytest.raises(SystemExit) as error:
+        run(words)
+    assert named in str(error.value)
+
+
+def test_without_a_store_nothing_is_made(tmp_path: Path):
+    with pytest.raises(SystemExit):
+        run(["mini"])
+    assert not (tmp_path / "store").exists()

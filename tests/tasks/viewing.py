@@ -1,0 +1,64 @@
+"""`styletrf view` as a process of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Viewing:
+    """A server, and the page that it printed."""
+
+    process: subprocess.Popen[str]
+    address: str
+
+    def looks(self, least: int, seconds: float = 120) -> list[str]:
+        """The names of the looks, when there are so many."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            if (count := self.asked("state")["looks"]) >= least:
+                return [self.asked(f"looks/{k}")["values"]["name"] for k in range(count)]
+            time.sleep(0.5)
+        raise AssertionError(self.asked("state"))
+
+    def asked(self, place: str, body: object = None):
+        content = None if body is None else json.dumps(body).encode()
+        headers = {"Content-Type": "application/json"}
+        request = urllib.request.Request(self.address + place, content, headers)
+        with urllib.request.urlopen(request, timeout=60) as answer:
+            return json.load(answer)
+
+    def interrupted(self) -> int:
+        """Its exit status after Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+        return self.process.wait(60)
+
+
+@contextmanager
+def viewing(words: Sequence[str], environment: Mapping[str, str]) -> Iterator[Viewing]:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tasks", "view", *words],
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        lines = iter(process.stdout.readline, "")
+        yield Viewing(
+            process, next((line for line in lines if line.startswith("http")), "").strip()
+        )
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
