@@ -1,7 +1,9 @@
 """Shows a viewer as a desktop and, dark, as a phone sees it, in one picture; needs `chromium`.
 
 python docs/images/viewer.py out/horns/viewer.html docs/images/viewer.jpg
+python docs/images/viewer.py out/horns/viewer.html docs/images/camera_path.jpg path
 
+With `path` it draws a camera path. The page may also be the address that `styletrf view` prints.
 A picture is taken when the page has drawn its own in full.
 """
 
@@ -21,7 +23,17 @@ import numpy as np
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 DESKTOP, PHONE, GAP_PX = (1280, 900), (390, 900), 40
-LOOKED_AT = """viewer.then(async ({ loop, shown, refresh }) => {
+SPLIT = "shown.split = 0.5; refresh();"
+DRAWN = """
+  const find = (what) => document.querySelector(what);
+  find("#route").open = true;
+  for (const frame of [0, 0.15, 0.3, 0.45]) {
+    navigation.follow(Math.floor(frame * navigation.frames));
+    find("#addKey").click();
+  }
+  find("#keys [aria-label='Go to key frame 2']").click();
+"""
+LOOKED_AT = """viewer.then(async ({ loop, shown, refresh, navigation }) => {
   BEFORE
   while (!loop.isSettled()) await new Promise((r) => setTimeout(r, 100));
   await new Promise((r) => setTimeout(r, 500));
@@ -58,7 +70,11 @@ async def picture_of(port: int, page: str, size: tuple[int, int], look: str, bef
 
 def main() -> None:
     """Write the picture."""
-    page, picture, port = Path(sys.argv[1]).absolute().as_uri(), sys.argv[2], 9347
+    page, picture, port = sys.argv[1], sys.argv[2], 9347
+    is_path = sys.argv[3:] == ["path"]
+    if not page.startswith("http"):
+        page = Path(page).absolute().as_uri()
+    scripts = [DRAWN, DRAWN] if is_path else [SPLIT, ""]
     chromium = shutil.which("chromium") or "chromium"
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "about:blank",
@@ -67,10 +83,11 @@ def main() -> None:
         browser = subprocess.Popen([chromium, *flags], stderr=subprocess.DEVNULL)
         try:
             asyncio.run(asyncio.sleep(5))
-            split = "shown.split = 0.5; refresh();"
             seen = [
-                asyncio.run(picture_of(port, page, DESKTOP, "light", split)),
-                asyncio.run(picture_of(port, page, PHONE, "dark", "")),
+                asyncio.run(picture_of(port, page, size, scheme, script))
+                for size, scheme, script in zip(
+                    (DESKTOP, PHONE), ("light", "dark"), scripts, strict=True
+                )
             ]
         finally:
             browser.terminate()
