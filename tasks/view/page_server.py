@@ -7,6 +7,7 @@ file. Writing is one POST, of limited size, that the page's own origin sends as 
 import hmac
 import json
 import socket
+import sys
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
 from typing import Any, Protocol
@@ -73,6 +74,11 @@ class PageServer(ThreadingHTTPServer):
             remedy = "Give another --port, or none for a free one"
             raise InputError(f"--host {host} --port {port}", problem, remedy) from error
 
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Reports an error, unless a browser just closed the connection."""
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
     @property
     def address(self) -> str:
         """The page's address, with its token."""
@@ -99,9 +105,12 @@ def is_own_host(header: str, host: str) -> bool:
     """
     try:
         name = urlsplit(f"//{header}").hostname or ""
+    except ValueError:
+        return False
+    try:
         return ip_address(name).is_loopback or not is_loopback(host)
     except ValueError:
-        return header.rpartition(":")[0].lower() in ("localhost", host.lower())
+        return name in ("localhost", host.lower())
 
 
 class _Handler(BaseHTTPRequestHandler):

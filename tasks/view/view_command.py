@@ -66,15 +66,16 @@ def _parser() -> ArgumentParser:
 def _serve(given: Namespace, words: Sequence[str]) -> int:
     find_scene(data_root(), given.scene)
     current_store(create=False)
+    file = (given.path_file or out_root() / given.scene / "camera-path.json").absolute()
+    _require_path_file(file)
     line = ["Viewer", "--scene", given.scene, "--styles", "[]", *words]
     with (
         CmdlineParser.global_instance(line) as parser,
         PageServer(given.host, given.port, secrets.token_urlsafe(24)) as server,
     ):
-        viewer = _viewer(parser.get_task_obj(), given)  # type: ignore[no-untyped-call]
+        viewer = _viewer(parser.get_task_obj(), given)
         print(f"Preparing {viewer.scene} at {viewer.quality} ...", flush=True)  # noqa: T201
-        file = given.path_file or out_root() / viewer.scene / "camera-path.json"
-        live, bake = _live_viewer(viewer, file.absolute(), words)
+        live, bake = _live_viewer(viewer, file, words)
         server.site, stop = live, Event()
         watch = Thread(target=watch_store, args=(viewer, live, bake, stop), daemon=True)
         watch.start()
@@ -90,25 +91,28 @@ def _serve(given: Namespace, words: Sequence[str]) -> int:
         return status
 
 
+def _require_path_file(file: Path) -> None:
+    """Refuses to replace a file that is not key frames."""
+    if file.exists() and (file.is_dir() or read_path(file).of_given_poses):
+        raise InputError(str(file), "is not a file of key frames", "Give another --path-file")
+
+
 def _viewer(viewer: Viewer, given: Namespace) -> Viewer:
     """Returns the viewer that is served, without its styles."""
     if viewer.styles:
         problem = "is not of this command, which shows all styles in the store"
         raise InputError(f"--styles {list(viewer.styles)}", problem, "Leave it out")
     qualities = [given.quality] if given.quality else PRESETS
-    viewers = [viewer.clone(quality=quality) for quality in qualities]
+    viewers = [
+        viewer.clone(quality=quality)  # type: ignore[no-untyped-call]
+        for quality in qualities
+    ]
     viewers[0].validate()
     return best_quality(viewers)
 
 
 def _live_viewer(viewer: Viewer, file: Path, words: Sequence[str]) -> tuple[LiveViewer, Bake]:
-    """Returns what is served, with the photographs, and what bakes the styles.
-
-    Raises:
-        InputError: The file of paths is something else.
-    """
-    if file.exists() and read_path(file).of_given_poses:
-        raise InputError(str(file), "has cameras of another program", "Give another --path-file")
+    """Returns what is served, with the photographs, and what bakes the styles."""
     inputs = {name: artifact(task) for name, task in viewer.requires().items()}
     scene, field = read_viewed_scene(inputs), load_field(inputs["field"])
     content, baking = bake_scene(

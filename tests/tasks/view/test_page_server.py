@@ -94,6 +94,8 @@ def test_a_name_that_is_not_the_servers_is_refused(served, host):
     [
         ("127.0.0.1:80", "127.0.0.1", True),
         ("localhost:80", "127.0.0.1", True),
+        ("localhost", "127.0.0.1", True),
+        ("LOCALHOST:80", "127.0.0.1", True),
         ("[::1]:80", "127.0.0.1", True),
         ("10.0.0.7:80", "127.0.0.1", False),
         ("10.0.0.7:80", "0.0.0.0", True),

@@ -41,6 +41,17 @@ def test_an_error_names_what_is_wrong(words: list[str], named: str):
     assert named in str(error.value)
 
 
+@pytest.mark.usefixtures("store")
+@pytest.mark.parametrize("content", ["notes", '{"frames": []}', '{"key_frames": []}'])
+def test_a_file_that_is_not_a_path_is_not_replaced(tmp_path: Path, content: str):
+    file = tmp_path / "mine.json"
+    file.write_text(content)
+    with pytest.raises(SystemExit) as error:
+        run(["mini", "--path-file", str(file)])
+    assert str(file) in str(error.value)
+    assert file.read_text() == content
+
+
 def test_without_a_store_nothing_is_made(tmp_path: Path):
     with pytest.raises(SystemExit):
         run(["mini"])
