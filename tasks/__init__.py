@@ -24,6 +24,7 @@ no torch: heavy imports are inside `build`, which runs in its own interpreter.
 """
 
 from pipeline.command import take_over_luigi
+from tasks.results.export import Export
 from tasks.results.grid import Grid
 from tasks.results.scene_report import SceneReport
 from tasks.results.trade_off import TradeOff
@@ -46,6 +47,7 @@ __all__ = [
     "CameraPoses",
     "ConsistencyMetrics",
     "ContentImages",
+    "Export",
     "Grid",
     "PerceptualWeights",
     "PriorRenders",

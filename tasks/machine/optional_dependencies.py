@@ -1,4 +1,4 @@
-"""Optional dependencies of metrics: their versions are part of the key, absent ones are errors.
+"""Optional dependencies: their versions are part of the key, absent ones are errors.
 
 Neither torch nor the packages themselves are imported for this.
 """
@@ -10,6 +10,17 @@ from pathlib import Path
 from pipeline.digest import file_digest
 from styletrf.errors import InputError
 from styletrf.files.published_weights import ALEXNET, RAFT
+
+EXPORT_PACKAGES = {
+    "ply": ("gsply",),
+    "spz": ("gsply",),
+    "points": ("trimesh",),
+    "mesh": ("scikit-image", "trimesh"),
+    "blender": ("scikit-image", "trimesh"),
+    "cameras": (),
+}
+"""What writes the files of each format of `Export`."""
+_EXPORT_REMEDY = "Install this project with its extra: pip install -e '.[export]'"
 
 
 def lpips_digests() -> dict[str, str]:
@@ -28,6 +39,19 @@ def raft_digests() -> dict[str, str]:
         InputError: One of them is not at hand.
     """
     return _digests("flow raft", ("torchvision",), RAFT)
+
+
+def export_versions(file_format: str) -> dict[str, str]:
+    """Returns the releases of the packages that write an export's files.
+
+    Raises:
+        InputError: One of them is not installed.
+    """
+    try:
+        return {package: version(package) for package in EXPORT_PACKAGES[file_format]}
+    except PackageNotFoundError as error:
+        problem = f"needs the package {error.name}, which is not installed"
+        raise InputError(f"--format {file_format}", problem, _EXPORT_REMEDY) from error
 
 
 def _digests(what: str, packages: tuple[str, ...], weights: str) -> dict[str, str]:

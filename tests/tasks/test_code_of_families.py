@@ -231,7 +231,7 @@ assert time.perf_counter() - started < 5, "usually 1.3 s"
         text=True,
     )
     states = {line.split()[0]: line for line in done.stdout.splitlines()[1:]}
-    others = {"Grid", "SceneReport", "StylizationMetrics", "TradeOff", "Viewer"}
+    others = {"Export", "Grid", "SceneReport", "StylizationMetrics", "TradeOff", "Viewer"}
     assert states.keys() == set(tasks.__all__) - others
     assert "the first of its family" in states["StyleImage"]
     assert "waits for " in states["StylizedTrajectory"]

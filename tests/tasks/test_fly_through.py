@@ -146,7 +146,7 @@ def first(workplace: Workplace) -> Run:
 
 
 def test_the_command_makes_everything_and_says_where_it_is(workplace: Workplace, first: Run):
-    others = {"Grid", "SceneReport", "StylizationMetrics", "TradeOff", "Viewer"}
+    others = {"Export", "Grid", "SceneReport", "StylizationMetrics", "TradeOff", "Viewer"}
     assert set(first.started) == set(tasks.__all__) - others
     assert len(first.started) == len(set(first.started))
     assert first.report == workplace.root / "out/yard/brush/report.html"

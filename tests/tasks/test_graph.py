@@ -58,7 +58,7 @@ def test_limits_of_a_stage_are_not_those_of_what_is_upstream():
     assert {(t.timeout_seconds, t.memory_gib) for t in upstream.values()} == {(0, 0)}
 
 
-OTHERS = {"Grid", "SceneReport", "StylizationMetrics", "TradeOff", "Viewer"}
+OTHERS = {"Export", "Grid", "SceneReport", "StylizationMetrics", "TradeOff", "Viewer"}
 CELL = set(tasks.__all__) - OTHERS  # what one scene and style need
 
 

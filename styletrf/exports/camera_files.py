@@ -1,0 +1,65 @@
+"""Cameras as other programs read them: `transforms.json` and COLMAP's text files."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from styletrf.colmap import pycolmap
+from styletrf.geometry.cameras import Camera
+
+_OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def write_transforms(path: Path, cameras: Sequence[Camera], folder: str, suffix: str) -> None:
+    """Writes the file of instant-ngp and nerfstudio: a lens and a pose for each frame.
+
+    Args:
+        path: Where to.
+        cameras: In the world.
+        folder: Of the images, seen from the file.
+        suffix: Of the images' names.
+    """
+    frames = [
+        {"file_path": f"{folder}/{camera.name}{suffix}", **_lens(camera), **_pose(camera)}
+        for camera in cameras
+    ]
+    text = json.dumps({"camera_model": "PINHOLE", "frames": frames}, indent=1)
+    path.write_text(text + "\n")
+
+
+def write_colmap_text(folder: Path, cameras: Sequence[Camera], suffix: str) -> None:
+    """Writes `cameras.txt`, `images.txt`, `points3D.txt` and what COLMAP writes beside them.
+
+    Args:
+        folder: To be filled.
+        cameras: In the world; each gets a lens of its own.
+        suffix: Of the images' names.
+    """
+    model = pycolmap.Reconstruction()
+    for number, camera in enumerate(cameras, start=1):
+        lens = [camera.fx, camera.fy, camera.cx, camera.cy]
+        model.add_camera_with_trivial_rig(
+            pycolmap.Camera(
+                model="PINHOLE", width=camera.width, height=camera.height, params=lens,
+                camera_id=number,
+            )
+        )  # fmt: skip
+        rotation = pycolmap.Rotation3d(camera.world_from_camera[:, :3])
+        world_from_camera = pycolmap.Rigid3d(rotation, camera.center_world)
+        image = pycolmap.Image(name=f"{camera.name}{suffix}", camera_id=number, image_id=number)
+        model.add_image_with_trivial_frame(image, world_from_camera.inverse())
+    model.write_text(folder)
+
+
+def _lens(camera: Camera) -> dict[str, Any]:
+    lens = {"fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy}
+    return {**lens, "w": camera.width, "h": camera.height}
+
+
+def _pose(camera: Camera) -> dict[str, Any]:
+    """Returns world from camera, with x right, y up, z back in the camera."""
+    pose = np.vstack([camera.world_from_camera, [0.0, 0.0, 0.0, 1.0]]) @ _OPENGL_FROM_OPENCV
+    return {"transform_matrix": pose.tolist()}

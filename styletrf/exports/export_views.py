@@ -1,0 +1,128 @@
+"""What exports are made from: views that are supported, and the points that their pixels see.
+
+A point lies where the transmittance of a pixel's ray falls to one half.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.rendering import RenderConfig, Rendering
+from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, points_at_depth
+from styletrf.scene.scene_model import SceneModel
+from styletrf.trajectory.frames import rendered
+
+_MOST_PIXELS = 4_000_000
+_FEWEST_VIEWS, _MOST_VIEWS = 8, 48
+
+Look = tuple[str, Callable[[], RadianceField]]
+"""A name, and what loads the field that looks so."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurfacePoints:
+    """Points that pixels of some views see.
+
+    Attributes:
+        positions: In the world of the cameras.
+        footprints: How wide a pixel is there, in the world's unit.
+    """
+
+    positions: Float[np.ndarray, "points 3"]
+    footprints: Float[np.ndarray, " points"]
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+@dataclass(frozen=True, slots=True)
+class ExportViews:
+    """Views of a scene, in its normalized world.
+
+    Attributes:
+        model: Of the scene.
+        field: With the photographs' appearance.
+        cameras: Photographs not held out and places of the fly-through.
+        renders: Of the field.
+        device: Where pictures are rendered.
+    """
+
+    model: SceneModel
+    field: RadianceField
+    cameras: Sequence[Camera]
+    renders: Sequence[Rendering]
+    device: torch.device
+
+    def pictures(self, field: RadianceField) -> Iterator[np.ndarray]:
+        """Yields what the cameras see of a field: 3 colors in [0, 1] for each pixel."""
+        if field is self.field:
+            yield from (render.color.numpy() for render in self.renders)
+            return
+        space, config = self.model.space, RenderConfig()
+        for render in rendered(field, space, self.cameras, config, self.device):
+            yield render.color.numpy()
+
+    def points(self) -> SurfacePoints:
+        """Returns the surface points of all views, in the normalized world."""
+        return surface_points(self.cameras, self.renders)
+
+    def to_grid(self, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
+        """Returns points of the normalized world in coordinates of the field's grid."""
+        return self.model.space.within(self.field.bounds).to_grid(points)
+
+
+def export_views(
+    model: SceneModel,
+    field: RadianceField,
+    photographed: Sequence[Camera],
+    path: Sequence[Camera],
+    device: torch.device,
+) -> ExportViews:
+    """Returns views spread over the photographs and the fly-through, as many as memory allows.
+
+    Args:
+        model: Of the scene.
+        field: With the photographs' appearance.
+        photographed: The cameras of photographs that are not held out, in the normalized world.
+        path: The fly-through, in the normalized world.
+        device: Where pictures are rendered.
+    """
+    side = max(photographed[0].width, photographed[0].height)
+    every = [*photographed, *(fitted_to(camera, side) for camera in path)]
+    pixels = float(np.mean([camera.width * camera.height for camera in every]))
+    count = int(np.clip(_MOST_PIXELS / pixels, _FEWEST_VIEWS, _MOST_VIEWS))
+    spread = np.unique(np.linspace(0, len(every) - 1, min(count, len(every))).round().astype(int))
+    cameras = [every[k] for k in spread]
+    renders = list(rendered(field, model.space, cameras, RenderConfig(), device))
+    return ExportViews(model, field, cameras, renders, device)
+
+
+def surface_points(cameras: Sequence[Camera], renders: Sequence[Rendering]) -> SurfacePoints:
+    """Returns the points of all pixels whose ray meets something."""
+    positions, footprints = [], []
+    for camera, render in zip(cameras, renders, strict=True):
+        seen = _meets_something(render)
+        depth = render.median_depth.numpy().ravel()[seen].astype(np.float64)
+        pixels = pixel_centers(camera.width, camera.height)[seen]
+        positions.append(points_at_depth(camera, pixels, depth))
+        footprints.append(depth / camera.fx)
+    return SurfacePoints(np.concatenate(positions), np.concatenate(footprints))
+
+
+def point_colors(
+    renders: Sequence[Rendering], pictures: Iterable[Float[np.ndarray, "_ _ 3"]]
+) -> Float[np.ndarray, "points 3"]:
+    """Returns the colors of the pixels whose points `surface_points` returns, in that order."""
+    pairs = zip(renders, pictures, strict=True)
+    return np.concatenate(
+        [picture.reshape(-1, 3)[_meets_something(render)] for render, picture in pairs]
+    )
+
+
+def _meets_something(render: Rendering) -> Bool[np.ndarray, " pixels"]:
+    finite: Bool[np.ndarray, " pixels"] = np.isfinite(render.median_depth.numpy().ravel())
+    return finite

@@ -1,0 +1,123 @@
+"""A scene in the files of other programs."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from styletrf.capture.views import load_views
+from styletrf.devices import device_named
+from styletrf.exports.blender_bundle import write_blender_bundle
+from styletrf.exports.camera_files import write_colmap_text, write_transforms
+from styletrf.exports.export_views import ExportViews, Look, export_views
+from styletrf.exports.splat_export import MOST_SPLATS, HeldOut, export_splats
+from styletrf.exports.surface_export import export_mesh, export_points
+from styletrf.field.radiance_field import load_field, load_stylized_field
+from styletrf.files.video import video_info
+from styletrf.geometry.camera_table import read_cameras, read_split
+from styletrf.geometry.cameras import moved
+from styletrf.progress import Progress
+from styletrf.scene.scene_model import SceneModel, read_scene_model
+
+ExportFormat = Literal["ply", "spz", "points", "mesh", "blender", "cameras"]
+PHOTOGRAPHS = "photographs"
+
+
+def export_scene(
+    inputs: Mapping[str, Path],
+    out: Path,
+    file_format: ExportFormat,
+    styles: Sequence[str],
+    device_name: str,
+    progress: Progress,
+) -> None:
+    """Writes the files of one format, and `export.json` with what they hold and lose.
+
+    Args:
+        inputs: `poses`, `trajectory`; but for cameras `field`, `model`, and `stylized NAME` of each
+            style.
+        out: The folder to fill.
+        file_format: See `docs/exports.md`.
+        styles: Names of the styles.
+        device_name: `auto`, `cpu` or `cuda`.
+        progress: Called after every style.
+
+    Raises:
+        InputError: There is no surface to export.
+    """
+    if file_format == "cameras":
+        report = _export_cameras(inputs, out)
+    else:
+        model = read_scene_model(inputs["model"] / "scene.json")
+        views = _views(inputs, model, device_name)
+        looks = _looks(inputs, views, styles)
+        if file_format in ("ply", "spz"):
+            held_out = _held_out(inputs["poses"], model)
+            report = export_splats(
+                out, file_format, views, looks, held_out, MOST_SPLATS, progress
+            )  # fmt: skip
+        elif file_format == "points":
+            report = export_points(out, views, looks, progress)
+        else:
+            report = export_mesh(out, views, looks, progress)
+        if file_format == "blender":
+            _write_bundle(inputs, out)
+    text = json.dumps({"format": file_format, **report}, indent=1, sort_keys=True)
+    (out / "export.json").write_text(text + "\n")
+
+
+def _views(inputs: Mapping[str, Path], model: SceneModel, device_name: str) -> ExportViews:
+    fitted, _ = read_split(inputs["poses"] / "cameras.parquet")
+    path = read_cameras(inputs["trajectory"] / "cameras.parquet")
+    field = load_field(inputs["field"])
+    return export_views(model, field, model.normalized(fitted), path, device_named(device_name))
+
+
+def _looks(inputs: Mapping[str, Path], views: ExportViews, styles: Sequence[str]) -> list[Look]:
+    def photographs() -> Any:
+        return views.field
+
+    stylized: list[tuple[str, Callable[[], Any]]] = [
+        (style, partial(load_stylized_field, inputs["field"], inputs[f"stylized {style}"]))
+        for style in styles
+    ]
+    return [(PHOTOGRAPHS, photographs), *stylized]
+
+
+def _held_out(poses: Path, model: SceneModel) -> HeldOut:
+    cameras = model.normalized(read_split(poses / "cameras.parquet")[1])
+    images = load_views(poses / "images", cameras)
+    photographs = [image[..., :3].numpy().astype(np.float32) / 255 for image in images]
+    return HeldOut(cameras, photographs)
+
+
+def _export_cameras(inputs: Mapping[str, Path], out: Path) -> dict[str, Any]:
+    """Writes the photographs' cameras and the fly-through's, both in COLMAP's world."""
+    cameras = read_cameras(inputs["poses"] / "cameras.parquet")
+    path = _path_in_world(inputs)
+    write_transforms(out / "transforms.json", cameras, "images", ".png")
+    write_transforms(out / "transforms_path.json", path, "frames", ".exr")
+    for name, some, suffix in (("sparse", cameras, ".png"), ("sparse_path", path, ".exr")):
+        (out / name / "0").mkdir(parents=True)
+        write_colmap_text(out / name / "0", some, suffix)
+    model = read_scene_model(inputs["model"] / "scene.json")
+    scale = float(np.cbrt(np.linalg.det(model.normalized_from_world[:3, :3])))
+    counts = {"photographs": len(cameras), "path": len(path)}
+    return {**counts, "world_units_per_depth": 1 / scale}
+
+
+def _write_bundle(inputs: Mapping[str, Path], out: Path) -> None:
+    rate = float(video_info(inputs["trajectory"] / "video.mp4").frames_per_second)
+    photographed = read_cameras(inputs["poses"] / "cameras.parquet")
+    write_blender_bundle(out, photographed, _path_in_world(inputs), rate)
+
+
+def _path_in_world(inputs: Mapping[str, Path]) -> list[Any]:
+    """Returns the fly-through's cameras, which are kept in the normalized world, in COLMAP's."""
+    model = read_scene_model(inputs["model"] / "scene.json")
+    world_from_normalized = np.linalg.inv(model.normalized_from_world)
+    path = read_cameras(inputs["trajectory"] / "cameras.parquet")
+    return [moved(camera, world_from_normalized) for camera in path]

@@ -1,0 +1,119 @@
+"""A scene in some styles, in the files of other programs."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import luigi
+
+from pipeline.parameters import ChoiceParameter, ListParameter
+from pipeline.settings import out_root
+from pipeline.task import RunContext, StoredTask
+from styletrf.errors import InputError
+from tasks.machine.optional_dependencies import EXPORT_PACKAGES, export_versions
+from tasks.stages.field import RadianceField, TrajectoryFrames
+from tasks.stages.linked_results import LinkedStage
+from tasks.stages.path_parameters import PathParameters
+from tasks.stages.scene import CameraPoses, SceneModel
+from tasks.stages.stage import Stage
+from tasks.stages.style_parameters import NetworkParameters, StyleParameters
+from tasks.stages.stylization import StylizedField
+
+PHOTOGRAPHS = "photographs"
+_CAMERA_FILES = ("transforms.json", "transforms_path.json", "sparse", "sparse_path")
+_SUFFIXES = {"ply": "ply", "spz": "spz", "points": "ply", "mesh": "glb", "blender": "glb"}
+_BESIDE = {
+    "ply": ("colors.safetensors",),
+    "spz": ("colors.safetensors",),
+    "blender": ("cameras.json", "import_scene.py"),
+}
+
+
+class Export(LinkedStage, PathParameters):
+    """Files of one format for other programs: one geometry, and every style on it.
+
+    Leaves what `docs/exports.md` lists, linked from `out/SCENE/export/FORMAT/`.
+    """
+
+    scene = luigi.Parameter(description="a folder in data/scenes")
+    styles = ListParameter(default=(), description='such as ["mosaic", "udnie"]')
+    format = ChoiceParameter(
+        choices=list(EXPORT_PACKAGES),
+        description="Gaussian splats (ply, spz), colored points, a mesh, a bundle for Blender, or"
+        " cameras and depths",
+    )
+    content = NetworkParameters.content
+    perceptual = NetworkParameters.perceptual
+    stroke_scale = NetworkParameters.stroke_scale
+    content_weight = NetworkParameters.content_weight
+    transfer = NetworkParameters.transfer
+    stylizer = NetworkParameters.stylizer
+    colors = StyleParameters.colors
+    match = StyleParameters.match
+    rounds = StyleParameters.rounds
+    tools = ("numba", "opencv-contrib-python-headless", "torch")
+    uses_device = True
+    page = "export.json"
+
+    def validate(self) -> None:
+        """Refuses styles that are not each one name, and formats whose packages are missing.
+
+        Raises:
+            InputError: With what to give, or to install, instead.
+        """
+        super().validate()
+        if not all(isinstance(style, str) and style for style in self.styles):
+            problem = "has what is no name of an image in data/styles"
+            raise InputError(f"--styles {list(self.styles)}", problem, 'Give such as ["mosaic"]')
+        if len(set(self.styles)) < len(self.styles):
+            raise InputError(f"--styles {list(self.styles)}", "names one twice", "Name each once")
+        if PHOTOGRAPHS in self.styles:
+            problem = f"has {PHOTOGRAPHS}, the name of what is not stylized"
+            raise InputError(f"--styles {list(self.styles)}", problem, "Rename the painting")
+        export_versions(self.format)
+
+    def requires(self) -> Mapping[str, Stage]:
+        """Returns the cameras; but for these alone also the density and the appearances."""
+        needed: dict[str, Stage] = {
+            "model": self.upstream(SceneModel),
+            "poses": self.upstream(CameraPoses),
+            "trajectory": self.upstream(TrajectoryFrames),
+        }
+        if self.format == "cameras":
+            return needed
+        needed["field"] = self.upstream(RadianceField)
+        for style in self.styles:
+            needed[f"stylized {style}"] = self.upstream(StylizedField, style=style)
+        return needed
+
+    def identity_parameters(self) -> Mapping[str, object]:
+        """Returns the format, and the names of the files."""
+        return {"format": self.format, "styles": list(self.styles)}
+
+    def external_digests(self) -> Mapping[str, str]:
+        """Returns the releases of the packages that write the files."""
+        return export_versions(self.format)
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        """Write the files."""
+        from styletrf.steps.scene_export import export_scene
+
+        file_format = cast("Any", self.format)
+        export_scene(inputs, out, file_format, self.styles, self.device, run.progress)
+
+    @property
+    def folder(self) -> Path:
+        """Where the files are shown."""
+        return Path(out_root(), self.scene, "export", self.format)
+
+    def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        """Returns the files; beside cameras the images that they name, and frames with depths."""
+        own = place(self)
+        if self.format == "cameras":
+            images = place(self.upstream(CameraPoses)) / "images"
+            frames = place(self.upstream(TrajectoryFrames)) / "frames"
+            files = {name: own / name for name in (self.page, *_CAMERA_FILES)}
+            return {**files, "images": images, "frames": frames}
+        looks = [f"{look}.{_SUFFIXES[self.format]}" for look in (PHOTOGRAPHS, *self.styles)]
+        names = (self.page, *looks, *_BESIDE.get(self.format, ()))
+        return {name: own / name for name in names}

@@ -1,0 +1,104 @@
+"""Exports of small fields in all three spaces: files are in COLMAP's world, whatever the space."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from test_surface_mesh import RADIUS, ball_seen
+from test_surface_mesh import camera as camera_around
+from tiny_scene import KINDS, tiny_scene
+
+from styletrf.exports.export_views import ExportViews, Look, export_views
+from styletrf.exports.splat_export import HeldOut, export_splats
+from styletrf.exports.splat_files import read_splats
+from styletrf.exports.splat_fit import shown
+from styletrf.exports.splat_footprints import footprints
+from styletrf.exports.surface_export import export_mesh, export_points
+from styletrf.exports.surface_mesh import surface_mesh
+from styletrf.geometry.cameras import Camera, in_view, moved
+from styletrf.progress import silent
+
+CPU = torch.device("cpu")
+spaces = pytest.mark.parametrize("space", list(KINDS))
+
+
+@cache
+def views_of(space: str) -> ExportViews:
+    scene = tiny_scene(space)
+    return export_views(
+        scene.model, scene.fields["Photographs"], scene.cameras, scene.cameras[:2], CPU
+    )
+
+
+def looks_of(space: str) -> list[Look]:
+    fields = tiny_scene(space).fields
+    names = {"photographs": fields["Photographs"], "style": fields["style 1"]}
+    return [(name, lambda field=field: field) for name, field in names.items()]
+
+
+def in_world(space: str, camera: Camera) -> Camera:
+    return moved(camera, np.linalg.inv(tiny_scene(space).model.normalized_from_world))
+
+
+@spaces
+def test_splats_show_what_the_field_shows_and_share_their_geometry(space: str, tmp_path: Path):
+    pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
+    views = views_of(space)
+    held_out = HeldOut(views.cameras[:1], [views.renders[0].color.numpy()])
+    report = export_splats(tmp_path, "spz", views, looks_of(space), held_out, 6000, silent)
+    assert 0 < report["splats"] <= 6000
+    geometry = []
+    for k, (name, _) in enumerate(looks_of(space)):
+        splats, colors = read_splats(tmp_path / f"{name}.spz")
+        geometry.append(np.column_stack([splats.centers, splats.scales, splats.rotations]))
+        assert len(splats) == report["splats"]
+        found = report["looks"][name]
+        assert found["bytes"] == (tmp_path / f"{name}.spz").stat().st_size
+        camera = in_world(space, views.cameras[0])
+        opacities = splats.opacities.astype(np.float32)
+        background = np.array(found["background"], np.float32)
+        picture = shown(footprints(splats, camera, 1e-4), opacities, colors, background)
+        exact = next(views.pictures(looks_of(space)[k][1]())).reshape(-1, 3)
+        error = np.square(picture.clip(0, 1) - exact).mean()
+        assert -10 * np.log10(error) == pytest.approx(found["psnr_to_field"], abs=0.1)
+        assert found["psnr_to_field"] > (12 if space == "unbounded" else 20)  # that field is fog
+    assert np.array_equal(*geometry)
+
+
+@pytest.mark.parametrize("space", ["ndc", "box"])
+def test_points_and_meshes_lie_where_a_view_saw_them(space: str, tmp_path: Path):
+    trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed (extra export)")
+    pytest.importorskip("skimage", reason="scikit-image is not installed (extra export)")
+    views = replace(
+        views_of(space), cameras=views_of(space).cameras[:1], renders=views_of(space).renders[:1]
+    )
+    report = export_points(tmp_path, views, looks_of(space), silent)
+    report |= export_mesh(tmp_path, views, looks_of(space), silent)
+    assert 0 <= report["surface_share"] <= 1
+    points = np.asarray(trimesh.load(tmp_path / "photographs.ply").vertices)
+    (mesh,) = trimesh.load(tmp_path / "photographs.glb", process=False).geometry.values()
+    for found, share in ((points, 0.8), (np.asarray(mesh.vertices) * (1, -1, -1), 0.5)):
+        (camera,), (render,) = views.cameras, views.renders
+        pixels, depth, inside = in_view(in_world(space, camera), found)
+        column, row = pixels[inside].astype(int).T
+        scale = np.cbrt(np.linalg.det(views.model.normalized_from_world[:3, :3]))
+        seen, own = render.median_depth.numpy()[row, column], depth[inside] * scale
+        assert (np.abs(own - seen) < 0.1 * own).mean() > share
+    assert json.dumps(report)
+
+
+def test_in_unbounded_space_a_ball_is_a_ball():
+    pytest.importorskip("skimage", reason="scikit-image is not installed (extra export)")
+    views = [camera_around(angle) for angle in np.linspace(0, 2 * np.pi, 9)[:-1]]
+    renders = [ball_seen(view) for view in views]
+    mesh = surface_mesh(views, renders, tiny_scene("unbounded").model.space.to_world, (64, 64, 64))
+    around = np.abs(mesh.vertices[:, 1]) < 0.3
+    radius = np.linalg.norm(mesh.vertices[around], axis=1)
+    assert np.abs(radius - RADIUS).max() < 0.1
+    corners = mesh.vertices[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((normals * corners.mean(axis=1)).sum(axis=1) > 0).mean() > 0.95

@@ -1,0 +1,126 @@
+"""Meshes and points of what cameras see."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from styletrf.errors import InputError
+from styletrf.exports.surface_files import write_glb, write_points
+from styletrf.exports.surface_mesh import (
+    SurfaceMesh,
+    lattice_within,
+    surface_mesh,
+    surface_share,
+    vertex_colors,
+)
+from styletrf.field.rendering import Rendering
+from styletrf.geometry.cameras import Camera, pixel_centers
+
+RADIUS, DISTANCE, SIZE = 0.6, 3.0, 64
+
+
+def camera(angle_rad: float) -> Camera:
+    """One that looks at the origin, from a circle about the y axis."""
+    forward = np.array([-np.sin(angle_rad), 0.0, -np.cos(angle_rad)])
+    down = np.array([0.0, 1.0, 0.0])
+    pose = np.column_stack([np.cross(down, forward), down, forward, -DISTANCE * forward])
+    return Camera(f"{angle_rad}", SIZE, SIZE, 90.0, 90.0, SIZE / 2, SIZE / 2, pose)
+
+
+def ball_seen(view: Camera) -> Rendering:
+    """The depth of a ball at the origin; red is on the side of +x."""
+    x, y = ((pixel_centers(SIZE, SIZE) - SIZE / 2) / 90).T
+    directions = np.column_stack([x, y, np.ones_like(x)]) @ view.world_from_camera[:, :3].T
+    a = np.square(directions).sum(axis=1)
+    b = directions @ view.center_world
+    root = b * b - a * (DISTANCE**2 - RADIUS**2)
+    depth = np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0))) / a, np.inf)
+    points = view.center_world + np.where(root > 0, depth, 0)[:, None] * directions
+    red = (points[:, :1] > 0) * np.array([1.0, 0.0, 0.0])
+    opacity = torch.from_numpy((root > 0).astype(np.float32)).reshape(SIZE, SIZE)
+    depths = torch.from_numpy(depth.astype(np.float32)).reshape(SIZE, SIZE)
+    color = torch.from_numpy(red.astype(np.float32)).reshape(SIZE, SIZE, 3)
+    return Rendering(color, opacity, depths, depths)
+
+
+def ball() -> tuple[list[Camera], list[Rendering], SurfaceMesh]:
+    pytest.importorskip("skimage", reason="scikit-image is not installed (extra export)")
+    views = [camera(angle) for angle in np.linspace(0, 2 * np.pi, 9)[:-1]]
+    renders = [ball_seen(view) for view in views]
+    return views, renders, surface_mesh(views, renders, lambda grid: grid, (48, 48, 48))
+
+
+def test_the_mesh_of_a_ball_lies_on_it_and_looks_outward():
+    _, _, mesh = ball()
+    radius = np.linalg.norm(mesh.vertices, axis=1)
+    around = np.abs(mesh.vertices[:, 1]) < 0.3  # the circle's cameras see no pole squarely
+    assert np.abs(radius[around] - RADIUS).max() < 2 / 48
+    corners = mesh.vertices[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = (normals * corners.mean(axis=1)).sum(axis=1) > 0
+    assert outward.mean() > 0.99
+
+
+def test_a_mesh_looks_outward_also_where_the_grid_is_mirrored():
+    pytest.importorskip("skimage", reason="scikit-image is not installed (extra export)")
+    views = [camera(angle) for angle in np.linspace(0, 2 * np.pi, 9)[:-1]]
+    renders = [ball_seen(view) for view in views]
+    mesh = surface_mesh(views, renders, lambda grid: grid * (1, 1, -1), (32, 32, 32))
+    corners = mesh.vertices[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((normals * corners.mean(axis=1)).sum(axis=1) > 0).mean() > 0.99
+
+
+def test_vertices_have_the_colors_that_views_see():
+    views, renders, mesh = ball()
+    depths = [render.median_depth.numpy() for render in renders]
+    colors = vertex_colors(mesh, views, depths, [render.color.numpy() for render in renders])
+    side = np.abs(mesh.vertices[:, 0]) > 0.2
+    around = side & (np.abs(mesh.vertices[:, 1]) < 0.3)
+    expected = (mesh.vertices[around, 0] > 0).astype(float)
+    assert np.abs(colors[around, 0] - expected).mean() < 0.05
+
+
+def test_where_nothing_is_hit_there_is_no_mesh():
+    empty = ball_seen(camera(0.0))
+    nothing = torch.full_like(empty.depth, torch.inf)
+    empty = Rendering(empty.color, empty.opacity * 0, nothing, nothing)
+    with pytest.raises(InputError):
+        surface_mesh([camera(0.0)], [empty], lambda grid: grid, (8, 8, 8))
+    assert surface_share([empty]) == 0
+
+
+def test_a_lattice_keeps_its_proportions_within_the_bound():
+    x, y, z = lattice_within((400, 200, 100), 1_000_000)
+    assert x * y * z <= 1_000_000
+    assert x / z == pytest.approx(4, rel=0.05)
+    assert lattice_within((10, 10, 10), 1_000_000) == (10, 10, 10)
+
+
+def test_a_glb_opens_with_its_colors_upright(tmp_path: Path):
+    trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed (extra export)")
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
+    mesh = SurfaceMesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]))
+    write_glb(tmp_path / "a.glb", mesh, np.array([[1.0, 0.5, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]]))
+    (found,) = trimesh.load(tmp_path / "a.glb", process=False).geometry.values()
+    assert np.allclose(found.vertices, vertices * (1, -1, -1), atol=1e-6)
+    assert np.array_equal(found.faces, mesh.triangles)
+    attributes = (
+        found.visual.vertex_attributes if hasattr(found.visual, "vertex_attributes") else {}
+    )
+    colors = np.asarray(attributes.get("color", getattr(found.visual, "vertex_colors", None)))
+    assert colors[0, 0] == 255
+    assert colors[0, 1] == round(255 * ((0.5 + 0.055) / 1.055) ** 2.4)  # linear
+
+
+def test_points_open_in_another_reader(tmp_path: Path):
+    pytest.importorskip("trimesh", reason="trimesh is not installed (extra export)")
+    plyfile = pytest.importorskip("plyfile", reason="plyfile is not installed")
+    rng = np.random.default_rng(0)
+    points, colors = rng.normal(size=(50, 3)), rng.uniform(size=(50, 3))
+    write_points(tmp_path / "a.ply", points, colors)
+    vertices = plyfile.PlyData.read(tmp_path / "a.ply")["vertex"]
+    assert np.allclose(np.column_stack([vertices[name] for name in "xyz"]), points, atol=1e-6)
+    assert np.array_equal(vertices["green"], np.round(colors[:, 1] * 255))
