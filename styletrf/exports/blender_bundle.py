@@ -19,7 +19,8 @@ from styletrf.geometry.cameras import Camera, moved
 BLENDER_FROM_GLTF = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
-_SCRIPT = Path(__file__).with_name("blender_import.py")
+# Text, not code of this package: it runs in Blender.
+_SCRIPT = Path(__file__).with_name("blender_import.py.txt")
 _SENSOR_MM = 36.0
 
 

@@ -80,10 +80,11 @@ def surface_mesh(
     )
     grid = (corners + 0.5) * (2 / np.array(resolution)) - 1
     vertices = to_world(grid.astype(np.float64))
-    finite: Bool[np.ndarray, " vertices"] = np.isfinite(vertices).all(axis=1)
-    triangles = triangles[finite[triangles].all(axis=1)].astype(np.int64)
+    finite = np.isfinite(vertices[triangles]).all(axis=(1, 2))
+    used, triangles = np.unique(triangles[finite], return_inverse=True)
+    triangles = triangles.reshape(-1, 3).astype(np.int64)
     outward = triangles[:, ::-1].copy() if _is_mirrored(points_world) else triangles
-    return SurfaceMesh(vertices, outward)
+    return SurfaceMesh(vertices[used], outward)
 
 
 def vertex_colors(

@@ -36,7 +36,7 @@ class Export(LinkedStage, PathParameters):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
-    styles = ListParameter(default=(), description='such as ["mosaic", "udnie"]')
+    styles: Any = ListParameter(default=(), description='such as ["mosaic", "udnie"]')
     format = ChoiceParameter(
         choices=list(EXPORT_PACKAGES),
         description="Gaussian splats (ply, spz), colored points, a mesh, a bundle for Blender, or"
