@@ -4,8 +4,8 @@
 
 Has the tasks make what is missing (draft), and prints a row of Markdown for each scene, style and
 method: the field as it is meant (S3), the network on every frame, and the paper's other strategies.
-Every error is followed by its floor, that of the unstylised frames; `style` is the distance of the
-frames to the painting, and that of the unstylised frames.
+Every error is followed by its floor, that of the unstylized frames; `style` is the distance of the
+frames to the painting, and that of the unstylized frames.
 """
 
 import argparse

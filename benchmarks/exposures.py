@@ -4,7 +4,7 @@ The photographs of a scene are shown through gains and powers of their own, draw
 at white and rounded to 8 bits; the poses are those of the scene as it is. A field is fitted to them
 with one exposure for all (`one`), or with each photograph's own (`each`). It is judged by the
 photographs held out, as it is (psnr) and once it is exposed as they are (psnr_exposed), and by how
-much neighbouring frames of its fly-through differ along its own geometry.
+much neighboring frames of its fly-through differ along its own geometry.
 
     exposures.py evidence fern horns fox
     exposures.py fit fern --exposure 0.2 --white-balance 0.2 --power 0.2 --iterations 1200
@@ -109,7 +109,7 @@ def evidence_of(photographs: Photographs) -> tuple[ExposureEvidence, ViewDepende
 
 
 def steadiness(field: RadianceField, model: SceneModel, cameras: list[Camera]) -> float:
-    """Returns the root mean square difference of neighbouring frames along the geometry."""
+    """Returns the root mean square difference of neighboring frames along the geometry."""
     path = fly_through(cameras, model, TrajectoryConfig(frames=24))
     frames = list(rendered(field, model.space, path, RenderConfig(), CPU))
     errors = []

@@ -22,7 +22,7 @@ from tasks.stages.scene import CameraPoses
 
 @dataclass(frozen=True)
 class Views:
-    """Cameras in the normalised world with their images, uint8."""
+    """Cameras in the normalized world with their images, uint8."""
 
     cameras: Sequence[Camera]
     images: Sequence[Tensor]

@@ -62,7 +62,7 @@ class Jury:
         self._paintings: dict[tuple[int, ...], dict[str, PictureTraits]] = {}
 
     def rows(self, result: Result, *, baseline: bool) -> Iterator[dict[str, Any]]:
-        """Yields the row of a result, and that of its unstylised frames recolored."""
+        """Yields the row of a result, and that of its unstylized frames recolored."""
         plain, painted = map(list, zip(*result.views(self._config.frames), strict=True))
         style = read_style_image(result.painting)
         priors = [_read(p) for p in _files(result.priors).values()] if result.priors else []

@@ -5,12 +5,12 @@
     resemblance.py table --scenes horns fern --styles mosaic udnie --per-frame --retrieval
     resemblance.py sheet --scenes horns fern --styles mosaic udnie --to sheet.jpg
 
-A row a result: the ratios of its distances to the painting over those of the unstylised frames
-(1: not stylised, 0: the painting itself; sliced Wasserstein distances of colors, of patches, and of
+A row a result: the ratios of its distances to the painting over those of the unstylized frames
+(1: not stylized, 0: the painting itself; sliced Wasserstein distances of colors, of patches, and of
 patches without their mean colors (texture), Gram matrices of EfficientNet-Lite0, SIFID with VGG16),
-the content ratio, and the sharpness over the priors' and over the unstylised frames'; see
+the content ratio, and the sharpness over the priors' and over the unstylized frames'; see
 docs/metrics.md. The row `color map` is of the
-unstylised frames with the painting's histogram of colors, which paints nothing. `--retrieval` adds
+unstylized frames with the painting's histogram of colors, which paints nothing. `--retrieval` adds
 the share of frames whose nearest painting is their own, among all under `STYLETRF_DATA` and the
 embedded ones. `frames` measures PNG or EXR files in folders, paired by name; `table` and `sheet`
 have the tasks make the fields that are missing, and render the frames they look at themselves.

@@ -1,4 +1,4 @@
-"""What a stylised field costs and reaches: `python benchmarks/stylization.py --help`.
+"""What a stylized field costs and reaches: `python benchmarks/stylization.py --help`.
 
     stylization.py adapt horns mosaic --priors 20 --set adaptation.iterations=600
     stylization.py adapt horns mosaic --uncached
@@ -9,7 +9,7 @@ A row of JSON is printed a measurement. `adapt` tells the PSNR of renders of the
 against the painted priors, and against the frames of the trajectory as the network paints them one
 by one. Without the cache every iteration marches its rays anew and keeps every sample. `strategies`
 compares S3, S2 and S1 by the PSNR to the priors and by how far the depth of the priors' views is
-from the unstylised field's.
+from the unstylized field's.
 """
 
 import argparse

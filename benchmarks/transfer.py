@@ -1,10 +1,10 @@
-"""What de-quantising the published weights of arbitrary style transfer changes, and what they cost.
+"""What de-quantizing the published weights of arbitrary style transfer changes, and what they cost.
 
     transfer.py PHOTOGRAPH PAINTING...
 
 Prints a row of Markdown for each painting: the correlation of its embedding with that of
 onnxruntime on the published int8 graph, the PSNR of the photograph painted by both at 384x384, the
-same after the activations' quantisation is removed from the graph, and seconds at 504 pixels.
+same after the activations' quantization is removed from the graph, and seconds at 504 pixels.
 Needs the packages for development.
 """
 
@@ -52,7 +52,7 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
 def run(content: bytes, *inputs: np.ndarray) -> np.ndarray:
     """Returns what onnxruntime computes."""
     options = onnxruntime.SessionOptions()
-    options.log_severity_level = 3  # errors: it would name every initialiser that nothing uses
+    options.log_severity_level = 3  # errors: it would name every initializer that nothing uses
     session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     names = [item.name for item in session.get_inputs()]
     return np.asarray(session.run(None, dict(zip(names, inputs, strict=True)))[0])

@@ -5,7 +5,7 @@
     truth.py flow --iterations 5000
 
 `poses` solves the poses of a scene that came with some, and compares the two after the similarity
-that fits the centres best. `depth` compares a field's median depth at held-out views of a courtyard
+that fits the centers best. `depth` compares a field's median depth at held-out views of a courtyard
 (`python -m styletrf.synthetic.courtyard`) with the exact one, in units of the scene's median depth.
 `flow` fits a field to a courtyard with its exact cameras, and compares the flow between nearby
 views by the field's depth with the exact one, where both say that the other view sees the place.
@@ -50,10 +50,10 @@ def similarity(source: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarra
 
 
 def agreement(ours: Sequence[Camera], given: Sequence[Camera]) -> dict[str, float]:
-    """Returns the errors of rotations, in degrees, and of centres, by the extent of all.
+    """Returns the errors of rotations, in degrees, and of centers, by the extent of all.
 
     The similarity has the mean rotation between the cameras' axes, and the scale and the offset
-    that then fit the centres: these alone, in one plane nearly, tell a rotation badly.
+    that then fit the centers: these alone, in one plane nearly, tell a rotation badly.
     """
     centers, targets = (np.stack([c.center_world for c in part]) for part in (ours, given))
     axes = [np.stack([c.world_from_camera[:, :3] for c in part]) for part in (given, ours)]

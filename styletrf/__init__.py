@@ -3,7 +3,7 @@
 Photographs (`capture`) get cameras and sparse points (`sfm`) and the model that they ask for
 (`scene`). A TensoRF (`field`) is fitted to them and rendered along a path (`trajectory`). A
 network learns a painting (`style`) from photographs (`content`); the field's appearance
-takes the style of a few stylised renders (`stylization`). `evaluation` measures and `reports`
+takes the style of a few stylized renders (`stylization`). `evaluation` measures and `reports`
 shows. `geometry` and `files` are what all of these share, `synthetic` makes test data.
 
 Each package's docstring says what enters, what leaves, and where to begin. Importing this

@@ -88,7 +88,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _cells(root: luigi.Task) -> list[StylizedTrajectory]:
-    """The stylised trajectories that a command asks for."""
+    """The stylized trajectories that a command asks for."""
     if isinstance(root, Grid):
         return root.cells()
     return [root] if isinstance(root, StylizedTrajectory) else []

@@ -1,4 +1,4 @@
-"""ONNX files with random weights in the layout of arbitrary style transfer: quantised, no graph."""
+"""ONNX files with random weights in the layout of arbitrary style transfer: quantized, no graph."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,10 +21,10 @@ def transform_shapes() -> Shapes:
     for name, shape in CONTRACTION.items():
         yield f"transformer/contract/{name}/weights", shape
         yield f"transformer/contract/{name}/Conv2D_bias", shape[:1]
-    normalised = {f"residual/residual{i}/conv{j}": (32, 32, 3, 3)
+    normalized = {f"residual/residual{i}/conv{j}": (32, 32, 3, 3)
                   for i in range(1, 6) for j in (1, 2)}  # fmt: skip
-    normalised |= {f"expand/{name}/conv": shape for name, shape in EXPANSION.items()}
-    for name, shape in normalised.items():
+    normalized |= {f"expand/{name}/conv": shape for name, shape in EXPANSION.items()}
+    for name, shape in normalized.items():
         yield f"transformer/{name}/weights", shape
         for kind in ("Conv", "Conv_1"):
             layer = f"style_params/transformer/{name}/StyleNorm/{kind}"

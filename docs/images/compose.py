@@ -13,7 +13,7 @@ FRAME = 0.35  # which frame of the fly-through, as a share of it
 
 
 def column(folder: Path) -> np.ndarray:
-    """Returns the painting, as wide as the frame, above the stylised frame."""
+    """Returns the painting, as wide as the frame, above the stylized frame."""
     frames = sorted((folder / "frames").glob("*.png"))
     frame = cv2.imread(str(frames[int(FRAME * len(frames))]))
     style = cv2.imread(str(folder / "style.png"))

@@ -34,7 +34,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class CostSample:
-    """What a build took: its parameters, serialised, its cost, and the host that built it."""
+    """What a build took: its parameters, serialized, its cost, and the host that built it."""
 
     parameters: Mapping[str, str]
     cost: Cost

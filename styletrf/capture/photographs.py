@@ -113,7 +113,7 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
 
 
 def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
-    """Returns a photograph's upright RGB pixels: EXIF orientation applied, grey made RGB.
+    """Returns a photograph's upright RGB pixels: EXIF orientation applied, gray made RGB.
 
     16 bits are rounded to 8. Transparent pixels are composited on white, as the published
     synthetic scenes want it; the orientation tag of an image with transparency is not heeded.
@@ -187,7 +187,7 @@ def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 
 def _captured_stderr() -> Iterator[list[str]]:
     """Collects what C libraries write to standard error, once the block is left.
 
-    libjpeg replaces missing data by grey and tells nobody but standard error.
+    libjpeg replaces missing data by gray and tells nobody but standard error.
     """
     complaints: list[str] = []
     with _STANDARD_ERROR, tempfile.TemporaryFile() as log:

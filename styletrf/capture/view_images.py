@@ -58,9 +58,9 @@ class ViewImages:
     def places(
         self, pixels: Int64[Tensor, " rays"]
     ) -> tuple[Int64[Tensor, " rays"], Float[Tensor, "rays 2"]]:
-        """Returns the view of each pixel, and its centre (x, y) in pixels of that view.
+        """Returns the view of each pixel, and its center (x, y) in pixels of that view.
 
-        The centres are float64, as `ViewRays.segments` takes them.
+        The centers are float64, as `ViewRays.segments` takes them.
         """
         view = torch.searchsorted(self.ends, pixels, right=True)
         starts = torch.cat([self.ends.new_zeros(1), self.ends[:-1]])

@@ -11,13 +11,13 @@ from jaxtyping import Float, UInt8
 
 _N_LEAVES = 60
 _N_NOISES = 4
-_SATURATION = 0.12  # deviation of a leaf's R, G and B from its brightness: photographs are greyish
+_SATURATION = 0.12  # deviation of a leaf's R, G and B from its brightness: photographs are grayish
 
 
 def procedural_image(
     generator: np.random.Generator, height: int, width: int
 ) -> UInt8[np.ndarray, "height width 3"]:
-    """Returns one image: leaves of textured colour over a textured, shaded ground."""
+    """Returns one image: leaves of textured color over a textured, shaded ground."""
     exponents = generator.uniform(0.8, 1.6, _N_NOISES)
     noises = np.stack([spectral_noise(generator, height, width, e) for e in exponents])
     image = _texture(generator, noises)
@@ -47,7 +47,7 @@ def spectral_noise(
 def _texture(
     generator: np.random.Generator, noises: Float[np.ndarray, "noises height width"]
 ) -> Float[np.ndarray, "height width 3"]:
-    """A colour, its shading along a line, and one of the noises along a direction of colour."""
+    """A color, its shading along a line, and one of the noises along a direction of color."""
     _, height, width = noises.shape
     base = generator.uniform(0.05, 0.95) + generator.normal(0, _SATURATION, 3)
     axis = generator.normal(0, 1, 3)

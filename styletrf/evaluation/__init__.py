@@ -2,5 +2,5 @@
 
 Enters: frames, their references, depths and cameras. Leaves: tables and summaries.
 Begin with `quality` (fields), `consistency`, `stylization_loss` and
-`resemblance.frame_resemblance` (stylised frames); time against accuracy is in `trade_off`.
+`resemblance.frame_resemblance` (stylized frames); time against accuracy is in `trade_off`.
 """

@@ -21,7 +21,7 @@ class FrontPoint:
 
     Attributes:
         combination: The point.
-        overlaps: Whether its time or its shortfall cannot be distinguished from that of a neighbour
+        overlaps: Whether its time or its shortfall cannot be distinguished from that of a neighbor
             on the front: two standard deviations of the difference are more than it. None without
             repeats.
     """

@@ -1,4 +1,4 @@
-"""How well stylised frames have the painting's manner and the scene's objects: one number.
+"""How well stylized frames have the painting's manner and the scene's objects: one number.
 
 It is the loss that style networks are trained for (Johnson et al. 2016), measured on what comes out
 in the end: whichever stage gives something away, it shows here.
@@ -65,7 +65,7 @@ def measure_stylization(
 
     Args:
         views: Names along the trajectory, of which `config.frames` are chosen evenly.
-        frames: Gives the unstylised and the stylised frame of a view, in [0, 1].
+        frames: Gives the unstylized and the stylized frame of a view, in [0, 1].
         painting: The style image, in [0, 1].
         vgg: The perceptual network.
         config: What is looked at.
@@ -80,9 +80,9 @@ def measure_stylization(
     for k in chosen:
         plain, painted = (_tensor(image, vgg) for image in frames(views[k]))
         terms = perceptual_loss(vgg, painted, plain, grams, config.loss)
-        named = [("unstylised", plain), ("stylised", painted)]
+        named = [("unstylized", plain), ("stylized", painted)]
         named += [("style loss", terms.style), ("content loss", terms.content)]
-        require_finite("stylisation loss", f"in frame {views[k]}", named)
+        require_finite("stylization loss", f"in frame {views[k]}", named)
         style, content = float(terms.style), float(terms.content)
         rows.append(StylizationLoss(views[k], style, content, style + content))
         progress(len(rows), len(chosen), loss=style + content)

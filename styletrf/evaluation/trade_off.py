@@ -37,9 +37,9 @@ class Measurement:
         other_cpu_share: Of the cores' time, what other work took meanwhile; None if not known.
         peak_memory_bytes: Of the stage that takes most.
         model_bytes: Of what is kept to render from, by stage.
-        loss_db: Of the style: -10 log10 of the style and content loss of the stylised frames.
-        resemblance_db: Of the style: -10 log10 of how far the stylised frames are from the
-            painting, over the unstylised ones, by measures that no training used.
+        loss_db: Of the style: -10 log10 of the style and content loss of the stylized frames.
+        resemblance_db: Of the style: -10 log10 of how far the stylized frames are from the
+            painting, over the unstylized ones, by measures that no training used.
     """
 
     part: Part

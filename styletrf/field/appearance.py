@@ -1,4 +1,4 @@
-"""What colour a field has: components from factors, and the shading that decodes them.
+"""What color a field has: components from factors, and the shading that decodes them.
 
     color(x, d) = shading(components(x), d)                             (TensoRF eq. 6)
 
@@ -20,7 +20,7 @@ from styletrf.field.tensor_vm import TensorVM
 
 
 class ColorModel(nn.Module, ABC):
-    """Colours of positions: an appearance, or a mixture of several."""
+    """Colors of positions: an appearance, or a mixture of several."""
 
     @abstractmethod
     def weight_powers(
@@ -51,11 +51,11 @@ class ColorModel(nn.Module, ABC):
         ray: Int64[Tensor, " samples"],
         kernels: Kernels,
     ) -> Float[Tensor, "samples 3"]:
-        """Returns colours in [0, 1], see `Shading.decode`."""
+        """Returns colors in [0, 1], see `Shading.decode`."""
 
     @abstractmethod
     def background_color(self) -> Float[Tensor, " 3"]:
-        """Returns the colour behind everything, in [0, 1]."""
+        """Returns the color behind everything, in [0, 1]."""
 
 
 class Appearance(ColorModel):

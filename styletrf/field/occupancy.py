@@ -25,9 +25,9 @@ def occupied_voxels(
 ) -> UInt8[Tensor, "x y z"]:
     """Returns the occupancy of a grid half as fine as the density's.
 
-    A voxel is occupied where a step through its centre, or through that of a neighbour, would have
-    an opacity above `min_alpha`: density has room to grow. Where it is `settled`, the centres of
-    the voxel's eighths are asked instead, and no neighbours: fewer samples a ray for renders. What
+    A voxel is occupied where a step through its center, or through that of a neighbor, would have
+    an opacity above `min_alpha`: density has room to grow. Where it is `settled`, the centers of
+    the voxel's eighths are asked instead, and no neighbors: fewer samples a ray for renders. What
     is known to be `free` is not occupied. If nothing is, everything counts as it: an empty grid
     would never let the density recover.
     """
@@ -71,7 +71,7 @@ def non_empty(occupied: Bool[Tensor, "x y z"]) -> UInt8[Tensor, "x y z"]:
 
 
 def _centers(shape: Sequence[int], density: Density) -> Iterator[Float[Tensor, "voxels 3"]]:
-    """Yields the centres of the voxels slab by slab along x: all of them would fill the memory."""
+    """Yields the centers of the voxels slab by slab along x: all of them would fill the memory."""
     plane = density.factors.planes[0]
     x, y, z = (
         (torch.arange(n, dtype=plane.dtype, device=plane.device) + 0.5) * (2 / n) - 1 for n in shape

@@ -1,4 +1,4 @@
-"""The rays and colours of pixels of a set of views, by one number a pixel: nothing is stored."""
+"""The rays and colors of pixels of a set of views, by one number a pixel: nothing is stored."""
 
 from jaxtyping import Float, Int64
 from torch import Tensor
@@ -11,7 +11,7 @@ from styletrf.field.view_rays import ViewRays
 def pixel_rays(
     rays: ViewRays, images: ViewImages, pixels: Int64[Tensor, " rays"]
 ) -> tuple[Segments, Float[Tensor, "rays 3"]]:
-    """Returns the segments through pixels, and their colours in [0, 1].
+    """Returns the segments through pixels, and their colors in [0, 1].
 
     Args:
         rays: Of the views' cameras.

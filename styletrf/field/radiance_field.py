@@ -1,4 +1,4 @@
-"""The radiance field: VM-split density and appearance, and the shading that decodes a colour.
+"""The radiance field: VM-split density and appearance, and the shading that decodes a color.
 
     density(x) = scale * softplus(sum of density components + shift)
     color(x, d) = shading(appearance components, d)                     (TensoRF eq. 6)
@@ -147,7 +147,7 @@ def load_field(density_folder: Path, appearance_folder: Path | None = None) -> R
 
 
 def load_stylized_field(field_folder: Path, stylized_folder: Path) -> RadianceField:
-    """Returns a stylised field: its own where it has a density, else on that of the field."""
+    """Returns a stylized field: its own where it has a density, else on that of the field."""
     own = (stylized_folder / "density.safetensors").exists()
     return load_field(stylized_folder if own else field_folder, stylized_folder)
 

@@ -20,7 +20,7 @@ _MARCHED_AT_ONCE = 1 << 15
 
 @dataclass(frozen=True, slots=True)
 class RayBatch:
-    """Rays with the samples that carry their weight, and the colours they should have."""
+    """Rays with the samples that carry their weight, and the colors they should have."""
 
     samples: Samples
     view_directions: Float[Tensor, "rays 3"]
@@ -58,7 +58,7 @@ class RayBatch:
 
 @dataclass(frozen=True, slots=True)
 class RayCache:
-    """Rays with their samples' positions and weights, and the colours they should have.
+    """Rays with their samples' positions and weights, and the colors they should have.
 
     The kept weights of a ray are scaled up to its opacity (0 where none were kept); `dropped` is
     the mean mass that was left out before.
@@ -113,7 +113,7 @@ def march_once(
     Args:
         field: Whose density is marched through.
         rays: Through the pixels of the images.
-        images: Of which the rays should have the colours.
+        images: Of which the rays should have the colors.
         draws: The pixels by their numbers.
         kernels: The form to compute with.
         min_weight: Samples lighter than this are not kept.

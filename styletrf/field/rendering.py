@@ -1,4 +1,4 @@
-"""From a field and rays to colour, opacity and depth (volume rendering, Max 1995).
+"""From a field and rays to color, opacity and depth (volume rendering, Max 1995).
 
 color = sum_i w_i c_i + (1 - sum_i w_i) background,   opacity = sum_i w_i
 
@@ -26,8 +26,8 @@ LEAST_OPACITY = 1e-3  # of a ray that hits something
 class RenderConfig:
     """What rendering trades: see `docs/knobs.md`.
 
-    A ray ends at transmittance `termination`; samples lighter than `min_weight` get no colour;
-    rays are rendered `tile` at a time. `deferred` runs the colour network once a ray, on the mean
+    A ray ends at transmittance `termination`; samples lighter than `min_weight` get no color;
+    rays are rendered `tile` at a time. `deferred` runs the color network once a ray, on the mean
     features of its samples, instead of once a sample.
     """
 
@@ -39,7 +39,7 @@ class RenderConfig:
 
 @dataclass(frozen=True, slots=True)
 class Rendering:
-    """Colour and opacity in [0, 1] and the depth Z of rays.
+    """Color and opacity in [0, 1] and the depth Z of rays.
 
     The depth is that of the mean position along the ray's grid segment, its clear part counted at
     the far end, unless the ray was ended there for being opaque; in NDC that averages disparity, so
@@ -65,7 +65,7 @@ def render_color(
     deferred: bool = False,
     sparsification: Sparsification | None = None,
 ) -> Float[Tensor, "rays 3"]:
-    """Returns the colour of rays, differentiable in the appearance and the samples' weights.
+    """Returns the color of rays, differentiable in the appearance and the samples' weights.
 
     Samples below `min_weight` are left out and their mass given to the ray's others in proportion,
     or to the background where there are none: leaving them out darkens nothing. For `deferred` see

@@ -1,4 +1,4 @@
-"""From an appearance's components to colours: a small network, or plain colours.
+"""From an appearance's components to colors: a small network, or plain colors.
 
 network: color(x, d) = sigmoid(output(relu(hidden(basis(components), d))))    (TensoRF eq. 6)
 plain:   color(x) = sigmoid(basis(components)), for scenes that look alike from everywhere
@@ -17,7 +17,7 @@ ShadingKind = Literal["network", "plain"]
 
 
 class Shading(nn.Module, ABC):
-    """Decodes colours; `basis` is what the components meet first."""
+    """Decodes colors; `basis` is what the components meet first."""
 
     basis: nn.Linear
 
@@ -29,7 +29,7 @@ class Shading(nn.Module, ABC):
         ray: Int64[Tensor, " samples"],
         kernels: Kernels,
     ) -> Float[Tensor, "samples 3"]:
-        """Returns the colours of samples in [0, 1], differentiable in components and parameters.
+        """Returns the colors of samples in [0, 1], differentiable in components and parameters.
 
         Args:
             components: Of each sample.
@@ -39,7 +39,7 @@ class Shading(nn.Module, ABC):
         """
 
     def freeze_view_dependence(self) -> None:
-        """Makes the colours independent of the view direction, for good."""
+        """Makes the colors independent of the view direction, for good."""
 
 
 class ColorNetwork(Shading):
@@ -82,7 +82,7 @@ class ColorNetwork(Shading):
 
 
 class DiffuseColor(Shading):
-    """The same colour from everywhere."""
+    """The same color from everywhere."""
 
     def __init__(self, components: int, generator: torch.Generator | None) -> None:
         super().__init__()

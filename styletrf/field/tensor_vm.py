@@ -66,10 +66,10 @@ class TensorVM(nn.Module):
         return torch.stack([p.abs().mean() for p in (*self.planes, *self.lines)]).sum()
 
     def total_variation(self) -> Float[Tensor, ""]:
-        """Returns the mean squared difference of neighbouring plane cells.
+        """Returns the mean squared difference of neighboring plane cells.
 
         Squared, without the root of the paper's equation: its gradient is finite at 0. Planes one
-        cell wide have no neighbours and contribute nothing.
+        cell wide have no neighbors and contribute nothing.
         """
         terms = []
         for plane in self.planes:

@@ -42,7 +42,7 @@ def load_checkpoint(
 
 
 def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """Returns the optimiser's state as named tensors."""
+    """Returns the optimizer's state as named tensors."""
     state = optimizer.state_dict()["state"]
     return {
         f"optimizer.{index}.{name}": value
@@ -57,6 +57,6 @@ def restore_optimizer(optimizer: torch.optim.Optimizer, tensors: Mapping[str, Te
     for key, value in tensors.items():
         if key.startswith("optimizer."):
             _, index, name = key.split(".", 2)
-            # step counters are kept on the CPU, as the optimiser made them
+            # step counters are kept on the CPU, as the optimizer made them
             state.setdefault(int(index), {})[name] = value
     optimizer.load_state_dict({**optimizer.state_dict(), "state": state})

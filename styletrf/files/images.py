@@ -14,7 +14,7 @@ Bits = Literal[8, 16]
 
 
 def read_rgb(path: Path) -> Float[np.ndarray, "height width 3"]:
-    """Returns an 8 or 16 bit image as float32 in [0, 1], grey repeated to RGB, alpha left out.
+    """Returns an 8 or 16 bit image as float32 in [0, 1], gray repeated to RGB, alpha left out.
 
     Raises:
         InputError: The file is missing, empty, truncated, or no image of 8 or 16 bits.

@@ -15,18 +15,18 @@ _DEQUANTIZED = "_dequant"
 
 
 def read_onnx_weights(content: bytes, subject: str) -> dict[str, Float[np.ndarray, "..."]]:
-    """Returns the constants of an ONNX graph that are float32, or are dequantised to it.
+    """Returns the constants of an ONNX graph that are float32, or are dequantized to it.
 
-    A quantised weight is `(x - zero_point) * scale`, one scale for all of it or one for each slice
+    A quantized weight is `(x - zero_point) * scale`, one scale for all of it or one for each slice
     along `axis` (ONNX operator DequantizeLinear, version 13). It has the name of the node's output,
-    without the suffix `_dequant`: layers share initialisers of equal value, and outputs are unique.
+    without the suffix `_dequant`: layers share initializers of equal value, and outputs are unique.
 
     Args:
         content: The bytes of the file.
         subject: What an error calls the file.
 
     Raises:
-        InputError: The bytes are no ONNX graph, or a quantised weight does not fit its scale.
+        InputError: The bytes are no ONNX graph, or a quantized weight does not fit its scale.
     """
     try:
         graph = onnx.load_model_from_string(content).graph

@@ -16,7 +16,7 @@ class Camera:
     """One undistorted photograph's camera, or one of a trajectory.
 
     `world_from_camera` is 3x4 (float64): the columns of the rotation are the camera's x, y, z axes
-    in the world, the last column its centre.
+    in the world, the last column its center.
     """
 
     name: str
@@ -30,7 +30,7 @@ class Camera:
 
     @property
     def center_world(self) -> Float[np.ndarray, " 3"]:
-        """The centre of projection."""
+        """The center of projection."""
         return self.world_from_camera[:, 3]
 
     @property
@@ -78,7 +78,7 @@ def fitted_to(camera: Camera, long_side: int) -> Camera:
 def moved(camera: Camera, new_from_world: Float[np.ndarray, "4 4"]) -> Camera:
     """Returns the camera in a new world, reached by the similarity `new_from_world`.
 
-    The scale of the similarity moves the centre and leaves the axes orthonormal.
+    The scale of the similarity moves the center and leaves the axes orthonormal.
     """
     linear, offset = new_from_world[:3, :3], new_from_world[:3, 3]
     scale = np.cbrt(np.linalg.det(linear))
@@ -88,7 +88,7 @@ def moved(camera: Camera, new_from_world: Float[np.ndarray, "4 4"]) -> Camera:
 
 
 def pixel_centers(width: int, height: int) -> Float[np.ndarray, "pixels 2"]:
-    """Returns the centres (x, y) of all pixels, row by row."""
+    """Returns the centers (x, y) of all pixels, row by row."""
     y, x = np.mgrid[0:height, 0:width]
     return np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5
 

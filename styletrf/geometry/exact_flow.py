@@ -11,11 +11,11 @@ Depth = Float[np.ndarray, "height width"]
 def exact_flow(
     camera_a: Camera, depth_a: Depth, camera_b: Camera, depth_b: Depth, tolerance: float = 0.01
 ) -> tuple[Float[np.ndarray, "height width 2"], Bool[np.ndarray, "height width"]]:
-    """Returns the flow (x, y) in pixels from a to b at pixel centres of a, and where b sees it.
+    """Returns the flow (x, y) in pixels from a to b at pixel centers of a, and where b sees it.
 
     A point at pixel x and depth Z, infinite in the sky, goes to
     `K_b (R_b^T R_a K_a^-1 x + R_b^T (c_a - c_b) / Z)`. It is visible where it falls between pixel
-    centres of b, in front, with 1/Z equal to that of `depth_b` within the fraction `tolerance`.
+    centers of b, in front, with 1/Z equal to that of `depth_b` within the fraction `tolerance`.
     1/Z is affine in the image of a plane, so that its interpolation is exact there.
     """
     pixels = pixel_centers(camera_a.width, camera_a.height)
@@ -43,7 +43,7 @@ def exact_flow(
 def _inverse_depth_at(
     depth: Depth, pixels: Float[np.ndarray, "h w 2"]
 ) -> tuple[Float[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
-    """Returns 1/Z interpolated at pixels, and which of them lie between pixel centres."""
+    """Returns 1/Z interpolated at pixels, and which of them lie between pixel centers."""
     height, width = depth.shape
     x, y = pixels[..., 0] - 0.5, pixels[..., 1] - 0.5
     slack = 1e-6

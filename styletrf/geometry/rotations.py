@@ -1,6 +1,6 @@
 """Rotations as unit quaternions `w x y z`: to matrices and back, and the arc between two.
 
-`q` and `-q` are the same rotation; `aligned` chooses the signs along a sequence so that neighbours
+`q` and `-q` are the same rotation; `aligned` chooses the signs along a sequence so that neighbors
 are less than half a turn apart, which is what interpolation needs.
 """
 
@@ -43,7 +43,7 @@ def matrices_of(quaternions: Quaternions) -> Rotations:
 
 
 def aligned(quaternions: Quaternions) -> Quaternions:
-    """Returns the same rotations with signs such that neighbours have no negative product."""
+    """Returns the same rotations with signs such that neighbors have no negative product."""
     products = (quaternions[1:] * quaternions[:-1]).sum(axis=1)
     signs = np.cumprod(np.concatenate([[1.0], np.where(products < 0, -1.0, 1.0)]))
     result: Quaternions = quaternions * signs[:, None]

@@ -1,4 +1,4 @@
-"""How the normalised world maps to the grid the field lives in.
+"""How the normalized world maps to the grid the field lives in.
 
 A space is a few 4x4 projective maps `grid_from_world`, each for the part of the world where its
 homogeneous w is the largest: one affine map for a box, one perspective for NDC (Mildenhall et al.
@@ -19,8 +19,8 @@ class Space:
     """The map to grid coordinates and the metric of optical length.
 
     `axis_lengths` are the lengths of the grid's axes in units of optical length: half extents of
-    the box in the normalised world, or 1 for NDC, whose own coordinates measure it. In unbounded
-    space they are such that the inner box has the lengths of the normalised world.
+    the box in the normalized world, or 1 for NDC, whose own coordinates measure it. In unbounded
+    space they are such that the inner box has the lengths of the normalized world.
     """
 
     kind: Literal["ndc", "box", "unbounded"]
@@ -29,7 +29,7 @@ class Space:
     depth_min: float
 
     def to_grid(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
-        """Returns grid coordinates of points of the normalised world, in front of all cameras."""
+        """Returns grid coordinates of points of the normalized world, in front of all cameras."""
         ones = np.ones((len(points_world), 1))
         images = np.einsum("mij,pj->pmi", self.grid_from_world, np.hstack([points_world, ones]))
         images = images[np.arange(len(images)), images[:, :, 3].argmax(axis=1)]
@@ -55,7 +55,7 @@ class Space:
         )
 
     def to_world(self, points_grid: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
-        """Returns the points of the normalised world; NaN where nothing is mapped to the grid."""
+        """Returns the points of the normalized world; NaN where nothing is mapped to the grid."""
         homogeneous = np.hstack([points_grid, np.ones((len(points_grid), 1))])
         result = np.full_like(points_grid, np.nan)
         for matrix in self.grid_from_world:

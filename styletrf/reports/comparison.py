@@ -28,9 +28,9 @@ def comparison(shown: Comparison) -> str:
     """
     poster = html.escape(shown.poster)
     if not shown.video:
-        image = f'<img src="{poster}" alt="A frame of the stylised trajectory">'
+        image = f'<img src="{poster}" alt="A frame of the stylized trajectory">'
         return f'<div class="stage">{image}</div>' if shown.poster else ""
-    stylized = _video(shown.video, f'aria-label="The stylised video" poster="{poster}"')
+    stylized = _video(shown.video, f'aria-label="The stylized video" poster="{poster}"')
     if not shown.unstylized_video:
         return _stage(shown, f'<div class="single">{stylized}</div>')
     unstylized = _video(shown.unstylized_video, 'class="before" aria-label="Before it was painted"')
@@ -48,10 +48,10 @@ def _video(uri: str, attributes: str) -> str:
 
 
 _SLIDER = (
-    '<span class="label">before</span><span class="label after">stylised</span>'
+    '<span class="label">before</span><span class="label after">stylized</span>'
     '<div class="edge"></div>'
     '<input class="split" type="range" min="0" max="100" value="50" step="any" '
-    'aria-label="Where the unstylised video ends and the stylised one begins">'
+    'aria-label="Where the unstylized video ends and the stylized one begins">'
 )
 _CONTROLS = (
     '<div class="controls"><button type="button">Play</button>'

@@ -1,4 +1,4 @@
-"""The page that goes with a stylised trajectory: what was made, how well, how, and at what cost.
+"""The page that goes with a stylized trajectory: what was made, how well, how, and at what cost.
 
 `report.html` needs nothing beside it: videos, images, charts, styles and script are inside, so that
 it can be mailed. The only link that leads out is to the viewer beside it, where there is one.
@@ -118,10 +118,10 @@ def _priors(priors: Sequence[str]) -> str:
     if not priors:
         return ""
     images = "".join(
-        f'<img src="{prior}" alt="Stylised prior {number}">'
+        f'<img src="{prior}" alt="Stylized prior {number}">'
         for number, prior in enumerate(priors, start=1)
     )
-    meaning = f"The {len(priors)} stylised views that the appearance was fitted to."
+    meaning = f"The {len(priors)} stylized views that the appearance was fitted to."
     strip = f'<div class="strip" role="group" aria-label="Priors" tabindex="0">{images}</div>'
     return f'<p class="quiet small">{meaning}</p>{strip}'
 
@@ -174,7 +174,7 @@ def _inside(videos: Comparison, images: Sequence[str]) -> str:
     """How large the parts of the file are."""
     parts = {
         "the video": embedded_bytes(videos.video),
-        "the unstylised one": embedded_bytes(videos.unstylized_video),
+        "the unstylized one": embedded_bytes(videos.unstylized_video),
         "the images": sum(map(embedded_bytes, [videos.poster, *images])),
     }
     sizes = ", ".join(f"{name} {megabytes(size)}" for name, size in parts.items() if size)

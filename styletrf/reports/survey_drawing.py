@@ -1,6 +1,6 @@
 """Cameras and points drawn from above and from the side, as inline SVG.
 
-In the normalised world y points down: the plan is x to the right and z away, the elevation z to the
+In the normalized world y points down: the plan is x to the right and z away, the elevation z to the
 right and y down.
 """
 
@@ -23,7 +23,7 @@ def drawings(
     rgb: UInt8[np.ndarray, "points 3"],
     flagged: frozenset[str] = frozenset(),
 ) -> str:
-    """Returns the plan and the elevation; flagged cameras are drawn in another colour.
+    """Returns the plan and the elevation; flagged cameras are drawn in another color.
 
     Both show the cameras and the middle 96 % of the points along each axis.
     """

@@ -18,7 +18,7 @@ def front_svg(points: Sequence[Combination], front: Sequence[FrontPoint]) -> str
     """Returns the `<svg>`: seconds on a logarithmic axis, decibels short of the best downwards.
 
     A point is a focusable circle whose `<title>` and `data-description` describe it; those that are
-    beaten are grey, those on the front have a bar of one standard deviation of their time.
+    beaten are gray, those on the front have a bar of one standard deviation of their time.
     """
     chosen = {id(point.combination) for point in front}
     axes = _Axes(points)

@@ -53,7 +53,7 @@ def write_trade_off_page(path: Path, content: TradeOffContent) -> None:
         '<pre class="card description small" aria-live="polite">'
         "Point at a circle, or reach one with the tabulator: here stands what it is.</pre>"
         '<p class="quiet small">Filled: on the front. Hollow: on it, but not distinguishable from '
-        f"its neighbour. Grey: another is faster and nearer to the best. {_noise(content)}</p>"
+        f"its neighbor. Gray: another is faster and nearer to the best. {_noise(content)}</p>"
     )
     sections = [
         f"<header><div><h1>{html.escape(title)}</h1><p>{counts}</p></div></header>",

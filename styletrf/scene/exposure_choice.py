@@ -24,7 +24,7 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.point_table import SparsePoints
 from styletrf.scene.exposures import Exposure, Exposures, estimate_exposures
 
-LEAST_SPREAD = 0.05  # of log colors: 2 % of the range at mid-grey, an error of 34 dB
+LEAST_SPREAD = 0.05  # of log colors: 2 % of the range at mid-gray, an error of 34 dB
 LEAST_RATIO = 2.0  # of the spread to the disagreement
 _NEIGHBORS = 4  # of a view, that predict its exposure
 _BLOCKS = 2  # along each axis

@@ -4,7 +4,7 @@ A photograph shows a color c of the scene as
 
     c_view = MIDDLE (c / MIDDLE)^power gain,
 
-channel by channel: a straight line in the logarithms, log_gain its value at a middle grey. Exposure
+channel by channel: a straight line in the logarithms, log_gain its value at a middle gray. Exposure
 and white balance are gains, tone curves are powers. The lines of all views and the log colors of
 all points are fitted together to what the views observe of the points, by least absolute residuals:
 observations that highlights or occlusion spoil do not shift them. What is common to all views can
@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 
 from styletrf.geometry.point_table import SparsePoints
 
-MIDDLE = 0.4  # of encoded colors from 0 to 1: between their median and mid-grey
+MIDDLE = 0.4  # of encoded colors from 0 to 1: between their median and mid-gray
 LEAST_OBSERVATIONS = 16  # of points that others see as well, for a view to have an exposure
 _SMALL = 0.02  # residuals below it count by their squares
 _POWERS = 0.2, 5.0  # of a view that has nothing to do with the others

@@ -119,7 +119,7 @@ def _clearance(views: Sequence[Camera], depths: Float[np.ndarray, " points"]) ->
 
 
 def _baseline(views: Sequence[Camera]) -> float:
-    """Returns the larger extent of the centres across the view."""
+    """Returns the larger extent of the centers across the view."""
     return float(np.ptp([view.center_world for view in views], axis=0)[:2].max())
 
 
@@ -153,7 +153,7 @@ def _tangent_bounds(views: Sequence[Camera]) -> tuple[Plane, Plane]:
 
 
 def _frustum(lower: Plane, upper: Plane, near: float, far: float) -> Float[np.ndarray, "4 4"]:
-    """The projective map of an off-centre frustum along +z to [-1, 1]^3, near at -1."""
+    """The projective map of an off-center frustum along +z to [-1, 1]^3, near at -1."""
     matrix = np.zeros((4, 4))
     for axis in range(2):
         matrix[axis, axis] = 2 / (upper[axis] - lower[axis])

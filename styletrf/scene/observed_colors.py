@@ -10,7 +10,7 @@ from jaxtyping import Float
 from styletrf.geometry.point_table import SparsePoints
 
 _LONG_SIDE = 504  # that photographs are looked at with
-_BLUR, _NEIGHBOURHOOD = 1.5, 8.0  # pixels of it
+_BLUR, _NEIGHBORHOOD = 1.5, 8.0  # pixels of it
 _DARKEST, _BRIGHTEST = 0.03, 0.95  # beyond, rounding and saturation hide the light
 
 
@@ -53,8 +53,8 @@ def observed_colors(
         how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
         resized = cv2.resize(image, None, fx=scale, fy=scale, interpolation=how)
         blurred = cv2.GaussianBlur(resized, (0, 0), _BLUR)
-        mean = cv2.GaussianBlur(blurred, (0, 0), _NEIGHBOURHOOD)
-        variance = cv2.GaussianBlur(blurred**2, (0, 0), _NEIGHBOURHOOD) - mean**2
+        mean = cv2.GaussianBlur(blurred, (0, 0), _NEIGHBORHOOD)
+        variance = cv2.GaussianBlur(blurred**2, (0, 0), _NEIGHBORHOOD) - mean**2
         deviation = np.sqrt(np.maximum(variance, 0).mean(axis=2))
         pixel = (scale * points.observed_pixel[of_image] - 0.5).astype(np.float32)
         color[of_image] = _at(blurred, pixel)

@@ -72,7 +72,7 @@ def facing_frame(cameras: Sequence[Camera]) -> Float[np.ndarray, "4 4"]:
 def frame_at_mean_center(
     cameras: Sequence[Camera], y: Vector, z: Vector
 ) -> Float[np.ndarray, "4 4"]:
-    """Returns frame_from_world: the rigid frame with these axes at the mean of the centres."""
+    """Returns frame_from_world: the rigid frame with these axes at the mean of the centers."""
     rotation = np.stack([np.cross(y, z), y, z])
     frame = np.eye(4)
     frame[:3, :3] = rotation

@@ -1,6 +1,6 @@
 """The model a scene requires, decided from its cameras and sparse points.
 
-The world is normalised once, by the similarity `normalized_from_world`; every later stage reads
+The world is normalized once, by the similarity `normalized_from_world`; every later stage reads
 its cameras through it. `scene.json` holds each decision with the quantity it was decided from.
 """
 
@@ -56,7 +56,7 @@ class SceneModelConfig:
 
 @dataclass(frozen=True, slots=True)
 class SceneModel:
-    """A scene's space, finest resolution, shading, working image size and centre of interest."""
+    """A scene's space, finest resolution, shading, working image size and center of interest."""
 
     space: Space
     normalized_from_world: Float[np.ndarray, "4 4"]
@@ -64,13 +64,13 @@ class SceneModel:
     shading: Shading
     image_width: int
     image_height: int
-    focus: tuple[float, float, float]  # what a trajectory looks at, normalised world
+    focus: tuple[float, float, float]  # what a trajectory looks at, normalized world
     looking: Looking  # how the photographers did; outward is away from the focus
     evidence: dict[str, Any]
     exposures: dict[str, Exposure] = field(default_factory=dict)  # by photograph; none: all alike
 
     def normalized(self, cameras: Sequence[Camera], long_side_px: int = 0) -> list[Camera]:
-        """Returns the cameras in the normalised world, at the working size or that given."""
+        """Returns the cameras in the normalized world, at the working size or that given."""
         long_side = long_side_px or max(self.image_width, self.image_height)
         return [
             moved(fitted_to(camera, long_side), self.normalized_from_world) for camera in cameras
@@ -97,7 +97,7 @@ def decide_scene_model(
     the near points lie in front of every camera. Otherwise a box around the points; but unbounded
     space around an inner box where the box explains too little of the photographs, or where the
     unbounded lattice is as near to what they resolve.
-    Colours are plain where `dependence` tells that they need not depend on the view; photographs
+    Colors are plain where `dependence` tells that they need not depend on the view; photographs
     have exposures of their own where `exposure` tells that they differ.
 
     Args:
@@ -171,7 +171,7 @@ def _numbers(model: SceneModel) -> list[Named]:
 def _shading(
     config: SceneModelConfig, dependence: ViewDependence | None
 ) -> tuple[Shading, dict[str, Any]]:
-    """Returns whether colours depend on the view, and the evidence."""
+    """Returns whether colors depend on the view, and the evidence."""
     evidence: dict[str, Any] = {"by": "evidence" if config.shading == "auto" else "setting"}
     if dependence is not None:
         thresholds = {"share_threshold": LEAST_SHARE, "points_threshold": ENOUGH_POINTS}

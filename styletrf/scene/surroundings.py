@@ -33,7 +33,7 @@ MIN_SPREAD_DEG = 10.0  # of the views, root mean square: below, it is no capture
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """A box in the upright frame: its centre and half its sides."""
+    """A box in the upright frame: its center and half its sides."""
 
     center: Vector
     half: Vector

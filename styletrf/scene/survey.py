@@ -74,7 +74,7 @@ def survey_scene(
         points: With their tracks.
         points_grid: The points in grid coordinates.
         space: Of the model.
-        normalized: The photographs' cameras in the normalised world.
+        normalized: The photographs' cameras in the normalized world.
     """
     light = np.full(len(points.observed_point), np.nan)
     sharp = np.zeros(len(normalized))

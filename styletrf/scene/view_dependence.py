@@ -1,7 +1,7 @@
 """Whether a scene looks different from different sides, as the tracks of its points show.
 
-A point on a matte surface keeps its colour when one walks around it: what differs between two
-photographs is the neighbourhood that a pixel mixes in. So the difference of a point's colours is
+A point on a matte surface keeps its color when one walks around it: what differs between two
+photographs is the neighborhood that a pixel mixes in. So the difference of a point's colors is
 measured in units of the contrast about it,
 
     difference_ij = |c_i - c_j| / sqrt(floor^2 + contrast^2),
@@ -40,7 +40,7 @@ class ViewDependence:
 
     @property
     def needed(self) -> bool:
-        """Whether colours must depend on the view; where too little tells, they may."""
+        """Whether colors must depend on the view; where too little tells, they may."""
         return self.points < ENOUGH_POINTS or self.share >= LEAST_SHARE
 
 

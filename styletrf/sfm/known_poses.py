@@ -56,7 +56,7 @@ def map_known_poses(
     lens = _lens_model(views, source)
     images = replace(images, lenses=_given_lenses(images.files, views))
     extract_features(database, images, lens, max_features, progress)
-    pairs = neighbouring_pairs(views)
+    pairs = neighboring_pairs(views)
     verified = match_pairs(database, images, pairs, seed, progress)
     posed = _posed(database, images, views)
     model = triangulated(posed, database, images.folder, seed)
@@ -92,10 +92,10 @@ def _require_fitting(model: pycolmap.Reconstruction, database: Path, source: str
         )
 
 
-def neighbouring_pairs(views: Sequence[GivenView]) -> Pairs:
+def neighboring_pairs(views: Sequence[GivenView]) -> Pairs:
     """Returns pairs i < j of views that may show the same: all, or each with its nearest.
 
-    Of those that look the same way within 60 degrees, the nearest 20 by their centres.
+    Of those that look the same way within 60 degrees, the nearest 20 by their centers.
     """
     if len(views) <= 2 * NEIGHBORS:
         return all_pairs(len(views))

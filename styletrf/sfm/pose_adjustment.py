@@ -170,14 +170,14 @@ def _error_px(model: pycolmap.Reconstruction, points: Sequence[int]) -> float:
 def _similarity(target: pycolmap.Reconstruction, model: pycolmap.Reconstruction) -> pycolmap.Sim3d:
     """Returns the similarity that brings a model's cameras nearest to the same of a target.
 
-    Each counts by its centre and by points along its axes, so that cameras on a line do as well.
+    Each counts by its center and by points along its axes, so that cameras on a line do as well.
     """
     found = pycolmap.estimate_sim3d(_axes(model), _axes(target))
     return pycolmap.Sim3d() if found is None else found
 
 
 def _axes(model: pycolmap.Reconstruction) -> Float[np.ndarray, "points 3"]:
-    """Returns the centres of the cameras, and points along the axes as far off as these spread."""
+    """Returns the centers of the cameras, and points along the axes as far off as these spread."""
     poses = [model.image(i).cam_from_world().inverse() for i in sorted(model.reg_image_ids())]
     centers = np.array([pose.translation for pose in poses])
     reach = np.linalg.norm(np.ptp(centers, axis=0))

@@ -2,8 +2,8 @@
 
 Each photograph becomes one vector of locally aggregated descriptors (VLAD, Jégou et al. 2010): its
 SIFT descriptors' differences from the nearest of a few visual words, summed a word, rooted and
-normalised (Delhumeau et al. 2013). The words are found in the set itself, so that no vocabulary
-need be had from elsewhere. Neighbours in cosine are worth matching.
+normalized (Delhumeau et al. 2013). The words are found in the set itself, so that no vocabulary
+need be had from elsewhere. Neighbors in cosine are worth matching.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ def similar_pairs(
     Args:
         count: Of the photographs.
         descriptors_of: The SIFT descriptors of one, asked for twice.
-        neighbours: Of each; it may be a neighbour of more.
+        neighbours: Of each; it may be a neighbor of more.
         seed: Of the choice of samples, and of the words.
         but: Pairs that are left out, for others that are less alike.
     """

@@ -1,7 +1,7 @@
-"""Painting one view by optimising its pixels (Gatys, Ecker and Bethge, CVPR 2016).
+"""Painting one view by optimizing its pixels (Gatys, Ecker and Bethge, CVPR 2016).
 
 The paper's comparison for the feed-forward network: slower by two orders, and every view finds its
-own optimum, so neighbours disagree.
+own optimum, so neighbors disagree.
 """
 
 import math
@@ -26,13 +26,13 @@ from styletrf.style.perceptual.vgg import VGG16
 
 @dataclass(frozen=True, slots=True)
 class GatysConfig:
-    """How a view is optimised; most of it at half its size, which the strokes come from."""
+    """How a view is optimized; most of it at half its size, which the strokes come from."""
 
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     style_px: int = 420
     start: Literal["network", "content", "noise"] = "network"
     iterations: tuple[int, ...] = (60, 20)  # at half and at full size
-    rate: float = 0.04  # Adam's, of colours in [0, 1]
+    rate: float = 0.04  # Adam's, of colors in [0, 1]
     seed: int = 0  # of the noise
 
 
@@ -46,7 +46,7 @@ def paint_by_optimization(
 ) -> Float[Tensor, "height width 3"]:
     """Returns the view painted in the style, in [0, 1].
 
-    The optimisation starts from a painting by a network, from the view itself, or from noise.
+    The optimization starts from a painting by a network, from the view itself, or from noise.
 
     Args:
         vgg: The perceptual network.
@@ -83,7 +83,7 @@ def paint_by_optimization(
             if not math.isfinite(loss):
                 stages = [("view", content), *grams.items(), ("painted view", painted)]
                 stages = [*stages, ("loss", terms.total.detach())]
-                require_finite("painting by optimisation", f"at iteration {done}", stages)
+                require_finite("painting by optimization", f"at iteration {done}", stages)
             progress(done, sum(config.iterations), loss=loss)
         painted = painted.detach().clamp(0, 1)
     return painted[0].permute(1, 2, 0).contiguous()

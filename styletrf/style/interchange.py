@@ -1,9 +1,9 @@
 """Style networks to and from the layout of PyTorch's fast-neural-style example.
 
 The example's network is Johnson's in the same form as ours: the names differ, and the units. It
-takes and gives colours in [0, 255]; ours in [0, 1], shifted by one half at either end. A shift
+takes and gives colors in [0, 255]; ours in [0, 1], shifted by one half at either end. A shift
 before a convolution with reflection padding is one number a channel, which the instance
-normalisation that follows takes away; scales go into the weights.
+normalization that follows takes away; scales go into the weights.
 """
 
 import re

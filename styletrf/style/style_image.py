@@ -27,7 +27,7 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
 
     Raises:
         InputError: The file is absent, is no whole image, has fewer than 64 pixels a side, or
-            shows (nearly) one colour, from which no manner can be learnt.
+            shows (nearly) one color, from which no manner can be learned.
     """
     if not path.is_file():
         raise InputError(str(path), "there is no such style image", "Give a PNG or JPEG file")
@@ -42,7 +42,7 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     image = _middle(image, path.name)
     if image.std(axis=(0, 1)).max() < _FLAT_DEVIATION:
         remedy = "Give a painting, a drawing or a pattern with visible strokes"
-        raise InputError(str(path), "is all one colour, or nearly", remedy)
+        raise InputError(str(path), "is all one color, or nearly", remedy)
     for warning in painting_warnings(image):
         _LOGGER.warning("%s: %s", path.name, warning)
     return image

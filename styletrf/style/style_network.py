@@ -1,9 +1,9 @@
 """The feed-forward style network of Johnson, Alahi and Fei-Fei (ECCV 2016), in its usual form.
 
-Reflection padding, instance normalisation (Ulyanov et al. 2017), residual blocks at a quarter of
+Reflection padding, instance normalization (Ulyanov et al. 2017), residual blocks at a quarter of
 the size, and nearest resizing before convolution in place of deconvolution (Odena et al. 2016).
-Instance normalisation uses the statistics of the whole image, so a crop of a stylised image is not
-the stylised crop: the size at which an image is stylised is part of the look.
+Instance normalization uses the statistics of the whole image, so a crop of a stylized image is not
+the stylized crop: the size at which an image is stylized is part of the look.
 """
 
 import json
@@ -74,7 +74,7 @@ class StyleNetwork(nn.Module):
     def forward(
         self, images: Float[Tensor, "batch 3 height width"]
     ) -> Float[Tensor, "batch 3 height width"]:
-        """Returns the stylised images, of the size they came in.
+        """Returns the stylized images, of the size they came in.
 
         The last layer is affine and its values may leave [0, 1]: training sees them as they are, so
         that no gradient dies; `stylize` clamps.

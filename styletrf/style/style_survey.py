@@ -10,13 +10,13 @@ from styletrf.style.perceptual.vgg import VGG16
 
 FINE_LAYER = "relu1_2"
 _SMALL_PX = 256
-_FAINT_DEVIATION = 0.05  # of colours, on [0, 1]
-_ONE_HUE = 0.005  # variance across the main axis of colour, as a share of that along it
+_FAINT_DEVIATION = 0.05  # of colors, on [0, 1]
+_ONE_HUE = 0.005  # variance across the main axis of color, as a share of that along it
 _UNSTEADY_TRACE = 2.0  # times the photographs'
 
 
 def painting_warnings(image: Float[np.ndarray, "height width 3"]) -> list[str]:
-    """Returns what is to be expected of a painting, RGB in [0, 1], by its size and colours."""
+    """Returns what is to be expected of a painting, RGB in [0, 1], by its size and colors."""
     warnings = []
     short = min(image.shape[:2])
     if short < _SMALL_PX:
@@ -26,10 +26,10 @@ def painting_warnings(image: Float[np.ndarray, "height width 3"]) -> list[str]:
         )
     variances = np.linalg.eigvalsh(np.cov(image.reshape(-1, 3).astype(np.float64), rowvar=False))
     if np.sqrt(variances.sum()) < _FAINT_DEVIATION:
-        warnings.append("the painting has hardly any contrast: expect a wash of one colour")
+        warnings.append("the painting has hardly any contrast: expect a wash of one color")
     elif variances[1] < _ONE_HUE * variances[2]:
         warnings.append(
-            "the painting's colours lie on one line, such as greys or one hue: expect a scene in"
+            "the painting's colors lie on one line, such as grays or one hue: expect a scene in"
             " these alone; --colors photograph or luminance keeps the scene's"
         )
     return warnings

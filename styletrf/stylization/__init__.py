@@ -1,6 +1,6 @@
-"""From a field and a style to a stylised field (StyleTRF sections 4.2, 4.3 and 5).
+"""From a field and a style to a stylized field (StyleTRF sections 4.2, 4.3 and 5).
 
-Enters: a field, a trajectory, what paints. Leaves: priors, their stylised versions, and
+Enters: a field, a trajectory, what paints. Leaves: priors, their stylized versions, and
 an appearance fitted to them, the density frozen.
 Begin with `strategies`, then `priors` and `adaptation`.
 """

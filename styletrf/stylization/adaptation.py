@@ -1,8 +1,8 @@
-"""Adapting a field's appearance to stylised views, its density frozen (StyleTRF section 4.3).
+"""Adapting a field's appearance to stylized views, its density frozen (StyleTRF section 4.3).
 
 With the density frozen the samples and weights of a ray never change, so a ray is marched once and
 only the samples that carry its weight are kept; an iteration then costs an appearance look-up and
-the colour network.
+the color network.
 
 One view fixes only the sum along each of its rays. Where the matter is spread along a ray, its
 samples could differ wildly, and another view would show them as noise. So every sample is fitted to
@@ -52,7 +52,7 @@ class AdaptationConfig:
     batch: int = 16384  # rays an iteration
     fitted: Literal["samples", "rays"] = "samples"  # to the painted colors
     parts: tuple[str, ...] = PARTS  # which are adapted
-    sees_view: bool = False  # whether a colour may depend on the direction it is seen from
+    sees_view: bool = False  # whether a color may depend on the direction it is seen from
     factor_rate: float = 0.1
     network_rate: float = 3e-3
     rate_decay: float = 0.1  # over all iterations
@@ -87,7 +87,7 @@ def adapt_appearance(
     progress: Progress = silent,
     pixels: Int64[Tensor, " pixels"] | None = None,
 ) -> tuple[list[AdaptationPoint], float]:
-    """Fits `field.appearance` to the stylised views, in place; the density is only read.
+    """Fits `field.appearance` to the stylized views, in place; the density is only read.
 
     Pixels are drawn without replacement until all were; then they are gone through again.
 
@@ -180,7 +180,7 @@ def _psnr(batch: RayBatch, appearance: Appearance, kernels: Kernels) -> float:
 
 
 def optimizer_of(appearance: Appearance, config: AdaptationConfig) -> torch.optim.Adam:
-    """Returns an optimiser of the parts that are adapted, and freezes the others."""
+    """Returns an optimizer of the parts that are adapted, and freezes the others."""
     basis = [*appearance.shading.basis.parameters()]
     rest = [p for p in appearance.shading.parameters() if all(p is not b for b in basis)]
     parts: dict[str, list[nn.Parameter]] = {

@@ -1,6 +1,6 @@
-"""Objects cut out of their background: the painter sees them on a ground of their own mean colour.
+"""Objects cut out of their background: the painter sees them on a ground of their own mean color.
 
-A network normalises a view by the statistics of all of it. Where much of the view is white because
+A network normalizes a view by the statistics of all of it. Where much of the view is white because
 nothing is there, the object is what differs from white, and is painted nearly black.
 """
 
@@ -22,7 +22,7 @@ _LEAST_SHARE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class EmptyBackground:
-    """The one colour of pixels in which nothing is, and the mean colour of what is in the others.
+    """The one color of pixels in which nothing is, and the mean color of what is in the others.
 
     Attributes:
         shown: Of rays that hit nothing.
@@ -33,7 +33,7 @@ class EmptyBackground:
     mean: Color
 
     def covered(self, view: FloatImage) -> FloatImage:
-        """Returns the view on the mean colour: `C + (1 - opacity) (mean - shown)`."""
+        """Returns the view on the mean color: `C + (1 - opacity) (mean - shown)`."""
         behind = (1 - view.opacity[..., None]) * (self.mean - self.shown)
         return replace(view, color=(view.color + behind).clip(0, 1).astype(np.float32))
 
@@ -47,7 +47,7 @@ class EmptyBackground:
 def empty_background(views: Iterable[FloatImage]) -> EmptyBackground | None:
     """Returns the ground that views share; None where it is too small a part of them to matter.
 
-    Behind a field there is one colour, whatever the direction (`volume rendering`), so that it can
+    Behind a field there is one color, whatever the direction (`volume rendering`), so that it can
     be distinguished from the pixels that show nothing else.
     """
     pixels, empty, opaque = 0, 0, 0.0
@@ -65,7 +65,7 @@ def empty_background(views: Iterable[FloatImage]) -> EmptyBackground | None:
 
 
 def replace_background(views: Sequence[FloatImage], ground: EmptyBackground | None) -> list[Image]:
-    """Returns what is painted of the views: on their mean colour, where they have a ground."""
+    """Returns what is painted of the views: on their mean color, where they have a ground."""
     return [(ground.covered(view) if ground else view).color for view in views]
 
 

@@ -1,4 +1,4 @@
-"""Painted views in the photographs' colours: their mean and covariance, or their very hues."""
+"""Painted views in the photographs' colors: their mean and covariance, or their very hues."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -13,7 +13,7 @@ ColorMap = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
 """A matrix, and what is added after it."""
 
 MOST_GAIN = 8.0
-"""Of the map along any axis of colour: a painting in greys cannot be given hues by noise."""
+"""Of the map along any axis of color: a painting in grays cannot be given hues by noise."""
 
 MOST_GAIN_TO_PAINTING = 1.5
 """Of the map to the painting's colors, which corrects a network and must not paint in its place."""
@@ -22,12 +22,12 @@ MOST_GAIN_TO_PAINTING = 1.5
 def in_colors(
     painted: Sequence[Image], plain: Sequence[Image], painting: Image, colors: Colors
 ) -> list[Image]:
-    """Returns the painted views in the wanted colours, within [0, 1].
+    """Returns the painted views in the wanted colors, within [0, 1].
 
     `style` moves all of them by the one linear map that gives them the painting's mean and
     covariance (as Zhang et al., ECCV 2022, section 4.3), as far as `MOST_GAIN_TO_PAINTING` allows;
     `photograph` likewise gives them the plain views'; `luminance` keeps of the painting the
-    lightness alone (CIE L*a*b*). What a map of colours alone does is the same in every view, so
+    lightness alone (CIE L*a*b*). What a map of colors alone does is the same in every view, so
     consistency stays.
 
     Args:
@@ -64,10 +64,10 @@ def color_map(
     target: Float[np.ndarray, "target 3"],
     most_gain: float = MOST_GAIN,
 ) -> ColorMap:
-    """Returns matrix and offset that give colours the mean and the covariance of others.
+    """Returns matrix and offset that give colors the mean and the covariance of others.
 
     The symmetric map T = S^-1/2 (S^1/2 R S^1/2)^1/2 S^-1/2 of covariances S to R, which moves the
-    colours least (Monge's, Pitie and Kokaram 2007, eq. 6). Along axes on which the source hardly
+    colors least (Monge's, Pitie and Kokaram 2007, eq. 6). Along axes on which the source hardly
     varies the gain is at most `MOST_GAIN`, and along any axis at most `most_gain`.
     """
     covariances = [np.cov(c.astype(np.float64), rowvar=False) for c in (source, target)]

@@ -1,6 +1,6 @@
 """The strategies that the paper compares with: all of the field free, or a new one (section 5).
 
-S2 goes on fitting a field to the stylised views, density and all; S1 fits a new one to them alone.
+S2 goes on fitting a field to the stylized views, density and all; S1 fits a new one to them alone.
 The views disagree about where the strokes are, and a free density invents shapes that explain it.
 """
 
@@ -30,7 +30,7 @@ def fit_new_field(
     progress: Progress = silent,
     free: Bool[Tensor, "cells cells cells"] | None = None,
 ) -> tuple[RadianceField, list[AdaptationPoint]]:
-    """Returns a field fitted to the stylised views alone (S1), and its curve.
+    """Returns a field fitted to the stylized views alone (S1), and its curve.
 
     Its density stays out of the cells that are `free`, as that of the photographs' field does.
     """
@@ -49,7 +49,7 @@ def finetune_all(
     kernels: Kernels,
     progress: Progress = silent,
 ) -> tuple[RadianceField, list[AdaptationPoint]]:
-    """Returns the field with all of it fitted on, to the stylised views (S2), and its curve.
+    """Returns the field with all of it fitted on, to the stylized views (S2), and its curve.
 
     The given field stays as it is. `config` is that of a fit; its lattice does not grow.
     """

@@ -42,7 +42,7 @@ _PARTS = 24
 class ImageAdaptationConfig:
     """How often, and how fast compared with the adaptation to pixels before.
 
-    A loss of strokes says little of colour, which drifts towards the photographs' or to grey:
+    A loss of strokes says little of color, which drifts towards the photographs' or to gray:
     `color_weight` is that of the drift, see `color_drift`.
     """
 
@@ -126,7 +126,7 @@ def _require_finite(where: str, *stages: Iterable[Named]) -> None:
 def color_drift(
     image: Float[Tensor, "1 3 height width"], painted: Float[Tensor, "1 3 height width"]
 ) -> Float[Tensor, ""]:
-    """Returns how far the mean colours of 24x24 parts are from those of the painted view.
+    """Returns how far the mean colors of 24x24 parts are from those of the painted view.
 
     `log(1 + d / t)`, `d` the mean squared difference, `t` the mean square of the target.
     Differentiable.

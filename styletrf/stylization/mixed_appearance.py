@@ -68,7 +68,7 @@ class MixedAppearance(ColorModel):
     def decode(
         self, components: Tensor, view_directions: Tensor, ray: Tensor, kernels: Kernels
     ) -> Tensor:
-        """Returns the shares' sum of the colours."""
+        """Returns the shares' sum of the colors."""
         appearances = self._all()
         sizes = [sum(a.factors.ranks) for a in appearances]
         *parts, shares = components.split([*sizes, len(appearances)], dim=1)

@@ -1,4 +1,4 @@
-"""What paints views: a style network, or an optimisation of each."""
+"""What paints views: a style network, or an optimization of each."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -34,14 +34,14 @@ def optimizing_painter(
     device: torch.device,
     network: Painter | None = None,
 ) -> Painter:
-    """Returns what paints by optimising the pixels of each view.
+    """Returns what paints by optimizing the pixels of each view.
 
     Args:
         weights: Of the perceptual network.
         style: The painting.
         config: How; with the start `network` that must be given.
         device: Where to compute.
-        network: Paints what an optimisation starts from.
+        network: Paints what an optimization starts from.
     """
     vgg, painting = load_vgg(weights, device), torch.from_numpy(read_rgb(style)).to(device)
     paint = partial(paint_by_optimization, vgg, style=painting, config=config)

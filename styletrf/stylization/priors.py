@@ -57,7 +57,7 @@ def needed_views(
     trajectory are candidates, too.
 
     Args:
-        candidates: Viewpoints in the normalised world; of the size of the first are those along the
+        candidates: Viewpoints in the normalized world; of the size of the first are those along the
             trajectory, where these are asked for.
         trajectory: What `write_float_frames` wrote.
         radiance: The field, whose depth tells what a candidate shows.

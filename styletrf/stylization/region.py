@@ -17,7 +17,7 @@ from styletrf.geometry.cameras import Camera, depth_behind
 
 
 class Region(ABC):
-    """A part of the normalised world."""
+    """A part of the normalized world."""
 
     @abstractmethod
     def share(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
@@ -72,7 +72,7 @@ class Masked(Region):
 
 
 def _bilinear(image: Float[np.ndarray, "height width"], xy: np.ndarray) -> np.ndarray:
-    """Returns the image's values at pixels, whose centres are at whole numbers."""
+    """Returns the image's values at pixels, whose centers are at whole numbers."""
     x, y = xy.astype(np.float32).T
     rows = max(1, -(-len(x) // _WIDEST))
     padded = np.zeros((2, rows * _WIDEST), dtype=np.float32)

@@ -71,7 +71,7 @@ class StylizationConfig:
 
 @dataclass(frozen=True, slots=True)
 class Stylization:
-    """What is to be stylised: a field, views of it before and after painting, and the style."""
+    """What is to be stylized: a field, views of it before and after painting, and the style."""
 
     field: RadianceField
     model: SceneModel

@@ -1,6 +1,6 @@
 """One owner for every surface point: of all priors that show it, the one whose strokes it gets.
 
-Priors are stylised one by one, and their strokes disagree. An appearance fitted to all of them
+Priors are stylized one by one, and their strokes disagree. An appearance fitted to all of them
 averages the strokes away. As in texturing a mesh from photographs (Lempitsky and Ivanov 2007), each
 point of the surface learns from one view only: the first, in farthest-first order, that shows it.
 
@@ -23,7 +23,7 @@ from styletrf.geometry.cameras import Camera, in_view, pixel_centers, points_at_
 Depth = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
 
-_FAR = 1e6  # depth of what is infinitely far, in units of the normalised scene
+_FAR = 1e6  # depth of what is infinitely far, in units of the normalized scene
 
 
 @dataclass(frozen=True, slots=True)

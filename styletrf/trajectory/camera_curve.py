@@ -18,9 +18,9 @@ Places = Float[np.ndarray, " places"]
 Blend = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 TURN = 0.5
-"""The way in the normalised world that counts as much as a turn by one radian.
+"""The way in the normalized world that counts as much as a turn by one radian.
 
-The centre of the camera moves at an even speed, and more slowly where the camera would turn faster
+The center of the camera moves at an even speed, and more slowly where the camera would turn faster
 than that: a turn on the spot takes time, too.
 """
 _FINENESS = 512  # samples of each piece by which the way is measured
@@ -29,7 +29,7 @@ _CLOSEST = 1e-3  # of the widest interval between knots
 
 @dataclass(frozen=True, slots=True)
 class Poses:
-    """Cameras of a path: centres, unit quaternions `w x y z` and focal lengths.
+    """Cameras of a path: centers, unit quaternions `w x y z` and focal lengths.
 
     Quaternions turn the camera's axes into the world's. Focal lengths are in units of the longer
     side of an image.
@@ -147,7 +147,7 @@ def eased(time: Places, easing: float) -> Places:
 
 
 def ways_between(poses: Poses) -> Places:
-    """Returns the way from each pose to the next: that of the centre, or of `TURN`, if longer."""
+    """Returns the way from each pose to the next: that of the center, or of `TURN`, if longer."""
     moved = np.linalg.norm(np.diff(poses.centers, axis=0), axis=1)
     turned = angles_between(poses.quaternions[:-1], poses.quaternions[1:])
     ways: Places = np.maximum(moved, TURN * turned)

@@ -15,7 +15,7 @@ from styletrf.trajectory.trajectories import TrajectoryConfig
 
 @dataclass(frozen=True, slots=True)
 class TimedPath:
-    """Key frames in the normalised world, and when the camera is at each.
+    """Key frames in the normalized world, and when the camera is at each.
 
     Without `times_s` it goes at an even speed.
     """

@@ -28,7 +28,7 @@ def default_path(
     however narrow it is; unless the user asked for its angle of view.
 
     Args:
-        cameras: The photographs', in the normalised world.
+        cameras: The photographs', in the normalized world.
         model: Of the scene.
         config: Length, spread, angle of view, and the limit.
         measure: Returns the support of a path.
@@ -58,7 +58,7 @@ def chosen_path(
 
     Args:
         path: Its name, or where its file is.
-        cameras: The photographs', in the normalised world.
+        cameras: The photographs', in the normalized world.
         model: Of the scene.
         config: Length, speed, easing, angle of view and so on.
         are_given: Whether the poses of the photographs came with them.

@@ -1,6 +1,6 @@
 """Which few views show all that the trajectory will: greedy cover by the field's own depth.
 
-What no prior shows keeps the photographs' colours, or what the factors make up; a second and a
+What no prior shows keeps the photographs' colors, or what the factors make up; a second and a
 third prior of the same place average out what the painter does differently from view to view.
 """
 

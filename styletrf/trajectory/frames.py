@@ -79,7 +79,7 @@ def rendered(
 def _require_finite(
     render: Rendering, camera: Camera, radiance: RadianceField, appearance: ColorModel
 ) -> None:
-    outputs = [("colour", render.color), ("opacity", render.opacity)]
+    outputs = [("color", render.color), ("opacity", render.opacity)]
     for name, depth in (("depth", render.depth), ("median depth", render.median_depth)):
         outputs.append((name, depth.masked_fill(depth == torch.inf, 0.0)))
     if first_not_finite(outputs):
@@ -144,7 +144,7 @@ def float_images(folder: Path, cameras: Sequence[Camera] | None = None) -> Itera
 def float_frames(
     folder: Path, cameras: Sequence[Camera] | None = None
 ) -> Iterator[Float[np.ndarray, "height width 3"]]:
-    """Yields the colours of `float_images`."""
+    """Yields the colors of `float_images`."""
     return (image.color for image in float_images(folder, cameras))
 
 

@@ -1,4 +1,4 @@
-"""Paths by name, as key frames in the normalised world: orbit, spiral, dolly, photographs."""
+"""Paths by name, as key frames in the normalized world: orbit, spiral, dolly, photographs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ _ADVANCE = 0.5  # of the way to the focus, that a dolly goes at a spread of 1
 
 @dataclass(frozen=True, slots=True)
 class NamedPath:
-    """Key frames in the normalised world, and whether the path returns to the first."""
+    """Key frames in the normalized world, and whether the path returns to the first."""
 
     poses: Poses
     closed: bool
@@ -47,9 +47,9 @@ def named_path(
 
     Args:
         name: Of the path.
-        cameras: The photographs', in the normalised world.
+        cameras: The photographs', in the normalized world.
         model: Its focus, and how the photographers looked.
-        config: Its spread, turns and stabilisation.
+        config: Its spread, turns and stabilization.
     """
     shares = np.arange(_KEYS) / _KEYS
     if name == "photographs":

@@ -59,12 +59,12 @@ def read_path(path: Path) -> KeyFrames:
 def placed_key_frames(
     keys: KeyFrames, cameras: Sequence[Camera], model: SceneModel, *, are_given: bool
 ) -> Poses:
-    """Returns the poses of key frames in the normalised world.
+    """Returns the poses of key frames in the normalized world.
 
     Args:
         keys: What `read_path` returned.
-        cameras: The photographs', in the normalised world.
-        model: How the normalised world lies in the capture's.
+        cameras: The photographs', in the normalized world.
+        model: How the normalized world lies in the capture's.
         are_given: Whether the poses of the photographs came with them.
 
     Raises:

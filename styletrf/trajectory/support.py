@@ -28,8 +28,8 @@ from styletrf.trajectory.support_config import SupportConfig
 
 Depth = Float[np.ndarray, "height width"]
 
-_DEPTH_ALONE = RenderConfig(termination=1e-2, min_weight=1.0)  # no sample gets a colour
-_FAR = 1e6  # depth of what is infinitely far, in units of the normalised scene
+_DEPTH_ALONE = RenderConfig(termination=1e-2, min_weight=1.0)  # no sample gets a color
+_FAR = 1e6  # depth of what is infinitely far, in units of the normalized scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class SupportMeter:
     """Measures the support of paths by some photographs, whose depth it renders once.
 
     Args:
-        photographs: Those that the field was fitted to, in the normalised world.
+        photographs: Those that the field was fitted to, in the normalized world.
         radiance: The field.
         space: Of the field.
         config: How to measure.

@@ -67,7 +67,7 @@ def supported_fly_through(
     with the least unsupported pixels.
 
     Args:
-        cameras: The photographs', in the normalised world.
+        cameras: The photographs', in the normalized world.
         model: Of the scene.
         config: Of the path; its spread is the largest one tried.
         measure: Returns the support of a path.

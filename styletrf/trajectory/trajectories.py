@@ -1,6 +1,6 @@
 """Camera paths: a spiral where the photographers looked ahead, an orbit, or the way they went.
 
-All in the normalised world, whose y axis points down. Paths stay within what the photographs saw:
+All in the normalized world, whose y axis points down. Paths stay within what the photographs saw:
 amplitudes are shares of the spread of the given cameras. `fly_through` is the closed path of the
 video, `prior_views` the viewpoints that fill what it goes around or along.
 """
@@ -83,7 +83,7 @@ def fly_through(
     """Returns a closed, smooth path for the scene, with the intrinsics of a typical photograph.
 
     Args:
-        cameras: The photographs' cameras in the normalised world, at the working size.
+        cameras: The photographs' cameras in the normalized world, at the working size.
         model: Decides between spiral and orbit, and where the frames look.
         config: Length and amplitude.
     """
@@ -98,7 +98,7 @@ def fly_through(
 
 
 def ellipse(cameras: Sequence[Camera], shares: Shares, turns: float, spread: float) -> Points:
-    """Returns centres on an ellipse across the views, at shares of a closed path.
+    """Returns centers on an ellipse across the views, at shares of a closed path.
 
     It goes around `turns` times, and once to and fro along the views.
     """
@@ -109,7 +109,7 @@ def ellipse(cameras: Sequence[Camera], shares: Shares, turns: float, spread: flo
 
 
 def orbit(cameras: Sequence[Camera], model: SceneModel, shares: Shares, spread: float) -> Points:
-    """Returns centres around the vertical through the focus, at shares of a closed path.
+    """Returns centers around the vertical through the focus, at shares of a closed path.
 
     Where the photographs are on an arc only, they go to and fro on it.
     """
@@ -158,7 +158,7 @@ def look_at(
 
 
 def looking(centers: Points, photograph: Camera, model: SceneModel) -> list[Camera]:
-    """Returns cameras at the centres that look at the focus, or away from it."""
+    """Returns cameras at the centers that look at the focus, or away from it."""
     focus = np.array(model.focus)
     return facing(
         centers, centers - focus if model.looking == "outward" else focus - centers, photograph
@@ -166,7 +166,7 @@ def looking(centers: Points, photograph: Camera, model: SceneModel) -> list[Came
 
 
 def facing(centers: Points, directions: Points, photograph: Camera) -> list[Camera]:
-    """Returns level cameras at the centres, with the intrinsics of a photograph."""
+    """Returns level cameras at the centers, with the intrinsics of a photograph."""
     centered = replace(photograph, cx=photograph.width / 2, cy=photograph.height / 2)
     return [
         replace(

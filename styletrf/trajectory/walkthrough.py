@@ -1,7 +1,7 @@
 """The way that photographers took through a scene, smoothed: what a path along it follows.
 
 A walk looks neither at one place nor away from one. The photographs are put in the order in which
-they were taken, or in that of nearest neighbours where that way is shorter; a point of the path is
+they were taken, or in that of nearest neighbors where that way is shorter; a point of the path is
 the mean of the photographs near it, weighted by a Gaussian over their number. Photographs from one
 place are one; where these look all around, as views of a panorama do, the path looks ahead.
 """
@@ -27,7 +27,7 @@ _DENSE = 32  # places a photograph at which the way is measured
 def smoothed_walkthrough(
     cameras: Sequence[Camera], shares: Shares, *, back: bool
 ) -> tuple[Points, Points]:
-    """Returns centres and unit directions of view at shares, from 0 to 1, of the way taken.
+    """Returns centers and unit directions of view at shares, from 0 to 1, of the way taken.
 
     A round is gone once. Another way is gone there and, with `back`, the same way back, so that
     the path closes.
@@ -86,10 +86,10 @@ def _directions(centers: Centers, *, closed: bool) -> Centers:
 
 def _shortest_order(centers: Centers) -> Int[np.ndarray, " views"]:
     taken = np.arange(len(centers))
-    return min((taken, _by_neighbours(centers)), key=lambda order: _length(centers[order]))
+    return min((taken, _by_neighbors(centers)), key=lambda order: _length(centers[order]))
 
 
-def _by_neighbours(centers: Centers) -> Int[np.ndarray, " views"]:
+def _by_neighbors(centers: Centers) -> Int[np.ndarray, " views"]:
     """Returns the order that goes on to the nearest photograph left, from one at an end."""
     first = int(np.linalg.norm(centers - centers.mean(axis=0), axis=1).argmax())
     order, left = [first], set(range(len(centers))) - {first}
@@ -106,7 +106,7 @@ def _length(centers: Centers) -> float:
 
 
 def is_closed(centers: Centers) -> bool:
-    """Whether the last photograph is about as near to the first as neighbours are."""
+    """Whether the last photograph is about as near to the first as neighbors are."""
     if len(centers) < 3:
         return False
     steps = np.linalg.norm(np.diff(centers, axis=0), axis=1)

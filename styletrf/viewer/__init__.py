@@ -1,4 +1,4 @@
-"""A viewer in one HTML file: walk around in a stylised place, and change its painting.
+"""A viewer in one HTML file: walk around in a stylized place, and change its painting.
 
 Enters: a density, appearances that share it, cameras. Leaves: `viewer.html`.
 Begin with `baking` (values at lattice points) and `webpage/march.glsl`, which renders them as

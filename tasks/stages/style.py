@@ -157,7 +157,7 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
     def _require_no_factors(self) -> None:
         is_plain = (self.stroke_scale, self.content_weight) == (1, 1)
         if is_plain or (self.stylizer == "gatys" and not self.network):
-            return  # an optimisation has factors of its own
+            return  # an optimization has factors of its own
         words = f"--network {self.network}" if self.network else f"--stylizer {self.stylizer}"
         problem = "is trained already: --stroke-scale and --content-weight cannot change it"
         raise InputError(words, problem, "Leave them out")

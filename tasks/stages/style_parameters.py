@@ -38,7 +38,7 @@ class NetworkParameters(PresetStage):
         choices=["johnson", "arbitrary", "gatys"],
         default="johnson",
         description="a network trained for the style; one that needs no training; or an"
-        " optimisation of every view",
+        " optimization of every view",
     )
     network = luigi.Parameter(
         default="",
@@ -89,7 +89,7 @@ class FrameParameters(StyleParameters):
     method = ChoiceParameter(
         choices=["field", "per-frame"],
         default="field",
-        description="render the stylised field, or paint every frame by itself (the baseline)",
+        description="render the stylized field, or paint every frame by itself (the baseline)",
     )
     strength = FloatParameter(default=1.0, description="weight of the style, from 0 to 1")
     blend: Any = DictParameter(

@@ -35,7 +35,7 @@ class TransferWeights(Stage):
     """The networks of arbitrary style transfer, with weights for any painting.
 
     Leaves `predictor.safetensors` (reads a painting), `conditioning.safetensors` and
-    `transfer.safetensors` (paints); `weights.json` has their source, licences and SHA-256.
+    `transfer.safetensors` (paints); `weights.json` has their source, licenses and SHA-256.
     """
 
     transfer = luigi.Parameter(

@@ -143,7 +143,7 @@ def _scores(summary: Mapping[str, Any]) -> list[Score]:
         ),
         _score("style distance", next(iter(distances), None), "{:.4f}".format),
         *(
-            _score(name, resemblance.get(f"{key}_ratio"), "{:.2f} x unstylised".format)
+            _score(name, resemblance.get(f"{key}_ratio"), "{:.2f} x unstylized".format)
             for name, key in _RESEMBLANCE.items()
         ),
         _score("content lost", resemblance.get("content"), "{:.2f}".format),

@@ -48,21 +48,21 @@ QUALITY = (
 )  # fmt: skip
 RESEMBLANCE = (
     Label("style_swd_colors", "colors", "how far the frames' colors are from the painting's, in"
-            " steps just visible", "{:.2f}", "style_swd_colors_unstylized", "unstylised"),
+            " steps just visible", "{:.2f}", "style_swd_colors_unstylized", "unstylized"),
     Label("style_swd_patches", "patches", "the same of squares of 7x7 pixels, at three scales",
-            "{:.2f}", "style_swd_patches_unstylized", "unstylised"),
+            "{:.2f}", "style_swd_patches_unstylized", "unstylized"),
     Label("style_swd_texture", "texture", "the same of these squares without their mean colors:"
-            " what no recoloring paints", "{:.2f}", "style_swd_texture_unstylized", "unstylised"),
+            " what no recoloring paints", "{:.2f}", "style_swd_texture_unstylized", "unstylized"),
     Label("style_gram", "Gram matrices", "relative distance to the painting, by a network that"
-            " nothing is trained with", "{:.3f}", "style_gram_unstylized", "unstylised"),
+            " nothing is trained with", "{:.3f}", "style_gram_unstylized", "unstylized"),
     Label("sifid_vgg", "SIFID with VGG16", "distance to the painting's statistics of features",
-            "{:.2f}", "sifid_vgg_unstylized", "unstylised"),
+            "{:.2f}", "sifid_vgg_unstylized", "unstylized"),
     Label("content", "content lost", "0 shows the scene as it was, 1 as little of it as the"
             " painting does", "{:.2f}"),
     Label("sharpness", "sharpness", "of detail, whatever the contrast", "{:.3f}",
             "sharpness_priors", "priors"),
     Label("content_style_product", "content and style", "(1 + content lost) (1 + SIFID over the"
-            " unstylised frames'), as ArtFID's; 2 for these", "{:.2f}"),
+            " unstylized frames'), as ArtFID's; 2 for these", "{:.2f}"),
 )  # fmt: skip
 PATH = (
     Label("unsupported", "pixels without support", "share that fewer than three photographs see,"
@@ -71,7 +71,7 @@ PATH = (
 CONSISTENCY = (
     Label("error", "error along the flow",
             "the paper's: squared difference to the other frame, moved along the flow of the"
-            " unstylised ones; all pixels", other="floor", flickers=True),
+            " unstylized ones; all pixels", other="floor", flickers=True),
     Label("masked_error", "error where the flow holds",
             "the same, where flow there and back agree", other="masked_floor", flickers=True),
     Label("valid_fraction", "pixels where the flow holds", "share of all", "{:.0%}"),
@@ -83,7 +83,7 @@ CONSISTENCY = (
             "along the geometry; 1 is as unlike as unrelated frames", other="normalized_floor",
             flickers=True),
     Label("own_error", "error along its own geometry",
-            "the other frame moved by the depth of the stylised field, where it has one of its"
+            "the other frame moved by the depth of the stylized field, where it has one of its"
             " own (S1, S2)", other="geometric_floor", flickers=True),
     Label("own_normalized_error", "error by contrast along its own geometry",
             "the same by contrast", other="normalized_floor", flickers=True),
@@ -93,7 +93,7 @@ CONSISTENCY = (
             other="perceptual_floor", flickers=True),
     Label("style_distance", "style distance",
             "of the frames to the painting, by Gram matrices: a grey video is steady, and far off",
-            other="style_distance_unstylized", word="unstylised"),
+            other="style_distance_unstylized", word="unstylized"),
     Label("pairs", "pairs of frames", "compared", "{}"),
     Label("perceptual_pairs", "pairs looked at", "by the network: perceptual change and style"
             " distance", "{}"),
@@ -109,7 +109,7 @@ def metric_tables(summary: Mapping[str, Any]) -> list[MetricTable]:
     """Returns the metrics of a result in tables, without those that were not requested."""
     held_out = _table("Against photographs held out", QUALITY, {"": summary["quality"]})
     resembling = {"": summary.get("resemblance", {})}
-    painted = _table("Against the painting and the unstylised frames", RESEMBLANCE, resembling)
+    painted = _table("Against the painting and the unstylized frames", RESEMBLANCE, resembling)
     deltas = {term(delta): values for delta, values in by_delta(summary).items()}
     apart = ", ".join(f"{term(delta)}: {delta} apart" for delta in by_delta(summary))
     sharpness = resembling[""].get("sharpness_to_unstylized")
@@ -180,9 +180,9 @@ def _why_below(sharpness: float | None) -> str:
     """
     if sharpness is None:
         return (
-            "less fine detail than the unstylised frames, or less contrast; sharpness not measured"
+            "less fine detail than the unstylized frames, or less contrast; sharpness not measured"
         )
     times = f"sharpness {significant(sharpness)}\N{NO-BREAK SPACE}times theirs"
     if sharpness < 1:
-        return f"less fine detail than the unstylised frames ({times})"
-    return f"less change than the unstylised frames, not for want of fine detail ({times})"
+        return f"less fine detail than the unstylized frames ({times})"
+    return f"less change than the unstylized frames, not for want of fine detail ({times})"

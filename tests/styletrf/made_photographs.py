@@ -21,7 +21,7 @@ def texture(height, width, seed=0):
 
 
 def encoded(image, suffix=".jpg", *flags):
-    """Returns an RGB, grey or RGBA image as the bytes of a file."""
+    """Returns an RGB, gray or RGBA image as the bytes of a file."""
     if image.ndim == 3:
         order = [2, 1, 0, 3][: image.shape[2]]
         image = np.ascontiguousarray(image[..., order])

@@ -1,4 +1,4 @@
-"""A scene for tests: a painted plane seen by a few small cameras, with its exact colours."""
+"""A scene for tests: a painted plane seen by a few small cameras, with its exact colors."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,7 +43,7 @@ class MiniScene:
 
 
 def painted_plane(n_views: int = 6) -> MiniScene:
-    """A plane at depth 4 whose colour varies smoothly."""
+    """A plane at depth 4 whose color varies smoothly."""
     rng = np.random.default_rng(0)
     target, down = np.array([0.0, 0.0, 4.0]), np.array([0.0, 1.0, 0.0])
     centers = np.column_stack([rng.uniform(-0.4, 0.4, (n_views, 2)), np.zeros(n_views)])

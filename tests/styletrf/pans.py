@@ -30,7 +30,7 @@ def camera(k):
 
 
 def shown(plain, painted, cameras=None, own_depth=None):
-    """The frames of a trajectory, one by one; `own_depth` is that of the stylised field."""
+    """The frames of a trajectory, one by one; `own_depth` is that of the stylized field."""
     cameras = cameras or [camera(k) for k in range(len(plain))]
     for k, (image, style) in enumerate(zip(plain, painted, strict=True)):
         whole = np.ones(image.shape[:2], np.float32)

@@ -108,7 +108,7 @@ def test_an_arbitrary_style_needs_no_training(mini: Mini):
     assert len(pictures(mini("StylizedFrames", stylizer="arbitrary"))) == 7
 
 
-def test_an_optimisation_can_start_from_noise(mini: Mini, stage_of: Any):
+def test_an_optimization_can_start_from_noise(mini: Mini, stage_of: Any):
     stage = stage_of("StylizedPriors", stylizer="gatys", settings={"start": "noise"})[0]
     assert "network" not in stage.requires()
 

@@ -55,7 +55,7 @@ class GivenPoses:
 
 
 def rigid(name: str, source: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:
-    """Returns a pose as a rotation and a centre, its rotation the nearest to what is given.
+    """Returns a pose as a rotation and a center, its rotation the nearest to what is given.
 
     Raises:
         InputError: It is not finite, singular, mirrored or far from a rotation times a scale.

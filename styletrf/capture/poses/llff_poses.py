@@ -1,6 +1,6 @@
 """Poses as LLFF keeps them: `poses_bounds.npy`, one row a photograph in the order of their names.
 
-A row is the 3x5 matrix [rotation | centre | height, width, focal] and the depths of the nearest and
+A row is the 3x5 matrix [rotation | center | height, width, focal] and the depths of the nearest and
 the farthest points. The columns of the rotation are the camera's down, right and backwards axes in
 the world; the optical axis goes through the middle of the image (Mildenhall et al. 2019).
 """

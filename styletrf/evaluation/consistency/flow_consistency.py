@@ -1,7 +1,7 @@
-"""The paper's error of consistency: along the optical flow of the unstylised frames.
+"""The paper's error of consistency: along the optical flow of the unstylized frames.
 
-StyleTRF (Goel et al. 2022), section 6.2. A low error alone proves little: a grey video has none,
-and the flow itself is imperfect. So the same error of the unstylised frames (the floor) and the
+StyleTRF (Goel et al. 2022), section 6.2. A low error alone proves little: a gray video has none,
+and the flow itself is imperfect. So the same error of the unstylized frames (the floor) and the
 error where the flow can be trusted stand beside it.
 """
 
@@ -21,8 +21,8 @@ class FlowErrors:
 
     Attributes:
         flow: Which estimator led the way.
-        error: Of the stylised frames, over all pixels: the paper's figure.
-        floor: The same of the unstylised frames.
+        error: Of the stylized frames, over all pixels: the paper's figure.
+        floor: The same of the unstylized frames.
         valid_fraction: Of the pixels, those that return to themselves by way of the other frame.
         masked_error: `error` over the valid pixels; NaN where there are none.
         masked_floor: `floor` over the valid pixels; NaN where there are none.
@@ -39,7 +39,7 @@ class FlowErrors:
 def flow_errors(
     unstylized: tuple[Image, Image], stylized: tuple[Image, Image], estimator: FlowEstimator
 ) -> FlowErrors:
-    """Returns the errors of frames i and j along the flow w from unstylised i to unstylised j.
+    """Returns the errors of frames i and j along the flow w from unstylized i to unstylized j.
 
     The error is the mean over pixels p and channels of (S_i(p) - S_j(p + w(p)))^2. Pixels that
     leave the image take its nearest border pixel.

@@ -50,7 +50,7 @@ class PairPlan:
 class Frame:
     """One view of the trajectory, without and with style.
 
-    `own_depth` is that of the stylised field, where its density is not that of the unstylised one.
+    `own_depth` is that of the stylized field, where its density is not that of the unstylized one.
     """
 
     camera: Camera
@@ -116,7 +116,7 @@ def paired(
     for index, frame in enumerate(frames):
         first = first or frame
         _require_one_size(index, frame, first)
-        images = [("unstylised", frame.unstylized.color), ("stylised", frame.stylized)]
+        images = [("unstylized", frame.unstylized.color), ("stylized", frame.stylized)]
         require_finite("consistency", f"in frame {frame.camera.name}", images)
         window[index] = frame
         for pair in (pair for pair in planned if pair.second == index):

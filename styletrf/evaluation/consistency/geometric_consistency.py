@@ -30,12 +30,12 @@ class GeometricErrors:
 
     Attributes:
         geometric_fraction: Of the pixels, those whose place the second frame sees.
-        geometric_error: Mean square on [0, 1] over these pixels, of the stylised frames.
-        geometric_floor: The same of the unstylised frames: resampling, view-dependent colour.
+        geometric_error: Mean square on [0, 1] over these pixels, of the stylized frames.
+        geometric_floor: The same of the unstylized frames: resampling, view-dependent color.
         normalized_error: The error in windows over the contrast there, by the scene's detail, see
             `_dissimilarity`: 0 for equal pictures, 1 for unrelated ones whatever their contrast
             and where they have none, at most 2; NaN where the scene has no detail.
-        normalized_floor: The same of the unstylised frames.
+        normalized_floor: The same of the unstylized frames.
     """
 
     geometric_fraction: float
@@ -47,7 +47,7 @@ class GeometricErrors:
 
 @dataclass(frozen=True, slots=True)
 class OwnErrors:
-    """The same along the stylised field's own depth, where its density has changed (S1, S2).
+    """The same along the stylized field's own depth, where its density has changed (S1, S2).
 
     All NaN where there is no such depth. The floors are those of `GeometricErrors`.
 
@@ -73,7 +73,7 @@ class Correspondence:
 
 @dataclass(frozen=True, slots=True)
 class _Moments:
-    """The mean colour about each pixel, and the variance, in a window."""
+    """The mean color about each pixel, and the variance, in a window."""
 
     mean: Image
     variance: Weights

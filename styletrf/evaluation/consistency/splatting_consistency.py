@@ -1,9 +1,9 @@
 """The consistency protocol of papers since 2025: splat one frame along the flow to another.
 
-Stylos (ICLR 2026) and AnyStyle (arXiv 2602.04043, appendix E) move stylised frame t along its own
+Stylos (ICLR 2026) and AnyStyle (arXiv 2602.04043, appendix E) move stylized frame t along its own
 flow to frame t + 1 or t + 7 by softmax splatting (Niklaus and Liu, CVPR 2020), and take the root of
 the mean squared difference. It differs from the error of `flow_consistency` in all of this: the
-flow is that of the stylised frames, which follows flicker; pixels that nothing is splatted to count
+flow is that of the stylized frames, which follows flicker; pixels that nothing is splatted to count
 as errors of zero, so that more disocclusion lowers the figure.
 """
 

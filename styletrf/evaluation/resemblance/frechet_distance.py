@@ -21,8 +21,8 @@ def feature_statistics(features: Float[Tensor, "channels places"]) -> FeatureSta
     """Returns the statistics, computed in float64."""
     values = features.cpu().double().numpy()
     mean = values.mean(axis=1)
-    centred = values - mean[:, None]
-    levels, axes = np.linalg.eigh(centred @ centred.T / values.shape[1])
+    centered = values - mean[:, None]
+    levels, axes = np.linalg.eigh(centered @ centered.T / values.shape[1])
     return FeatureStatistics(mean, (axes * np.sqrt(levels.clip(min=0))) @ axes.T)
 
 

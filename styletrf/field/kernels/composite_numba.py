@@ -1,4 +1,4 @@
-"""Compositing along rays on the CPU, and choosing the samples worth a colour."""
+"""Compositing along rays on the CPU, and choosing the samples worth a color."""
 
 from typing import no_type_check
 
@@ -11,7 +11,7 @@ from styletrf.field.kernels.vm_numba import FAST
 
 @no_type_check
 @compiled(inline="always", fastmath=FAST)
-def _heaviest_of_haze(weight, first, last, threshold):
+def _heaviest_of_faint_ray(weight, first, last, threshold):
     """Returns the first heaviest of a ray's light samples if it is opaque by them, else -1."""
     opacity, heaviest = np.float32(0), first
     for i in range(first, last):
@@ -34,21 +34,21 @@ def heavy_samples(offsets, weight, threshold):
     """Returns where each ray's kept samples begin, and which samples those are."""
     n_rays = offsets.shape[0] - 1
     kept = np.zeros(n_rays + 1, np.int64)
-    haze = np.empty(n_rays, np.int64)
+    heaviest = np.empty(n_rays, np.int64)
     for ray in numba.prange(n_rays):
         first, end, n_heavy = offsets[ray], offsets[ray + 1], 0
         for i in range(first, end):
             n_heavy += _is_heavy(weight[i], threshold)
-        haze[ray] = -1
+        heaviest[ray] = -1
         if n_heavy == 0 and first < end:
-            haze[ray] = _heaviest_of_haze(weight, first, end, threshold)
-        kept[ray + 1] = n_heavy + (haze[ray] >= 0)
+            heaviest[ray] = _heaviest_of_faint_ray(weight, first, end, threshold)
+        kept[ray + 1] = n_heavy + (heaviest[ray] >= 0)
     kept = np.cumsum(kept)
     index = np.empty(kept[-1], np.int64)
     for ray in numba.prange(n_rays):
         k = kept[ray]
-        if haze[ray] >= 0:
-            index[k] = haze[ray]
+        if heaviest[ray] >= 0:
+            index[k] = heaviest[ray]
             continue
         for i in range(offsets[ray], offsets[ray + 1]):
             if k == kept[ray + 1]:

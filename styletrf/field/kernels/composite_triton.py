@@ -1,4 +1,4 @@
-"""Compositing along rays on a GPU, forward and backward, and choosing the samples worth a colour.
+"""Compositing along rays on a GPU, forward and backward, and choosing the samples worth a color.
 
 A program takes one ray and STEPS of its samples at a time; sums need no atomic additions and come
 out the same every time.
@@ -59,25 +59,25 @@ def is_heavy(weight, threshold):
 @no_type_check
 @triton.jit
 def _heavy(offsets, weights, threshold, chosen, count, STEPS: tl.constexpr):
-    """Marks the samples heavier than the threshold, else of haze the first heaviest one."""
+    """Marks the samples heavier than the threshold, else of a faint ray the first heaviest one."""
     ray = tl.program_id(0).to(tl.int64)
     start, end = tl.load(offsets + ray), tl.load(offsets + ray + 1)
     opacity, largest = tl.zeros([], tl.float32), tl.zeros([], tl.float32)
-    haze, n_heavy = start, tl.zeros([], tl.int64)
+    heaviest, n_heavy = start, tl.zeros([], tl.int64)
     for first in range(start, end, STEPS):
         i = first + tl.arange(0, STEPS)
         weight = tl.load(weights + i, mask=i < end, other=0.0)
         n_heavy += tl.sum(is_heavy(weight, threshold).to(tl.int64))
         opacity += tl.sum(weight)
         here = tl.max(weight)
-        haze = tl.where(here > largest, tl.min(tl.where(weight == here, i, end)), haze)
+        heaviest = tl.where(here > largest, tl.min(tl.where(weight == here, i, end)), heaviest)
         largest = tl.where(here > largest, here, largest)
-    haze = tl.where((n_heavy == 0) & (opacity > threshold), haze, end)
+    heaviest = tl.where((n_heavy == 0) & (opacity > threshold), heaviest, end)
     for first in range(start, end, STEPS):
         i = first + tl.arange(0, STEPS)
         weight = tl.load(weights + i, mask=i < end, other=0.0)
-        tl.store(chosen + i, is_heavy(weight, threshold) | (i == haze), mask=i < end)
-    tl.store(count + ray, n_heavy + (haze < end).to(tl.int64))
+        tl.store(chosen + i, is_heavy(weight, threshold) | (i == heaviest), mask=i < end)
+    tl.store(count + ray, n_heavy + (heaviest < end).to(tl.int64))
 
 
 def composite_forward(

@@ -1,4 +1,4 @@
-"""The colour network on the CPU: one hidden layer, fused with its gather and its activations.
+"""The color network on the CPU: one hidden layer, fused with its gather and its activations.
 
 A sample's hidden values stay in registers and cache instead of passing through memory four times.
 Matrices are `[hidden, inputs]` as torch keeps them, and `[inputs, hidden]` where a loop wants it.
@@ -50,7 +50,7 @@ def _hidden(components, i0, i1, of_view, r0, r1, matrix, out, k, width):
 @no_type_check
 @compiled(inline="always", fastmath=FAST)
 def _colors(components, pair, of_view, ray, layers, hidden, colors, width):
-    """Writes the colours of two samples."""
+    """Writes the colors of two samples."""
     i0, i1 = pair
     matrix, output, bias = layers
     _hidden(components, i0, i1, of_view, ray[i0], ray[i1], matrix, hidden, 0, width)
@@ -65,7 +65,7 @@ def _colors(components, pair, of_view, ray, layers, hidden, colors, width):
 @no_type_check
 @compiled(parallel=True, fastmath=FAST)
 def decode_forward(components, of_view, ray, matrix, output, bias):
-    """Returns the colours of samples in [0, 1], `n x 3`.
+    """Returns the colors of samples in [0, 1], `n x 3`.
 
     Args:
         components: `n inputs`.

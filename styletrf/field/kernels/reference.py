@@ -73,21 +73,21 @@ def trace(
 
 
 def prune(samples: Samples, threshold: float) -> Samples:
-    """Returns the samples worth a colour, differentiable in the weights.
+    """Returns the samples worth a color, differentiable in the weights.
 
     These are the samples heavier than `threshold`, and, of a ray that has none but more opacity
-    than that (haze), its first heaviest one. A weight that is NaN is kept, so that it is seen.
+    than that (a faint ray), its first heaviest one. A weight that is NaN is kept, to be seen.
     """
     weights, rays, n = samples.weights.detach(), len(samples.offsets) - 1, len(samples.weights)
     opacity = weights.new_zeros(rays).index_add(0, samples.ray, weights)
     largest = weights.new_zeros(rays).scatter_reduce(0, samples.ray, weights, "amax")
-    stands_for_haze = (opacity > threshold) & (largest <= threshold)
+    stands_for_ray = (opacity > threshold) & (largest <= threshold)
     sample = torch.arange(n, device=weights.device)
     heaviest = torch.full_like(samples.offsets[1:], n)
     ties = weights == largest[samples.ray]
     heaviest = heaviest.scatter_reduce(0, samples.ray[ties], sample[ties], "amin")
-    of_haze = stands_for_haze[samples.ray] & (sample == heaviest[samples.ray])
-    kept = (~(weights <= threshold) | of_haze).nonzero()[:, 0]
+    of_faint_ray = stands_for_ray[samples.ray] & (sample == heaviest[samples.ray])
+    kept = (~(weights <= threshold) | of_faint_ray).nonzero()[:, 0]
     bounds = torch.arange(rays + 1, device=kept.device)
     return samples.chosen(torch.searchsorted(samples.ray[kept], bounds), kept)
 
@@ -108,7 +108,7 @@ def decode(
     output: Float[Tensor, "3 hidden"],
     bias: Float[Tensor, " 3"],
 ) -> Float[Tensor, "samples 3"]:
-    """Returns the colours of samples in [0, 1], differentiable in all but `ray`.
+    """Returns the colors of samples in [0, 1], differentiable in all but `ray`.
 
     sigmoid(output @ relu(matrix @ components + of_view[ray]) + bias); samples are in the order of
     their rays, and `of_view` is what the view direction of a ray adds to the hidden layer.

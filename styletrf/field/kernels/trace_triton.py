@@ -1,7 +1,7 @@
 """Marching rays through an occupancy grid on a GPU, density to weights, forward and backward.
 
 A program, one warp, takes one ray: its lanes take STEPS consecutive steps at a time, which read
-neighbouring cells, and no ray waits for another. Three passes keep the memory to the occupied
+neighboring cells, and no ray waits for another. Three passes keep the memory to the occupied
 samples: `_count` finds how many steps of each ray are occupied, `_march` evaluates the density up
 to termination and writes what is kept into the room so counted, `_pack` closes the gaps. With
 optical thickness tau = density x length,

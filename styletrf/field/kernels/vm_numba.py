@@ -178,7 +178,7 @@ def _factor_gradients(plane, line, corners, weights, upstream, k, buffer):
     """Fills buffer[0] with the gradient of the plane's value, buffer[1] with the line's."""
     u0, u1, v0, v1, w0, w1 = corners
     w00, w01, w10, w11, fw = weights
-    # One target a loop: nothing can alias, so each loop is vectorised.
+    # One target a loop: nothing can alias, so each loop is vectorized.
     for c in range(plane.shape[2]):
         buffer[0, c] = upstream[k, c] * ((ONE - fw) * line[w0, c] + fw * line[w1, c])
     for c in range(plane.shape[2]):

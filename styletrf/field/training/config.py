@@ -31,10 +31,10 @@ class FieldTrainingConfig:
     depth_until: float = 0.3  # of the iterations: what is empty by then stays so
     occupancy_every: int = 200
     occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]
-    min_weight: float = 3e-3  # samples lighter than this get no colour [rm_weight_mask_thre]
+    min_weight: float = 3e-3  # samples lighter than this get no color [rm_weight_mask_thre]
     termination: float = 1e-4
     gradient_threshold: float = 3.0  # smaller gradients are dropped, see `sparsification`
-    color_threshold: float = 1.0  # likewise those of the colours
+    color_threshold: float = 1.0  # likewise those of the colors
     shrink_rise: float = 0.01  # of the loss, for which a finished field is made smaller; 0: never
     checkpoint_seconds: float = 60.0
     seed: int = 0

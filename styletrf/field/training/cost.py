@@ -26,7 +26,7 @@ from styletrf.scene.scene_model import SceneModel
 from styletrf.scene.training_photographs import TrainingPhotographs
 
 _ITERATIONS = 5
-_NEIGHBOURHOOD = 7  # voxels about a point that may be occupied
+_NEIGHBORHOOD = 7  # voxels about a point that may be occupied
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +76,6 @@ def voxels_about(
     occupied = torch.zeros(shape)
     occupied[tuple(torch.from_numpy(cell.T))] = 1
     spread = functional.max_pool3d(
-        occupied[None, None], _NEIGHBOURHOOD, stride=1, padding=_NEIGHBOURHOOD // 2
+        occupied[None, None], _NEIGHBORHOOD, stride=1, padding=_NEIGHBORHOOD // 2
     )[0, 0]
     return non_empty(spread > 0)

@@ -1,4 +1,4 @@
-"""The optimiser of a fit: Adam, whose rates decay from an initial one for each group."""
+"""The optimizer of a fit: Adam, whose rates decay from an initial one for each group."""
 
 import torch
 
@@ -7,7 +7,7 @@ from styletrf.field.training.config import FieldTrainingConfig
 
 
 def optimizer_of(field: RadianceField, config: FieldTrainingConfig) -> torch.optim.Adam:
-    """Returns an optimiser of all of a field, with rates for its factors and for its network."""
+    """Returns an optimizer of all of a field, with rates for its factors and for its network."""
     factors = [*field.density.factors.parameters(), *field.appearance.factors.parameters()]
     groups = [
         {"params": factors, "initial_rate": config.factor_rate},

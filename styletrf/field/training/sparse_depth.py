@@ -53,7 +53,7 @@ class SparseDepths:
 def sparse_depths(
     model: SceneModel, cameras: Sequence[Camera], points: SparsePoints
 ) -> SparseDepths:
-    """Returns what the cameras observe, at the working size and in the normalised world.
+    """Returns what the cameras observe, at the working size and in the normalized world.
 
     In NDC nothing: there no camera stands in the grid, and matter that is spread along rays
     interpolates views better than matter at the points does (decision 19).

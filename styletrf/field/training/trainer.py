@@ -184,9 +184,9 @@ class FieldTrainer:
 
     @torch.no_grad()
     def _begin_with_background(self) -> None:
-        """Sets the background to the mean colour of rays that miss the grid, if there are any.
+        """Sets the background to the mean color of rays that miss the grid, if there are any.
 
-        Learning it takes a thousand iterations, long enough for walls of its colour to grow.
+        Learning it takes a thousand iterations, long enough for walls of its color to grow.
         """
         pixels = self.images.drawn(1 << 14, self.generator)
         segments, target = pixel_rays(self.rays, self.images, pixels)
@@ -241,7 +241,7 @@ class FieldTrainer:
         return stage_resolution(self.final_resolution, initial, stage, stages)
 
     def begin_stage(self) -> None:
-        """Sets the step and a fresh optimiser for the present resolution."""
+        """Sets the step and a fresh optimizer for the present resolution."""
         self.stage_start, steps_per_voxel = self.iteration, self.config.steps_per_voxel
         self.field.step_length = march_step(self.space, self.field.resolution, steps_per_voxel)
         self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)

@@ -90,7 +90,7 @@ def gram_matrix(
 
 
 def total_variation(images: Float[Tensor, "batch 3 height width"]) -> Float[Tensor, ""]:
-    """Returns the mean squared difference of horizontal, plus that of vertical neighbours.
+    """Returns the mean squared difference of horizontal, plus that of vertical neighbors.
 
     Squared, so that its gradient is finite (zero) on flat areas.
     """

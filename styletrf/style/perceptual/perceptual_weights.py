@@ -71,7 +71,7 @@ def build_perceptual_weights(source: str, folder: Path) -> None:
     weights = {key: value.float().contiguous() for key, value in weights.items()}
     save_file(weights, folder / "vgg16.safetensors", metadata={"source": name})
     description = {
-        "input": "RGB in [0, 1]; normalised by the file's own mean and std",
+        "input": "RGB in [0, 1]; normalized by the file's own mean and std",
         "layers": list(CONVOLUTIONS),
         "sha256": sha256_of((folder / "vgg16.safetensors").read_bytes()),
         "source": name,

@@ -38,10 +38,10 @@ REDUCTION = 8
 
 
 class VGG16(nn.Module):
-    """The ten convolutions up to relu4_3, and the normalisation of their input.
+    """The ten convolutions up to relu4_3, and the normalization of their input.
 
     `mean` and `std` (RGB, in units of [0, 1]) belong to the weights: the convolutions pad with
-    zeros, which must be zeros of the normalised image, so they are not folded into conv1_1.
+    zeros, which must be zeros of the normalized image, so they are not folded into conv1_1.
     """
 
     mean: Tensor

@@ -51,7 +51,7 @@ class Training:
 def new_training(network: PaintingNetwork) -> Training:
     """Returns a training of the network that has not begun; `StyleStep` sets the learning rates.
 
-    The optimiser has a group `normalization` (scales and shifts) where the network tells these
+    The optimizer has a group `normalization` (scales and shifts) where the network tells these
     apart, and a group `other`.
     """
     groups: list[dict[str, object]] = []

@@ -14,7 +14,7 @@ class StyleTrainingConfig:
     """How a style network is trained.
 
     With `warm_start` it begins as the network of arbitrary style transfer for the painting: at
-    first only the normalisations learn, then all weights, and `color_weight` holds the colors that
+    first only the normalizations learn, then all weights, and `color_weight` holds the colors that
     it began with. Without, Johnson's network begins from random weights.
     """
 
@@ -25,7 +25,7 @@ class StyleTrainingConfig:
     steadiness: TemporalLossConfig = field(default_factory=TemporalLossConfig)
     iterations: int = 2000
     warm_start: bool = True
-    normalization_share: float = 0.2  # of the iterations, in which only normalisations learn
+    normalization_share: float = 0.2  # of the iterations, in which only normalizations learn
     normalization_rate: float = 10.0  # times the learning rate of the other weights
     color_weight: float = 2.0
     identity_iterations: int = 150  # without a warm start the first repeat the photograph

@@ -1,7 +1,7 @@
 """Style as Gram matrices of the network that distinguishes styles.
 
-VGG16 as this project has it (`styletrf.style.perceptual.perceptual_weights`) has learnt contours.
-The predictor of arbitrary style transfer (Ghiasi et al. 2017) has learnt, from some 80,000
+VGG16 as this project has it (`styletrf.style.perceptual.perceptual_weights`) has learned contours.
+The predictor of arbitrary style transfer (Ghiasi et al. 2017) has learned, from some 80,000
 paintings, what makes a style, and distinguishes colors and ornaments that contours do not. With the
 Gram matrices G (Gatys et al. 2016, equation 3) of its strides 4, 8 and 16,
 

@@ -99,7 +99,7 @@ class StyleStep:
     ) -> PerceptualTerms:
         """Returns the loss; from random weights, at first that of an autoencoder.
 
-        (As Chen et al. 2018, CartoonGAN, begin.) Such a network would first fall into flat grey,
+        (As Chen et al. 2018, CartoonGAN, begin.) Such a network would first fall into flat gray,
         where the gradient of a Gram matrix vanishes, and spend hundreds of iterations there.
         """
         config = self._config.steadiness

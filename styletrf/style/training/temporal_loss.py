@@ -5,7 +5,7 @@ second, the painted versions should show the same, too:
 
     steadiness = mean over valid pixels p of (f(a)(p) - f(b)(p + flow(p)))^2 / variance of f(a)
 
-(without the variance a network grows steady by growing grey).
+(without the variance a network grows steady by growing gray).
 
 For a photograph the second image is itself, moved by a fraction of a pixel and noisy, as a render
 from a little further on would be (noise stability as in Gupta et al. 2017, arXiv 1705.02092); for

@@ -26,10 +26,10 @@ _ENDS = {
     "expansion.7": "expand/conv2/conv",
     "expansion.11": "expand/conv3/conv",
 }
-_NORMALISED = {"expansion.3": "expansion.2", "expansion.8": "expansion.7"}
-_NORMALISED |= {"expansion.12": "expansion.11"}
+_NORMALIZED = {"expansion.3": "expansion.2", "expansion.8": "expansion.7"}
+_NORMALIZED |= {"expansion.12": "expansion.11"}
 _BLOCK = {"1": "conv1", "2": "conv1", "5": "conv2", "6": "conv2"}
-_STYLE = {"weight": "Conv_1", "bias": "Conv"}  # of a normalisation: its scale, its shift
+_STYLE = {"weight": "Conv_1", "bias": "Conv"}  # of a normalization: its scale, its shift
 
 
 def network_weights(file: OnnxWeights) -> Weights:
@@ -85,11 +85,11 @@ def predictor_weights(file: OnnxWeights) -> Weights:
 
 
 def _layer(module: str) -> str:
-    """Returns Magenta's name of a convolution, or of the one before a normalisation."""
+    """Returns Magenta's name of a convolution, or of the one before a normalization."""
     if module.startswith("residual."):
         _, block, _, index = module.split(".")
         return f"residual/residual{int(block) + 1}/{_BLOCK[index]}"
-    return _ENDS[_NORMALISED.get(module, module)]
+    return _ENDS[_NORMALIZED.get(module, module)]
 
 
 def _predictor_layer(name: str) -> str:

@@ -1,7 +1,7 @@
 """The style transfer network of Ghiasi et al. (BMVC 2017, arXiv 1705.06830), for one style.
 
 It is Johnson's network (see `styletrf.style.style_network`), four times narrower. Styles differ in
-the scale `w` and the shift `b` of every instance normalisation (Dumoulin et al. 2017, arXiv
+the scale `w` and the shift `b` of every instance normalization (Dumoulin et al. 2017, arXiv
 1610.07629),
 
     y = w (x - mean(x)) / sqrt(var(x) + 1e-5) + b,
@@ -58,12 +58,12 @@ class TransferNetwork(nn.Module):
         self.residual = nn.Sequential(*(_residual(c) for _ in range(config.n_residual)))
         self.expansion = nn.Sequential(
             nn.Upsample(scale_factor=2, mode="nearest"),
-            *_normalised(c, b),
+            *_normalized(c, b),
             nn.ReLU(),
             nn.Upsample(scale_factor=2, mode="nearest"),
-            *_normalised(b, a),
+            *_normalized(b, a),
             nn.ReLU(),
-            *_normalised(a, 3, kernel=9),
+            *_normalized(a, 3, kernel=9),
             nn.Sigmoid(),
         )
         if generator is not None:
@@ -72,7 +72,7 @@ class TransferNetwork(nn.Module):
     def forward(
         self, images: Float[Tensor, "batch 3 height width"]
     ) -> Float[Tensor, "batch 3 height width"]:
-        """Returns the stylised images, in [0, 1] and of the size they came in.
+        """Returns the stylized images, in [0, 1] and of the size they came in.
 
         Args:
             images: RGB in [0, 1], at least 16x16.
@@ -85,7 +85,7 @@ class TransferNetwork(nn.Module):
         return cast("Tensor", y[..., :height, :width])
 
     def style_parameters(self) -> dict[str, nn.Parameter]:
-        """Returns the scale (`.weight`) and shift (`.bias`) of every normalisation, by name."""
+        """Returns the scale (`.weight`) and shift (`.bias`) of every normalization, by name."""
         return {
             f"{name}.{kind}": cast("nn.Parameter", getattr(module, kind))
             for name, module in self.named_modules()
@@ -139,19 +139,19 @@ def conditioned(
 
 def _residual(channels: int) -> ResidualBlock:
     return ResidualBlock(
-        *_normalised(channels, channels), nn.ReLU(), *_normalised(channels, channels)
+        *_normalized(channels, channels), nn.ReLU(), *_normalized(channels, channels)
     )
 
 
 def _contracting(n_in: int, n_out: int, *, kernel: int = 3) -> list[nn.Module]:
-    """A convolution whose batch normalisation became its bias and part of its weights."""
+    """A convolution whose batch normalization became its bias and part of its weights."""
     stride = 1 if kernel == 9 else 2
     convolution = nn.Conv2d(n_in, n_out, kernel, stride)
     return [nn.ReflectionPad2d(kernel // 2), convolution, nn.ReLU()]
 
 
-def _normalised(n_in: int, n_out: int, *, kernel: int = 3) -> list[nn.Module]:
-    """A convolution without a bias, which the normalisation that follows would take away."""
+def _normalized(n_in: int, n_out: int, *, kernel: int = 3) -> list[nn.Module]:
+    """A convolution without a bias, which the normalization that follows would take away."""
     return [
         nn.ReflectionPad2d(kernel // 2),
         nn.Conv2d(n_in, n_out, kernel, bias=False),

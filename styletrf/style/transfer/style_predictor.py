@@ -2,7 +2,7 @@
 
 Ghiasi et al. (BMVC 2017, arXiv 1705.06830) predict 100 numbers from a painting of 256x256 pixels,
 with Inception-v3; Magenta distilled that into a MobileNetV2 for telephones. Its batch
-normalisations are folded into the convolutions.
+normalizations are folded into the convolutions.
 """
 
 from dataclasses import dataclass

@@ -35,7 +35,7 @@ class CourtyardConfig:
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """Photographs (sRGB) and, for each pixel centre, depth Z in metres, infinite in the sky."""
+    """Photographs (sRGB) and, for each pixel center, depth Z in meters, infinite in the sky."""
 
     cameras: list[Camera]
     images: list[UInt8[np.ndarray, "height width 3"]]

@@ -19,7 +19,7 @@ WALL_COLOR = np.array([0.30, 0.25, 0.20])
 _SUN_RADIUS = 0.02  # radians, a few times the real one, for softer shadows
 _SUN_SAMPLES = 12
 _SKY_SAMPLES = 48
-_OFF_SURFACE = 2e-3  # metres
+_OFF_SURFACE = 2e-3  # meters
 _POINTS_PER_TASK = 4096
 
 Points = Float[np.ndarray, "points 3"]

@@ -1,6 +1,6 @@
 """Triangle meshes and the few solids the courtyard is built of.
 
-World: metres, x to the right, y into the scene, z up. Triangles wind counter-clockwise seen from
+World: meters, x to the right, y into the scene, z up. Triangles wind counter-clockwise seen from
 outside; texture coordinates (u, v) are in [0, 1], v downwards as in an image.
 """
 
@@ -71,7 +71,7 @@ def grid_triangles(rows: int, columns: int) -> Int[np.ndarray, "triangles 3"]:
 
 
 def tube(path: Float[np.ndarray, "points 3"], radius: float, sides: int = 7) -> Mesh:
-    """Returns an open tube of one radius (metres) along a path."""
+    """Returns an open tube of one radius (meters) along a path."""
     tangents = unit(np.gradient(path, axis=0))
     helper = np.where(np.abs(tangents[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     across = unit(np.cross(tangents, helper))

@@ -12,7 +12,7 @@ Poses = Float[np.ndarray, "views 3 4"]
 def forward_poses(n_views: int, rng: np.random.Generator) -> Poses:
     """Returns world_from_camera of a hand-held phone held about still towards the back wall.
 
-    The centres fill an ellipse of 1.3 x 0.7 m (Vogel's spiral, jittered), as for a light field.
+    The centers fill an ellipse of 1.3 x 0.7 m (Vogel's spiral, jittered), as for a light field.
     """
     index = np.arange(n_views)
     radius, angle = np.sqrt((index + 0.5) / n_views), index * np.pi * (3 - np.sqrt(5))

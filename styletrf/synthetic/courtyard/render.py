@@ -9,7 +9,7 @@ from styletrf.geometry.cameras import Camera
 from styletrf.synthetic.courtyard.rays import kernel, new_stack
 from styletrf.synthetic.courtyard.shading import Surfaces, seen_color
 
-# Five rays a pixel, each in a row and a column of its own; the first is through the centre.
+# Five rays a pixel, each in a row and a column of its own; the first is through the center.
 RAYS = np.array([[0.5, 0.5], [0.1, 0.3], [0.3, 0.9], [0.7, 0.1], [0.9, 0.7]])
 BRIGHTEST = 3.0  # a ray's linear light is cut here, so that no glint outshines its pixel
 _EXPOSURE = 0.8
@@ -18,9 +18,9 @@ _EXPOSURE = 0.8
 def render_linear(
     scene: Surfaces, camera: Camera
 ) -> tuple[Float[np.ndarray, "height width 3"], Float[np.ndarray, "height width"]]:
-    """Returns linear light, averaged over each pixel's area, and depth Z at the pixel centres.
+    """Returns linear light, averaged over each pixel's area, and depth Z at the pixel centers.
 
-    Depth is along the camera's axis in metres, and infinite in the sky.
+    Depth is along the camera's axis in meters, and infinite in the sky.
     """
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     light = np.zeros((camera.height, camera.width, 3))

@@ -1,6 +1,6 @@
 """The courtyard: walls, paving, a door and a window, railings, a plant, ivy, a vase on a pedestal.
 
-World: metres, x to the right, y into the scene, z up; the paving is z = 0, the pedestal stands at
+World: meters, x to the right, y into the scene, z up; the paving is z = 0, the pedestal stands at
 the origin, the walls are at x = -3.5 and 3.5, y = -5.2 and 3.
 """
 
@@ -32,7 +32,7 @@ _IRON = "#2c3330"
 class Part:
     """A mesh and its albedo.
 
-    `panel_size` is the extent (metres) of a flat parallelogram, whose light is kept in its texture;
+    `panel_size` is the extent (meters) of a flat parallelogram, whose light is kept in its texture;
     a part without it is lit at its vertices. Light passes through what is `translucent`.
     """
 
@@ -56,7 +56,7 @@ def _flat(mesh: Mesh, texture: textures.Texture) -> Part:
 
 
 def _extent(mesh: Mesh) -> tuple[float, float]:
-    """Returns the sides of a panel in metres."""
+    """Returns the sides of a panel in meters."""
     origin, right, _, down = mesh.vertices
     return float(np.linalg.norm(right - origin)), float(np.linalg.norm(down - origin))
 

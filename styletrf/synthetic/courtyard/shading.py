@@ -16,7 +16,7 @@ _SUN_X, _SUN_Y, _SUN_Z = (float(x) for x in SUN)
 _MIRRORED_AT_NORMAL = 0.14
 _GLINT = 18.0
 _GLINT_POWER = 120.0
-_OFF_SURFACE = 1e-4  # metres
+_OFF_SURFACE = 1e-4  # meters
 
 
 @no_type_check
@@ -51,7 +51,7 @@ def _between(corners, triangle, u, v, channel):
 @no_type_check
 @kernel
 def surface_color(scene, triangle, u, v):
-    """Returns texture times light at a point of a triangle (bilinear between texel centres)."""
+    """Returns texture times light at a point of a triangle (bilinear between texel centers)."""
     corners, t = scene.corners, scene.texels
     start, height, width, _ = scene.textures[triangle]
     x = _between(corners, triangle, u, v, 0) * width - 0.5

@@ -1,6 +1,6 @@
 """What stands around the courtyard when one walks through it: houses, a tower, hills.
 
-Over walls of two to three metres one sees houses at 15 to 60 m, a tower, and hills at 300 and
+Over walls of two to three meters one sees houses at 15 to 60 m, a tower, and hills at 300 and
 700 m; above them is the sky.
 """
 
@@ -49,7 +49,7 @@ def _hills(rng: np.random.Generator) -> Iterator[Part]:
 
 
 def _ridge(distance: float, high: float, rng: np.random.Generator, columns: int = 180) -> Mesh:
-    """Returns a closed ridge around the origin, its crest between 0.4 and 1 of `high` (metres)."""
+    """Returns a closed ridge around the origin, its crest between 0.4 and 1 of `high` (meters)."""
     angle = np.linspace(0, 2 * np.pi, columns + 1)
     crest = sum(
         rng.uniform(0.3, 1) / n * np.sin(n * angle + rng.uniform(0, 2 * np.pi))

@@ -1,6 +1,6 @@
 """Albedo textures at many scales, none of which repeats: stone, brick, plaster, wood, leaf, glaze.
 
-A texture is `height width 3` float32 linear albedo in [0, 1]; sizes are in metres.
+A texture is `height width 3` float32 linear albedo in [0, 1]; sizes are in meters.
 """
 
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from jaxtyping import Float, Int
 TEXELS_PER_METER = 96
 
 Texture = Float[np.ndarray, "height width 3"]
-Grey = Float[np.ndarray, "height width"]
-Size = tuple[float, float]  # metres along u and v
+Gray = Float[np.ndarray, "height width"]
+Size = tuple[float, float]  # meters along u and v
 
 
 @dataclass(frozen=True, slots=True)
 class Masonry:
-    """Courses of stones; lengths in metres, colors as sRGB."""
+    """Courses of stones; lengths in meters, colors as sRGB."""
 
     course: float
     length: float
@@ -51,8 +51,8 @@ def albedo(color: str) -> Float[np.ndarray, " 3"]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def noise(size: Size, cell: float, rng: np.random.Generator, octaves: int = 4) -> Grey:
-    """Returns smooth noise of about unit variance; `cell` is its largest scale in metres."""
+def noise(size: Size, cell: float, rng: np.random.Generator, octaves: int = 4) -> Gray:
+    """Returns smooth noise of about unit variance; `cell` is its largest scale in meters."""
     width, height = _texels(size)
     total = np.zeros((height, width), np.float32)
     for octave in range(octaves):
@@ -82,9 +82,9 @@ def masonry(size: Size, kind: Masonry, rng: np.random.Generator) -> Texture:
 
 
 def _stones(
-    u: Grey, v: Grey, size: Size, kind: Masonry, rng: np.random.Generator
-) -> tuple[Int[np.ndarray, "height width"], Grey]:
-    """Returns each texel's stone and its distance (metres) to the nearest joint."""
+    u: Gray, v: Gray, size: Size, kind: Masonry, rng: np.random.Generator
+) -> tuple[Int[np.ndarray, "height width"], Gray]:
+    """Returns each texel's stone and its distance (meters) to the nearest joint."""
     courses = _joints(size[1], kind.course, kind.irregularity / 2, rng)
     row = np.clip(np.searchsorted(courses, v) - 1, 0, len(courses) - 2)
     edge = np.minimum(v - courses[row], courses[row + 1] - v)
@@ -127,7 +127,7 @@ def plaster(size: Size, color: str, rng: np.random.Generator, worn: float = 0.9)
 
 
 def wood(size: Size, color: str, plank: float, rng: np.random.Generator) -> Texture:
-    """Returns planks along v with grain and knots; `plank` is their width in metres."""
+    """Returns planks along v with grain and knots; `plank` is their width in meters."""
     width, height = _texels(size)
     u = np.broadcast_to(np.arange(width) / TEXELS_PER_METER, (height, width))
     joints = _joints(size[0], plank, 0.15, rng)

@@ -20,7 +20,7 @@ Painting = UInt8[np.ndarray, "size size 3"]
 
 
 def coordinates() -> tuple[Field, Field]:
-    """Returns x and y of the pixel centres in [0, 1]."""
+    """Returns x and y of the pixel centers in [0, 1]."""
     y, x = (np.mgrid[0:FINE, 0:FINE] + 0.5) / FINE
     return x, y
 

@@ -1,4 +1,4 @@
-"""Collection and its neighbours as a user types them."""
+"""Collection and its neighbors as a user types them."""
 
 import json
 import subprocess

@@ -18,7 +18,7 @@ from styletrf.geometry.camera_table import read_cameras, read_fitted_rows, read_
 from styletrf.geometry.cameras import project
 from styletrf.geometry.point_table import read_points
 from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
-from styletrf.sfm.known_poses import neighbouring_pairs
+from styletrf.sfm.known_poses import neighboring_pairs
 
 VIEWS = 8
 WIDTH, HEIGHT, FOCAL = 320, 240, 260.0
@@ -186,7 +186,7 @@ def solved_with_rows(folder, change):
 
 
 def test_poses_of_another_convention_are_refused(tmp_path):
-    """Camera from world where world from camera is wanted: another centre."""
+    """Camera from world where world from camera is wanted: another center."""
 
     def inverted(rows):
         poses = rows[:, :15].reshape(-1, 3, 5)
@@ -198,7 +198,7 @@ def test_poses_of_another_convention_are_refused(tmp_path):
 
 
 def test_poses_in_the_wrong_order_have_a_warning(tmp_path):
-    """Along an even arc the photograph's neighbour stood about as the photograph itself."""
+    """Along an even arc the photograph's neighbor stood about as the photograph itself."""
     report = solved_with_rows(tmp_path, lambda rows: np.roll(rows, 3, axis=0))
     assert any("off on average" in warning for warning in report.warnings)
 
@@ -361,7 +361,7 @@ def test_many_views_are_matched_with_their_neighbours_that_look_the_same_way():
         right = np.array([-np.sin(angle), 0, np.cos(angle)])
         pose = np.column_stack([right, np.cross(ahead, right), ahead, 3 * ahead])
         views.append(GivenView(Path(), lens, pose))
-    pairs = neighbouring_pairs(views)
+    pairs = neighboring_pairs(views)
     steps = [min(j - i, 100 - (j - i)) for i, j in pairs]
     assert max(steps) == 10
     assert len(pairs) == 1000

@@ -146,7 +146,7 @@ def test_truncated_files_are_refused(tmp_path, data, kept):
     ],
 )
 def test_damaged_jpegs_are_refused(tmp_path, data, damage):
-    """OpenCV decodes the first kind without a word and fills with grey."""
+    """OpenCV decodes the first kind without a word and fills with gray."""
     refused(tmp_path, damage(data))
 
 

@@ -14,7 +14,7 @@ from styletrf.errors import InputError
 
 
 def flat_images(count: int, height: int = 40, width: int = 60) -> list[bytes]:
-    """Images each of one grey level of its own, losslessly encoded."""
+    """Images each of one gray level of its own, losslessly encoded."""
     levels = (np.full((height, width, 3), 10 * k, np.uint8) for k in range(count))
     return [cv2.imencode(".png", image)[1].tobytes() for image in levels]
 

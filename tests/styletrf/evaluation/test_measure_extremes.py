@@ -1,4 +1,4 @@
-"""Measures of images, colours and float files: equal, flat, saturated and infinite."""
+"""Measures of images, colors and float files: equal, flat, saturated and infinite."""
 
 import math
 
@@ -15,7 +15,7 @@ from styletrf.style.training.temporal_loss import ContentPair, temporal_loss, wa
 from styletrf.stylization.color_transfer import Colors, in_colors
 
 METRICS = pytest.mark.extremes("PSNR and SSIM")
-COLORS = pytest.mark.extremes("Colour transfer")
+COLORS = pytest.mark.extremes("Color transfer")
 STEADINESS = pytest.mark.extremes("Steadiness")
 FLOW = pytest.mark.extremes("Optical flow and warping")
 FILES = pytest.mark.extremes("Float images")
@@ -76,7 +76,7 @@ def test_any_painted_view_gets_colors_in_range(colors: Colors, painted, stabilit
             noise(3).astype(np.float64), colors,
         )[0]  # fmt: skip
         assert ((shown >= 0) & (shown <= 1)).all()
-        stability(f"{painted}, colours of {colors}", shown, wide, within=1e-4)
+        stability(f"{painted}, colors of {colors}", shown, wide, within=1e-4)
 
 
 @STEADINESS
@@ -144,7 +144,7 @@ def test_colors_return_within_half_precision_and_depth_exactly(tmp_path, size, s
     np.testing.assert_array_equal(image.depth, depth)
     spacing = 2.0**-25 / size if size else 0.0  # of the subnormal halves
     within = max(2.0**-11, spacing)
-    stability(f"colours up to {size:g}", image.color, color, precision="float16", within=within)
+    stability(f"colors up to {size:g}", image.color, color, precision="float16", within=within)
     stability("depths 1e-30 to 1e30 and infinite", image.depth, depth)
 
 

@@ -1,4 +1,4 @@
-"""Resemblance: the painting is nearest to itself, unstylised frames score 1, extremes end well."""
+"""Resemblance: the painting is nearest to itself, unstylized frames score 1, extremes end well."""
 
 import math
 
@@ -57,7 +57,7 @@ def test_the_painting_is_no_way_from_itself_and_the_nearest_to_itself(judge: Tra
         assert set(nearest_painting(traits, paintings).values()) == {name}
 
 
-def test_unstylised_frames_have_ratios_of_one_and_lose_nothing(judge: TraitMeter):
+def test_unstylized_frames_have_ratios_of_one_and_lose_nothing(judge: TraitMeter):
     frame, painting = picture(0), picture(1)
     rows, summary = measured(judge, frame, frame, painting)
     assert [row.view for row in rows] == ["a", "c"]

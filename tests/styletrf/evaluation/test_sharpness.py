@@ -14,7 +14,7 @@ def test_levels_scaled_and_shifted_are_as_sharp():
 
 
 def test_of_white_noise_it_is_that_of_the_kernel():
-    """Independent pixels: the variance of 4 x - the four neighbours is 16 + 4."""
+    """Independent pixels: the variance of 4 x - the four neighbors is 16 + 4."""
     assert sharpness(NOISE) == pytest.approx(np.sqrt(20), rel=0.05)
 
 

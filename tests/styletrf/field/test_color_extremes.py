@@ -1,4 +1,4 @@
-"""Colours: shading, mixtures and the cache of rays, whatever goes into them."""
+"""Colors: shading, mixtures and the cache of rays, whatever goes into them."""
 
 import copy
 from dataclasses import replace
@@ -52,7 +52,7 @@ def test_colors_stay_within_0_and_1_and_have_finite_gradients(form, kind, size, 
 
 @SHADING
 def test_a_direction_of_no_length_counts_as_none(form, stability):
-    """As for a camera that would lie in its own image plane: the colour is that of the features."""
+    """As for a camera that would lie in its own image plane: the color is that of the features."""
     appearance, ray = appearance_of("network"), torch.arange(5)
     components, nowhere = torch.randn(5, 4, generator=generator(1)), torch.zeros(5, 3)
     colors = appearance.decode(components, nowhere, ray, form)
@@ -84,7 +84,7 @@ def test_a_mixture_lies_between_its_parts(form, share, stability):
 @pytest.mark.parametrize("scale", [0.0, 1e-30, 1.0, 1e30, float("inf")])
 @pytest.mark.parametrize("min_weight", [0.0, 2e-3, 0.999])
 def test_a_cache_keeps_the_light_of_its_rays(scale, min_weight, stability):
-    """Kept weights sum to the opacity, or to nothing; of all rays the cached colour is in range."""
+    """Kept weights sum to the opacity, or to nothing; of all rays the cached color is in range."""
     scene = painted_plane()
     field = RadianceField(replace(SMALL, density_scale=scale), (8, 8, 8), generator(0))
     rays = ViewRays(scene.cameras, scene.model.space, 0.1, CPU)

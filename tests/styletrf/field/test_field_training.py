@@ -115,7 +115,7 @@ def test_fused_and_reference_kernels_train_to_the_same_field(scene):
 
 @pytest.mark.parametrize("killed_at", [25, 39, 40, 100])
 def test_a_killed_run_resumes_to_the_same_parameters(scene, tmp_path: Path, killed_at):
-    """Also across an up-sampling step: at 40 the optimiser is new and the grid finer."""
+    """Also across an up-sampling step: at 40 the optimizer is new and the grid finer."""
     whole = fit(scene)
     every_step = replace(CONFIG, checkpoint_seconds=0.0)
 
@@ -210,7 +210,7 @@ def test_a_gradient_that_was_not_finite_is_named_before_the_parameter_it_spoilt(
 def around_a_box(
     scene: MiniScene, color: tuple[int, int, int], batch_samples: int = 0
 ) -> FieldTrainer:
-    """One wide view of a small box, everything in one colour."""
+    """One wide view of a small box, everything in one color."""
     pose = np.column_stack([np.eye(3), [0, 0, -4]])
     camera = replace(scene.cameras[0], world_from_camera=pose)
     images = torch.tensor(color, dtype=torch.uint8).expand(1, 20, 20, 3).clone()

@@ -60,7 +60,7 @@ def test_what_is_settled_has_no_neighbours():
 
 
 def test_what_is_settled_is_seen_off_the_centres_of_voxels():
-    """A wall thinner than a voxel, between the centres of two."""
+    """A wall thinner than a voxel, between the centers of two."""
     density = slab()
     with torch.no_grad():
         density.factors.planes[0].zero_()

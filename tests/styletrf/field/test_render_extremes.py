@@ -26,7 +26,7 @@ from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 
-pytestmark = pytest.mark.extremes("Rendering: colour, opacity, depth")
+pytestmark = pytest.mark.extremes("Rendering: color, opacity, depth")
 
 CPU = torch.device("cpu")
 SIZE = FieldConfig((2, 1, 1), (2, 1, 1), features=4, hidden=8, density_shift=0.0)
@@ -82,7 +82,7 @@ def test_any_density_renders_and_has_finite_gradients(form, scale, config, stabi
     segments = rays_of(camera_at([0.1, 0.2, -3.0]), box_space(), 0.4)
     render, exact = render_rays(field, form, segments, config), exactly(field, segments, config)
     assert_sound(render)
-    stability(f"colour, density times {scale:g}", render.color, exact.color)
+    stability(f"color, density times {scale:g}", render.color, exact.color)
     stability(f"depth, density times {scale:g}", render.depth, exact.depth)
     march = field.density.march(config.termination)
     jitter = torch.full_like(segments.lengths, 0.5)
@@ -115,7 +115,7 @@ def test_features_of_any_size_render(form, raw, stability):
         ([0.0, 0.0, 3.0], False),  # behind the camera
         ([50.0, 0.0, -3.0], False),  # beside it
         ([0.1, 0.2, 0.3], True),  # inside
-        ([0.0, 0.0, 0.0], True),  # at its centre: rays along axes
+        ([0.0, 0.0, 0.0], True),  # at its center: rays along axes
         ([0.0, 0.0, -1.0], True),  # on its face
         ([1.0, 1.0, -1.0], True),  # on its corner
         ([0.0, 0.0, -1.0 - 1e-3], True),  # the box begins on the near plane

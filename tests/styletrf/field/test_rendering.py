@@ -84,7 +84,7 @@ def test_the_median_depth_is_where_half_the_light_is_lost():
 @pytest.mark.parametrize("opacity", [1e-4, 0.05, 0.5, 0.99])
 @pytest.mark.parametrize("min_weight", [0.0, 1e-2])
 def test_white_fog_before_white_stays_white(opacity, min_weight):
-    """However thin its samples: dropping light ones must not turn haze black."""
+    """However thin its samples: dropping light ones must not turn a faint ray black."""
     n = 600
     appearance = Appearance(FieldConfig().in_space("ndc"), (4, 4, 4))
     with torch.no_grad():

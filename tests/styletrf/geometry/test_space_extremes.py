@@ -44,7 +44,7 @@ def unbounded(reach: float = 1e4) -> Space:
 @pytest.mark.parametrize("depth", [1e-12, 1.0, 1e12])
 def test_a_point_on_a_pixels_ray_projects_to_the_pixel(focal_px, depth, stability):
     pose = look_at(np.array([0.3, -0.2, 0.1]), np.array([1.0, 2.0, 3.0]), DOWN)
-    pose[:, 3] *= depth  # a centre far from the points' own size would round them away
+    pose[:, 3] *= depth  # a center far from the points' own size would round them away
     pixels = pixel_centers(8, 6)
     rays = rays_through(camera(focal_px, pose), torch.from_numpy(pixels))
     projected, z = project(camera(focal_px, pose), (rays.origins + depth * rays.directions).numpy())

@@ -1,4 +1,4 @@
-"""The courtyard in three captures: each gets the model it needs, from exact points and colours."""
+"""The courtyard in three captures: each gets the model it needs, from exact points and colors."""
 
 from functools import cache
 

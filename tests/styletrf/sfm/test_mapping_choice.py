@@ -134,7 +134,7 @@ def test_what_a_sequence_leaves_out_is_matched_with_all(tmp_path):
 
 
 def test_what_an_order_misplaces_is_found_by_its_looks(tmp_path):
-    """A photograph from the middle of the street comes far from its neighbours."""
+    """A photograph from the middle of the street comes far from its neighbors."""
     centers = street(PATH)
     order = [index for index in range(PATH) if index != 7]
     order.insert(31, 7)
@@ -153,7 +153,7 @@ def test_the_largest_of_several_pieces_comes_first(tmp_path):
 
 
 def test_few_photographs_count_the_points_of_two_where_those_of_three_explain_little(tmp_path):
-    """Each sees its neighbours only, so that most points are seen twice."""
+    """Each sees its neighbors only, so that most points are seen twice."""
     centers = street(PATH)[:18:3]
     mapping = mapped(*walked(tmp_path, centers), frames(6), 90)
     assert mapping.registered == 6

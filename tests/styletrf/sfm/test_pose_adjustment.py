@@ -50,7 +50,7 @@ def disturbed(poses, angle_deg, share, seed=0):
 
 
 def relative_error_deg(cameras, poses):
-    """The median error of the rotations between neighbours: whatever the frame of the world."""
+    """The median error of the rotations between neighbors: whatever the frame of the world."""
     found = np.stack([camera.world_from_camera[:, :3] for camera in cameras])
     apart = [
         (a.T @ b).T @ (c.T @ d)

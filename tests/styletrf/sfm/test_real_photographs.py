@@ -41,7 +41,7 @@ def solved(scene, tmp_path_factory):
 
 
 def published_poses(scene: Path) -> tuple[np.ndarray, np.ndarray]:
-    """World-from-camera rotations (x right, y down, z forward) and centres, by sorted name."""
+    """World-from-camera rotations (x right, y down, z forward) and centers, by sorted name."""
     table = np.load(scene / "poses_bounds.npy")[:, :15].reshape(-1, 3, 5)
     down, right, back = table[:, :, 0], table[:, :, 1], table[:, :, 2]
     return np.stack([right, down, -back], axis=2), table[:, :, 3]

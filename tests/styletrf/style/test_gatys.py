@@ -1,4 +1,4 @@
-"""A view optimised towards a style: nearer to it than it was, of its own size."""
+"""A view optimized towards a style: nearer to it than it was, of its own size."""
 
 import pytest
 import torch

@@ -49,7 +49,7 @@ def pictures() -> dict[str, Tensor]:
 @TRAINED_IN
 @pytest.mark.parametrize("contrast", [0.0, 1e-6, 1e-2, 1.0, 1e3])
 @pytest.mark.parametrize("offset", [0.0, 1.0, 1e2])
-def test_normalised_features_have_mean_0_and_variance_at_most_1(dtype, contrast, offset, stability):
+def test_normalized_features_have_mean_0_and_variance_at_most_1(dtype, contrast, offset, stability):
     """Whatever their contrast about whatever mean; what has none becomes 0 and not noise."""
     norm = nn.InstanceNorm2d(4, affine=True)
     x = (offset + contrast * noise(1, 4, 24, 24)).to(dtype)

@@ -17,7 +17,7 @@ SIZE = StyleNetworkConfig(width=4, n_residual=2)
 
 
 def as_the_example_computes(state: dict[str, Tensor], image: Tensor) -> Tensor:
-    """Its forward pass by the names of its layers, on colours in [0, 255]."""
+    """Its forward pass by the names of its layers, on colors in [0, 255]."""
 
     def convolved(x: Tensor, name: str, stride: int = 1) -> Tensor:
         weight = state[f"{name}.conv2d.weight"]

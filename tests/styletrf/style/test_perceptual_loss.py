@@ -22,7 +22,7 @@ def image(seed: int, size: int = 24) -> Tensor:
     return torch.rand(1, 3, size, size, generator=torch.Generator().manual_seed(seed))
 
 
-def test_gram_matrix_is_the_normalised_sum_over_the_grid():
+def test_gram_matrix_is_the_normalized_sum_over_the_grid():
     features = torch.rand(2, 3, 4, 5, dtype=torch.float64)
     expected = torch.einsum("bixy,bjxy->bij", features, features) / (3 * 4 * 5)
     torch.testing.assert_close(gram_matrix(features), expected)

@@ -1,4 +1,4 @@
-"""Pairs of renders with the exact flow between them: a colour of the scene stays where it is."""
+"""Pairs of renders with the exact flow between them: a color of the scene stays where it is."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ WIDTH, HEIGHT = 40, 32
 
 
 def wall(x: float) -> tuple[Camera, Rendering]:
-    """A camera at x, y = 0 that looks straight at a coloured wall at depth 4."""
+    """A camera at x, y = 0 that looks straight at a colored wall at depth 4."""
     pose = np.column_stack([np.eye(3), [x, 0.0, 0.0]])
     camera = Camera(f"{x:.1f}", WIDTH, HEIGHT, 40.0, 40.0, 20.0, 16.0, pose)
     columns = (torch.arange(WIDTH) + 0.5 - 20) / 40 * 4 + x

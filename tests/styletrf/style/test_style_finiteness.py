@@ -69,7 +69,7 @@ def test_an_optimised_painting_names_its_view(vgg):
         torch.full((16, 16, 3), torch.nan),
         GatysConfig(style_px=32, iterations=(2,), start="content"),
     )
-    with stops("painting by optimisation", "view", "at iteration 1"):
+    with stops("painting by optimization", "view", "at iteration 1"):
         paint_by_optimization(vgg, view, style(), config)
 
 
@@ -108,14 +108,14 @@ def test_a_network_that_is_given_is_finite(tmp_path):
         from_fast_neural_style(tmp_path / "p.pth")
 
 
-@pytest.mark.parametrize("kind", ["stylised", "unstylised"])
+@pytest.mark.parametrize("kind", ["stylized", "unstylized"])
 def test_consistency_names_the_frame(vgg, kind):
-    frames = {name: pan(texture(k)) for k, name in enumerate(("unstylised", "stylised"))}
+    frames = {name: pan(texture(k)) for k, name in enumerate(("unstylized", "stylized"))}
     frames[kind][2] = np.full_like(frames[kind][2], np.nan)
     look = PerceptualFeatures(vgg, 32)
     with stops("consistency", kind, "in frame 2"):
         measure_consistency(
-            shown(frames["unstylised"], frames["stylised"], None), FRAMES, texture(1), look,
+            shown(frames["unstylized"], frames["stylized"], None), FRAMES, texture(1), look,
             ConsistencyConfig(),
         )  # fmt: skip
 
@@ -131,7 +131,7 @@ def test_a_flow_that_is_not_finite_is_named():
 def test_losses_and_figures_name_their_frame(vgg, tmp_path):
     scene = painted_plane()
     bad = np.full_like(texture(0), np.nan)
-    with stops("stylisation loss", "stylised", "in frame 0"):
+    with stops("stylization loss", "stylized", "in frame 0"):
         measure_stylization(
             ["0"], lambda _: (texture(0), bad), texture(1), vgg, StylizationLossConfig(1)
         )

@@ -112,10 +112,10 @@ def test_orientation_of_the_camera_is_followed(tmp_path: Path):
         (cv2.imencode(".png", painting(20, 8000))[1].tobytes(), "8000x20 pixels are too few"),
         (
             cv2.imencode(".png", painting()[..., [0, 1, 2, 2]] * [1, 1, 1, 0])[1].tobytes(),
-            "one colour",
+            "one color",
         ),  # transparent all over
-        (cv2.imencode(".png", np.full((90, 90, 3), 200, np.uint8))[1].tobytes(), "one colour"),
-        (cv2.imencode(".png", painting() // 64 + 90)[1].tobytes(), "one colour"),
+        (cv2.imencode(".png", np.full((90, 90, 3), 200, np.uint8))[1].tobytes(), "one color"),
+        (cv2.imencode(".png", painting() // 64 + 90)[1].tobytes(), "one color"),
     ],
 )
 def test_what_cannot_be_a_style_is_an_input_error(

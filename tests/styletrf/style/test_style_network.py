@@ -29,7 +29,7 @@ def test_default_is_johnsons_network():
 
 
 def test_contrast_and_brightness_of_the_whole_image_do_not_matter():
-    """What instance normalisation buys (reflection padding keeps it exact up to its epsilon)."""
+    """What instance normalization buys (reflection padding keeps it exact up to its epsilon)."""
     network, image = tiny().double(), torch.rand(1, 3, 24, 24, dtype=torch.float64)
     other = 0.4 * image + 0.3
     torch.testing.assert_close(network(other), network(image), rtol=0, atol=1e-3)

@@ -40,7 +40,7 @@ def test_the_warning_reaches_the_log(tmp_path, caplog):
     write_rgb(tmp_path / "grey.png", GREY)
     with caplog.at_level(logging.WARNING):
         read_style_image(tmp_path / "grey.png")
-    assert "grey.png: the painting's colours lie on one line" in caplog.text
+    assert "grey.png: the painting's colors lie on one line" in caplog.text
 
 
 def test_the_trace_is_relative_to_the_content(vgg):

@@ -43,7 +43,7 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def style() -> Tensor:
-    """Diagonal stripes of two colours."""
+    """Diagonal stripes of two colors."""
     y, x = torch.meshgrid(torch.arange(64), torch.arange(64), indexing="ij")
     stripes = ((x + y) // 4 % 2).float()[..., None]
     return stripes * torch.tensor([0.9, 0.6, 0.1]) + (1 - stripes) * torch.tensor([0.1, 0.2, 0.5])

@@ -36,7 +36,7 @@ def image(side: int, seed: int) -> np.ndarray:
 
 def run(content: bytes, inputs: Mapping[str, np.ndarray]) -> np.ndarray:
     options = onnxruntime.SessionOptions()
-    options.log_severity_level = 3  # errors: it would name every initialiser that nothing uses
+    options.log_severity_level = 3  # errors: it would name every initializer that nothing uses
     session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     return session.run(None, dict(inputs))[0]
 

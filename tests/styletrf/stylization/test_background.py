@@ -12,7 +12,7 @@ WHITE = np.float32([1, 1, 1])
 
 
 def view(seed, share=0.3, ground=WHITE, rim=1.0):
-    """An object of random colours in a corner, its last row half transparent."""
+    """An object of random colors in a corner, its last row half transparent."""
     random = np.random.default_rng(seed)
     opacity = np.zeros((20, 30), np.float32)
     opacity[: int(20 * share)] = 1
@@ -22,11 +22,11 @@ def view(seed, share=0.3, ground=WHITE, rim=1.0):
     return FloatImage(color.astype(np.float32), opacity, np.ones_like(opacity))
 
 
-def test_the_ground_is_the_colour_of_nothing_and_the_mean_of_all_else():
+def test_the_ground_is_the_color_of_nothing_and_the_mean_of_all_else():
     views = [view(0, rim=0.5), view(1)]
     ground = empty_background(views)
     assert ground.shown == pytest.approx(WHITE)
-    assert ground.mean == pytest.approx([0.3] * 3, abs=0.02), "of uniform colours from 0.1 to 0.5"
+    assert ground.mean == pytest.approx([0.3] * 3, abs=0.02), "of uniform colors from 0.1 to 0.5"
 
 
 def test_what_is_painted_has_no_ground_to_differ_from():
@@ -70,6 +70,6 @@ def test_a_few_rays_that_miss_are_no_ground():
     assert empty_background([full, view(1, 0.5)]) is not None
 
 
-def test_a_learnt_sky_is_a_ground_of_its_colour():
+def test_a_learnt_sky_is_a_ground_of_its_color():
     sky = np.float32([0.4, 0.6, 0.9])
     assert empty_background([replace(view(0, ground=sky))]).shown == pytest.approx(sky, abs=1e-6)

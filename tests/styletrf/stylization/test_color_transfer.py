@@ -1,4 +1,4 @@
-"""Colours that keep a mean and a covariance, or a lightness."""
+"""Colors that keep a mean and a covariance, or a lightness."""
 
 import cv2
 import numpy as np
@@ -34,7 +34,7 @@ def test_the_map_gives_mean_and_covariance():
     np.testing.assert_allclose(
         np.cov(moved, rowvar=False), np.cov(target, rowvar=False), rtol=0.1, atol=2e-4
     )
-    np.testing.assert_allclose(matrix, matrix.T, atol=1e-9, err_msg="moves colours least")
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-9, err_msg="moves colors least")
 
 
 def test_colors_that_fit_already_stay():
@@ -43,7 +43,7 @@ def test_colors_that_fit_already_stay():
     np.testing.assert_allclose(colors @ matrix.T + offset, colors, atol=2e-2)
 
 
-@pytest.mark.extremes("Colour transfer")
+@pytest.mark.extremes("Color transfer")
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
 def test_a_painting_in_greys_is_not_blown_up(level):
     grey = [np.full((20, 20, 3), level, dtype=np.float32) for _ in range(2)]

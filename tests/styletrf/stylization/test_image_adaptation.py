@@ -67,8 +67,8 @@ def test_the_loss_falls_and_the_density_stays(scene, field):
     assert all(torch.equal(t, before[name]) for name, t in field.density.state_dict().items())
 
 
-def test_a_loss_that_says_nothing_of_colour_leaves_the_painted_colours(scene, field):
-    """A loss of contrast alone would take the view to grey: the drift holds it."""
+def test_a_loss_that_says_nothing_of_color_leaves_the_painted_colors(scene, field):
+    """A loss of contrast alone would take the view to gray: the drift holds it."""
 
     def contrast(image, plain):
         return image.var(dim=(2, 3)).sum()

@@ -21,7 +21,7 @@ KERNELS = kernels_for(CPU)
 
 @pytest.fixture(scope="module")
 def fields(scene):
-    """A field as photographed, and the same with its colours inverted."""
+    """A field as photographed, and the same with its colors inverted."""
     plain, inverted = (fit(scene, replace(CONFIG, iterations=100)) for _ in "ab")
     config = AdaptationConfig(iterations=150, batch=256)
     space = scene.model.space

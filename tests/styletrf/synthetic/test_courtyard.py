@@ -38,7 +38,7 @@ def depths(cameras):
 
 
 def world_points(camera, depth):
-    """The surface points behind the pixel centres, without the sky."""
+    """The surface points behind the pixel centers, without the sky."""
     z = depth.reshape(-1).astype(np.float64)
     x, y = (pixel_centers(camera.width, camera.height) - [camera.cx, camera.cy]).T
     points = np.stack([x / camera.fx, y / camera.fy, np.ones_like(x)])[:, np.isfinite(z)]
@@ -47,7 +47,7 @@ def world_points(camera, depth):
 
 
 def narrow(camera, point, focal=1e5):
-    """A camera at the same place whose one tiny pixel is centred on a world point."""
+    """A camera at the same place whose one tiny pixel is centered on a world point."""
     plain = replace(camera, width=1, height=1, fx=focal, fy=focal, cx=0.0, cy=0.0)
     pixel, _ = project(plain, point[None])
     return replace(plain, cx=0.5 - float(pixel[0, 0]), cy=0.5 - float(pixel[0, 1]))

@@ -27,7 +27,7 @@ def test_optical_flow_is_the_flow_of_the_surfaces():
     config = CourtyardConfig(width=240, height=180)
     a = courtyard_cameras(config)[0]
     pose = a.world_from_camera.copy()
-    pose[:, 3] += 0.03 * pose[:, 0]  # three centimetres to the right, as between two frames
+    pose[:, 3] += 0.03 * pose[:, 0]  # three centimeters to the right, as between two frames
     b = replace(a, world_from_camera=pose)
     (image_a, depth_a), (image_b, depth_b) = (photographed(camera, config) for camera in (a, b))
     exact, visible = exact_flow(a, depth_a, b, depth_b)

@@ -25,7 +25,7 @@ def any_poses(n: int, seed: int = 0) -> Poses:
 
 
 def still(centers: np.ndarray) -> Poses:
-    """Poses at centres that all look one way."""
+    """Poses at centers that all look one way."""
     n = len(centers)
     return Poses(np.asarray(centers, float), np.repeat(about(1, 0.3), n, axis=0), np.full(n, 0.8))
 

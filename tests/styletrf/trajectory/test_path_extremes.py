@@ -64,12 +64,12 @@ def test_levels_are_the_nearest_and_stay_within_their_range(bits, stability):
 @GROUND
 @pytest.mark.parametrize("opacity", [1e-2, 0.5, 1.0])
 @pytest.mark.parametrize("color", [0.0, 1e-6, 1.0])
-def test_the_mean_colour_of_an_object_is_within_its_own(opacity, color, stability):
+def test_the_mean_color_of_an_object_is_within_its_own(opacity, color, stability):
     """However thin it is: what shines through it is not its own."""
     alpha = np.zeros((8, 8), np.float32)
     alpha[:4] = opacity
     image = (alpha * color + (1 - alpha))[..., None].repeat(3, axis=-1).astype(np.float32)
     ground = empty_background([FloatImage(image, alpha, np.ones_like(alpha))])
     assert ground.mean == pytest.approx([color] * 3, abs=1e-4)
-    case, rounding = f"opacity {opacity:g}, colour {color:g}", 2.0**-23 / opacity
+    case, rounding = f"opacity {opacity:g}, color {color:g}", 2.0**-23 / opacity
     stability(case, ground.mean, np.full(3, color), within=rounding, absolute=True)

@@ -34,7 +34,7 @@ CAPTURES = {
 
 
 def modelled(capture: str):
-    """The capture's views in the normalised world, and the model."""
+    """The capture's views in the normalized world, and the model."""
     cameras, points = CAPTURES[capture]()
     model = decide_scene_model(cameras, points, SceneModelConfig())
     return model.normalized(cameras), model
@@ -45,7 +45,7 @@ def centers_of(cameras) -> np.ndarray:
 
 
 def in_the_world(model, path, gravity) -> tuple[np.ndarray, np.ndarray]:
-    """Centres of a path, and the cosines between its images' down and gravity."""
+    """centers of a path, and the cosines between its images' down and gravity."""
     world = np.linalg.inv(model.normalized_from_world)
     rotation = world[:3, :3] / np.cbrt(np.linalg.det(world[:3, :3]))
     downs = np.stack([rotation @ camera.world_from_camera[:, 1] for camera in path])

@@ -13,7 +13,7 @@ WORDS = {"quality": "draft", "content": "embedded"}
 
 
 def show(folder: Path, **more: object) -> None:
-    """As if a stylised trajectory were shown there."""
+    """As if a stylized trajectory were shown there."""
     folder.mkdir(parents=True)
     (folder / "video.mp4").touch()
     errors = {"error": 0.002, "floor": 0.001, "style_distance": 0.25}

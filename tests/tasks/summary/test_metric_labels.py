@@ -42,8 +42,8 @@ def test_every_measure_is_shown_once_beside_its_floor_short_term_first():
     ] * 2  # fmt: skip
 
 
-def test_a_distance_to_the_painting_stands_beside_the_unstylised_frames():
-    beside = "unstylised 0.80, 0.625\N{NO-BREAK SPACE}times"
+def test_a_distance_to_the_painting_stands_beside_the_unstylized_frames():
+    beside = "unstylized 0.80, 0.625\N{NO-BREAK SPACE}times"
     assert figures(SUMMARY)["texture"] == [("0.50", beside)]
 
 

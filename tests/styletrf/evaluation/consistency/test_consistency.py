@@ -89,7 +89,7 @@ def assert_same(value, other):
     assert value == other or math.isnan(value) is math.isnan(other) is True
 
 
-def test_stylisation_that_changes_nothing_is_at_the_floor(measure):
+def test_stylization_that_changes_nothing_is_at_the_floor(measure):
     result = measure(pan(texture(0)), pan(texture(0)), painting=texture(1))
     for pair in result.pairs:
         for name in ("", "masked_", "geometric_", "normalized_", "perceptual_"):
@@ -98,7 +98,7 @@ def test_stylisation_that_changes_nothing_is_at_the_floor(measure):
 
 
 def test_a_grey_video_does_not_beat_a_faithful_one(measure):
-    """Less contrast lowers the paper's error; not the normalised one."""
+    """Less contrast lowers the paper's error; not the normalized one."""
     faithful = flickering(pan(texture(1)), 0.02)
     grey = [np.round((0.5 + 0.05 * (f - 0.5)) * 255) / 255 for f in faithful]
     kept, washed = (

@@ -46,7 +46,7 @@ def _points(camera, depth):
 
 
 def painted(points, frequency=1.5):
-    """A stylisation that is a texture of the world: perfectly consistent."""
+    """A stylization that is a texture of the world: perfectly consistent."""
     return (0.5 + 0.4 * np.sin(frequency * points)).astype(np.float32)
 
 
@@ -58,7 +58,7 @@ def measured(views, stylized, vgg, **options):
     return figures.summary["delta_1"]
 
 
-def test_a_consistent_stylisation_scores_at_the_floor(views, vgg):
+def test_a_consistent_stylization_scores_at_the_floor(views, vgg):
     figures = measured(views, [painted(p) for p in views[2]], vgg)
     assert figures["geometric_fraction"] > 0.7
     assert figures["geometric_error"] <= figures["geometric_floor"]
@@ -66,7 +66,7 @@ def test_a_consistent_stylisation_scores_at_the_floor(views, vgg):
 
 
 def test_a_warp_that_is_a_pixel_off_is_far_from_the_floor(views, vgg):
-    """So that a stylisation at the floor says something of the warp, too."""
+    """So that a stylization at the floor says something of the warp, too."""
     cameras, images, points = views
     steady = measured(views, [painted(p, 8) for p in points], vgg)
     moved = [replace(camera, cx=camera.cx + k) for k, camera in enumerate(cameras)]

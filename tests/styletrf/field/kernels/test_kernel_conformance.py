@@ -142,7 +142,7 @@ def test_decoded_colors_and_their_gradients(form, n, inputs, hidden):
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1 / 64, 3 / 64, 0.5, 2.0])
-def test_heavy_samples_with_ties_and_haze(form, threshold):
+def test_heavy_samples_with_ties_and_faint_rays(form, threshold):
     """Weights are multiples of 1/64, so that many are equal and their sums are exact."""
     g = generator(0)
     counts = [0, 1, 2, *torch.randint(0, 50, (12,), generator=g).tolist(), 0]

@@ -145,7 +145,7 @@ def test_a_ray_ends_behind_the_sample_that_brings_it_below_the_threshold(form):
     torch.testing.assert_close(samples.weights.detach(), expected.repeat(3))
 
 
-def test_heavy_samples_keep_their_rays_and_haze_keeps_its_heaviest(form):
+def test_heavy_samples_keep_their_rays_and_a_faint_ray_keeps_its_heaviest(form):
     weights = torch.tensor([0.5, 0.01, 0.2, 0.02, 0.3, 0.07, 0.09, 0.04])
     heavy = form.prune(packed([2, 0, 3, 2, 1], weights), 0.1)
     assert heavy.offsets.tolist() == [0, 1, 1, 3, 4, 4]
@@ -153,7 +153,7 @@ def test_heavy_samples_keep_their_rays_and_haze_keeps_its_heaviest(form):
     assert heavy.s.tolist() == [0.0, 2.0, 4.0, 6.0]
 
 
-def test_of_equally_heavy_samples_of_haze_the_first_is_kept(form):
+def test_of_equally_heavy_samples_of_a_faint_ray_the_first_is_kept(form):
     heavy = form.prune(packed([3], torch.tensor([0.0625, 0.09375, 0.09375])), 0.125)
     assert heavy.s.tolist() == [1.0]
 
