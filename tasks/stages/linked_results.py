@@ -77,16 +77,12 @@ def made_from(page: Path) -> list[str]:
 
 def linked_pages(scene: Path) -> list[Path]:
     """Returns the pages in a scene's folder in `out/` of which `made_from` knows the keys."""
-    files = sorted([*scene.glob(f"*{_KEYS}"), *scene.glob(f"*/*{_KEYS}")])
-    pages = [file.with_name(file.name.removesuffix(_KEYS) + ".html") for file in files]
+    pages = (file.with_suffix("") for file in sorted(scene.rglob("*.keys")))
     return [page for page in pages if page.exists()]
 
 
-_KEYS = ".keys.json"
-
-
 def _keys_file(page: Path) -> Path:
-    return page.with_suffix(_KEYS)
+    return page.with_name(f"{page.name}.keys")
 
 
 def link_results(cells: Iterable[Any]) -> list[Any]:

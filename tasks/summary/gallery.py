@@ -27,8 +27,9 @@ PAGES = {
     "Lineage": "lineage.html",
     "Before the fit": "scene-report/report.html",
     "Time and accuracy": "trade-off/report.html",
+    "Exports": "export",
 }
-"""The pages of a scene in `out/SCENE/`, by their titles."""
+"""The pages of a scene in `out/SCENE/`, and the folder of its exports, by their titles."""
 
 
 def refresh_gallery(root: luigi.Task | None) -> Path | None:

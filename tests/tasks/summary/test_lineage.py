@@ -63,6 +63,15 @@ def test_a_page_says_what_it_was_made_from_also_to_later_commands(out: Path):
         assert found[image].size_bytes > 0
 
 
+def test_pages_of_any_kind_and_depth_are_found(out: Path):
+    made("p")
+    deeper = out / "mini/export/ply"
+    deeper.mkdir(parents=True)
+    for name in ("page.html", "page.html.keys"):
+        (deeper / name.replace("html", "json")).write_bytes((out / "mini/p" / name).read_bytes())
+    assert linked_pages(out / "mini") == [deeper / "page.json", out / "mini/p/page.html"]
+
+
 def test_what_left_the_store_was_made_all_the_same(out: Path):
     result = made("p")
     record = result.requires()["style"].record()
