@@ -136,7 +136,7 @@ def _fused(
         counts[near] += 1
     distances = np.ones(points_world.shape[:3])
     known = np.zeros(points_world.shape[:3], dtype=bool)
-    distances.ravel()[there] = sums / np.maximum(counts, 1)
+    distances.ravel()[there] = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
     known.ravel()[there] = counts > 0
     return distances, known
 
