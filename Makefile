@@ -4,7 +4,8 @@ VENV := .venv
 RUN := $(VENV)/bin
 SCENE ?= courtyard
 STYLE ?= stained_glass
-TEST_ARGS ?= -n auto --maxprocesses 4 --dist loadfile
+# Files begin in the order of tests/durations.py: the longest first.
+TEST_ARGS ?= -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test check lint docs stability soak install clean distclean
 
