@@ -76,7 +76,7 @@ def surface_mesh(
         raise InputError("the field", problem, "Export points or ply instead of mesh")
     measure = import_module("skimage.measure")
     corners, triangles, _, _ = measure.marching_cubes(
-        distances, 0.0, mask=known, gradient_direction="descent"
+        distances, 0.0, mask=_inner(known), gradient_direction="descent"
     )
     grid = (corners + 0.5) * (2 / np.array(resolution)) - 1
     vertices = to_world(grid.astype(np.float64))
@@ -139,6 +139,16 @@ def _fused(
     distances.ravel()[there] = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
     known.ravel()[there] = counts > 0
     return distances, known
+
+
+def _inner(known: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
+    """Returns the known points whose 26 neighbors are known, too: no surface is the unknown's."""
+    inner = known.copy()
+    for axis in range(3):
+        before, found = np.moveaxis(inner.copy(), axis, 0), np.moveaxis(inner, axis, 0)
+        found[1:] &= before[:-1]
+        found[:-1] &= before[1:]
+    return inner
 
 
 def _is_mirrored(points_world: Float[np.ndarray, "x y z 3"]) -> bool:
