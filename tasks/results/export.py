@@ -51,7 +51,7 @@ class Export(LinkedStage, PathParameters):
     colors = StyleParameters.colors
     match = StyleParameters.match
     rounds = StyleParameters.rounds
-    tools = ("numba", "opencv-contrib-python-headless", "torch")
+    tools = ("av", "numba", "opencv-contrib-python-headless", "pycolmap", "torch")
     uses_device = True
     page = "export.json"
 

@@ -1,7 +1,7 @@
 """`styletrf view SCENE`: serves the viewer of a scene to this machine, until Ctrl-C."""
 
-import os
 import secrets
+import signal
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ def run(arguments: Sequence[str]) -> int:
     except (InputError, StoreError) as error:
         raise SystemExit(str(error)) from error
     except KeyboardInterrupt:
-        return _stopped()
+        return 0
 
 
 def _parser() -> ArgumentParser:
@@ -85,10 +85,10 @@ def _serve(given: Namespace, words: Sequence[str]) -> int:
         except KeyboardInterrupt:
             stop.set()
         watch.join(timeout=1)
-        status = _stopped()
         if watch.is_alive():  # within native code, during which an interpreter cannot end
-            os._exit(status)
-        return status
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            signal.raise_signal(signal.SIGINT)
+        return 0
 
 
 def _require_path_file(file: Path) -> None:
@@ -142,8 +142,3 @@ def _print_address(server: PageServer) -> None:
             " save a path. The connection is not encrypted.\n"
         )
     print(f"Ctrl-C stops it. Open\n{server.address}", flush=True)  # noqa: T201
-
-
-def _stopped() -> int:
-    print("\nStopped.", flush=True)  # noqa: T201
-    return 0

@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,14 +15,6 @@ from shared_stores import Place, Server, proxy_of
 from pipeline.settings import current_store
 from pipeline.shared_store.remote import open_remote
 from pipeline.store import Store
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _interruptible() -> Iterator[None]:
-    """A background shell makes the tests, and what they start, deaf to SIGINT."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(autouse=True)

@@ -200,6 +200,7 @@ def mini_graph(
         "content": "embedded",
         "perceptual": str(perceptual_file),
         "transfer": str(transfer_folder),
+        "format": "points",
     }
 
     def controls_of(task: Any) -> dict[str, Any]:

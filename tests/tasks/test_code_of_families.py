@@ -187,12 +187,13 @@ def test_a_rename_that_is_adopted_changes_no_key(project: Workbench):
             if old in path.read_text():
                 project.edit(str(path.relative_to(project.folder)), rf"\b{old}\b", new)
 
-    users = {"QualityMetrics", "TrajectoryFrames"}
     rename("read_split", "split_read")
-    assert project.changed() == users
+    users = project.changed()
+    assert {"QualityMetrics", "TrajectoryFrames"} <= users < project.before.keys()
     project.pipeline("adopt", "QualityMetrics", "--reason", "a rename")
-    assert project.changed() == {"TrajectoryFrames"}, "a declaration speaks of its family only"
-    project.pipeline("adopt", "TrajectoryFrames", "--reason", "a rename")
+    others = users - {"QualityMetrics"}
+    assert project.changed() == others, "a declaration speaks of its family only"
+    project.pipeline("adopt", *others, "--reason", "a rename")
     assert project.changed() == set()
     rename("split_read", "parted")
     assert project.changed() == users

@@ -52,7 +52,7 @@ def test_a_lattice_of_one_point_has_an_occupancy():
     assert occupied_voxels(density, KERNELS, 0.1, 0.01).shape == (2, 2, 2)
 
 
-def test_what_is_settled_has_no_neighbours():
+def test_what_is_settled_has_no_neighbors():
     occupied = occupied_voxels(slab(), KERNELS, 0.05, 0.01, settled=True)
     assert occupied.shape == (8, 8, 8)
     assert occupied[:4].sum() == 0

@@ -40,7 +40,7 @@ def test_total_variation_of_a_ramp_is_its_squared_slope():
 
 
 @pytest.mark.extremes("TensoRF factors: interpolation, upsampling, regularisers")
-def test_one_voxel_axes_have_no_neighbours_and_no_nan():
+def test_one_voxel_axes_have_no_neighbors_and_no_nan():
     factors = TensorVM((1, 1, 1), (2, 2, 2))
     factors.total_variation().backward()
     assert factors.total_variation() == 0

@@ -50,7 +50,7 @@ def test_an_arc_between_the_same_or_opposite_quaternions_is_finite():
         assert np.isfinite(slerp(a, b, np.full((20, 1), 0.3))).all()
 
 
-def test_alignment_leaves_no_neighbours_more_than_half_a_turn_apart():
+def test_alignment_leaves_no_neighbors_more_than_half_a_turn_apart():
     found = aligned(any_quaternions())
     assert ((found[1:] * found[:-1]).sum(axis=1) >= 0).all()
     assert angles_between(found, any_quaternions()).max() < 1e-7
