@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 import pytest
 
 DURATIONS = Path(__file__).with_name("durations.json")
-KEPT_S, SLOW_S, SLOW_FILE_S = 0.5, 1.0, 15.0
-"""Seconds of tests that are listed, and of slow tests and files. Tests of a file often share what
-the first of them makes, so a file that takes long is slow as a whole."""
+SLOW_S, SLOW_FILE_S = 0.5, 6.0
+"""Seconds from which a test is slow and listed, and of its slow tests from which a whole file is
+slow: tests of a file often share what the first of them makes."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects
@@ -26,8 +26,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for test, duration_s in seconds.items():
         of_files[file_of(test)] += duration_s  # type: ignore[assignment]
     for item in items:
-        takes_s = seconds.get(item.nodeid, 0.0)
-        if takes_s > SLOW_S or of_files[file_of(item.nodeid)] > SLOW_FILE_S:
+        if item.nodeid in seconds or of_files[file_of(item.nodeid)] >= SLOW_FILE_S:
             item.add_marker("slow")
     items.sort(key=lambda item: -of_files[file_of(item.nodeid)])
 
@@ -45,7 +44,7 @@ def durations(report: Path) -> dict[str, float]:
         for case in cases
     }
     seconds = {test: round(float(case.attrib["time"]), 1) for test, case in named.items()}
-    return {test: each for test, each in sorted(seconds.items()) if each >= KEPT_S}
+    return {test: each for test, each in sorted(seconds.items()) if each >= SLOW_S}
 
 
 if __name__ == "__main__":
