@@ -1,7 +1,7 @@
 """Poses of a hand-held clip of the courtyard against its true cameras.
 
     video.py film walk.mp4
-    video.py poses walk.mp4 [--every 2] [--photographs] [--set video_octave=-1]
+    video.py poses walk.mp4 [--every 2] [--photographs] [--set tracks=600]
 
 `film` writes the clip and, beside it, the true cameras of its frames: the walk of
 `styletrf.synthetic.courtyard` at an even pace, once around, with a rest of five seconds after a

@@ -24,16 +24,21 @@ def compile_field_kernels() -> None:
         kernels_for(cpu).density(trainer.field.density.factors, torch.zeros(1, 3))
 
 
-def compile_courtyard_kernels() -> None:
-    """Renders two small views of the courtyard."""
+def compile_other_kernels() -> None:
+    """Renders two small views of the courtyard, and matches two features."""
+    import numpy as np
+
+    from styletrf.sfm.matching.mutual_matches import mutual_matches
     from styletrf.synthetic.courtyard.capture import CourtyardConfig
     from styletrf.synthetic.courtyard.folder import write_courtyard
 
     with TemporaryDirectory() as folder:
         write_courtyard(Path(folder), CourtyardConfig(n_views=2, width=16, height=12))
+    feature = np.full((1, 128), 45, np.uint8)
+    mutual_matches(feature, [feature])
 
 
-COMPILATIONS: tuple[Callable[[], None], ...] = (compile_field_kernels, compile_courtyard_kernels)
+COMPILATIONS: tuple[Callable[[], None], ...] = (compile_field_kernels, compile_other_kernels)
 
 
 def main() -> None:

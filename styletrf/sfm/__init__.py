@@ -2,5 +2,5 @@
 
 Enters: a capture. Leaves: undistorted photographs, pinhole cameras, sparse points, and
 `poses.json` with what speaks against them. Begin with `camera_poses`; `mapping_choice`
-decides which pairs to match and which mapper to believe.
+decides which pairs to match and which mapper to believe, and `matching` matches them.
 """

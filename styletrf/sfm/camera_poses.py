@@ -1,9 +1,9 @@
 """Structure from motion: where each photograph was taken from, and the points they share.
 
-Features, matches and reconstruction are COLMAP's (Schönberger and Frahm 2016; its global mapper:
-Pan et al. 2024), with one lens for all photographs of a size and focal length; of poses that
-came with them only the points are sought. What comes out is undistorted: pinhole cameras and the
-images they would have taken.
+Features are OpenCV's, matches exact; geometry and reconstruction are COLMAP's (Schönberger and
+Frahm 2016; its global mapper: Pan et al. 2024), with one lens for all photographs of a size and
+focal length; of poses that came with them only the points are sought. What comes out is
+undistorted: pinhole cameras and the images they would have taken.
 """
 
 import json
@@ -12,7 +12,6 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -32,8 +31,9 @@ from styletrf.geometry.parallax import LEAST_PARALLAX, parallax_share
 from styletrf.geometry.point_table import write_points
 from styletrf.geometry.undistortion import undistorted_image
 from styletrf.progress import Progress, silent
+from styletrf.sfm.colmap_features import extract_features, extract_stronger_features
 from styletrf.sfm.colmap_images import ColmapImages, Lenses, prepare_images
-from styletrf.sfm.colmap_mapping import extract_features, log_to
+from styletrf.sfm.colmap_mapping import log_to
 from styletrf.sfm.known_poses import map_known_poses
 from styletrf.sfm.mapping import SfmResult, flat_share
 from styletrf.sfm.mapping_choice import MappingTask, reconstruct
@@ -53,15 +53,16 @@ class CameraPosesConfig:
         poses: Those that came with the photographs are adjusted where these say so (`auto`), stay
             as they are (`given`), or are left aside (`solved`).
         max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
-        max_features: SIFT features kept of one photograph.
+        max_features: SIFT features kept of one photograph, the largest.
         video_features: SIFT features kept of one frame of a video.
-        video_tracks: How many of them decide where a frame is; the others add points.
-        video_octave: Features of frames of videos are no finer; finer ones (-1) are mostly what
-            compression and blur leave, and take most of the time.
-        exhaustive_up_to: Up to so many photographs, all pairs are matched; beyond, sequences are
-            matched along their order and with those that look alike, and others with the latter.
-        neighbours: With how many successors each photograph of a sequence is matched, and with how
-            many that look most like it; others are with twice as many of these.
+        tracks: How many of them decide where a photograph is; the others add points.
+        exhaustive_up_to: Up to so many photographs, all pairs are matched.
+        preemptive_up_to: Up to so many, each is matched with those that share most matches of a
+            few features with it; beyond, sequences are matched along their order and with those
+            that look alike, and others with the latter.
+        neighbours: With how many others each photograph is matched in the first case; with how
+            many successors in a sequence, and how many that look most like it; others with twice
+            as many of these.
         video_neighbours: The same of frames of videos, which are an even travel apart.
         camera_model: COLMAP's name of the lens model.
         lenses: `one` for all photographs of a size, one for `each`, or (`auto`) one for those of a
@@ -73,10 +74,10 @@ class CameraPosesConfig:
     max_image_long_side: int = 1600
     max_features: int = 4096
     video_features: int = 1536
-    video_tracks: int = 300
-    video_octave: int = 0
-    exhaustive_up_to: int = 90
-    neighbours: int = 10
+    tracks: int = 300
+    exhaustive_up_to: int = 16
+    preemptive_up_to: int = 150
+    neighbours: int = 12
     video_neighbours: int = 4
     camera_model: str = "SIMPLE_RADIAL"
     lenses: Lenses = "auto"
@@ -195,25 +196,21 @@ def _from_matches(
     """Returns a mapping of at least three photographs."""
     is_video = all(photograph.clip is not None for photograph in capture.photographs)
     most = config.video_features if is_video else config.max_features
-    octave = config.video_octave if is_video else None
-
-    def describe(path: Path, *, stronger: bool = False) -> None:
-        extract_features(
-            path, images, config.camera_model, most, progress, octave, stronger=stronger
-        )
-
-    describe(database)
+    extract_features(database, images, config.camera_model, most, progress)
     mapping = reconstruct(
         MappingTask(
             database,
             images,
             capture.photographs,
             config.exhaustive_up_to,
+            config.preemptive_up_to,
             config.video_neighbours if is_video else config.neighbours,
             config.seed,
             progress,
-            config.video_tracks if is_video else None,
-            partial(describe, stronger=True),
+            config.tracks,
+            lambda path: extract_stronger_features(
+                path, images, config.camera_model, most, progress
+            ),
         )
     )
     _require_enough(mapping, len(capture.photographs))

@@ -1,25 +1,18 @@
-"""COLMAP's steps on one database: features, matches, and the two mappers.
+"""Matches, and COLMAP's two mappers, on one database of its."""
 
-Features and matches are asked for in portions, which is how their progress is known. (Counting the
-rows of the database meanwhile would take a second copy of SQLite in this process, which breaks the
-locks of the first: the file comes out malformed.)
-"""
-
-import os
 from collections.abc import Iterable
 from contextlib import closing
 from itertools import groupby
 from pathlib import Path
-from tempfile import TemporaryDirectory
+
+import numpy as np
 
 from styletrf.colmap import pycolmap
 from styletrf.progress import Progress
-from styletrf.sfm.colmap_images import ColmapImages, LensSetting
-from styletrf.sfm.colmap_rigs import tie_views
-from styletrf.sfm.image_pairs import Pairs
-
-_IMAGES_A_BLOCK = 8
-_SAMPLED = 4  # images whose features are counted before the others
+from styletrf.sfm.colmap_features import image_ids, read_descriptors
+from styletrf.sfm.colmap_images import ColmapImages
+from styletrf.sfm.matching.image_pairs import Pairs
+from styletrf.sfm.matching.mutual_matches import mutual_matches
 
 
 def log_to(folder: Path) -> None:
@@ -32,100 +25,6 @@ def log_to(folder: Path) -> None:
     log.logtostderr = log.alsologtostderr = False
     log.stderrthreshold = int(log.FATAL)
     log.set_log_destination(log.INFO, str(folder / "colmap."))
-
-
-def extract_features(
-    database: Path,
-    images: ColmapImages,
-    camera_model: str,
-    max_features: int,
-    progress: Progress,
-    first_octave: int | None = None,
-    *,
-    stronger: bool = False,
-) -> None:
-    """Fills the database with the images, a camera for each lens setting, and SIFT features.
-
-    A camera starts from its setting's focal prior, or from COLMAP's guess where there is none.
-    Features of octave 0 on have the size of pixels and more; those of octave -1, found in the
-    image at twice its size, half of that. They are looked for where no octave is named, unless
-    images have as many features as are kept without them: the largest are kept.
-    Features that are `stronger` take several times as long: twice as many, fainter ones too,
-    their shape estimated up to an affinity and described at several sizes (Dong and Soatto 2015).
-    """
-    options = pycolmap.FeatureExtractionOptions(use_gpu=False)
-    options.sift.max_num_features = 2 * max_features if stronger else max_features
-    if first_octave is None:
-        has_enough = not stronger and _fewest_coarse_features(images, max_features) >= max_features
-        first_octave = 0 if has_enough else -1
-    options.sift.first_octave = first_octave
-    if stronger:
-        options.sift.peak_threshold /= 2
-        options.sift.estimate_affine_shape = options.sift.domain_size_pooling = True
-    reader = pycolmap.ImageReaderOptions()
-    if images.masks is not None:
-        reader.mask_path = images.masks
-    _register(database, images, camera_model)
-    tie_views(database, images)
-    portion, total = 2 * (os.cpu_count() or 1), len(images.files)
-    for start in range(0, total, portion):
-        progress(start, total)
-        pycolmap.extract_features(
-            database,
-            images.folder,
-            list(images.files[start : start + portion]),
-            reader_options=reader,
-            extraction_options=options,
-            device=pycolmap.Device.cpu,
-        )
-    for setting in images.lenses:
-        if setting.focal_prior_px is not None:
-            _set_focal(database, setting.files[0], setting.focal_prior_px)
-    progress(total, total)
-
-
-def _fewest_coarse_features(images: ColmapImages, max_features: int) -> int:
-    """Returns the fewest features of octave 0 on that a few images of the capture have."""
-    options = pycolmap.FeatureExtractionOptions(use_gpu=False)
-    options.sift.max_num_features, options.sift.first_octave = max_features, 0
-    few = list(images.files[:: max(1, len(images.files) // _SAMPLED)][:_SAMPLED])
-    with TemporaryDirectory(dir=images.folder.parent) as folder:
-        database = Path(folder) / "sample.db"
-        pycolmap.extract_features(
-            database, images.folder, few, extraction_options=options, device=pycolmap.Device.cpu
-        )
-        with closing(pycolmap.Database.open(database)) as opened:
-            sampled = opened.read_all_images()
-            return min(opened.num_keypoints_for_image(image.image_id) for image in sampled)
-
-
-def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
-    """Gives images and cameras their numbers, in order.
-
-    The threads that describe images would number them as they come, and what follows (whom RANSAC
-    samples first, which pair begins) would differ from run to run.
-    """
-    pycolmap.Database.open(database).close()
-    modes, settings = pycolmap.CameraMode, images.lenses
-    each = all(len(setting.files) == 1 and setting.direction is None for setting in settings)
-    mode = modes.PER_IMAGE if each else modes.SINGLE
-    for setting in [LensSetting(images.files, None)] if each else settings:
-        model = camera_model if setting.direction is None else "SIMPLE_PINHOLE"
-        reader = pycolmap.ImageReaderOptions(camera_model=model)
-        pycolmap.import_images(database, images.folder, mode, list(setting.files), reader)
-
-
-def _set_focal(database: Path, file: str, focal_px: float) -> None:
-    """Sets the known focal length of the camera that took an image."""
-    with closing(pycolmap.Database.open(database)) as opened:
-        image = next(image for image in opened.read_all_images() if image.name == file)
-        camera = opened.read_camera(image.camera_id)
-        params = list(camera.params)
-        for index in camera.focal_length_idxs():
-            params[index] = focal_px
-        camera.params = params
-        camera.has_prior_focal_length = True
-        opened.update_camera(camera)
 
 
 def match_pairs(
@@ -141,31 +40,50 @@ def match_pairs(
 
     A pair is verified when at least 15 matches agree with one epipolar geometry or homography.
     Where matching is `guided`, it is then repeated along that geometry. A pair that the database
-    holds already stays as it is.
+    holds already stays as it is, and views of one panorama are no pair.
     """
-    matching = pycolmap.FeatureMatchingOptions(
-        use_gpu=False, guided_matching=guided, skip_image_pairs_in_same_frame=True
-    )
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.random_seed = seed
-    listed = database.with_suffix(".pairs.txt")
-    done = 0
-    for block in _blocks(pairs):
-        progress(done, len(pairs))
-        lines = [f"{images.files[i]} {images.files[j]}\n" for i, j in block]
-        listed.write_text("".join(lines), encoding="utf-8")
-        pycolmap.match_image_pairs(
-            database,
-            matching,
-            pycolmap.ImportedPairingOptions(match_list_path=listed),
-            verification,
-            device=pycolmap.Device.cpu,
-        )
-        done += len(block)
-    progress(len(pairs), len(pairs))
+    panorama = {file: k for k, files in enumerate(images.panoramas) for file in files}
+    of = [panorama.get(file, -1 - index) for index, file in enumerate(images.files)]
+    pairs = sorted((i, j) for i, j in pairs if of[i] != of[j])
+    _match(database, images, pairs, progress)
+    _verify(database, [(images.files[i], images.files[j]) for i, j in pairs], seed, guided=guided)
     with closing(pycolmap.Database.open(database)) as opened:
         _, inliers = opened.read_two_view_geometry_num_inliers()
         return sum(count > 0 for count in inliers)  # COLMAP's own count includes failed pairs
+
+
+def _match(database: Path, images: ColmapImages, pairs: Pairs, progress: Progress) -> None:
+    """Writes the matches of pairs in ascending order into the database, unless it has them."""
+    with closing(pycolmap.Database.open(database)) as opened:
+        ids = image_ids(opened, images)
+        new = [pair for pair in pairs if not opened.exists_matches(ids[pair[0]], ids[pair[1]])]
+        descriptors = {i: read_descriptors(opened, ids[i]) for pair in new for i in pair}
+        done = len(pairs) - len(new)
+        progress(done, len(pairs))
+        for i, group in groupby(new, key=lambda pair: pair[0]):
+            others = [j for _, j in group]
+            found = mutual_matches(descriptors[i], [descriptors[j] for j in others])
+            for j, matches in zip(others, found, strict=True):
+                opened.write_matches(ids[i], ids[j], matches.astype(np.uint32))
+            done += len(others)
+            progress(done, len(pairs))
+
+
+def _verify(database: Path, pairs: list[tuple[str, str]], seed: int, *, guided: bool) -> None:
+    """Has COLMAP estimate the geometry of pairs of files whose matches the database holds."""
+    if not pairs:
+        return
+    listed = database.with_suffix(".pairs.txt")
+    listed.write_text("".join(f"{one} {other}\n" for one, other in pairs), encoding="utf-8")
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = seed
+    pycolmap.match_image_pairs(
+        database,
+        pycolmap.FeatureMatchingOptions(use_gpu=False, guided_matching=guided),
+        pycolmap.ImportedPairingOptions(match_list_path=listed),
+        verification,
+        device=pycolmap.Device.cpu,
+    )
 
 
 def match_again(database: Path, images: ColmapImages, seed: int, progress: Progress) -> int:
@@ -174,9 +92,7 @@ def match_again(database: Path, images: ColmapImages, seed: int, progress: Progr
     Features that look like several others find their match along the epipolar line.
     """
     with closing(pycolmap.Database.open(database)) as opened:
-        index = {
-            image.image_id: images.files.index(image.name) for image in opened.read_all_images()
-        }
+        index = {number: k for k, number in enumerate(image_ids(opened, images))}
         ids, counts = opened.read_two_view_geometry_num_inliers()
         pairs = []
         for pair_id, count in zip(ids, counts, strict=True):
@@ -279,12 +195,3 @@ def _output(database: Path) -> Path:
 def largest_first(models: Iterable[pycolmap.Reconstruction]) -> list[pycolmap.Reconstruction]:
     """Returns models by their number of photographs, then by their reprojection error."""
     return sorted(models, key=lambda m: (-m.num_reg_images(), m.compute_mean_reprojection_error()))
-
-
-def _blocks(pairs: Pairs) -> list[Pairs]:
-    """Returns the pairs grouped so that each group concerns few images: all are read for each."""
-
-    def block(pair: tuple[int, int]) -> tuple[int, int]:
-        return pair[0] // _IMAGES_A_BLOCK, pair[1] // _IMAGES_A_BLOCK
-
-    return [list(group) for _, group in groupby(sorted(pairs, key=block), key=block)]

@@ -15,10 +15,11 @@ from styletrf.capture.poses.given_poses import GIVEN_BY, GivenView, Lens
 from styletrf.colmap import pycolmap
 from styletrf.errors import InputError
 from styletrf.progress import Progress
+from styletrf.sfm.colmap_features import extract_features
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
-from styletrf.sfm.colmap_mapping import extract_features, match_pairs
-from styletrf.sfm.image_pairs import Pairs, all_pairs
+from styletrf.sfm.colmap_mapping import match_pairs
 from styletrf.sfm.mapping import SfmResult, explained_share
+from styletrf.sfm.matching.image_pairs import Pairs, all_pairs
 from styletrf.sfm.pose_adjustment import adjusted_poses, triangulated
 
 NEIGHBORS = 20  # with which each photograph is matched, where there are more

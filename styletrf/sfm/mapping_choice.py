@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from styletrf.capture.capture_file import Photograph
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.colmap import pycolmap
 from styletrf.progress import Progress
+from styletrf.sfm.colmap_features import image_ids, read_descriptors, read_largest_descriptors
 from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.colmap_mapping import (
     largest_first,
@@ -20,7 +19,9 @@ from styletrf.sfm.colmap_mapping import (
     match_again,
     match_pairs,
 )
-from styletrf.sfm.image_pairs import (
+from styletrf.sfm.mapping import SfmResult, explained_share, is_explained
+from styletrf.sfm.mapping_ladder import Rung, climbed
+from styletrf.sfm.matching.image_pairs import (
     Pairs,
     all_pairs,
     is_sequence,
@@ -29,11 +30,10 @@ from styletrf.sfm.image_pairs import (
     pairs_within,
     shots,
 )
-from styletrf.sfm.mapping import SfmResult, explained_share, is_explained
-from styletrf.sfm.mapping_ladder import Rung, climbed
+from styletrf.sfm.matching.preemptive_pairs import LARGEST, preemptive_pairs
+from styletrf.sfm.matching.retrieval import similar_pairs
 from styletrf.sfm.model_joining import joined
 from styletrf.sfm.model_support import supported
-from styletrf.sfm.retrieval import Descriptors, similar_pairs
 
 # A share placed with which a capture does: below it a warning is due, and time well spent.
 ENOUGH_PLACED = 0.8
@@ -48,9 +48,11 @@ class MappingTask:
         database: COLMAP's.
         images: The photographs as COLMAP has them.
         photographs: What is known of them, in the same order.
-        exhaustive_up_to: So many photographs are matched all with all; of more, those along a
-            sequence where their names read like one, else each with those that look most like it.
-        neighbours: Of each in the latter cases.
+        exhaustive_up_to: So many photographs are matched all with all.
+        preemptive_up_to: Of so many, each is matched with those that share most matches of a few
+            features with it; of more, those along a sequence where their names read like one, else
+            each with those that look most like it.
+        neighbours: Of each in these cases.
         seed: Of everything random.
         progress: Called for each phase.
         tracks: The global mapper looks at so many of an image only; None for all.
@@ -62,6 +64,7 @@ class MappingTask:
     images: ColmapImages
     photographs: Sequence[Photograph]
     exhaustive_up_to: int
+    preemptive_up_to: int
     neighbours: int
     seed: int
     progress: Progress
@@ -91,10 +94,7 @@ def reconstruct(task: MappingTask) -> SfmResult:
 
 
 def _first(task: MappingTask, best: SfmResult | None) -> SfmResult:  # noqa: ARG001
-    matcher, pairs = _pairs_to_match(
-        task.database, task.photographs, task.exhaustive_up_to, task.neighbours, task.seed
-    )
-    return _globally(task, matcher, pairs)
+    return _globally(task, *_pairs_to_match(task))
 
 
 def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
@@ -183,38 +183,36 @@ def _mapped(task: MappingTask, matched: SfmResult, mapper: str, fewest_views: in
     return max(found, whole, key=lambda mapping: mapping.quality)
 
 
-def _pairs_to_match(
-    database: Path,
-    photographs: Sequence[Photograph],
-    exhaustive_up_to: int,
-    neighbours: int,
-    seed: int,
-) -> tuple[str, Pairs]:
-    count, sequences = len(photographs), shots(photographs)
-    if not sequences and count <= exhaustive_up_to:
+def _pairs_to_match(task: MappingTask) -> tuple[str, Pairs]:
+    """Returns how pairs were chosen, and the pairs."""
+    count, sequences = len(task.photographs), shots(task.photographs)
+    if not sequences and count <= task.exhaustive_up_to:
         return "exhaustive", all_pairs(count)
-    if not sequences and is_sequence([photograph.name for photograph in photographs]):
+    if not sequences and count <= task.preemptive_up_to:
+        return "preemptive", _sharing(task)
+    if not sequences and is_sequence([photograph.name for photograph in task.photographs]):
         sequences = [list(range(count))]
-    along, near = pairs_along(sequences, neighbours), pairs_within(sequences, 2 * neighbours)
+    near = pairs_within(sequences, 2 * task.neighbours)
     if not sequences:
-        return "retrieval", _alike(database, count, 2 * neighbours, near, seed)
-    alike = _alike(database, count, neighbours, near, seed)
+        return "retrieval", _alike(task, 2 * task.neighbours, near)
+    along, alike = pairs_along(sequences, task.neighbours), _alike(task, task.neighbours, near)
     return "sequential and retrieval", sorted({*along, *alike})
 
 
-def _alike(database: Path, count: int, neighbours: int, but: Pairs, seed: int) -> Pairs:
+def _sharing(task: MappingTask) -> Pairs:
+    """Returns pairs whose largest features match."""
+    with closing(pycolmap.Database.open(task.database)) as opened:
+        ids = image_ids(opened, task.images)
+        largest = [read_largest_descriptors(opened, number, LARGEST) for number in ids]
+    return preemptive_pairs(largest, task.neighbours)
+
+
+def _alike(task: MappingTask, neighbours: int, but: Pairs) -> Pairs:
     """Returns pairs that look alike by the features that the database holds."""
-    with closing(pycolmap.Database.open(database)) as opened:
-        ids = [image.image_id for image in sorted(opened.read_all_images(), key=_name)]
-
-        def descriptors_of(index: int) -> Descriptors:
-            return np.asarray(opened.read_descriptors(ids[index]).data)
-
-        return similar_pairs(count, descriptors_of, neighbours, seed, but)
-
-
-def _name(image: pycolmap.Image) -> str:
-    return str(image.name)
+    with closing(pycolmap.Database.open(task.database)) as opened:
+        ids = image_ids(opened, task.images)
+        of = partial(read_descriptors, opened)
+        return similar_pairs(len(ids), lambda k: of(ids[k]), neighbours, task.seed, but)
 
 
 def _unplaced(mapping: SfmResult, images: ColmapImages) -> list[int]:

@@ -43,7 +43,7 @@ class CameraPoses(ConfigurableStage):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
-    tools = ("opencv-contrib-python-headless", "pycolmap")
+    tools = ("numba", "opencv-contrib-python-headless", "pycolmap", "torch")
 
     def requires(self) -> Mapping[str, Stage]:
         """Returns the photographs."""

@@ -17,6 +17,7 @@ import numpy as np
 import psutil
 import torch
 
+from styletrf.colmap import pycolmap
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
 from styletrf.field.training.config import FieldTrainingConfig
@@ -24,9 +25,6 @@ from styletrf.field.training.trainer import FieldTrainer
 from styletrf.files.images import write_rgb
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
-from styletrf.progress import silent
-from styletrf.sfm.colmap_images import ColmapImages, LensSetting
-from styletrf.sfm.colmap_mapping import extract_features
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.training.checkpoint import new_training
 from styletrf.style.training.config import StyleTrainingConfig
@@ -92,14 +90,19 @@ def _picture(side_px: int) -> np.ndarray:
 
 
 def _extraction() -> None:
-    """Finds the SIFT features of two images."""
-    files, picture = ("0.png", "1.png"), _picture(_SIDE_PX).astype(np.float32) / 255
+    """Has COLMAP find the SIFT features of two images: work of the kind that poses take."""
+    options = pycolmap.FeatureExtractionOptions(use_gpu=False)
+    options.sift.max_num_features, options.sift.first_octave = 4096, 0
+    picture = _picture(_SIDE_PX).astype(np.float32) / 255
     with tempfile.TemporaryDirectory() as folder:
-        for name in files:
+        for name in ("0.png", "1.png"):
             write_rgb(Path(folder) / name, picture)
-        images = ColmapImages(Path(folder), files, _SIDE_PX, (LensSetting(files, None),))
-        database = Path(folder) / "features.db"
-        extract_features(database, images, "SIMPLE_RADIAL", 4096, silent, first_octave=0)
+        pycolmap.extract_features(
+            Path(folder) / "features.db",
+            Path(folder),
+            extraction_options=options,
+            device=pycolmap.Device.cpu,
+        )
 
 
 def field_steps(device: torch.device) -> Callable[[], None]:

@@ -4,7 +4,7 @@ import pytest
 
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
 from styletrf.sfm.colmap_mapping import map_globally, map_incrementally, match_pairs
-from styletrf.sfm.image_pairs import all_pairs
+from styletrf.sfm.matching.image_pairs import all_pairs
 
 TOTAL = 8
 

@@ -53,7 +53,9 @@ def walked(tmp_path, centers, focals_px=(150.0,)):
         frame = pycolmap.Frame(rig_id=rig.rig_id)
         frame.add_data_id(image.data_id)
         opened.write_frame(frame)
-        opened.write_keypoints(image.image_id, pixels[seen].astype(np.float32))
+        shapes = np.tile([1.0, 0.0], (seen.sum(), 1))  # scale and angle
+        keypoints = np.concatenate([pixels[seen], shapes], axis=1)
+        opened.write_keypoints(image.image_id, keypoints.astype(np.float32))
         described = pycolmap.FeatureDescriptors(
             data=descriptors[seen], type=pycolmap.FeatureExtractorType.SIFT
         )
@@ -73,9 +75,9 @@ def street(count):
     return np.column_stack([along, 0.3 * np.sin(2 * along), 0.3 * np.cos(3 * along)])
 
 
-def mapped(database, images, photographs, exhaustive_up_to):
-    task = MappingTask(database, images, photographs, exhaustive_up_to, OVERLAP, 0, silent)
-    return reconstruct(task)
+def mapped(database, images, photographs, exhaustive_up_to, preemptive_up_to=0):
+    of = database, images, photographs
+    return reconstruct(MappingTask(*of, exhaustive_up_to, preemptive_up_to, OVERLAP, 0, silent))
 
 
 def named(names):
@@ -95,6 +97,13 @@ def filmed(count, clip="a.mp4", shot=0):
 def test_few_photographs_are_matched_exhaustively(tmp_path):
     mapping = mapped(*walked(tmp_path, street(8)), frames(8), 8)
     assert (mapping.matcher, mapping.mapper, mapping.registered) == ("exhaustive", "global", 8)
+
+
+def test_photographs_are_matched_with_those_that_share_most_matches(tmp_path):
+    shuffled = np.random.default_rng(1).permutation(30)
+    mapping = mapped(*walked(tmp_path, street(30)[shuffled]), frames(30), 10, 30)
+    assert (mapping.matcher, mapping.registered) == ("preemptive", 30)
+    assert mapping.verified_pairs < 30 * OVERLAP
 
 
 def test_a_long_sequence_is_matched_along_its_order(tmp_path):

@@ -16,8 +16,8 @@ from styletrf.capture.views import held_out_names
 from styletrf.geometry.camera_table import read_cameras, read_split
 from styletrf.progress import silent
 from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
+from styletrf.sfm.colmap_features import extract_features
 from styletrf.sfm.colmap_images import prepare_images
-from styletrf.sfm.colmap_mapping import extract_features
 
 COUNT, WIDTH = 9, 768
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from styletrf.sfm.image_pairs import all_pairs, pairs_within
-from styletrf.sfm.retrieval import similar_pairs
+from styletrf.sfm.matching.image_pairs import all_pairs, pairs_within
+from styletrf.sfm.matching.retrieval import similar_pairs
 
 
 def features(place: int, photograph: int, n: int = 300) -> np.ndarray:

@@ -10,11 +10,10 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
-from styletrf.sfm.image_pairs import Pairs
-
-Descriptors = UInt8[np.ndarray, "features 128"]
+from styletrf.sfm.matching.image_pairs import Pairs
+from styletrf.sfm.matching.sift_features import Descriptors
 
 VOCABULARY_SIZE = 64
 _SAMPLES = 60000  # descriptors from which the words are found

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from styletrf.capture.capture_file import Photograph
-from styletrf.sfm.image_pairs import (
+from styletrf.sfm.matching.image_pairs import (
     all_pairs,
     is_sequence,
     pairs_along,
