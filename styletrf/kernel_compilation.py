@@ -24,7 +24,7 @@ def compile_field_kernels() -> None:
         kernels_for(cpu).density(trainer.field.density.factors, torch.zeros(1, 3))
 
 
-def compile_other_kernels() -> None:
+def compile_courtyard_and_matching_kernels() -> None:
     """Renders two small views of the courtyard, and matches two features."""
     import numpy as np
 
@@ -38,7 +38,10 @@ def compile_other_kernels() -> None:
     mutual_matches(feature, [feature])
 
 
-COMPILATIONS: tuple[Callable[[], None], ...] = (compile_field_kernels, compile_other_kernels)
+COMPILATIONS: tuple[Callable[[], None], ...] = (
+    compile_field_kernels,
+    compile_courtyard_and_matching_kernels,
+)
 
 
 def main() -> None:

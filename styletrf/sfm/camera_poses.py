@@ -57,12 +57,12 @@ class CameraPosesConfig:
         video_features: SIFT features kept of one frame of a video.
         tracks: How many of them decide where a photograph is; the others add points.
         exhaustive_up_to: Up to so many photographs, all pairs are matched.
-        preemptive_up_to: Up to so many, each is matched with those that share most matches of a
-            few features with it; beyond, sequences are matched along their order and with those
+        preemptive_up_to: Up to so many, each is matched with those that share the most matches of
+            a few features with it; beyond, sequences are matched along their order and with those
             that look alike, and others with the latter.
-        neighbours: With how many others each photograph is matched in the first case; with how
-            many successors in a sequence, and how many that look most like it; others with twice
-            as many of these.
+        neighbours: How many others each photograph is matched with: those that share the most
+            matches; or, in a sequence, its successors and as many that look most like it; or else
+            twice as many that look most like it.
         video_neighbours: The same of frames of videos, which are an even travel apart.
         camera_model: COLMAP's name of the lens model.
         lenses: `one` for all photographs of a size, one for `each`, or (`auto`) one for those of a

@@ -9,13 +9,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from styletrf.capture.masks import read_mask
-from styletrf.capture.photographs import read_photograph
 from styletrf.colmap import pycolmap
 from styletrf.progress import Progress
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
 from styletrf.sfm.colmap_rigs import tie_views
-from styletrf.sfm.matching.sift_features import Descriptors, Features, sift_features
+from styletrf.sfm.matching.sift_features import Descriptors, Features, Gray, sift_features
 
 _WORKERS = 4  # of which each needs some 250 bytes a pixel
 
@@ -43,31 +41,42 @@ def extract_features(
 def extract_stronger_features(
     database: Path, images: ColmapImages, camera_model: str, max_features: int, progress: Progress
 ) -> None:
-    """Does so with features that take many times as long, found and described by COLMAP.
+    """Fills the database as `extract_features` does, with COLMAP's own features.
 
-    Twice as many, fainter ones too, their shape estimated up to an affinity and described at
-    several sizes (Dong and Soatto 2015).
+    They take many times as long: twice as many, fainter ones too, their shape estimated up to an
+    affinity and described at several sizes (Dong and Soatto 2015).
     """
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features = 2 * max_features
     options.sift.peak_threshold /= 2
     options.sift.estimate_affine_shape = options.sift.domain_size_pooling = True
-    reader = pycolmap.ImageReaderOptions()
-    if images.masks is not None:
-        reader.mask_path = images.masks
     _register(database, images, camera_model)
     portion, total = 2 * (os.cpu_count() or 1), len(images.files)
-    for start in range(0, total, portion):
-        progress(start, total)
-        pycolmap.extract_features(
-            database,
-            images.folder,
-            list(images.files[start : start + portion]),
-            reader_options=reader,
-            extraction_options=options,
-            device=pycolmap.Device.cpu,
-        )
+    masked = [file for file in images.files if images.mask_of(file)]
+    others = [file for file in images.files if not images.mask_of(file)]
+    done = 0
+    for files, reader in ((masked, _reader(images.masks)), (others, _reader(None))):
+        for start in range(0, len(files), portion):
+            progress(done, total)
+            some = files[start : start + portion]
+            pycolmap.extract_features(
+                database,
+                images.folder,
+                some,
+                reader_options=reader,
+                extraction_options=options,
+                device=pycolmap.Device.cpu,
+            )
+            done += len(some)
     progress(total, total)
+
+
+def _reader(masks: Path | None) -> pycolmap.ImageReaderOptions:
+    """Returns how COLMAP reads images; with masks, it leaves out the images that have none."""
+    reader = pycolmap.ImageReaderOptions()
+    if masks is not None:
+        reader.mask_path = masks
+    return reader
 
 
 def image_ids(opened: pycolmap.Database, images: ColmapImages) -> list[int]:
@@ -84,6 +93,8 @@ def read_descriptors(opened: pycolmap.Database, image_id: int) -> Descriptors:
 def read_largest_descriptors(opened: pycolmap.Database, image_id: int, count: int) -> Descriptors:
     """Returns the descriptors of the largest features of an image, `count` at most."""
     keypoints = np.asarray(opened.read_keypoints(image_id))
+    if not len(keypoints):
+        return np.empty((0, 128), np.uint8)
     if keypoints.shape[1] == 6:  # x, y, and the four numbers of an affinity
         areas = np.abs(keypoints[:, 2] * keypoints[:, 5] - keypoints[:, 3] * keypoints[:, 4])
     else:
@@ -94,20 +105,27 @@ def read_largest_descriptors(opened: pycolmap.Database, image_id: int, count: in
 
 def _described(images: ColmapImages, max_features: int) -> Iterator[Features]:
     def described(file: str) -> Features:
-        gray = cv2.cvtColor(read_photograph(images.folder / file), cv2.COLOR_RGB2GRAY)
         mask = images.mask_of(file)
-        counts = None if mask is None else read_mask(mask).astype(np.uint8)
-        return sift_features(np.asarray(gray), max_features, counts)
+        counts = None if mask is None else (_read_gray(mask) > 127).astype(np.uint8)
+        return sift_features(_read_gray(images.folder / file), max_features, counts)
 
     with ThreadPoolExecutor(min(_WORKERS, os.cpu_count() or 1)) as pool:
         yield from pool.map(described, images.files)
 
 
+def _read_gray(path: Path) -> Gray:
+    """Reads a PNG that this program wrote, so that it needs no check for damage: in [0, 255]."""
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise OSError(f"{path} is no image")
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
+
+
 def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
     """Gives images and cameras their numbers, in order, ties views, and sets focal priors.
 
-    The threads that describe images would number them as they come, and what follows (whom RANSAC
-    samples first, which pair begins) would differ from run to run.
+    The threads in which COLMAP describes images would number them as they come, and what follows
+    (which matches RANSAC samples first, which pair begins) would differ from run to run.
     """
     pycolmap.Database.open(database).close()
     modes, settings = pycolmap.CameraMode, images.lenses

@@ -24,7 +24,7 @@ from styletrf.progress import Progress
 
 Image = UInt8[np.ndarray, "height width 3"]
 Lenses = Literal["auto", "one", "each"]
-_WORKERS = 4  # of which each holds a photograph in its full size
+_WORKERS = 2  # of which each holds a photograph in its full size
 _ONE_SETTING = 1.03  # ratio of focal lengths, up to which they are one
 
 
@@ -96,11 +96,11 @@ def prepare_images(
         return _prepare_image(path, photograph, folder / file, max_long_side)
 
     prepared = []
+    progress(0, total)
     with ThreadPoolExecutor(min(_WORKERS, os.cpu_count() or 1)) as pool:
-        for done, of_one in enumerate(pool.map(prepare, capture.photographs, files)):
-            progress(done, total)
+        for of_one in pool.map(prepare, capture.photographs, files):
             prepared.append(of_one)
-    progress(total, total)
+            progress(len(prepared), total)
     sizes, focals_px = zip(*prepared, strict=True)
     directions = [photograph.direction for photograph in capture.photographs]
     settings = lens_settings(files, sizes, focals_px, lenses, directions)

@@ -1,8 +1,8 @@
-"""Matches, and COLMAP's two mappers, on one database of its."""
+"""Matches, and COLMAP's two mappers, on one database."""
 
 from collections.abc import Iterable
 from contextlib import closing
-from itertools import groupby
+from itertools import combinations, groupby
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,8 @@ from styletrf.sfm.colmap_features import image_ids, read_descriptors
 from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.matching.image_pairs import Pairs
 from styletrf.sfm.matching.mutual_matches import mutual_matches
+
+_VERIFIED_AT_ONCE = 512  # pairs, so that the progress is known
 
 
 def log_to(folder: Path) -> None:
@@ -42,14 +44,23 @@ def match_pairs(
     Where matching is `guided`, it is then repeated along that geometry. A pair that the database
     holds already stays as it is, and views of one panorama are no pair.
     """
-    panorama = {file: k for k, files in enumerate(images.panoramas) for file in files}
-    of = [panorama.get(file, -1 - index) for index, file in enumerate(images.files)]
-    pairs = sorted((i, j) for i, j in pairs if of[i] != of[j])
+    of_one_panorama = set(panorama_pairs(images))
+    pairs = [pair for pair in sorted(pairs) if pair not in of_one_panorama]
     _match(database, images, pairs, progress)
-    _verify(database, [(images.files[i], images.files[j]) for i, j in pairs], seed, guided=guided)
+    _verify(database, images, pairs, seed, progress, guided=guided)
     with closing(pycolmap.Database.open(database)) as opened:
         _, inliers = opened.read_two_view_geometry_num_inliers()
         return sum(count > 0 for count in inliers)  # COLMAP's own count includes failed pairs
+
+
+def panorama_pairs(images: ColmapImages) -> Pairs:
+    """Returns the pairs i < j of views of one panorama, whose relative poses are known."""
+    index = {file: k for k, file in enumerate(images.files)}
+    return [
+        (min(index[one], index[other]), max(index[one], index[other]))
+        for files in images.panoramas
+        for one, other in combinations(files, 2)
+    ]
 
 
 def _match(database: Path, images: ColmapImages, pairs: Pairs, progress: Progress) -> None:
@@ -57,7 +68,8 @@ def _match(database: Path, images: ColmapImages, pairs: Pairs, progress: Progres
     with closing(pycolmap.Database.open(database)) as opened:
         ids = image_ids(opened, images)
         new = [pair for pair in pairs if not opened.exists_matches(ids[pair[0]], ids[pair[1]])]
-        descriptors = {i: read_descriptors(opened, ids[i]) for pair in new for i in pair}
+        matched = sorted({index for pair in new for index in pair})
+        descriptors = {index: read_descriptors(opened, ids[index]) for index in matched}
         done = len(pairs) - len(new)
         progress(done, len(pairs))
         for i, group in groupby(new, key=lambda pair: pair[0]):
@@ -69,21 +81,34 @@ def _match(database: Path, images: ColmapImages, pairs: Pairs, progress: Progres
             progress(done, len(pairs))
 
 
-def _verify(database: Path, pairs: list[tuple[str, str]], seed: int, *, guided: bool) -> None:
-    """Has COLMAP estimate the geometry of pairs of files whose matches the database holds."""
-    if not pairs:
-        return
+def _verify(
+    database: Path,
+    images: ColmapImages,
+    pairs: Pairs,
+    seed: int,
+    progress: Progress,
+    *,
+    guided: bool,
+) -> None:
+    """Has COLMAP estimate the geometry of pairs whose matches the database holds."""
     listed = database.with_suffix(".pairs.txt")
-    listed.write_text("".join(f"{one} {other}\n" for one, other in pairs), encoding="utf-8")
+    matching = pycolmap.FeatureMatchingOptions(use_gpu=False, guided_matching=guided)
+    matching.sift.cpu_brute_force_matcher = True  # guided matching is exact, and needs no index
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
-    pycolmap.match_image_pairs(
-        database,
-        pycolmap.FeatureMatchingOptions(use_gpu=False, guided_matching=guided),
-        pycolmap.ImportedPairingOptions(match_list_path=listed),
-        verification,
-        device=pycolmap.Device.cpu,
-    )
+    for start in range(0, len(pairs), _VERIFIED_AT_ONCE):
+        progress(start, len(pairs))
+        portion = pairs[start : start + _VERIFIED_AT_ONCE]
+        lines = [f"{images.files[i]} {images.files[j]}\n" for i, j in portion]
+        listed.write_text("".join(lines), encoding="utf-8")
+        pycolmap.match_image_pairs(
+            database,
+            matching,
+            pycolmap.ImportedPairingOptions(match_list_path=listed),
+            verification,
+            device=pycolmap.Device.cpu,
+        )
+    progress(len(pairs), len(pairs))
 
 
 def match_again(database: Path, images: ColmapImages, seed: int, progress: Progress) -> int:

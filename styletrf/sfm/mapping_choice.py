@@ -18,6 +18,7 @@ from styletrf.sfm.colmap_mapping import (
     map_incrementally,
     match_again,
     match_pairs,
+    panorama_pairs,
 )
 from styletrf.sfm.mapping import SfmResult, explained_share, is_explained
 from styletrf.sfm.mapping_ladder import Rung, climbed
@@ -30,7 +31,7 @@ from styletrf.sfm.matching.image_pairs import (
     pairs_within,
     shots,
 )
-from styletrf.sfm.matching.preemptive_pairs import LARGEST, preemptive_pairs
+from styletrf.sfm.matching.preemptive_pairs import N_LARGEST, preemptive_pairs
 from styletrf.sfm.matching.retrieval import similar_pairs
 from styletrf.sfm.model_joining import joined
 from styletrf.sfm.model_support import supported
@@ -48,11 +49,11 @@ class MappingTask:
         database: COLMAP's.
         images: The photographs as COLMAP has them.
         photographs: What is known of them, in the same order.
-        exhaustive_up_to: So many photographs are matched all with all.
-        preemptive_up_to: Of so many, each is matched with those that share most matches of a few
-            features with it; of more, those along a sequence where their names read like one, else
-            each with those that look most like it.
-        neighbours: Of each in these cases.
+        exhaustive_up_to: Up to so many photographs, all pairs are matched.
+        preemptive_up_to: Up to so many, each is matched with those that share the most matches of
+            a few features with it; beyond, along a sequence where their names read like one, else
+            with those that look most like it.
+        neighbours: How many others each photograph is matched with.
         seed: Of everything random.
         progress: Called for each phase.
         tracks: The global mapper looks at so many of an image only; None for all.
@@ -192,7 +193,7 @@ def _pairs_to_match(task: MappingTask) -> tuple[str, Pairs]:
         return "preemptive", _sharing(task)
     if not sequences and is_sequence([photograph.name for photograph in task.photographs]):
         sequences = [list(range(count))]
-    near = pairs_within(sequences, 2 * task.neighbours)
+    near = [*pairs_within(sequences, 2 * task.neighbours), *panorama_pairs(task.images)]
     if not sequences:
         return "retrieval", _alike(task, 2 * task.neighbours, near)
     along, alike = pairs_along(sequences, task.neighbours), _alike(task, task.neighbours, near)
@@ -203,8 +204,8 @@ def _sharing(task: MappingTask) -> Pairs:
     """Returns pairs whose largest features match."""
     with closing(pycolmap.Database.open(task.database)) as opened:
         ids = image_ids(opened, task.images)
-        largest = [read_largest_descriptors(opened, number, LARGEST) for number in ids]
-    return preemptive_pairs(largest, task.neighbours)
+        largest = [read_largest_descriptors(opened, number, N_LARGEST) for number in ids]
+    return preemptive_pairs(largest, task.neighbours, task.progress, panorama_pairs(task.images))
 
 
 def _alike(task: MappingTask, neighbours: int, but: Pairs) -> Pairs:

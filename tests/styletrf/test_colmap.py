@@ -9,6 +9,7 @@ import pytest
     [
         "styletrf.colmap",
         "styletrf.sfm.camera_poses",
+        "styletrf.sfm.colmap_features",
         "styletrf.sfm.colmap_images",
         "styletrf.sfm.colmap_mapping",
         "styletrf.sfm.mapping_choice",

@@ -90,7 +90,10 @@ def _picture(side_px: int) -> np.ndarray:
 
 
 def _extraction() -> None:
-    """Has COLMAP find the SIFT features of two images: work of the kind that poses take."""
+    """Has COLMAP find the SIFT features of two images.
+
+    Stages use OpenCV's; this stays, so that calibrations of before remain comparable.
+    """
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features, options.sift.first_octave = 4096, 0
     picture = _picture(_SIDE_PX).astype(np.float32) / 255

@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 Descriptors = UInt8[np.ndarray, "_ 128"]
+Gray = UInt8[np.ndarray, "height width"]
 
 DESCRIPTOR_LENGTH = 512.0
 """Of a descriptor whose bytes are the roots of shares, but for rounding."""
-_CONTRAST = 0.0134  # two thirds of COLMAP's, which finds about as many features
+_CONTRAST = 0.0134  # two thirds of COLMAP's threshold: about as many features are found
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +32,12 @@ class Features:
     descriptors: Descriptors
 
 
-def sift_features(
-    gray: UInt8[np.ndarray, "height width"],
-    most: int,
-    mask: UInt8[np.ndarray, "height width"] | None = None,
-) -> Features:
-    """Returns the largest features of a photograph, `most` at most, from half a pixel's size on.
+def sift_features(gray: Gray, max_features: int, mask: Gray | None = None) -> Features:
+    """Returns the largest features of a photograph, which begin at half a pixel's size.
 
     Args:
         gray: In [0, 255].
-        most: How many to return.
+        max_features: How many to return at most.
         mask: Features are sought where it is not 0; None for everywhere.
     """
     detector = cv2.SIFT.create(contrastThreshold=_CONTRAST, enable_precise_upscale=True)
@@ -51,7 +48,7 @@ def sift_features(
         [(one.pt[0] + 0.5, one.pt[1] + 0.5, one.size / 2, np.radians(one.angle)) for one in found],
         np.float32,
     )
-    largest = np.lexsort((*keypoints.T, -keypoints[:, 2]))[:most]
+    largest = np.lexsort((*keypoints.T, -keypoints[:, 2]))[:max_features]
     return Features(keypoints[largest], _root_sift(described[largest]))
 
 

@@ -1,5 +1,6 @@
 """Matches of features against the definition, written out."""
 
+import numba
 import numpy as np
 import pytest
 import torch
@@ -66,12 +67,14 @@ def test_neither_threads_nor_company_change_the_matches():
     first = descriptors(400, 0)
     sets = [descriptors(350, k, like=first, noise=0.4) for k in range(1, 10)]
     together = mutual_matches(first, sets)
-    before = torch.get_num_threads()
+    before, kernels = torch.get_num_threads(), numba.get_num_threads()
     try:
         torch.set_num_threads(1)
+        numba.set_num_threads(1)
         alone = [mutual_matches(first, [one])[0] for one in sets]
     finally:
         torch.set_num_threads(before)
+        numba.set_num_threads(kernels)
     for one, other in zip(together, alone, strict=True):
         np.testing.assert_array_equal(one, other)
 

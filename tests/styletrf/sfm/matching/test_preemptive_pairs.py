@@ -37,3 +37,12 @@ def test_each_photograph_has_the_neighbors_that_share_most():
 def test_photographs_that_share_nothing_are_no_pair():
     assert preemptive_pairs([descriptors(50, seed) for seed in range(4)], 3) == []
     assert preemptive_pairs([np.empty((0, 128), np.uint8)] * 3, 3) == []
+
+
+def test_pairs_that_are_left_out_give_their_place_to_others():
+    street = descriptors(400, 0)
+    sets = [street[10 * k : 10 * k + 100] for k in range(12)]
+    beside = [(k, k + 1) for k in range(11)]
+    pairs = preemptive_pairs(sets, 2, but=beside)
+    assert not set(pairs) & set(beside)
+    assert {(k, k + 2) for k in range(2, 8)} <= set(pairs)
