@@ -1,6 +1,6 @@
 """Structure from motion: where each photograph was taken from, and the points they share.
 
-Features are OpenCV's, matches exact; geometry and reconstruction are COLMAP's (Schönberger and
+Features are OpenCV's, matches are exact; geometry and reconstruction are COLMAP's (Schönberger and
 Frahm 2016; its global mapper: Pan et al. 2024), with one lens for all photographs of a size and
 focal length; of poses that came with them only the points are sought. What comes out is
 undistorted: pinhole cameras and the images they would have taken.

@@ -1,8 +1,6 @@
 """The photographs as COLMAP is given them: upright PNGs, named by their position."""
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +22,6 @@ from styletrf.progress import Progress
 
 Image = UInt8[np.ndarray, "height width 3"]
 Lenses = Literal["auto", "one", "each"]
-_WORKERS = 2  # of which each holds a photograph in its full size
 _ONE_SETTING = 1.03  # ratio of focal lengths, up to which they are one
 
 
@@ -86,42 +83,30 @@ def prepare_images(
     masks.mkdir()
     total = len(capture.photographs)
     files = tuple(f"{index:06d}.png" for index in range(total))
-
-    def prepare(photograph: Photograph, file: str) -> tuple[tuple[int, int], float | None]:
+    sizes, focals_px = [], []
+    for index, (photograph, file) in enumerate(zip(capture.photographs, files, strict=True)):
+        progress(index, total)
+        path = capture_dir / "images" / photograph.file
+        image = _at_most(read_photograph(path), max_long_side)
+        is_written = photograph.clip is not None or photograph.panorama is not None
+        if is_written and image.shape[1] == photograph.width:
+            copyfile(path, folder / file)  # a frame or a view is an upright PNG already
+        else:
+            write_png(folder / file, image, compression=1)
         mask = capture_dir / MASKS / f"{photograph.name}.png"
         if mask.exists():
             reduced = _at_most(read_photograph(mask), max_long_side)
             write_png(masks / f"{file}.png", reduced, compression=1)
-        path = capture_dir / "images" / photograph.file
-        return _prepare_image(path, photograph, folder / file, max_long_side)
-
-    prepared = []
-    progress(0, total)
-    with ThreadPoolExecutor(min(_WORKERS, os.cpu_count() or 1)) as pool:
-        for of_one in pool.map(prepare, capture.photographs, files):
-            prepared.append(of_one)
-            progress(len(prepared), total)
-    sizes, focals_px = zip(*prepared, strict=True)
+        sizes.append((image.shape[1], image.shape[0]))
+        is_view = photograph.panorama is not None
+        known_px = view_focal_px(image.shape[1]) if is_view else None
+        focals_px.append(known_px or _focal_from_exif(path, max(image.shape)))
+    progress(total, total)
     directions = [photograph.direction for photograph in capture.photographs]
     settings = lens_settings(files, sizes, focals_px, lenses, directions)
     some_masks = masks if any(masks.iterdir()) else None
     panoramas = _views_of_panoramas(files, capture.photographs)
     return ColmapImages(folder, files, max(map(max, sizes)), settings, some_masks, panoramas)
-
-
-def _prepare_image(
-    path: Path, photograph: Photograph, out_path: Path, max_long_side: int
-) -> tuple[tuple[int, int], float | None]:
-    """Writes an upright PNG; returns its width and height, and its focal length where known."""
-    image = _at_most(read_photograph(path), max_long_side)
-    is_view = photograph.panorama is not None
-    if (photograph.clip is not None or is_view) and image.shape[1] == photograph.width:
-        copyfile(path, out_path)  # a frame or a view is an upright PNG already
-    else:
-        write_png(out_path, image, compression=1)
-    known_px = view_focal_px(image.shape[1]) if is_view else None
-    size = image.shape[1], image.shape[0]
-    return size, known_px or _focal_from_exif(path, max(size))
 
 
 def _views_of_panoramas(

@@ -92,7 +92,7 @@ def _picture(side_px: int) -> np.ndarray:
 def _extraction() -> None:
     """Has COLMAP find the SIFT features of two images.
 
-    Stages use OpenCV's; this stays, so that calibrations of before remain comparable.
+    Stages use OpenCV's. The workload stays, so that earlier calibrations remain comparable.
     """
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features, options.sift.first_octave = 4096, 0

@@ -76,7 +76,7 @@ def _nearest(parts: int, features: int) -> _Nearest:
 @compiled(parallel=True, fastmath=_NO_NANS)
 @no_type_check
 def _keep_nearest(similarities, start, ends, of_first, of_others):
-    """Updates the nearest with rows of similarities, from row `start` on; each part has columns."""
+    """Updates the nearest with similarities, whose rows begin at `start`; each part has columns."""
     for part in prange(len(ends) - 1):
         if ends[part] < ends[part + 1]:
             rows = similarities[:, ends[part] : ends[part + 1]]
@@ -116,7 +116,7 @@ def _keep_rows(rows, start, best, second, whose):
 
 
 def _distinct(nearest: _Nearest) -> Int32[np.ndarray, "parts features"]:
-    """Returns whose feature is most similar, -1 where it is not near or the second is as near."""
+    """Returns whose feature is most similar; -1 where it is far, or the second nearly as near."""
     highest, second, whose = nearest
     angle, next_angle = (
         np.arccos(np.clip(x / DESCRIPTOR_LENGTH**2, 0, 1)) for x in (highest, second)

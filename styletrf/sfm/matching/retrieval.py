@@ -52,8 +52,11 @@ def similar_pairs(
     )
 
 
-def _root_sift(descriptors: Descriptors) -> Float[np.ndarray, "features 128"]:
-    """Returns descriptors whose distances are Hellinger's (RootSIFT, Arandjelović 2012)."""
+def _rooted(descriptors: Descriptors) -> Float[np.ndarray, "features 128"]:
+    """Returns the roots of the descriptors' shares, which have length 1.
+
+    The descriptors are roots already (RootSIFT); a second root dampens their largest bins further.
+    """
     values = descriptors.astype(np.float32)
     rooted: Float[np.ndarray, "features 128"] = np.sqrt(
         values / np.maximum(values.sum(axis=1, keepdims=True), 1e-6)
@@ -68,7 +71,7 @@ def _words(
     parts = []
     for k in range(count):
         descriptors = descriptors_of(k)
-        parts.append(_root_sift(rng.permutation(descriptors)[:each]))
+        parts.append(_rooted(rng.permutation(descriptors)[:each]))
     samples = np.concatenate(parts)
     if len(samples) < VOCABULARY_SIZE:
         return np.zeros((1, 128), np.float32)
@@ -83,7 +86,7 @@ def _aggregated(
     descriptors: Descriptors, words: Float[np.ndarray, "words 128"]
 ) -> Float[np.ndarray, " vector"]:
     """Returns the VLAD vector, of length 1; zeros where there are no features."""
-    rooted = _root_sift(descriptors)
+    rooted = _rooted(descriptors)
     distances = (words**2).sum(axis=1) - 2 * rooted @ words.T
     nearest = distances.argmin(axis=1)
     sums = np.zeros_like(words)

@@ -14,7 +14,7 @@ Descriptors = UInt8[np.ndarray, "_ 128"]
 Gray = UInt8[np.ndarray, "height width"]
 
 DESCRIPTOR_LENGTH = 512.0
-"""Of a descriptor whose bytes are the roots of shares, but for rounding."""
+"""The length of a descriptor, but for rounding."""
 _CONTRAST = 0.0134  # two thirds of COLMAP's threshold: about as many features are found
 
 

@@ -36,7 +36,7 @@ def test_both_mappers_find_the_cameras_of_perfect_matches(synthetic, mapper):
     assert all(0 <= done <= total == TOTAL for done, total in calls)
 
 
-def test_matching_tells_its_progress_in_pairs(tmp_path):
+def test_matching_reports_its_progress_in_pairs(tmp_path):
     database, files = tmp_path / "colmap.db", [f"{i}.png" for i in range(20)]
     with_features(database, files)
     calls, pairs = [], all_pairs(20)
