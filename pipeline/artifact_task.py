@@ -59,7 +59,7 @@ class ArtifactTask(luigi.Task):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Make the artifact in the empty directory `out` from the artifacts in `inputs`.
 
-        Runs in a fresh interpreter. All that decides the bytes comes through `inputs`, the
+        Runs in a process of its own. All that decides the bytes comes through `inputs`, the
         parameters and the files that `external_digests` covers.
         """
 

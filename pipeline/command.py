@@ -23,6 +23,7 @@ from luigi.task_register import TaskClassException
 from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_tasks
 from pipeline.console.log_handler import in_one_line
 from pipeline.console.progress_client import close_progress, progress_client
+from pipeline.execution.fork_server import fork_server
 from pipeline.maintenance.why import upstream_first
 
 _log = logging.getLogger("pipeline")
@@ -35,7 +36,9 @@ End = Callable[[luigi.Task], int | None]
 """Called with the task when all else is done; returns the exit status, or None for Luigi's."""
 
 
-def run_command(arguments: Sequence[str], begin: Begin, end: End) -> int:
+def run_command(
+    arguments: Sequence[str], begin: Begin, end: End, libraries: Sequence[str] = ()
+) -> int:
     """Runs a command; returns its exit status.
 
     It ends with `end`, whether the task was made, failed, or was interrupted by Ctrl-C. If luigid
@@ -45,6 +48,7 @@ def run_command(arguments: Sequence[str], begin: Begin, end: End) -> int:
         arguments: The task and its parameters, as the command line of Luigi.
         begin: Called first. A command that it ends does not reach `end`.
         end: Called last.
+        libraries: Modules that are imported once for all builds, which are forked after that.
 
     Raises:
         SystemExit: The command is refused, or prints a help.
@@ -53,7 +57,7 @@ def run_command(arguments: Sequence[str], begin: Begin, end: End) -> int:
     try:
         with CmdlineParser.global_instance(list(arguments)) as parser:
             InterfaceLogging.setup(luigi.interface.core())  # type: ignore[no-untyped-call]
-            return _run(parser, begin, end)
+            return _run(parser, begin, end, libraries)
     except KeyboardInterrupt:
         return _interrupted()
     except TaskClassException as error:
@@ -78,7 +82,7 @@ def take_over_luigi(module: str) -> None:
         sys.exit(importlib.import_module(module).run(sys.argv[1:]))
 
 
-def _run(parser: CmdlineParser, begin: Begin, end: End) -> int:
+def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]) -> int:
     try:
         task = parser.get_task_obj()  # type: ignore[no-untyped-call]
     except Exception:  # noqa: BLE001  whatever it is, it is reported
@@ -87,9 +91,10 @@ def _run(parser: CmdlineParser, begin: Begin, end: End) -> int:
     begin(task)
     reenable_failed_tasks(lambda: [task, *upstream_first(task)])
     progress_client()  # before workers are forked
-    status = _luigi_status(task)
-    while status != INTERRUPTED and _is_to_run_again(task):
+    with fork_server(libraries):
         status = _luigi_status(task)
+        while status != INTERRUPTED and _is_to_run_again(task):
+            status = _luigi_status(task)
     close_progress()
     own = end(task)
     return status if own is None else own

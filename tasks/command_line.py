@@ -27,6 +27,8 @@ from tasks.summary.gallery import refresh_gallery
 from tasks.summary.grid_summary import finish_command
 from tasks.summary.lineage import write_lineages
 
+LIBRARIES = ("torch", "numba", "cv2", "av", "PIL.Image", "luigi", "jsonschema")
+"""What most stages import, and what takes longest."""
 _log = logging.getLogger("pipeline")
 
 
@@ -84,7 +86,7 @@ def end(root: luigi.Task) -> int | None:
 
 def run(arguments: Sequence[str]) -> int:
     """Runs a command; returns its exit status."""
-    return run_command(arguments, begin, end)
+    return run_command(arguments, begin, end, LIBRARIES)
 
 
 def _cells(root: luigi.Task) -> list[StylizedTrajectory]:

@@ -1,10 +1,8 @@
-"""Running one build: here (`inline`, for tests) or in a fresh interpreter (`subprocess`)."""
+"""Running one build: here (`inline`, for tests) or in a process of its own (`subprocess`)."""
 
 import contextlib
 import dataclasses
-import importlib
 import json
-import logging
 import os
 import resource
 import subprocess
@@ -12,14 +10,17 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, Any, Literal, Protocol, cast
+from typing import Any, Protocol
 
-from pipeline.artifact_task import ArtifactTask
-from pipeline.errors import FailureKind, append_trace, describe_error
-from pipeline.execution.cpu_memory import openmp_wait_settings
+from pipeline.execution.builder import run_job
+from pipeline.execution.cpu_memory import THREADS
+from pipeline.execution.fork_server import (
+    ForkedSupervisor,
+    build_environment,
+    current_fork_server,
+)
 from pipeline.execution.progress_pipe import read_messages
-from pipeline.job import Display, Job, Report, RunContext
-from pipeline.settings import current_store
+from pipeline.job import Display, Job, Report
 
 
 class BuildProcess(Protocol):
@@ -41,7 +42,7 @@ class Inline:
 
 
 class Subprocess:
-    """Builds in a fresh interpreter that, with all it starts, never outlives the call.
+    """Builds in an interpreter that, with all it starts, never outlives the call.
 
     Its standard input is a pipe whose other end only we hold: when we close it, or die however
     suddenly, the supervisor there (`pipeline.execution.supervisor`) ends the build's process group.
@@ -51,25 +52,40 @@ class Subprocess:
         """Build there; the job lies beside its `out` as `job.json`."""
         specification = Path(job.out).with_name("job.json")
         specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
-        with self._start(specification, job) as supervisor:
+        (stdin, lifeline), (messages, stdout) = os.pipe(), os.pipe()
+        with os.fdopen(lifeline, "wb") as alive, os.fdopen(messages, "rb") as lines:
             try:
-                received = read_messages(cast("IO[bytes]", supervisor.stdout), display)
+                supervisor = self._start(specification, job, stdin, stdout)
+            finally:
+                os.close(stdin)
+                os.close(stdout)
+            try:
+                received = read_messages(lines, display)
             finally:
                 display.close()
-                supervisor.communicate()  # which first closes its standard input
-        return self._report(received, supervisor.returncode, job.log)
+                alive.close()
+                status = supervisor.wait()
+        return self._report(received, status, job.log)
 
-    def _start(self, specification: Path, job: Job) -> subprocess.Popen[bytes]:
-        """A supervisor that reports on its standard output."""
-        environment = {**os.environ, **openmp_wait_settings(os.environ), "PYTHONUNBUFFERED": "1"}
-        environment |= job.environment
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-        command = [sys.executable, "-P", "-m", "pipeline.execution.supervisor", str(specification)]
+    def _start(
+        self, specification: Path, job: Job, stdin: int, stdout: int
+    ) -> "ForkedSupervisor | subprocess.Popen[bytes]":
+        """A supervisor: forked, or in an interpreter of its own.
+
+        Libraries read how many threads to start when they are imported, so a build with cores of
+        its own has an interpreter of its own.
+        """
+        environment = {**build_environment(), **job.environment}
         with Path(job.log).open("ab") as log:
+            server = current_fork_server()
+            if server and job.environment.keys().isdisjoint(THREADS):
+                with contextlib.suppress(OSError):  # the server was killed
+                    streams = stdin, stdout, log.fileno()
+                    return server.start(specification, environment, streams, job.inherited_fds)
             return subprocess.Popen(
-                command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
+                [sys.executable, "-P", "-m", "pipeline.execution.supervisor", str(specification)],
+                stdin=stdin,
+                stdout=stdout,
                 stderr=log,
                 pass_fds=job.inherited_fds,
                 env=environment,
@@ -86,43 +102,3 @@ class Subprocess:
 
 EXECUTORS: Mapping[str, BuildProcess] = {"inline": Inline(), "subprocess": Subprocess()}
 """By the word in [store] executor of `luigi.cfg`."""
-
-
-def run_job(job: Job, display: Display) -> tuple[Literal["built"] | FailureKind, str]:
-    """Build the job's task; returns how it went and, on failure, what to tell the user."""
-    log = Path(job.log)
-    task_class: type[ArtifactTask] = getattr(importlib.import_module(job.module), job.task)
-    try:
-        task: ArtifactTask = task_class.from_str_params(job.parameters)  # type: ignore[no-untyped-call]
-        inputs = {name: Path(path) for name, path in job.inputs.items()}
-        records = (current_store().record(key) for key in job.lineage)
-        lineage = tuple(record for record in records if record)
-        with _Warnings(job.label, display, log):
-            task.build(inputs, Path(job.out), RunContext(display, Path(job.resume), log, lineage))
-    except Exception as error:  # noqa: BLE001  whatever it is, it is this build's end
-        append_trace(log)
-        return describe_error(error, log, task_class.user_errors, task_class.transient_errors)
-    finally:
-        display.close()
-    return "built", ""
-
-
-class _Warnings(logging.Handler):
-    """What a build logs as a warning: a line that is shown, and one in its log."""
-
-    def __init__(self, label: str, display: Display, log: Path) -> None:
-        super().__init__(logging.WARNING)
-        self._label, self._display, self._log = label, display, log
-
-    def __enter__(self) -> None:
-        logging.getLogger().addHandler(self)
-
-    def __exit__(self, *_raised: object) -> None:
-        logging.getLogger().removeHandler(self)
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Write the warning; a full disk is no reason to end."""
-        line = f"{self._label}: warning: {' '.join(record.getMessage().split())}"
-        self._display.say(line)
-        with contextlib.suppress(OSError), self._log.open("a") as file:
-            file.write(f"{line}\n")

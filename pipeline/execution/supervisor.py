@@ -1,6 +1,6 @@
 """`python -m pipeline.execution.supervisor JOB.json`: one build, supervised.
 
-The supervisor forks before anything heavy is imported and stays tiny. It waits for the builder and
+The supervisor forks before it imports any of the project's code. It waits for the builder and
 guards it: for its time, its memory, and the end of standard input, which means that whoever wanted
 the build is gone. However that ends, the builder's process group ends with it. Both report on
 standard output (a disk may be full), each a JSON object with fields of `pipeline.job.Report`;
@@ -29,9 +29,9 @@ _MAXRSS_UNIT = 1 if sys.platform == "darwin" else 1024
 _CAUSES = {"timeout": "for taking too long", "memory": "for want of memory"}
 
 
-def main() -> int:
+def supervise(specification: Path) -> int:
     """Fork, supervise, report; returns the exit status."""
-    job = json.loads(Path(sys.argv[1]).read_text())
+    job = json.loads(specification.read_text())
     supervisor = os.getpid()
     builder = os.fork()
     if builder == 0:
@@ -86,7 +86,7 @@ def _build(job: dict[str, Any]) -> int:
     report, nothing = os.dup(1), os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)
-    from pipeline.execution.executors import run_job
+    from pipeline.execution.builder import run_job
     from pipeline.execution.progress_pipe import ProgressPipe
     from pipeline.job import Job
 
@@ -158,4 +158,4 @@ def _oom_kills() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(supervise(Path(sys.argv[1])))

@@ -47,6 +47,12 @@ class Act(StoredTask):
     def sleep_a_little(self, run: RunContext) -> None:
         time.sleep(1)
 
+    def import_a_library(self, run: RunContext) -> None:
+        import imported_toy
+
+        is_own = os.getpid() == imported_toy.IMPORTED_BY
+        Path(run.resume.with_name("out"), "importer.txt").write_text("it" if is_own else "server")
+
     def warn(self, run: RunContext) -> None:
         run.progress(1, 2)
         logging.getLogger("toys").warning("this is\nodd")

@@ -8,14 +8,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from pathlib import Path
 
+import psutil
 import pytest
 from build_toys import MEBIBYTE
 from test_command import are_gone, pids_of_slow
 
 from pipeline.console.progress import ProgressBar
 from pipeline.execution.executors import EXECUTORS, Job, Report
+from pipeline.execution.fork_server import current_fork_server, fork_server
 from pipeline.locks import try_lock
 
 
@@ -34,9 +38,24 @@ def acted(executor: str, job: Job, act: str, **changes: object) -> Report:
     return EXECUTORS[executor].run(job, ProgressBar("Act", sys.stderr, interactive=False))
 
 
+def importer(job: Job) -> str:
+    return (Path(job.out) / "importer.txt").read_text()
+
+
 every_executor = pytest.mark.parametrize("executor", sorted(EXECUTORS))
 
 
+@pytest.fixture(params=["fresh", "forked"])
+def _fresh_or_forked(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Processes of builds are interpreters of their own, or forks of one that has libraries."""
+    with fork_server(["wave"] if request.param == "forked" else []):
+        yield
+
+
+either_process = pytest.mark.usefixtures("_fresh_or_forked")
+
+
+@either_process
 @every_executor
 def test_success(executor, job):
     report = acted(executor, job, "succeed")
@@ -46,6 +65,7 @@ def test_success(executor, job):
     assert 5 * MEBIBYTE < report.peak_memory_bytes < 2**40
 
 
+@either_process
 def test_time_before_a_kill_counts_where_a_checkpoint_is_gone_on_from(job):
     resume = Path(job.resume)
     assert acted("subprocess", job, "sleep_a_little").earlier_seconds == 0
@@ -59,6 +79,7 @@ def test_time_before_a_kill_counts_where_a_checkpoint_is_gone_on_from(job):
     assert acted("subprocess", job, "succeed").earlier_seconds == 0
 
 
+@either_process
 def test_cores_of_a_build_and_of_others_are_told_apart(job):
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as other:
         report = acted("subprocess", job, "sleep_a_little")
@@ -78,6 +99,7 @@ def test_a_warning_is_a_line_on_the_terminal_and_in_the_log(executor, job, inter
     assert not any("this is not" in line for line in said)
 
 
+@either_process
 @every_executor
 @pytest.mark.parametrize(
     ("act", "kind", "words"),
@@ -100,12 +122,14 @@ def test_an_exception_is_told_in_its_words_and_traced_in_the_log(executor, job, 
     assert not (Path(job.out) / "whole.txt").exists()
 
 
+@either_process
 def test_a_long_reason_is_told_and_blocks_nobody(job):
     """On the pipe it is 96 kB, more than a pipe holds unread."""
     report = acted("subprocess", job, "lament", timeout_seconds=20.0)
     assert (report.kind, report.message) == ("user", "\N{LOUDLY CRYING FACE}" * 8000)
 
 
+@either_process
 @pytest.mark.parametrize(
     ("act", "kind", "status"),
     [
@@ -121,11 +145,13 @@ def test_an_end_without_a_word_is_no_success(job, act, kind, status):
     assert (report.kind, report.status) == (kind, status)
 
 
+@either_process
 def test_what_it_prints_is_in_the_log(job):
     acted("subprocess", job, "be_killed")
     assert "printed by python\nprinted by a library\n" in Path(job.log).read_text()
 
 
+@either_process
 def test_out_of_time_it_ends_with_all_it_started(job, toys):
     report = acted("subprocess", job, "sleep", timeout_seconds=2.0)
     assert (report.kind, report.status) == ("timeout", -9)
@@ -133,6 +159,7 @@ def test_out_of_time_it_ends_with_all_it_started(job, toys):
     assert are_gone(pids_of_slow(toys))
 
 
+@either_process
 @pytest.mark.parametrize("act", ["let_a_child_eat", "let_an_outsider_eat"])
 def test_the_memory_of_what_it_starts_counts(job, act):
     """Also of what begins a session of its own, as torchrun's processes do."""
@@ -190,6 +217,7 @@ def test_within_its_limits_it_is_left_alone(job):
     assert report.kind == "built"
 
 
+@either_process
 def test_it_sees_the_environment_it_is_given(job, monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "the user's choice")
     for given, seen in ({"CUDA_VISIBLE_DEVICES": "GPU-7"}, "GPU-7"), ({}, "the user's choice"):
@@ -197,6 +225,7 @@ def test_it_sees_the_environment_it_is_given(job, monkeypatch):
         assert (Path(job.out) / "whole.txt").read_text() == seen
 
 
+@either_process
 def test_it_holds_the_lease_itself(job, tmp_path, toys):
     """Ours is closed while it runs; the card is free only when it has ended."""
     import threading
@@ -204,7 +233,9 @@ def test_it_holds_the_lease_itself(job, tmp_path, toys):
     mine, others = (os.open(tmp_path / "log", os.O_RDONLY) for _ in range(2))
     assert try_lock(mine)
     run = threading.Thread(
-        target=acted, args=("subprocess", job, "sleep"), kwargs={"inherited_fds": (mine,)}
+        target=copy_context().run,
+        args=(acted, "subprocess", job, "sleep"),
+        kwargs={"inherited_fds": (mine,)},
     )
     run.start()
     builder = pids_of_slow(toys)[0]
@@ -214,3 +245,42 @@ def test_it_holds_the_lease_itself(job, tmp_path, toys):
     run.join()
     assert try_lock(others)
     os.close(others)
+
+
+@pytest.mark.parametrize("libraries", [[], ["imported_toy"], ["no_such_library", "imported_toy"]])
+def test_a_forked_build_finds_the_libraries_imported(job, libraries):
+    with fork_server(libraries):
+        assert acted("subprocess", job, "import_a_library").kind == "built"
+    assert importer(job) == ("server" if libraries else "it")
+
+
+def test_a_build_with_cores_of_its_own_starts_an_interpreter(job):
+    with fork_server(["imported_toy"]):
+        acted("subprocess", job, "import_a_library", environment={"OMP_NUM_THREADS": "1"})
+    assert importer(job) == "it"
+
+
+def test_builds_go_on_after_their_fork_server_was_killed(job):
+    with fork_server(["wave"]):
+        for _ in range(2):
+            assert acted("subprocess", job, "succeed").kind == "built"
+            for process in psutil.Process().children():
+                process.kill()
+                process.wait()
+
+
+def test_a_fork_server_ends_with_its_command(job):
+    with fork_server(["wave"]):
+        acted("subprocess", job, "succeed")
+        (server,) = psutil.Process().children()
+    assert current_fork_server() is None
+    assert not server.is_running()
+
+
+def test_a_killed_supervisor_that_was_forked_is_reported_with_its_signal(job, toys):
+    with fork_server(["wave"]), ThreadPoolExecutor() as pool:
+        report = pool.submit(copy_context().run, acted, "subprocess", job, "sleep")
+        builder = pids_of_slow(toys)[0]
+        psutil.Process(builder).parent().kill()
+        assert (report.result().kind, report.result().status) == ("crash", -9)
+    assert are_gone([builder])

@@ -1,0 +1,206 @@
+"""A process that has imported libraries, and forks the builds of a command.
+
+Torch, numba and OpenCV take two seconds to import, as long as many a stage takes; a fork takes
+milliseconds. The server imports libraries and nothing of the project, so that a build imports the
+project's code as it is then. It computes nothing, so that a build meets no thread and no state.
+"""
+
+import contextlib
+import gc
+import importlib
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextvars import ContextVar
+from functools import cached_property
+from pathlib import Path
+from typing import Any, final
+
+from pipeline.execution.cpu_memory import openmp_wait_settings
+from pipeline.execution.supervisor import supervise
+
+_LARGEST_REQUEST_BYTES = 2**17
+_MOST_DESCRIPTORS = 253  # by Linux
+_of_command: ContextVar["ForkServer | None"] = ContextVar("fork_server", default=None)
+
+
+@final
+class ForkServer:
+    """The server's end in a command; its process starts with the first build."""
+
+    def __init__(self, libraries: Sequence[str]) -> None:
+        self._libraries = libraries
+
+    @cached_property
+    def _process(self) -> "tuple[socket.socket, subprocess.Popen[bytes]]":
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "pipeline.execution.fork_server", *self._libraries],
+                stdin=theirs.fileno(),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=build_environment(),
+                start_new_session=True,
+            )
+        return ours, process
+
+    def start(
+        self,
+        specification: Path,
+        environment: Mapping[str, str],
+        streams: tuple[int, int, int],
+        kept: Sequence[int] = (),
+    ) -> "ForkedSupervisor":
+        """Forks a supervisor.
+
+        Args:
+            specification: The file of the job.
+            environment: All variables of the build.
+            streams: Its standard input, output and error.
+            kept: Further descriptors that it holds open.
+
+        Raises:
+            OSError: The server has ended.
+        """
+        request = json.dumps([str(specification), dict(environment), sys.path]).encode()
+        reading, writing = os.pipe()
+        try:
+            socket.send_fds(self._process[0], [request], [writing, *streams, *kept])
+        except OSError:
+            os.close(reading)
+            raise
+        finally:
+            os.close(writing)
+        return ForkedSupervisor(reading)
+
+    def close(self) -> None:
+        """Ends the server, if it was started."""
+        if "_process" in self.__dict__:
+            requests, process = self._process
+            requests.close()
+            process.terminate()
+            process.wait()
+
+
+@final
+class ForkedSupervisor:
+    """A supervisor that the server forked, with the method of `subprocess.Popen` that is needed."""
+
+    def __init__(self, statuses: int) -> None:
+        self._statuses = statuses
+
+    def wait(self) -> int:
+        """Waits for the end; returns the exit status, or minus the signal that ended it."""
+        with os.fdopen(self._statuses) as file:
+            return int(file.read() or -signal.SIGKILL)  # nothing, if the server was killed
+
+
+@contextlib.contextmanager
+def fork_server(libraries: Sequence[str]) -> Iterator[None]:
+    """Builds of this context are forked by a process that has imported the libraries.
+
+    Without libraries, and elsewhere than on Linux, where forks of large libraries are not safe,
+    each build starts an interpreter.
+    """
+    if not libraries or sys.platform != "linux":
+        yield
+        return
+    server = ForkServer(libraries)
+    before = _of_command.set(server)
+    try:
+        yield
+    finally:
+        _of_command.reset(before)
+        server.close()
+
+
+def current_fork_server() -> ForkServer | None:
+    """Returns the server of this context, if there is one."""
+    return _of_command.get()
+
+
+def build_environment() -> dict[str, str]:
+    """Returns the variables of an interpreter for builds."""
+    environment = {**os.environ, **openmp_wait_settings(os.environ), "PYTHONUNBUFFERED": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
+    return environment
+
+
+def main() -> int:
+    """Serves until the command ends; a child goes on as the supervisor of its build."""
+    for name in sys.argv[1:]:
+        with contextlib.suppress(Exception):  # the build that needs the library says so
+            importlib.import_module(name)
+    gc.freeze()  # a collection in a child copies no memory
+    request = _child_of(socket.socket(fileno=os.dup(0)))
+    return 0 if request is None else _supervise(*request)
+
+
+def _child_of(requests: socket.socket) -> tuple[list[Any], list[int]] | None:
+    """Forks a child for each request.
+
+    Returns:
+        In a child: its request and its descriptors. In the server, when the command has ended:
+        None.
+    """
+    woken, waking = os.pipe()
+    os.set_blocking(waking, False)
+    signal.set_wakeup_fd(waking)
+    signal.signal(signal.SIGCHLD, lambda _signal, _frame: None)
+    statuses: dict[int, int] = {}
+    while True:
+        ready, _, _ = select.select([requests.fileno(), woken], [], [])
+        if woken in ready:
+            os.read(woken, 4096)
+            _send_statuses(statuses)
+        if requests.fileno() not in ready:
+            continue
+        message, (status, *descriptors), _, _ = _receive(requests)
+        if not message:
+            return None
+        if (pid := os.fork()) == 0:
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            for descriptor in (requests.detach(), woken, waking, status, *statuses.values()):
+                os.close(descriptor)
+            return json.loads(message), descriptors
+        statuses[pid] = status
+        for descriptor in descriptors:
+            os.close(descriptor)
+
+
+def _receive(requests: socket.socket) -> tuple[bytes, list[int], int, Any]:
+    received = socket.recv_fds(requests, _LARGEST_REQUEST_BYTES, _MOST_DESCRIPTORS)
+    return received if received[0] else (b"", [-1], 0, None)
+
+
+def _send_statuses(statuses: dict[int, int]) -> None:
+    """Sends the status of each child that has ended."""
+    for pid in list(statuses):
+        ended, status = os.waitpid(pid, os.WNOHANG)
+        if ended:
+            with os.fdopen(statuses.pop(pid), "w") as file, contextlib.suppress(BrokenPipeError):
+                file.write(str(os.waitstatus_to_exitcode(status)))
+
+
+def _supervise(request: list[Any], descriptors: list[int]) -> int:
+    """In a child: becomes what a new interpreter for the request would be; supervises its build."""
+    specification, environment, path = request
+    os.setsid()
+    for number, descriptor in enumerate(descriptors[:3]):
+        os.dup2(descriptor, number)
+        os.close(descriptor)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.path[:] = path
+    return supervise(Path(specification))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
