@@ -72,6 +72,12 @@ class RayCache:
     target: Float[Tensor, "rays 3"]
     dropped: float
 
+    @property
+    def nbytes(self) -> int:
+        """What the cache takes in memory."""
+        tensors = (self.offsets, self.positions, self.weights, self.view_directions)
+        return sum(tensor.nbytes for tensor in (*tensors, self.opacity, self.target))
+
     def batch(self, k: int, size: int) -> RayBatch:
         """Returns the k-th `size` rays, starting over where the rays end."""
         first = k % max(1, len(self.opacity) // size) * size

@@ -37,7 +37,7 @@ def stylize_field(
 
     Args:
         inputs: `field`, `model`, `priors`, `stylized`; `poses` for s1; `style` and `perceptual` for
-            a loss on whole renders.
+            a loss on renders, and `transfer` where it is of distributions.
         out: The folder to fill.
         settings: Of `StylizationConfig`.
         factors: Stroke scale and content weight.

@@ -1,23 +1,23 @@
-"""Adapting an appearance to a loss of whole renders, by deferred back-propagation.
+"""Adapting an appearance to a loss of renders, by deferred back-propagation.
 
-As in ARF (Zhang et al., ECCV 2022, section 4.2): a view is rendered without gradients, the loss of
-the whole image tells each pixel's gradient, and the view is rendered again tile by tile to take it
-to the parameters: of the renders' graphs only a tile's is in memory.
+As in ARF (Zhang et al., ECCV 2022, section 4.2): a part of a view is rendered without gradients,
+the loss of that picture tells each pixel's gradient, and the part is rendered again tile by tile to
+take it to the parameters: of the renders' graphs only a tile's is in memory. The parts are windows
+of the views, drawn anew for every iteration.
 """
 
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import chain
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.capture.view_images import ViewImages, view_images
+from styletrf.capture.view_images import view_images
 from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.ray_cache import RayCache, march_once
@@ -29,13 +29,15 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
 from styletrf.style.perceptual.perceptual_loss import relative_difference
+from styletrf.style.perceptual.vgg import REDUCTION
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
 
-ImageLoss = Callable[[Tensor, Tensor], Tensor]
-"""From a render and the unpainted render, `1 3 height width`, to a loss."""
+ImageLoss = Callable[[Tensor, Tensor, torch.Generator], Tensor]
+"""From a render and the plain render, `1 3 height width`, and a generator to a loss."""
 
 _TILE = 1 << 14
 _PARTS = 24
+"""Along the longer side of a view, of the colors that are held."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +48,16 @@ class ImageAdaptationConfig:
     `color_weight` is that of the drift, see `color_drift`.
     """
 
-    iterations: int = 60  # a view each
-    rate: float = 0.2  # times those of the adaptation
-    color_weight: float = 20.0
+    iterations: int = 30  # a view each
+    window_px: int = 1024  # of a view with longer sides only a window is looked at
+    rate: float = 1.2  # times those of the adaptation
+    color_weight: float = 5.0
+    min_weight: float = 5e-2  # samples lighter than this are not rendered
+    termination: float = 5e-2  # see `RenderConfig`
+
+    def __post_init__(self) -> None:
+        if self.window_px < REDUCTION:
+            raise ValueError(f"window_px is at least {REDUCTION}")
 
 
 def adapt_to_image_loss(
@@ -86,13 +95,28 @@ def adapt_to_image_loss(
     images = view_images(plain)
     optimizer = optimizer_of(field.appearance, _at_rate(adaptation, config.rate))
     curve, started = [], time.monotonic()
+    marched: dict[tuple[int, int, int], RayCache] = {}
+    generator = torch.Generator().manual_seed(adaptation.seed)
+    block_px = max(1, max(plain.shape[1:3]) // _PARTS)
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
-        cache = _view_cache(field, rays, images, view, adaptation, kernels)
-        shape = plain.shape[1:]
-        target = painted[view].float() / 255
-        held = partial(_with_colors_held, image_loss, target, config.color_weight)
-        loss, image = _accumulate(field, cache, shape, held, kernels)
-        mse = float((image - target).square().mean())
+        window = _drawn_window(painted[view], config.window_px, generator)
+        target = window.painted.permute(2, 0, 1)[None]
+        cache = marched.get(place := (view, window.rows.start, window.columns.start))
+        if cache is None:
+            pixels = window.pixels(images.of_view(view).reshape(plain.shape[1:3]))
+            cache = march_once(
+                field, rays, images, pixels, kernels, min_weight=config.min_weight,
+                termination=config.termination, cache_bytes=1 << 62,
+            )  # fmt: skip
+            if sum(c.nbytes for c in marched.values()) < adaptation.cache_bytes:
+                marched[place] = cache
+
+        def of_picture(image: Tensor, unpainted: Tensor, painted: Tensor = target) -> Tensor:
+            drift = color_drift(image, painted, block_px)
+            return image_loss(image, unpainted, generator) + config.color_weight * drift
+
+        loss, image = _accumulate(field, cache, window.painted.shape, of_picture, kernels)
+        mse = float((image - window.painted).square().mean())
         if not math.isfinite(loss):
             tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
             sums = [("image loss", torch.tensor(loss))]
@@ -124,39 +148,50 @@ def _require_finite(where: str, *stages: Iterable[Named]) -> None:
 
 
 def color_drift(
-    image: Float[Tensor, "1 3 height width"], painted: Float[Tensor, "1 3 height width"]
+    image: Float[Tensor, "1 3 height width"],
+    painted: Float[Tensor, "1 3 height width"],
+    block_px: int,
 ) -> Float[Tensor, ""]:
-    """Returns how far the mean colors of 24x24 parts are from those of the painted view.
+    """Returns how far the mean colors of square blocks are from those of the painted picture.
 
     `log(1 + d / t)`, `d` the mean squared difference, `t` the mean square of the target.
     Differentiable.
     """
-    parts = [functional.adaptive_avg_pool2d(i, _PARTS) for i in (image, painted)]
-    return relative_difference(*parts)
+    blocks = [functional.avg_pool2d(picture, block_px) for picture in (image, painted)]
+    return relative_difference(*blocks)
 
 
-def _with_colors_held(
-    image_loss: ImageLoss, painted: Tensor, weight: float, image: Tensor, plain: Tensor
-) -> Tensor:
-    drift = color_drift(image, painted.permute(2, 0, 1)[None])
-    return image_loss(image, plain) + weight * drift
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """A part of a view: its rows and columns, and the painted view in it."""
+
+    rows: slice
+    columns: slice
+    painted: Float[Tensor, "height width 3"]
+
+    def pixels(self, of_view: Int64[Tensor, "rows columns"]) -> Int64[Tensor, " pixels"]:
+        """Returns the numbers of the window's pixels, row by row."""
+        return of_view[self.rows, self.columns].reshape(-1)
 
 
-def _view_cache(
-    field: RadianceField, rays: ViewRays, plain: ViewImages, view: int, config: AdaptationConfig,
-    kernels: Kernels,
-) -> RayCache:  # fmt: skip
-    return march_once(
-        field, rays, plain, plain.of_view(view), kernels, min_weight=config.min_weight,
-        termination=config.termination, cache_bytes=1 << 62,
-    )  # fmt: skip
+def _drawn_window(
+    painted: UInt8[Tensor, "height width 3"], side_px: int, generator: torch.Generator
+) -> _Window:
+    """Returns a window at a random place; a view that is smaller is taken whole."""
+    spans = []
+    for whole in painted.shape[:2]:
+        side = min(whole, side_px)
+        first = int(torch.randint(whole - side + 1, (), generator=generator))
+        spans.append(slice(first, first + side))
+    rows, columns = spans
+    return _Window(rows, columns, painted[rows, columns].float() / 255)
 
 
 def _accumulate(
-    field: RadianceField, cache: RayCache, shape: Sequence[int], image_loss: ImageLoss,
-    kernels: Kernels,
+    field: RadianceField, cache: RayCache, shape: Sequence[int],
+    image_loss: Callable[[Tensor, Tensor], Tensor], kernels: Kernels,
 ) -> tuple[float, Tensor]:  # fmt: skip
-    """Adds the gradient of one view's loss to the appearance; returns it and the render."""
+    """Adds the gradient of one picture's loss to the appearance; returns it and the render."""
     with torch.no_grad():
         colors = [tile.color(field.appearance, kernels) for tile in cache.tiles(_TILE)]
         image = torch.cat(colors).reshape(shape)

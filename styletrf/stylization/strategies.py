@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from styletrf.capture.views import load_views
+from styletrf.devices import computes_in_bfloat16
 from styletrf.field.kernels import Kernels, kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, refine_appearance
 from styletrf.field.shading import ShadingKind
@@ -22,13 +23,10 @@ from styletrf.progress import Progress, silent
 from styletrf.scene.free_space import free_space
 from styletrf.scene.scene_model import SceneModel, read_scene_model
 from styletrf.scene.training_photographs import read_training_photographs
-from styletrf.style.perceptual.perceptual_loss import (
-    PerceptualLossConfig,
-    perceptual_loss,
-    shrunk,
-    style_grams,
-)
+from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, shrunk
+from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import load_vgg
+from styletrf.style.transfer.weights import load_style_transfer
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
 from styletrf.stylization.image_adaptation import (
@@ -40,7 +38,7 @@ from styletrf.stylization.power_choice import PowerChoiceConfig, choose_weight_p
 from styletrf.stylization.surface_ownership import OwnershipConfig, owned_pixels
 from styletrf.trajectory.frames import float_images
 
-Match = Literal["pixels", "gram"]
+Match = Literal["pixels", "gram", "distributions"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,22 +78,20 @@ class Stylization:
     plain: Tensor  # views height width 3, uint8
     painted: Tensor
     kernels: Kernels
-    style: tuple[Path, Path] | None  # the painting and the perceptual weights
+    style: Mapping[str, Path] | None  # the painting, and the weights of a loss of renders
     match: Match
     free: Bool[Tensor, "cells cells cells"] | None = None  # of the grid, for a new field
 
 
 def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
-    """Returns what the folders hold: field, model, priors, stylized; style and perceptual; poses.
+    """Returns what the folders hold: field, model, priors, stylized; painting and weights; poses.
 
     With `poses`, whose photographs the field was fitted to, also the space that is free by them.
     """
     cameras = read_cameras(inputs["priors"] / "cameras.parquet")
     priors = list(float_images(inputs["priors"]))
     plain = [torch.from_numpy(to_integers(image.color)) for image in priors]
-    style = None
-    if match != "pixels":
-        style = inputs["style"] / "style.png", inputs["perceptual"] / "vgg16.safetensors"
+    style = None if match == "pixels" else inputs
     model = read_scene_model(inputs["model"] / "scene.json")
     free = None
     if "poses" in inputs:
@@ -173,12 +169,22 @@ def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None
 
 
 def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
-    """Returns the perceptual loss of a render, with the Gram matrices of the painting."""
+    """Returns the loss of a render: the style network's own, or the published Gram matrices."""
     if job.style is None:
         raise ValueError("no style to match")
-    painting, weights = job.style
     device = job.plain.device
-    vgg = load_vgg(weights, device)
-    style = shrunk(torch.from_numpy(read_rgb(painting)).to(device), config.style_px)
-    grams, loss = style_grams(vgg, style), config.image_loss
-    return lambda image, plain: perceptual_loss(vgg, image, plain, grams, loss).total
+    vgg = load_vgg(job.style["perceptual"] / "vgg16.safetensors", device)
+    if computes_in_bfloat16(device):
+        vgg = vgg.to(torch.bfloat16)
+    painting = torch.from_numpy(read_rgb(job.style["style"] / "style.png")).to(device)
+    predictor = None
+    if job.match == "distributions":
+        predictor = load_style_transfer(job.style["transfer"], device).predictor
+    loss = StyleLoss(
+        vgg,
+        shrunk(painting, config.style_px),
+        config.image_loss,
+        "sliced" if job.match == "distributions" else "gram",
+        predictor,
+    )
+    return lambda image, plain, generator: loss(image, plain, generator).total

@@ -37,8 +37,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "count": (1000, 8000, 80000),
     },
     "StyleNetwork": {
-        "iterations": (180, 800, 40000),
-        "batch": (1, 1, 4),
+        "iterations": (120, 500, 40000),
+        "batch": (2, 2, 4),
         "crop_px": (160, 192, 256),
         "style_px": (420, 420, 256),
         "learning_rate": (1e-3, 1e-3, 1e-3),
@@ -104,6 +104,16 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "appearance_scale": (1.5, 1.5, 1.0),
         "shading": ("plain", "plain", "network"),
         "weight_power.powers": ([1.0, 1.5, 2.0], [1.0, 1.5, 2.0], [1.0]),
+        "weight_power.sharpness": (0.8, 0.8, 0.95),
+        "image.iterations": (30, 40, 60),
+        "image.rate": (1.0, 1.0, 0.2),
+        "image_loss.content_layer": ("relu3_3", "relu3_3", "relu2_2"),
+        "image_loss.content_weight": (0.7, 0.7, 3.0),
+        "image_loss.style_layer_weights": (
+            [4.0, 2.0, 1.5, 0.0],
+            [4.0, 2.0, 1.5, 0.0],
+            [4.0, 2.0, 1.5, 1.0],
+        ),
         "style_px": (420, 420, 256),
     },
 }

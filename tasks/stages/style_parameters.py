@@ -73,10 +73,11 @@ class StyleParameters(NetworkParameters, PathParameters):
         description="adapt the appearance (s3), all of the field (s2), or fit a new one (s1)",
     )
     match = ChoiceParameter(
-        choices=["pixels", "gram"],
-        default="pixels",
-        description="fit the painted pixels, and with s3 after that the painting's Gram matrices"
-        " in whole renders",
+        choices=["auto", "distributions", "gram", "pixels"],
+        default="auto",
+        description="what follows the fit to painted pixels: with distributions and gram the"
+        " renders themselves are moved towards the painting, with pixels nothing; auto is"
+        " distributions with s3, but at the quality paper",
     )
     rounds = IntParameter(
         default=1, description="how often views are painted and the field adapted to them"

@@ -15,7 +15,7 @@ from tasks.stages.shards import ShardedStage
 from tasks.stages.stage import ConfigurableStage, Stage
 from tasks.stages.style import StyleImage, StyleNetwork
 from tasks.stages.style_parameters import FrameParameters, StyleParameters
-from tasks.stages.weights import PerceptualWeights
+from tasks.stages.weights import PerceptualWeights, TransferWeights
 
 
 class StylizedPriors(ShardedStage, StyleParameters):
@@ -98,10 +98,25 @@ class StylizedField(ConfigurableStage, StyleParameters):
         }
         if self.strategy == "s1":
             needed["poses"] = self.upstream(CameraPoses)
-        if self.match != "pixels":
+        if self.loss != "pixels":
             needed["style"] = self.upstream(StyleImage)
             needed["perceptual"] = self.upstream(PerceptualWeights)
+        if self.loss == "distributions":
+            needed["transfer"] = self.upstream(TransferWeights)
         return needed
+
+    @property
+    def loss(self) -> str:
+        """What the field is fitted to last: `match`, decided where it is `auto`.
+
+        A loss of renders moves them to the painting and its colors, so it is not for priors with
+        other colors, nor for a network that the user brings and whose painting is not known.
+        """
+        if self.match != "auto":
+            return str(self.match)
+        has_own_painting = self.colors == "style" and not self.network
+        is_usual = self.strategy == "s3" and self.quality != "paper"
+        return "distributions" if has_own_painting and is_usual else "pixels"
 
     def validate(self) -> None:
         """Rejects invalid combinations.
@@ -112,7 +127,7 @@ class StylizedField(ConfigurableStage, StyleParameters):
         super().validate()
         if self.rounds < 1:
             raise InputError(f"--rounds {self.rounds}", "is below 1", "Give 1 or more")
-        if self.match != "pixels" and self.strategy != "s3":
+        if self.loss != "pixels" and self.strategy != "s3":
             subject = f"--match {self.match} --strategy {self.strategy}"
             problem = "do not go together: only s3 is matched to whole renders"
             raise InputError(subject, problem, "Leave one of them out")
@@ -122,14 +137,14 @@ class StylizedField(ConfigurableStage, StyleParameters):
         return {
             "settings": self.values(),
             "strategy": self.strategy,
-            "match": self.match,
+            "match": self.loss,
             **self._render_loss_factors(),
         }
 
     def _render_loss_factors(self) -> dict[str, list[float]]:
         """Returns the factors of a loss on whole renders; stylized pixels include them already."""
         factors = [self.stroke_scale, self.content_weight]
-        return {} if self.match == "pixels" else {"factors": factors}
+        return {} if self.loss == "pixels" else {"factors": factors}
 
     def values(self) -> dict[str, Any]:
         """Returns the settings; s1 and s2 fit as RadianceField does here (`fit.iterations`)."""
@@ -141,7 +156,7 @@ class StylizedField(ConfigurableStage, StyleParameters):
         from styletrf.steps.stylized_field import stylize_field
 
         factors = (self.stroke_scale, self.content_weight)
-        strategy, match = cast("Any", self.strategy), cast("Any", self.match)
+        strategy, match = cast("Any", self.strategy), cast("Any", self.loss)
         stylize_field(
             inputs, out, self.values(), factors, strategy, match, self.device, run.progress
         )

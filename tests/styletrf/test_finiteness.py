@@ -120,7 +120,7 @@ def test_an_adaptation_to_images_names_the_view(scene, field):
     with stops("appearance adaptation", "image loss", "at iteration 0, view 0"):
         adapt_to_image_loss(
             field, scene.cameras[:1], views, scene.model.space,
-            lambda image, _: image.sum() * torch.inf, ImageAdaptationConfig(2), STEPS, KERNELS,
+            lambda image, *_: image.sum() * torch.inf, ImageAdaptationConfig(2), STEPS, KERNELS,
         )  # fmt: skip
 
 

@@ -3,8 +3,8 @@
 Letters: `F` the activations of a layer (channels C, grid H x W), `G` their Gram matrix.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import partial
 
 import torch
@@ -73,6 +73,15 @@ class PerceptualTerms:
     def total(self) -> Float[Tensor, ""]:
         """The loss."""
         return self.content + self.style + self.tv + self.steadiness + self.color
+
+
+def mean_terms(parts: Sequence[PerceptualTerms]) -> PerceptualTerms:
+    """Returns the mean of each term over the parts of a batch."""
+    means = {
+        field.name: torch.stack([getattr(part, field.name) for part in parts]).mean()
+        for field in fields(PerceptualTerms)
+    }
+    return PerceptualTerms(**means)
 
 
 def gram_matrix(

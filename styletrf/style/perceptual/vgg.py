@@ -104,4 +104,8 @@ def load_vgg(path: Path, device: torch.device | str = "cpu") -> VGG16:
     except (OSError, SafetensorError, RuntimeError) as error:
         problem = f"cannot be read as VGG16 weights ({str(error).splitlines()[0]})"
         raise InputError(str(path), problem, "Build the perceptual weights again") from error
-    return network.requires_grad_(requires_grad=False).eval().to(device)
+    network.requires_grad_(requires_grad=False).eval()
+    for weight in network.parameters():
+        if weight.ndim == 4:  # in this layout no convolution copies its weights first
+            weight.data = weight.data.contiguous(memory_format=torch.channels_last)
+    return network.to(device)

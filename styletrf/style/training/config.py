@@ -1,10 +1,11 @@
 """The settings of a style training."""
 
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 from styletrf.style.gatys import GatysConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
+from styletrf.style.perceptual.style_loss import Statistics
 from styletrf.style.style_network import StyleNetworkConfig
 from styletrf.style.training.temporal_loss import TemporalLossConfig
 
@@ -20,7 +21,7 @@ class StyleTrainingConfig:
 
     network: StyleNetworkConfig = field(default_factory=StyleNetworkConfig)  # without a warm start
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
-    statistics: Literal["sliced", "gram"] = "sliced"  # of features, that make the style term
+    statistics: Statistics = "sliced"  # of features, that make the style term
     predictor_weight: float = 1.0  # with a warm start: see `predictor_features`
     steadiness: TemporalLossConfig = field(default_factory=TemporalLossConfig)
     iterations: int = 2000

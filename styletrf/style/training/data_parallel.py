@@ -1,15 +1,22 @@
-"""Training by several processes, a card each: everyone computes a share of the batch, and all step.
+"""Training by several processes, a GPU each, or several threads, a core each.
 
-The gradient is the mean over the shares. A loss that is no mean over images, as the relative ones,
-is thereby the mean of the shares' losses, which is not quite that of the whole batch.
+Each computes a share of the batch, and all step. The gradient is the mean over the shares. A loss
+that is no mean over images, as the relative ones, is thereby the mean of the shares' losses, which
+is not quite that of the whole batch.
 """
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import torch
 from jaxtyping import Shaped
 from torch import Tensor, distributed
+
+Part = TypeVar("Part")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,3 +57,28 @@ def joined(device: torch.device) -> Ranks:
         return Ranks()
     distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
     return Ranks(distributed.get_rank(), distributed.get_world_size())
+
+
+def map_on_cores(compute: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
+    """Returns the results of all parts, in their order, computed at once on parts of the cores.
+
+    A small network's layers are too small for several threads, which only wait for each other; a
+    thread with an image of its own never waits.
+    """
+    if len(parts) == 1:
+        return [compute(parts[0])]
+    cores = torch.get_num_threads()
+    workers = min(len(parts), cores)
+    with _threads_each(cores // workers), ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(compute, parts))
+
+
+@contextlib.contextmanager
+def _threads_each(count: int) -> Iterator[None]:
+    """Each thread that computes has so many threads of torch."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

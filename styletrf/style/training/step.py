@@ -2,9 +2,8 @@
 
 import copy
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -16,20 +15,16 @@ from styletrf.errors import InputError
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.style.perceptual.perceptual_loss import (
     PerceptualTerms,
-    StyleTerm,
-    gram_term,
-    perceptual_terms,
+    mean_terms,
     relative_difference,
     shrunk,
-    style_grams,
 )
+from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import PaintingNetwork
 from styletrf.style.training.checkpoint import Training
 from styletrf.style.training.config import StyleTrainingConfig
-from styletrf.style.training.data_parallel import Ranks
-from styletrf.style.training.predictor_features import Grams, predictor_grams, predictor_term
-from styletrf.style.training.sliced_features import sliced_term, style_columns
+from styletrf.style.training.data_parallel import Ranks, map_on_cores
 from styletrf.style.training.temporal_loss import ContentPair, jittered_pair, temporal_loss
 from styletrf.style.transfer.network import TransferNetwork
 from styletrf.style.transfer.style_predictor import StylePredictor
@@ -62,18 +57,19 @@ class StyleStep:
         self._ranks = ranks or Ranks()
         self._device = vgg.mean.device
         self._fast = config.bfloat16 and computes_in_bfloat16(self._device)
-        self._vgg = copy.deepcopy(vgg).to(torch.bfloat16) if self._fast else vgg
         self._config = config
         self._initial = initial.to(self._device).eval() if initial else None
-        painting = shrunk(style.to(self._device), config.style_px)
-        is_gram = config.statistics == "gram"
-        self._targets = (style_grams if is_gram else style_columns)(self._vgg, painting)
-        self._predictor: StylePredictor | None = None
-        self._predictor_grams: Grams = ()
-        if predictor is not None and config.predictor_weight > 0:
-            self._predictor = copy.deepcopy(predictor).requires_grad_(requires_grad=False)
-            self._predictor.to(self._device)
-            self._predictor_grams = predictor_grams(self._predictor, painting)
+        if predictor is not None:
+            predictor = copy.deepcopy(predictor).requires_grad_(requires_grad=False)
+            predictor.to(self._device)
+        self._style_loss = StyleLoss(
+            copy.deepcopy(vgg).to(torch.bfloat16) if self._fast else vgg,
+            shrunk(style.to(self._device), config.style_px),
+            config.loss,
+            config.statistics,
+            predictor,
+            config.predictor_weight,
+        )
 
     def __call__(
         self, training: Training, k: int, content: Tensor | ContentPair
@@ -83,12 +79,20 @@ class StyleStep:
         Raises:
             InputError: A term is no longer finite; it names what else is not, if anything.
         """
-        content = self._share(content)
-        terms = self.terms(training.network, k, content)
+        content, network = self._share(content), training.network
+        learned = [p for p in network.parameters() if p.requires_grad]
+
+        def gradient(part: Tensor | ContentPair) -> tuple[PerceptualTerms, Sequence[Tensor | None]]:
+            terms = self.terms(network, k, part)
+            return terms, torch.autograd.grad(terms.total, learned, allow_unused=True)
+
+        parts = map_on_cores(gradient, self._parts(content))
+        terms = mean_terms([terms for terms, _ in parts])
         self._require_finite(terms, training, k, content)
-        training.optimizer.zero_grad()
-        terms.total.backward()
-        self._ranks.average(p.grad for p in training.network.parameters())
+        for parameter, *found in zip(learned, *(gradients for _, gradients in parts), strict=True):
+            used = [g for g in found if g is not None]
+            parameter.grad = torch.stack(used).sum(dim=0) / len(parts) if used else None
+        self._ranks.average(p.grad for p in learned)
         for group in training.optimizer.param_groups:
             group["lr"] = _learning_rate(self._config, k, group["name"])
         training.optimizer.step()
@@ -119,6 +123,16 @@ class StyleStep:
         unsteady = config.every * config.weight * temporal_loss(first, second, content)
         return replace(terms, steadiness=unsteady)
 
+    def _parts(self, content: Tensor | ContentPair) -> Sequence[Tensor | ContentPair]:
+        """Returns the images of a batch one by one, where each has a core; else the batch."""
+        if self._device.type != "cpu":
+            return [content]
+        if isinstance(content, Tensor):
+            images: Sequence[Tensor] = content.split(1)
+            return images
+        columns = [getattr(content, f).split(1) for f in content.__slots__]
+        return [ContentPair(*row) for row in zip(*columns, strict=True)]
+
     def _share(self, content: Tensor | ContentPair) -> Tensor | ContentPair:
         if isinstance(content, Tensor):
             return self._ranks.share(content)
@@ -144,9 +158,7 @@ class StyleStep:
         """Yields what a loss comes of: the batch, the style, and what past steps left."""
         images = [content] if isinstance(content, Tensor) else [content.first, content.second]
         yield from (("a content image", image) for image in images)
-        for layer, target in self._targets.items():
-            yield f"the style's statistics of {layer}", target
-        yield from (("the predictor's statistics", gram) for gram in self._predictor_grams)
+        yield from self._style_loss.targets()
         yield from parameter_stages(training.network, training.optimizer)
 
     def _painted(self, network: PaintingNetwork, content: Tensor) -> Tensor:
@@ -158,26 +170,11 @@ class StyleStep:
         if k < self._config.identity_iterations:
             none = torch.zeros((), device=output.device)
             return PerceptualTerms(functional.mse_loss(output, content), none, none, none, none)
-        config = self._config.loss
-        terms = perceptual_terms(self._vgg, output, content, self._style_term(k), config)
-        if self._predictor is not None:
-            seen = predictor_term(
-                self._predictor, self._predictor_grams, output, self._generator(k)
-            )
-            terms = replace(terms, style=terms.style + self._config.predictor_weight * seen)
+        generator = torch.Generator().manual_seed((self._config.seed << 32) + k)
+        terms = self._style_loss(output, content, generator)
         if self._initial is None or self._config.color_weight == 0:
             return terms
         return replace(terms, color=self._config.color_weight * self._color_drift(output, content))
-
-    def _style_term(self, k: int) -> StyleTerm:
-        config = self._config
-        if config.statistics == "gram":
-            return partial(gram_term, self._targets, config.loss)
-        weights = config.loss.style_layers
-        return partial(sliced_term, self._targets, weights, self._generator(k))
-
-    def _generator(self, k: int) -> torch.Generator:
-        return torch.Generator().manual_seed((self._config.seed << 32) + k)
 
     def _color_drift(self, output: Tensor, content: Tensor) -> Float[Tensor, ""]:
         """Returns how far mean colors of 8x8 blocks are from those of the initial painting.

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import distributed, multiprocessing
 
-from styletrf.style.training.data_parallel import Ranks
+from styletrf.style.training.data_parallel import Ranks, map_on_cores
 
 
 def test_alone_it_has_everything():
@@ -57,3 +57,22 @@ def test_the_mean_of_the_shares_gradients_is_that_of_the_batch():
     for process in processes:
         process.join(60)
     assert found[0] == found[1] == pytest.approx(weight.grad.tolist())
+
+
+@pytest.mark.parametrize("n_parts", [1, 2, 5])
+def test_parts_are_computed_in_their_order_and_threads_are_restored(n_parts):
+    before = torch.get_num_threads()
+    threads = map_on_cores(lambda part: (part, torch.get_num_threads()), range(n_parts))
+    assert [part for part, _ in threads] == list(range(n_parts))
+    assert all(count == max(1, before // min(n_parts, before)) for _, count in threads)
+    assert torch.get_num_threads() == before
+
+
+def test_an_error_in_a_part_is_raised_and_threads_are_restored():
+    def refuse(part):
+        raise ValueError(part)
+
+    before = torch.get_num_threads()
+    with pytest.raises(ValueError, match="0"):
+        map_on_cores(refuse, [0, 1])
+    assert torch.get_num_threads() == before

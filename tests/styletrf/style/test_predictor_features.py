@@ -6,7 +6,11 @@ import pytest
 import torch
 from test_style_training import TINY, style
 
-from styletrf.style.training.predictor_features import predictor_grams, predictor_term
+from styletrf.style.perceptual.predictor_features import (
+    FeatureMoments,
+    predictor_moments,
+    predictor_term,
+)
 from styletrf.style.training.step import StyleStep
 from styletrf.style.training.trainer import begin
 from styletrf.style.transfer.style_predictor import PAINTING_PX, StylePredictor
@@ -56,29 +60,39 @@ def test_features_are_those_that_the_embedding_is_made_of(predictor):
 
 
 def test_the_painting_is_nearest_to_itself(predictor, painting):
-    grams = predictor_grams(predictor, painting)
-    own = predictor_term(predictor, grams, painting, generator())
-    other = predictor_term(predictor, grams, 1 - 0.5 * painting, generator())
+    moments = predictor_moments(predictor, painting)
+    own = predictor_term(predictor, moments, painting, generator())
+    other = predictor_term(predictor, moments, 1 - 0.5 * painting, generator())
     assert 0 <= own < other
 
 
+def test_units_of_channels_do_not_count():
+    """Scaled and shifted alike in painting and picture, a channel tells what it told before."""
+    painting, picture = (torch.randn(1, 5, 9, 7, generator=generator(k)) for k in (0, 1))
+    scale = torch.tensor([1e-1, 0.5, 1.0, 7.0, 300.0])[:, None, None]
+    shift = torch.linspace(-3, 3, 5)[:, None, None]
+    before = FeatureMoments.of(painting).difference(picture)
+    after = FeatureMoments.of(painting * scale + shift).difference(picture * scale + shift)
+    torch.testing.assert_close(after, before, rtol=1e-4, atol=1e-5)
+
+
 def test_the_same_corner_gives_the_same_term(predictor, painting):
-    grams = predictor_grams(predictor, painting)
+    moments = predictor_moments(predictor, painting)
     image = torch.rand(1, 3, 64, 64, generator=generator(1))
     first, again, elsewhere = (
-        predictor_term(predictor, grams, image, generator(seed)) for seed in (3, 3, 4)
+        predictor_term(predictor, moments, image, generator(seed)) for seed in (3, 3, 4)
     )
     assert torch.equal(first, again)
     assert not torch.equal(first, elsewhere)
 
 
 def test_a_step_down_the_gradient_comes_nearer(predictor, painting):
-    grams = predictor_grams(predictor, painting)
+    moments = predictor_moments(predictor, painting)
     image = torch.full((1, 3, 64, 64), 0.5).requires_grad_()
-    term = predictor_term(predictor, grams, image, generator())
+    term = predictor_term(predictor, moments, image, generator())
     (gradient,) = torch.autograd.grad(term, image)
     moved = image - 1e-3 * gradient / gradient.norm()
-    assert predictor_term(predictor, grams, moved, generator()) < term
+    assert predictor_term(predictor, moments, moved, generator()) < term
 
 
 @pytest.mark.extremes("Style network")
@@ -86,7 +100,7 @@ def test_a_step_down_the_gradient_comes_nearer(predictor, painting):
 def test_flat_images_and_paintings_stay_finite(predictor, value):
     flat = torch.full((1, 3, 64, 64), value, requires_grad=True)
     for target in (flat.detach(), 1 - flat.detach()):
-        term = predictor_term(predictor, predictor_grams(predictor, target), flat, generator())
+        term = predictor_term(predictor, predictor_moments(predictor, target), flat, generator())
         (gradient,) = torch.autograd.grad(term, flat)
         assert torch.isfinite(term)
         assert torch.isfinite(gradient).all()

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from styletrf.style.perceptual.perceptual_loss import STYLE_LAYERS, gram_matrix
-from styletrf.style.training.sliced_features import sliced_term, sliced_wasserstein, style_columns
+from styletrf.style.perceptual.sliced_features import sliced_term, sliced_wasserstein, style_columns
 
 
 def generator(seed: int = 0) -> torch.Generator:

@@ -34,7 +34,7 @@ def field(scene):
     return fit(scene, replace(CONFIG, iterations=60))
 
 
-def image_loss(image, plain):
+def image_loss(image, plain, generator=None):
     return (image.mean(dim=(2, 3)) - 0.2).square().sum() + (image - plain).abs().mean()
 
 
@@ -70,7 +70,7 @@ def test_the_loss_falls_and_the_density_stays(scene, field):
 def test_a_loss_that_says_nothing_of_color_leaves_the_painted_colors(scene, field):
     """A loss of contrast alone would take the view to gray: the drift holds it."""
 
-    def contrast(image, plain):
+    def contrast(image, plain, generator):
         return image.var(dim=(2, 3)).sum()
 
     def end(color_weight):
@@ -82,9 +82,46 @@ def test_a_loss_that_says_nothing_of_color_leaves_the_painted_colors(scene, fiel
         )  # fmt: skip
         renders = rendered(own, scene.model.space, scene.cameras[:1], RenderConfig(), CPU)
         shown = next(iter(renders)).color.permute(2, 0, 1)[None]
-        return color_drift(shown, (scene.images[:1] / 255).permute(0, 3, 1, 2))
+        return color_drift(shown, (scene.images[:1] / 255).permute(0, 3, 1, 2), block_px=2)
 
     assert end(20.0) < 0.3 * end(0.0)
+
+
+def test_windows_of_large_views_bring_all_of_them_nearer(scene, field):
+    def distance():
+        renders = rendered(field, scene.model.space, scene.cameras, RenderConfig(), CPU)
+        return [float((r.color - 0.2).square().mean()) for r in renders]
+
+    def to_dark_gray(image, plain, generator):
+        return (image - 0.2).square().mean()
+
+    before = distance()
+    adapt_to_image_loss(
+        field, scene.cameras, (scene.images, scene.images), scene.model.space, to_dark_gray,
+        ImageAdaptationConfig(iterations=60, rate=1.0, color_weight=0.0, window_px=12),
+        AdaptationConfig(), KERNELS,
+    )  # fmt: skip
+    assert min(scene.images.shape[1:3]) > 12, "the views are larger than a window"
+    assert all(now < 0.5 * then for now, then in zip(distance(), before, strict=True))
+
+
+def test_a_window_is_seen_by_the_rays_of_its_own_pixels(scene, field):
+    """What the loss is given as the plain render is that very part of the view."""
+    seen = []
+
+    def looking(image, plain, generator):
+        seen.append(plain)
+        return image.mean()
+
+    adapt_to_image_loss(
+        field, scene.cameras, (scene.images, scene.images), scene.model.space, looking,
+        ImageAdaptationConfig(iterations=6, window_px=12), AdaptationConfig(), KERNELS,
+    )  # fmt: skip
+    views = (scene.images.float() / 255).permute(0, 3, 1, 2)
+    for picture in seen:
+        places = views.unfold(2, 12, 1).unfold(3, 12, 1)
+        apart = (places - picture[0, None, :, None, None]).abs().amax(dim=(1, 4, 5))
+        assert apart.min() < 1e-6
 
 
 def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, field):

@@ -28,7 +28,7 @@ def style_columns(vgg: VGG16, style: Float[Tensor, "1 3 height width"]) -> Colum
     """Returns the features of the style image at the style layers, a row a place: the targets."""
     with torch.no_grad():
         found = vgg.features(style, STYLE_LAYERS)
-        return {layer: _rows(features) for layer, features in found.items()}
+        return {layer: _rows(features).float() for layer, features in found.items()}
 
 
 def sliced_term(
@@ -50,6 +50,7 @@ def sliced_term(
     distances = []
     for layer, weight in layer_weights.items():
         rows, style = (_drawn(f, generator) for f in (_rows(found[layer]), columns[layer]))
+        rows = rows.float()
         variance = (style - style.mean(dim=0)).square().mean()
         distance = sliced_wasserstein(rows, style, generator)
         smallest = torch.finfo(variance.dtype).tiny
@@ -79,8 +80,7 @@ def sliced_wasserstein(
 
 
 def _rows(features: Tensor) -> Float[Tensor, "places channels"]:
-    rows: Tensor = features.float().movedim(1, -1).reshape(-1, features.shape[1])
-    return rows
+    return features.movedim(1, -1).reshape(-1, features.shape[1])
 
 
 def _drawn(rows: Tensor, generator: torch.Generator) -> Tensor:
