@@ -34,7 +34,8 @@ from styletrf.capture.user_folders import find_style
 from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig, chosen_views
 from styletrf.files.images import read_rgb
 from styletrf.geometry.camera_table import read_cameras
-from styletrf.progress import silent
+from styletrf.steps.stylized_frames import Blend, stylized_frames
+from styletrf.trajectory.frames import write_pictures
 from tasks.stages.stylization import StylizedFrames
 from tasks.stages.weights import PerceptualWeights
 
@@ -84,8 +85,8 @@ def _print_rows(results: Iterable[Result], options: argparse.Namespace) -> None:
     for result in results:
         for row in jury.rows(result, baseline="per frame" not in result.name):
             values = [row.get(key) for key in columns.values()]
-            columns = "".join(f"{'' if v is None else f'{v:.3f}':>13}" for v in values)
-            _print(json.dumps(row) if options.json else f"{row['result']:32}{columns}")
+            cells = "".join(f"{'' if v is None else f'{v:.3f}':>13}" for v in values)
+            _print(json.dumps(row) if options.json else f"{row['result']:32}{cells}")
 
 
 def _made(options: argparse.Namespace) -> Iterator[Result]:
@@ -110,7 +111,9 @@ def _result(task: Any, folder: Path, options: argparse.Namespace) -> Result:
     inputs = {name: artifact(stage) for name, stage in needed.items()}
     cameras = {c.name: c for c in read_cameras(inputs["trajectory"] / "cameras.parquet")}
     looked_at = [cameras[name] for name in chosen_views(list(cameras), options.count)]
-    task.render(looked_at, inputs, folder, silent)
+    blend = Blend(task.strength, task.blend, task.region)
+    frames = stylized_frames(inputs, looked_at, task.values(), blend, task.device)
+    write_pictures(folder, [camera.name for camera in looked_at], frames)
     suffix = ", per frame" if task.method == "per-frame" else ""
     priors = needed["stylized"].requires()["stylized"] if "stylized" in needed else None
     return Result(

@@ -18,7 +18,8 @@ import numpy as np
 
 from pipeline.task import artifact
 from styletrf.geometry.camera_table import read_cameras
-from styletrf.progress import silent
+from styletrf.steps.stylized_frames import Blend, stylized_frames
+from styletrf.trajectory.frames import write_pictures
 from tasks.stages.stylization import StylizedFrames
 
 STYLE = "brush"
@@ -60,7 +61,9 @@ def frame_under(words: dict[str, Any]) -> np.ndarray:
     cameras = read_cameras(inputs["trajectory"] / "cameras.parquet")
     camera = cameras[int(FRAME * len(cameras))]
     with TemporaryDirectory() as folder:
-        task.render([camera], inputs, Path(folder), silent)
+        blend = Blend(task.strength, task.blend, task.region)
+        frames = stylized_frames(inputs, [camera], task.values(), blend, task.device)
+        write_pictures(Path(folder), [camera.name], frames)
         return cv2.imread(str(Path(folder, "frames", f"{camera.name}.png")))
 
 

@@ -20,7 +20,7 @@ from styletrf.files.video import video_info
 from styletrf.geometry.camera_table import read_cameras, write_cameras
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
-from styletrf.progress import Progress
+from styletrf.progress import Progress, silent
 from styletrf.scene.scene_model import read_scene_model
 from styletrf.steps.sharding import Sharding
 from styletrf.stylization.background import (
@@ -94,15 +94,8 @@ def render_stylized(
         join_pictures(sharding.folders, out)
     else:
         shown = sharding.select(cameras)
-        device = device_named(device_name)
-        frames = (
-            _frames_by_network(blend, inputs, shown, device, progress)
-            if "network" in inputs
-            else _frames_of_field(
-                blend, inputs, shown, configured(RenderConfig, settings), device, progress,
-                _depths_folder(out) if writes_depths else None,
-            )
-        )  # fmt: skip
+        depths = _depths_folder(out) if writes_depths else None
+        frames = stylized_frames(inputs, shown, settings, blend, device_name, progress, depths)
         write_pictures(out, [camera.name for camera in shown], frames)
     if sharding.is_shard:
         write_cameras(out / "cameras.parquet", sharding.select(cameras))
@@ -110,6 +103,33 @@ def render_stylized(
     images = (read_rgb(out / "frames" / f"{camera.name}.png") for camera in cameras)
     rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second
     write_clip(out / "video.mp4", images, rate)
+
+
+def stylized_frames(
+    inputs: Mapping[str, Path],
+    cameras: Sequence[Camera],
+    settings: Mapping[str, Any],
+    blend: Blend,
+    device_name: str,
+    progress: Progress = silent,
+    depths: Path | None = None,
+) -> Iterator[Any]:
+    """Yields the frames that cameras of the trajectory see, in RGB.
+
+    Args:
+        inputs: As of `render_stylized`.
+        cameras: Some of the trajectory's.
+        settings: Of `RenderConfig`.
+        blend: Which styles are blended where.
+        device_name: `auto`, `cpu` or `cuda`.
+        progress: Called with the number of frames.
+        depths: A folder for the depths of the field, `NAME.exr`; without it they are not written.
+    """
+    device = device_named(device_name)
+    if "network" in inputs:
+        return _frames_by_network(blend, inputs, cameras, device, progress)
+    config = configured(RenderConfig, settings)
+    return _frames_of_field(blend, inputs, cameras, config, device, progress, depths)
 
 
 def _depths_folder(out: Path) -> Path:

@@ -55,7 +55,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
             False,
         ),  # False fits torchvision's VGG16 only, as do 1e5, 1e10
         "loss.content_layer": ("relu3_3", "relu3_3", "relu2_2"),
-        "loss.content_weight": (0.8, 0.8, 1e5),
+        "loss.content_weight": (1.2, 1.2, 1e5),
         "loss.style_weight": (1.0, 1.0, 1e10),
         "loss.style_layer_weights": (
             [4.0, 2.0, 1.5, 0.0],
@@ -104,11 +104,12 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "appearance_scale": (1.5, 1.5, 1.0),
         "shading": ("plain", "plain", "network"),
         "weight_power.powers": ([1.0, 1.5, 2.0], [1.0, 1.5, 2.0], [1.0]),
-        "weight_power.sharpness": (0.8, 0.8, 0.95),
+        "weight_power.sharpness": (0.88, 0.88, 0.95),
         "image.iterations": (30, 40, 60),
         "image.rate": (1.0, 1.0, 0.2),
         "image_loss.content_layer": ("relu3_3", "relu3_3", "relu2_2"),
-        "image_loss.content_weight": (0.7, 0.7, 3.0),
+        "image_loss.content_weight": (0.8, 0.8, 3.0),
+        "image_loss.tv_weight": (8.0, 8.0, 15.0),
         "image_loss.style_layer_weights": (
             [4.0, 2.0, 1.5, 0.0],
             [4.0, 2.0, 1.5, 0.0],

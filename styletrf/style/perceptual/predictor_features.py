@@ -73,7 +73,8 @@ def predictor_term(
     """Returns how far the images are from the painting; differentiable in the images.
 
     The images are cropped at a corner that is drawn anew each time, less than a stride from the
-    first pixel (smaller images at their first pixels): a fixed grid of strides favors patterns of its period, which show in the paintings.
+    first pixel (of small images nearer): a fixed grid of strides favors patterns of its period,
+    which show in the paintings.
 
     Args:
         predictor: The network.
