@@ -48,7 +48,7 @@ def run_command(
         arguments: The task and its parameters, as the command line of Luigi.
         begin: Called first. A command that it ends does not reach `end`.
         end: Called last.
-        libraries: Modules that are imported once for all builds, which are forked after that.
+        libraries: Modules that are imported once for all builds and `begin`, see `fork_server`.
 
     Raises:
         SystemExit: The command is refused, or prints a help.
@@ -88,10 +88,10 @@ def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]
     except Exception:  # noqa: BLE001  whatever it is, it is reported
         _luigi_log.exception("The command cannot be read")
         return int(retcode().unhandled_exception)  # type: ignore[no-untyped-call]
-    begin(task)
-    reenable_failed_tasks(lambda: [task, *upstream_first(task)])
-    progress_client()  # before workers are forked
     with fork_server(libraries):
+        begin(task)
+        reenable_failed_tasks(lambda: [task, *upstream_first(task)])
+        progress_client()  # before workers are forked
         status = _luigi_status(task)
         while status != INTERRUPTED and _is_to_run_again(task):
             status = _luigi_status(task)

@@ -15,12 +15,14 @@ from typing import Any, Protocol
 from pipeline.execution.builder import run_job
 from pipeline.execution.cpu_memory import THREADS
 from pipeline.execution.fork_server import (
-    ForkedSupervisor,
+    ForkedProcess,
     build_environment,
     current_fork_server,
 )
 from pipeline.execution.progress_pipe import read_messages
 from pipeline.job import Display, Job, Report
+
+_SUPERVISOR = "pipeline.execution.supervisor"
 
 
 class BuildProcess(Protocol):
@@ -69,7 +71,7 @@ class Subprocess:
 
     def _start(
         self, specification: Path, job: Job, stdin: int, stdout: int
-    ) -> "ForkedSupervisor | subprocess.Popen[bytes]":
+    ) -> "ForkedProcess | subprocess.Popen[bytes]":
         """A supervisor: forked, or in an interpreter of its own.
 
         Libraries read how many threads to start when they are imported, so a build with cores of
@@ -81,9 +83,10 @@ class Subprocess:
             if server and job.environment.keys().isdisjoint(THREADS):
                 with contextlib.suppress(OSError):  # the server was killed
                     streams = stdin, stdout, log.fileno()
-                    return server.start(specification, environment, streams, job.inherited_fds)
+                    function, words = f"{_SUPERVISOR}:supervise", [str(specification)]
+                    return server.start(function, words, environment, streams, job.inherited_fds)
             return subprocess.Popen(
-                [sys.executable, "-P", "-m", "pipeline.execution.supervisor", str(specification)],
+                [sys.executable, "-P", "-m", _SUPERVISOR, str(specification)],
                 stdin=stdin,
                 stdout=stdout,
                 stderr=log,

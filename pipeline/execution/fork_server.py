@@ -1,4 +1,4 @@
-"""A process that has imported libraries, and forks the builds of a command.
+"""A process that has imported libraries, and forks the builds of a command, and its validation.
 
 Torch, numba and OpenCV take two seconds to import, as long as many a stage takes; a fork takes
 milliseconds. The server imports libraries and nothing of the project, so that a build imports the
@@ -18,11 +18,9 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from functools import cached_property
-from pathlib import Path
 from typing import Any, final
 
 from pipeline.execution.cpu_memory import openmp_wait_settings
-from pipeline.execution.supervisor import supervise
 
 _LARGEST_REQUEST_BYTES = 2**17
 _MOST_DESCRIPTORS = 253  # by Linux
@@ -31,7 +29,7 @@ _of_command: ContextVar["ForkServer | None"] = ContextVar("fork_server", default
 
 @final
 class ForkServer:
-    """The server's end in a command; its process starts with the first build."""
+    """The server's end in a command; its process starts with the first fork."""
 
     def __init__(self, libraries: Sequence[str]) -> None:
         self._libraries = libraries
@@ -52,23 +50,25 @@ class ForkServer:
 
     def start(
         self,
-        specification: Path,
+        function: str,
+        arguments: Sequence[str],
         environment: Mapping[str, str],
         streams: tuple[int, int, int],
         kept: Sequence[int] = (),
-    ) -> "ForkedSupervisor":
-        """Forks a supervisor.
+    ) -> "ForkedProcess":
+        """Forks a process.
 
         Args:
-            specification: The file of the job.
-            environment: All variables of the build.
+            function: What it calls, as `module:name`; it returns the exit status.
+            arguments: Those of the function.
+            environment: All variables of the process.
             streams: Its standard input, output and error.
             kept: Further descriptors that it holds open.
 
         Raises:
             OSError: The server has ended.
         """
-        request = json.dumps([str(specification), dict(environment), sys.path]).encode()
+        request = json.dumps([function, [*arguments], dict(environment), sys.path]).encode()
         reading, writing = os.pipe()
         try:
             socket.send_fds(self._process[0], [request], [writing, *streams, *kept])
@@ -77,7 +77,7 @@ class ForkServer:
             raise
         finally:
             os.close(writing)
-        return ForkedSupervisor(reading)
+        return ForkedProcess(reading)
 
     def close(self) -> None:
         """Ends the server, if it was started."""
@@ -89,8 +89,8 @@ class ForkServer:
 
 
 @final
-class ForkedSupervisor:
-    """A supervisor that the server forked, with the method of `subprocess.Popen` that is needed."""
+class ForkedProcess:
+    """A process that the server forked, with the method of `subprocess.Popen` that is needed."""
 
     def __init__(self, statuses: int) -> None:
         self._statuses = statuses
@@ -125,6 +125,48 @@ def current_fork_server() -> ForkServer | None:
     return _of_command.get()
 
 
+def answer_of(function: str, question: str) -> str:
+    """Has a function read a question on standard input; returns what it writes to standard output.
+
+    The process is forked by the server of this context, or else is a new interpreter.
+
+    Args:
+        function: What it calls, as `module:name`; it returns the exit status.
+        question: The text.
+    """
+    (stdin, asking), (hearing, stdout) = os.pipe(), os.pipe()
+    with os.fdopen(asking, "w") as questions, os.fdopen(hearing) as answers:
+        try:
+            process = _started(function, (stdin, stdout, 2))
+        finally:
+            os.close(stdin)
+            os.close(stdout)
+        with contextlib.suppress(BrokenPipeError):
+            questions.write(question)
+            questions.close()
+        answer = answers.read()
+        process.wait()
+    return answer
+
+
+def _started(
+    function: str, streams: tuple[int, int, int]
+) -> "ForkedProcess | subprocess.Popen[bytes]":
+    if server := current_fork_server():
+        with contextlib.suppress(OSError):  # the server was killed
+            return server.start(function, (), build_environment(), streams)
+    module, _, name = function.partition(":")
+    code = f"import sys; from {module} import {name}; sys.exit({name}())"
+    stdin, stdout, stderr = streams
+    return subprocess.Popen(
+        [sys.executable, "-P", "-c", code],
+        stdin=stdin,
+        stdout=stdout,
+        stderr=stderr,
+        env=build_environment(),
+    )
+
+
 def build_environment() -> dict[str, str]:
     """Returns the variables of an interpreter for builds."""
     environment = {**os.environ, **openmp_wait_settings(os.environ), "PYTHONUNBUFFERED": "1"}
@@ -133,13 +175,13 @@ def build_environment() -> dict[str, str]:
 
 
 def main() -> int:
-    """Serves until the command ends; a child goes on as the supervisor of its build."""
+    """Serves until the command ends; a child calls its function instead."""
     for name in sys.argv[1:]:
         with contextlib.suppress(Exception):  # the build that needs the library says so
             importlib.import_module(name)
     gc.freeze()  # a collection in a child copies no memory
     request = _child_of(socket.socket(fileno=os.dup(0)))
-    return 0 if request is None else _supervise(*request)
+    return 0 if request is None else _call(*request)
 
 
 def _child_of(requests: socket.socket) -> tuple[list[Any], list[int]] | None:
@@ -189,9 +231,9 @@ def _send_statuses(statuses: dict[int, int]) -> None:
                 file.write(str(os.waitstatus_to_exitcode(status)))
 
 
-def _supervise(request: list[Any], descriptors: list[int]) -> int:
-    """In a child: becomes what a new interpreter for the request would be; supervises its build."""
-    specification, environment, path = request
+def _call(request: list[Any], descriptors: list[int]) -> int:
+    """In a child: becomes what a new interpreter for the request would be; calls its function."""
+    function, arguments, environment, path = request
     os.setsid()
     for number, descriptor in enumerate(descriptors[:3]):
         os.dup2(descriptor, number)
@@ -199,7 +241,8 @@ def _supervise(request: list[Any], descriptors: list[int]) -> int:
     os.environ.clear()
     os.environ.update(environment)
     sys.path[:] = path
-    return supervise(Path(specification))
+    module, _, name = function.partition(":")
+    return int(getattr(importlib.import_module(module), name)(*arguments))
 
 
 if __name__ == "__main__":

@@ -29,9 +29,9 @@ _MAXRSS_UNIT = 1 if sys.platform == "darwin" else 1024
 _CAUSES = {"timeout": "for taking too long", "memory": "for want of memory"}
 
 
-def supervise(specification: Path) -> int:
+def supervise(specification: str) -> int:
     """Fork, supervise, report; returns the exit status."""
-    job = json.loads(specification.read_text())
+    job = json.loads(Path(specification).read_text())
     supervisor = os.getpid()
     builder = os.fork()
     if builder == 0:
@@ -158,4 +158,4 @@ def _oom_kills() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(supervise(Path(sys.argv[1])))
+    sys.exit(supervise(sys.argv[1]))

@@ -1,14 +1,12 @@
 """Validation of a command before anything long begins.
 
 The names and types of settings, and the presence of a GPU, are checked by libraries that Luigi's
-process does not load. So a fresh interpreter checks them.
+process does not load. So another process checks them.
 """
 
 import dataclasses
 import json
-import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,6 +16,7 @@ from typing import Any
 import luigi
 
 from pipeline.execution.cpu_memory import available_memory_bytes
+from pipeline.execution.fork_server import answer_of
 from pipeline.settings import current_store, data_root
 from styletrf.errors import InputError
 from tasks.command.graph import graph
@@ -26,7 +25,6 @@ from tasks.planning.memory_demand import Demand, demands_of, photographs_of, req
 from tasks.stages.field import TrajectoryFrames
 from tasks.stages.stage import ConfigurableStage, Stage
 
-_MAIN = "from tasks.planning.validation import main; main()"
 LEAST_ROOM_BYTES = 64 << 20  # free disk space that a command needs to begin
 
 
@@ -139,13 +137,8 @@ def _require_path(file: str, scene: str) -> None:
 
 
 def _validation_error(request: dict[str, Any]) -> str:
-    """Returns the error that a fresh interpreter finds; "" if there is none."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-P", "-c", _MAIN]
-    done = subprocess.run(
-        command, input=json.dumps(request), stdout=-1, text=True, check=False, env=environment
-    )
-    return done.stdout.strip()
+    """Returns the error that another process finds; "" if there is none."""
+    return answer_of("tasks.planning.validation:main", json.dumps(request)).strip()
 
 
 def _check(request: dict[str, Any]) -> None:
@@ -171,9 +164,10 @@ def _check(request: dict[str, Any]) -> None:
     require_memory(demands, available_memory_bytes(), known)
 
 
-def main() -> None:
-    """Checks what standard input asks for, and writes what is wrong."""
+def main() -> int:
+    """Checks what standard input asks for, and writes what is wrong; returns the exit status."""
     try:
         _check(json.load(sys.stdin))
     except InputError as error:
         sys.stdout.write(str(error))
+    return 0

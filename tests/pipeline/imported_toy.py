@@ -1,5 +1,19 @@
 """A library that knows which process imported it."""
 
 import os
+import sys
 
 IMPORTED_BY = os.getpid()
+
+
+def repeat() -> int:
+    """Writes which process imported it, and what it reads."""
+    importer = "itself" if os.getpid() == IMPORTED_BY else "server"
+    sys.stdout.write(f"{importer} {sys.stdin.read()}")
+    return 0
+
+
+def say_hello() -> int:
+    """Writes a greeting."""
+    sys.stdout.write("hello")
+    return 0

@@ -22,9 +22,10 @@ from pipeline.settings import current_store
 
 ROOT = Path(__file__).parents[2]
 SERVER = """
-import json, sys
+import gc, json, sys
 from pipeline.maintenance.code_commands import families
 from pipeline.code.snapshot import code_in_key
+gc.disable()  # syntax trees are many and stay
 for _ in sys.stdin:
     tasks = families("tasks")
     codes = {t.task_family: code_in_key(t, t.task_family, t.revision) for t in tasks}

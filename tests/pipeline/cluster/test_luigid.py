@@ -235,7 +235,7 @@ def test_a_machine_with_other_code_is_refused(luigid, toys):
 def test_the_page_of_luigid_shows_progress_and_keys(luigid):
     from luigi.rpc import RemoteScheduler
 
-    process = worker("Lasting", "--steps", "150")
+    process = worker("Lasting", "--steps", "90")
     scheduler, seen = RemoteScheduler(f"http://127.0.0.1:{luigid.port}/"), set()
     while process.poll() is None:
         for name in scheduler.task_list("RUNNING", ""):

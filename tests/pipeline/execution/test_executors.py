@@ -261,18 +261,20 @@ def test_a_build_with_cores_of_its_own_starts_an_interpreter(job):
 
 
 def test_builds_go_on_after_their_fork_server_was_killed(job):
+    others = psutil.Process().children()
     with fork_server(["wave"]):
         for _ in range(2):
             assert acted("subprocess", job, "succeed").kind == "built"
-            for process in psutil.Process().children():
+            for process in set(psutil.Process().children()).difference(others):
                 process.kill()
                 process.wait()
 
 
 def test_a_fork_server_ends_with_its_command(job):
+    others = psutil.Process().children()
     with fork_server(["wave"]):
         acted("subprocess", job, "succeed")
-        (server,) = psutil.Process().children()
+        (server,) = set(psutil.Process().children()).difference(others)
     assert current_fork_server() is None
     assert not server.is_running()
 

@@ -113,7 +113,10 @@ def given(request, tmp_path_factory):
     capture_photographs(folder / "images", folder / "capture", given=found)
     (folder / "out").mkdir()
     report = solve_camera_poses(
-        folder / "capture", folder / "out", CameraPosesConfig(), log_dir=folder / "log"
+        folder / "capture",
+        folder / "out",
+        CameraPosesConfig(max_features=1024),
+        log_dir=folder / "log",
     )
     return request.param, folder, poses, report
 
@@ -171,7 +174,7 @@ def test_poses_can_be_solved_all_the_same(tmp_path):
     found = find_given_poses(tmp_path)
     capture_photographs(tmp_path / "images", tmp_path / "capture", given=found)
     (tmp_path / "out").mkdir()
-    config = CameraPosesConfig(poses="solved")
+    config = CameraPosesConfig(poses="solved", max_features=1024)
     report = solve_camera_poses(tmp_path / "capture", tmp_path / "out", config, log_dir=tmp_path)
     assert report.mapper in ("global", "incremental")
 
@@ -182,7 +185,9 @@ def solved_with_rows(folder, change):
     found = find_given_poses(folder)
     capture_photographs(folder / "images", folder / "capture", given=found)
     (folder / "out").mkdir()
-    return solve_camera_poses(folder / "capture", folder / "out", CameraPosesConfig())
+    return solve_camera_poses(
+        folder / "capture", folder / "out", CameraPosesConfig(max_features=1024)
+    )
 
 
 def test_poses_of_another_convention_are_refused(tmp_path):

@@ -1,13 +1,11 @@
 """`--plan`: what a command would do, without doing it."""
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from command_output import command
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,8 +15,6 @@ from tasks.machine.calibration import keep_calibration, this_machine
 from tasks.planning.build_plan import BuildPlan, StagePlan, makespan, plan_of
 from tasks.planning.plan_report import plan_as_json, plan_as_text
 from tasks.planning.stage_costs import ExpectedCost, reference_costs
-
-ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(autouse=True)
@@ -134,19 +130,11 @@ def test_more_workers_never_take_longer_than_one(rows, workers, busy):
     assert plan.seconds(workers, 2) <= plan.seconds(1, 2) * (1 + 1e-9)
 
 
-def run(*words: str) -> "subprocess.CompletedProcess[str]":
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "luigi", "--module", "tasks", *words]
-    return subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
-    )
-
-
 WORDS = ("--scene", "mini", "--style", "p", "--content", "embedded", "--quality", "draft")
 
 
 def test_the_command_prints_the_plan_and_ends_with_status_0(tmp_path):
-    done = run("StylizedTrajectory", *WORDS, "--plan", "--json")
+    done = command("--module", "tasks", "StylizedTrajectory", *WORDS, "--plan", "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["totals"]["found"] == 0
     assert list((current_store().root / "objects").iterdir()) == []
@@ -157,6 +145,6 @@ def test_the_command_prints_the_plan_and_ends_with_status_0(tmp_path):
     "words", [("--device", "cuda"), ("--tuning", '{"RadianceField": {"iteration": 5}}')]
 )
 def test_what_the_command_would_refuse_its_plan_refuses(words):
-    done = run("StylizedTrajectory", *WORDS, "--plan", *words)
+    done = command("--module", "tasks", "StylizedTrajectory", *WORDS, "--plan", *words)
     assert done.returncode == 1
     assert done.stdout == ""

@@ -4,9 +4,20 @@ import shutil
 
 import pytest
 from command_output import CELL, said
+from luigi.cmdline_parser import CmdlineParser
 
 from styletrf.errors import InputError
+from tasks.command_line import begin
 from tasks.planning.validation import LEAST_ROOM_BYTES, require_room
+
+
+def refusal(*words: str) -> str:
+    """What ends a command before its first stage."""
+    with CmdlineParser.global_instance([*words, "--content", "embedded"]) as parser:
+        task = parser.get_task_obj()
+        with pytest.raises(SystemExit) as refused:
+            begin(task)
+    return str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -39,10 +50,17 @@ from tasks.planning.validation import LEAST_ROOM_BYTES, require_room
         (["--quality", "within 1 dB", "--budget", "5min"], "--quality 'within 1 dB' --budget 5min"),
     ],
 )
-def test_a_mistake_is_one_line_before_the_first_stage(photographs, words, message):
+@pytest.mark.usefixtures("out")
+def test_a_mistake_is_one_line_before_the_first_stage(words, message):
+    assert (line := refusal("StylizedTrajectory", *CELL, *words)).startswith(message)
+    assert "\n" not in line
+
+
+def test_a_refused_command_prints_the_line_and_nothing_else(photographs):
+    words = ["--StylizedField-settings", '{"iteration": 3}']
     status, screen = said(photographs, "StylizedTrajectory", *CELL, *words)
     assert status == 1
-    assert screen.startswith(message)
+    assert screen.startswith("settings of StylizedField, setting 'iteration'")
     assert screen.count("\n") == 1
 
 
@@ -54,28 +72,25 @@ def test_a_mistake_is_one_line_before_the_first_stage(photographs, words, messag
         ('{"frames": []}', "has no cameras"),
     ],
 )
-def test_a_path_in_a_file_is_read_before_the_first_stage(photographs, tmp_path, text, problem):
+@pytest.mark.usefixtures("out")
+def test_a_path_in_a_file_is_read_before_the_first_stage(tmp_path, text, problem):
     file = tmp_path / "path.json"
     file.write_text(text)
-    status, screen = said(photographs, "StylizedTrajectory", *CELL, "--path", str(file))
-    assert status == 1
-    assert screen.startswith(f"{file}: {problem}")
-    assert screen.count("\n") == 1
+    line = refusal("StylizedTrajectory", *CELL, "--path", str(file))
+    assert line.startswith(f"{file}: {problem}")
+    assert "\n" not in line
 
 
-def test_a_cell_of_a_grid_is_looked_at(photographs):
+@pytest.mark.usefixtures("out")
+def test_a_cell_of_a_grid_is_looked_at():
     words = ["--scenes", '["mini"]', "--styles", '["p"]', "--TrajectoryFrames-settings", '{"f": 1}']
-    status, screen = said(photographs, "Grid", *words)
-    assert (status, ": started" in screen) == (1, False)
-    assert "FramesConfig has no such field" in screen
+    assert "FramesConfig has no such field" in refusal("Grid", *words)
 
 
-def test_the_settings_of_the_task_itself_are_looked_at(photographs):
-    status, screen = said(
-        photographs, "StylizedField", *CELL, "--settings", '{"adaptation.batch": 0.5}'
-    )
-    assert (status, ": started" in screen) == (1, False)
-    assert "settings of StylizedField, setting 'adaptation.batch'" in screen
+@pytest.mark.usefixtures("out")
+def test_the_settings_of_the_task_itself_are_looked_at():
+    words = "StylizedField", *CELL, "--settings", '{"adaptation.batch": 0.5}'
+    assert "settings of StylizedField, setting 'adaptation.batch'" in refusal(*words)
 
 
 def test_full_disk_is_refused_before_the_first_stage(tmp_path, monkeypatch):
