@@ -33,6 +33,7 @@ OPTIONS: tuple[dict[str, Any], ...] = (
     {"colors": "luminance"},
     {"stroke_scale": 2.0},
     {"content_weight": 3.0},
+    {"match": "pixels"},
     {"match": "gram"},
     {"strategy": "s2"},
     {"strategy": "s1"},

@@ -41,8 +41,8 @@ EXPONENTS: dict[str, dict[str, float]] = {
     "StyleNetwork": {"iterations": 0.9, "batch": 0.9, "crop_px": 1.3},
     "StylizedPriors": {"coverage.times": 0.3, "frame_pixels": 1},
     "StylizedField": {
-        "adaptation.iterations": 0.4, "coverage.times": 0.3, "frame_pixels": 0.5,
-        "field.appearance_ranks": 1 / 3,
+        "adaptation.iterations": 0.3, "image.iterations": 0.5, "coverage.times": 0.2,
+        "frame_pixels": 0.7, "field.appearance_ranks": 1 / 3,
     },
     "StylizedFrames": {"frames": 1, "frame_pixels": 1, "field.appearance_ranks": 1 / 3},
     "ConsistencyMetrics": {"pairs": 1, "frame_pixels": 1},
