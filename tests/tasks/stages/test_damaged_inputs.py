@@ -35,6 +35,7 @@ CASES = [
     ("StylizedField", {}, FIELD),
     ("StylizedField", {}, ("priors", "frames/0001.exr", "R")),
     ("StylizedField", {"match": "gram"}, ("perceptual", "vgg16.safetensors", "conv2_1.weight")),
+    ("StylizedField", {}, ("transfer", "predictor.safetensors", "stem.conv.weight")),
     ("StylizedField", {"strategy": "s2"}, DENSITY),
     ("StylizedFrames", {}, ("stylized", "appearance.safetensors", "shading.basis.weight")),
     ("StylizedFrames", {}, DENSITY),

@@ -7,9 +7,9 @@ import tasks
 from styletrf.errors import InputError
 
 WHERE = {  # a control: the first stages that it changes
-    "stroke_scale": (2.0, {"StyleNetwork"}),
-    "content_weight": (0.5, {"StyleNetwork"}),
-    "colors": ("luminance", {"StylizedPriors"}),
+    "stroke_scale": (2.0, {"StyleNetwork", "StylizedField"}),  # whose losses look at the painting
+    "content_weight": (0.5, {"StyleNetwork", "StylizedField"}),
+    "colors": ("luminance", {"StylizedPriors", "StylizedField"}),  # without a loss of renders
     "strategy": ("s2", {"StylizedField", "StylizedFrames"}),  # which leave depths of their own
     "match": ("gram", {"StylizedField"}),
     "strength": (0.5, {"StylizedFrames"}),
@@ -29,6 +29,28 @@ def test_a_control_changes_the_stages_it_is_about(name):
     after = key_words(tasks.StylizedTrajectory(content="embedded", **WORDS, **{name: value}))
     changed = {family for family in before if before[family] != after[family]}
     assert changed == stages | {"StylizedTrajectory"}
+
+
+@pytest.mark.parametrize(
+    ("words", "loss"),
+    [
+        ({}, "distributions"),
+        ({"quality": "standard"}, "distributions"),
+        ({"quality": "paper"}, "pixels"),
+        ({"strategy": "s1"}, "pixels"),
+        ({"strategy": "s2"}, "pixels"),
+        ({"colors": "photograph"}, "pixels"),
+        ({"network": "mosaic.pth"}, "pixels"),
+        ({"stylizer": "gatys"}, "distributions"),
+        ({"colors": "luminance", "match": "gram"}, "gram"),
+        ({"match": "pixels"}, "pixels"),
+    ],
+)
+def test_renders_are_matched_where_the_painting_and_its_colors_are_wanted(words, loss):
+    stage = tasks.StylizedField(**{**WORDS, **words})
+    assert stage.loss == loss
+    assert ("transfer" in stage.requires()) == (loss == "distributions")
+    assert ("perceptual" in stage.requires()) == (loss != "pixels")
 
 
 def families_above(task, seen=None) -> set[str]:
