@@ -45,6 +45,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "adaptation.iterations": 10,
         "adaptation.batch": 64,
         "image.iterations": 2,
+        "weight_power.powers": [1.0],  # one of all styles, which mixtures need to be exact
         "fit.iterations": 30,
         "fit.batch": 64,
         "fit.initial_voxels": 8**3,
