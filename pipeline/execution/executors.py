@@ -81,7 +81,7 @@ class Subprocess:
         with Path(job.log).open("ab") as log:
             server = current_fork_server()
             if server and job.environment.keys().isdisjoint(THREADS):
-                with contextlib.suppress(OSError):  # the server was killed
+                with contextlib.suppress(OSError):  # the server was killed, or refuses
                     streams = stdin, stdout, log.fileno()
                     function, words = f"{_SUPERVISOR}:supervise", [str(specification)]
                     return server.start(function, words, environment, streams, job.inherited_fds)

@@ -1,11 +1,12 @@
 """A process that has imported libraries, and forks the builds of a command, and its validation.
 
 Torch, numba and OpenCV take two seconds to import, as long as many a stage takes; a fork takes
-milliseconds. The server imports libraries and nothing of the project, so that a build imports the
-project's code as it is then. It computes nothing, so that a build meets no thread and no state.
+milliseconds. The server imports libraries, and of the project only what this file imports, so that
+a build imports the stages' code as it is then. It computes nothing: a build meets no thread of it.
 """
 
 import contextlib
+import errno
 import gc
 import importlib
 import json
@@ -18,12 +19,15 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from functools import cached_property
-from typing import Any, final
+from pathlib import Path
+from typing import IO, Any, final
 
 from pipeline.execution.cpu_memory import openmp_wait_settings
 
 _LARGEST_REQUEST_BYTES = 2**17
 _MOST_DESCRIPTORS = 253  # by Linux
+_FORKED = "forked\n"
+"""What a command reads before the status, once its process has begun."""
 _of_command: ContextVar["ForkServer | None"] = ContextVar("fork_server", default=None)
 
 
@@ -66,18 +70,25 @@ class ForkServer:
             kept: Further descriptors that it holds open.
 
         Raises:
-            OSError: The server has ended.
+            OSError: The server has ended, or cannot fork, or the request is too large for it.
         """
-        request = json.dumps([function, [*arguments], dict(environment), sys.path]).encode()
+        path = [*filter(None, sys.path)]
+        request = json.dumps([function, [*arguments], dict(environment), path, str(Path.cwd())])
+        if len(message := request.encode()) > _LARGEST_REQUEST_BYTES:
+            raise OSError(errno.EMSGSIZE, os.strerror(errno.EMSGSIZE))
         reading, writing = os.pipe()
         try:
-            socket.send_fds(self._process[0], [request], [writing, *streams, *kept])
+            socket.send_fds(self._process[0], [message], [writing, *streams, *kept])
         except OSError:
             os.close(reading)
             raise
         finally:
             os.close(writing)
-        return ForkedProcess(reading)
+        statuses = os.fdopen(reading)
+        if statuses.readline() != _FORKED:
+            statuses.close()
+            raise OSError(errno.ECHILD, os.strerror(errno.ECHILD))
+        return ForkedProcess(statuses)
 
     def close(self) -> None:
         """Ends the server, if it was started."""
@@ -92,12 +103,12 @@ class ForkServer:
 class ForkedProcess:
     """A process that the server forked, with the method of `subprocess.Popen` that is needed."""
 
-    def __init__(self, statuses: int) -> None:
+    def __init__(self, statuses: IO[str]) -> None:
         self._statuses = statuses
 
     def wait(self) -> int:
         """Waits for the end; returns the exit status, or minus the signal that ended it."""
-        with os.fdopen(self._statuses) as file:
+        with self._statuses as file:
             return int(file.read() or -signal.SIGKILL)  # nothing, if the server was killed
 
 
@@ -133,6 +144,9 @@ def answer_of(function: str, question: str) -> str:
     Args:
         function: What it calls, as `module:name`; it returns the exit status.
         question: The text.
+
+    Raises:
+        RuntimeError: The process was killed.
     """
     (stdin, asking), (hearing, stdout) = os.pipe(), os.pipe()
     with os.fdopen(asking, "w") as questions, os.fdopen(hearing) as answers:
@@ -145,7 +159,8 @@ def answer_of(function: str, question: str) -> str:
             questions.write(question)
             questions.close()
         answer = answers.read()
-        process.wait()
+        if process.wait() < 0:
+            raise RuntimeError(f"{function} was killed before it answered")
     return answer
 
 
@@ -153,7 +168,7 @@ def _started(
     function: str, streams: tuple[int, int, int]
 ) -> "ForkedProcess | subprocess.Popen[bytes]":
     if server := current_fork_server():
-        with contextlib.suppress(OSError):  # the server was killed
+        with contextlib.suppress(OSError):  # the server was killed, or refuses
             return server.start(function, (), build_environment(), streams)
     module, _, name = function.partition(":")
     code = f"import sys; from {module} import {name}; sys.exit({name}())"
@@ -206,13 +221,21 @@ def _child_of(requests: socket.socket) -> tuple[list[Any], list[int]] | None:
         message, (status, *descriptors), _, _ = _receive(requests)
         if not message:
             return None
-        if (pid := os.fork()) == 0:
+        try:
+            pid = os.fork()
+        except OSError:  # the command starts an interpreter instead
+            for descriptor in (status, *descriptors):
+                os.close(descriptor)
+            continue
+        if pid == 0:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             for descriptor in (requests.detach(), woken, waking, status, *statuses.values()):
                 os.close(descriptor)
             return json.loads(message), descriptors
         statuses[pid] = status
+        with contextlib.suppress(BrokenPipeError):
+            os.write(status, _FORKED.encode())
         for descriptor in descriptors:
             os.close(descriptor)
 
@@ -233,8 +256,9 @@ def _send_statuses(statuses: dict[int, int]) -> None:
 
 def _call(request: list[Any], descriptors: list[int]) -> int:
     """In a child: becomes what a new interpreter for the request would be; calls its function."""
-    function, arguments, environment, path = request
+    function, arguments, environment, path, folder = request
     os.setsid()
+    os.chdir(folder)
     for number, descriptor in enumerate(descriptors[:3]):
         os.dup2(descriptor, number)
         os.close(descriptor)

@@ -2,14 +2,15 @@
 
 As in ARF (Zhang et al., ECCV 2022, section 4.2): a part of a view is rendered without gradients,
 the loss of that picture tells each pixel's gradient, and the part is rendered again tile by tile to
-take it to the parameters: of the renders' graphs only a tile's is in memory. The parts are windows
-of the views, drawn anew for every iteration.
+take it to the parameters: of the renders' graphs only a tile's is in memory. A view is looked at
+whole; of one with a longer side than `window_px` a window is, drawn anew for every iteration.
 """
 
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 
 import torch
@@ -29,15 +30,16 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
 from styletrf.style.perceptual.perceptual_loss import relative_difference
-from styletrf.style.perceptual.vgg import REDUCTION
+from styletrf.style.perceptual.predictor_features import LEAST_PX
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
+from styletrf.stylization.background import EmptyBackground
 
 ImageLoss = Callable[[Tensor, Tensor, torch.Generator], Tensor]
 """From a render and the plain render, `1 3 height width`, and a generator to a loss."""
 
 _TILE = 1 << 14
 _PARTS = 24
-"""Along the longer side of a view, of the colors that are held."""
+"""The number of blocks along the longer side of a view whose mean colors are held."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +52,14 @@ class ImageAdaptationConfig:
 
     iterations: int = 30  # a view each
     window_px: int = 1024  # of a view with longer sides only a window is looked at
-    rate: float = 1.2  # times those of the adaptation
+    rate: float = 1.0  # times those of the adaptation
     color_weight: float = 5.0
     min_weight: float = 5e-2  # samples lighter than this are not rendered
     termination: float = 5e-2  # see `RenderConfig`
 
     def __post_init__(self) -> None:
-        if self.window_px < REDUCTION:
-            raise ValueError(f"window_px is at least {REDUCTION}")
+        if self.window_px < LEAST_PX:
+            raise ValueError(f"window_px is at least {LEAST_PX}")
 
 
 def adapt_to_image_loss(
@@ -70,6 +72,7 @@ def adapt_to_image_loss(
     adaptation: AdaptationConfig,
     kernels: Kernels,
     progress: Progress = silent,
+    ground: EmptyBackground | None = None,
 ) -> list[AdaptationPoint]:
     """Moves `field.appearance` down the loss of whole renders, in place.
 
@@ -83,6 +86,8 @@ def adapt_to_image_loss(
         adaptation: Rates, parts and the cache.
         kernels: The form to compute with.
         progress: Called with the iteration and the loss.
+        ground: Of views that show an object on nothing: the loss sees it on its mean color, as what
+            painted the views did.
 
     Returns:
         The curve.
@@ -95,26 +100,29 @@ def adapt_to_image_loss(
     images = view_images(plain)
     optimizer = optimizer_of(field.appearance, _at_rate(adaptation, config.rate))
     curve, started = [], time.monotonic()
-    marched: dict[tuple[int, int, int], RayCache] = {}
+    marched: dict[int, RayCache] = {}
     generator = torch.Generator().manual_seed(adaptation.seed)
     block_px = max(1, max(plain.shape[1:3]) // _PARTS)
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
         window = _drawn_window(painted[view], config.window_px, generator)
         target = window.painted.permute(2, 0, 1)[None]
-        cache = marched.get(place := (view, window.rows.start, window.columns.start))
+        cache = marched.get(view)
         if cache is None:
             pixels = window.pixels(images.of_view(view).reshape(plain.shape[1:3]))
             cache = march_once(
                 field, rays, images, pixels, kernels, min_weight=config.min_weight,
                 termination=config.termination, cache_bytes=1 << 62,
             )  # fmt: skip
-            if sum(c.nbytes for c in marched.values()) < adaptation.cache_bytes:
-                marched[place] = cache
+            is_whole = window.painted.shape == painted.shape[1:]
+            if is_whole and sum(c.nbytes for c in marched.values()) < adaptation.cache_bytes:
+                marched[view] = cache
 
-        def of_picture(image: Tensor, unpainted: Tensor, painted: Tensor = target) -> Tensor:
-            drift = color_drift(image, painted, block_px)
-            return image_loss(image, unpainted, generator) + config.color_weight * drift
-
+        behind = _in_place_of_ground(cache, ground).reshape(window.painted.shape)
+        of_picture = partial(
+            _loss_with_colors_held,
+            lambda image, plain: image_loss(image, plain, generator),
+            (target, behind.permute(2, 0, 1)[None]), block_px, config.color_weight,
+        )  # fmt: skip
         loss, image = _accumulate(field, cache, window.painted.shape, of_picture, kernels)
         mse = float((image - window.painted).square().mean())
         if not math.isfinite(loss):
@@ -155,10 +163,29 @@ def color_drift(
     """Returns how far the mean colors of square blocks are from those of the painted picture.
 
     `log(1 + d / t)`, `d` the mean squared difference, `t` the mean square of the target.
-    Differentiable.
+    Blocks at the right and at the bottom may be smaller. Differentiable.
     """
-    blocks = [functional.avg_pool2d(picture, block_px) for picture in (image, painted)]
+    side = min(block_px, *image.shape[2:])
+    blocks = [functional.avg_pool2d(p, side, ceil_mode=True) for p in (image, painted)]
     return relative_difference(*blocks)
+
+
+def _loss_with_colors_held(
+    image_loss: Callable[[Tensor, Tensor], Tensor], held: tuple[Tensor, Tensor], block_px: int,
+    color_weight: float, image: Tensor, plain: Tensor,
+) -> Tensor:  # fmt: skip
+    """Returns the loss of the picture and the plain one, and of its drift from the painted one."""
+    painted, behind = held
+    drift = color_drift(image, painted, block_px)
+    return image_loss(image + behind, plain + behind) + color_weight * drift
+
+
+def _in_place_of_ground(cache: RayCache, ground: EmptyBackground | None) -> Float[Tensor, "rays 3"]:
+    """Returns what takes rays from the ground of the views to the mean color: 0 without one."""
+    behind = (1 - cache.opacity)[:, None]
+    if ground is None:
+        return torch.zeros_like(cache.target)
+    return behind * torch.from_numpy(ground.mean - ground.shown).to(behind)
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ class PowerChoiceConfig:
     """
 
     powers: tuple[float, ...] = (1.0, 1.5, 2.0)
-    sharpness: float = 0.95
+    sharpness: float = 0.88
     views: int = 3
     render: RenderConfig = field(
         default_factory=lambda: RenderConfig(termination=5e-2, min_weight=5e-2)

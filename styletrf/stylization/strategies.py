@@ -28,6 +28,7 @@ from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.style.transfer.weights import load_style_transfer
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
+from styletrf.stylization.background import EmptyBackground, empty_background
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
 from styletrf.stylization.image_adaptation import (
     ImageAdaptationConfig,
@@ -53,7 +54,8 @@ class StylizationConfig:
     weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
-    style_px: int = 420  # of the painting, in the loss of whole renders
+    image_bfloat16: bool = True  # the perceptual network in bfloat16 where the hardware computes so
+    style_px: int = 420  # of the painting, in the loss of renders
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
 
     def with_style_parameters(
@@ -81,6 +83,7 @@ class Stylization:
     style: Mapping[str, Path] | None  # the painting, and the weights of a loss of renders
     match: Match
     free: Bool[Tensor, "cells cells cells"] | None = None  # of the grid, for a new field
+    ground: EmptyBackground | None = None  # of the plain views
 
 
 def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
@@ -91,7 +94,8 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
     cameras = read_cameras(inputs["priors"] / "cameras.parquet")
     priors = list(float_images(inputs["priors"]))
     plain = [torch.from_numpy(to_integers(image.color)) for image in priors]
-    style = None if match == "pixels" else inputs
+    names = () if match == "pixels" else ("style", "perceptual", "transfer")
+    style = {name: inputs[name] for name in names if name in inputs}
     model = read_scene_model(inputs["model"] / "scene.json")
     free = None
     if "poses" in inputs:
@@ -105,9 +109,10 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
         plain=torch.stack(plain).to(device),
         painted=torch.stack(load_views(inputs["stylized"] / "frames", cameras, device)),
         kernels=kernels_for(device),
-        style=style,
+        style=style or None,
         match=match,
         free=free,
+        ground=empty_background(priors),
     )
 
 
@@ -127,7 +132,7 @@ def stylized(
         after = adapt_to_image_loss(
             job.field, job.cameras, (job.plain, job.painted), job.model.space,
             _image_loss(job, config),
-            config.image, config.adaptation, job.kernels, progress,
+            config.image, config.adaptation, job.kernels, progress, job.ground,
         )  # fmt: skip
         last = curve[-1] if curve else AdaptationPoint(0, 0.0, 0.0)
         curve += [
@@ -169,17 +174,18 @@ def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None
 
 
 def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
-    """Returns the loss of a render: the style network's own, or the published Gram matrices."""
+    """Returns the loss of a render: that of the style network, or one of VGG16's Gram matrices."""
     if job.style is None:
         raise ValueError("no style to match")
     device = job.plain.device
     vgg = load_vgg(job.style["perceptual"] / "vgg16.safetensors", device)
-    if computes_in_bfloat16(device):
+    if config.image_bfloat16 and computes_in_bfloat16(device):
         vgg = vgg.to(torch.bfloat16)
     painting = torch.from_numpy(read_rgb(job.style["style"] / "style.png")).to(device)
     predictor = None
     if job.match == "distributions":
         predictor = load_style_transfer(job.style["transfer"], device).predictor
+        predictor.requires_grad_(requires_grad=False)
     loss = StyleLoss(
         vgg,
         shrunk(painting, config.style_px),

@@ -77,7 +77,7 @@ class StyleParameters(NetworkParameters, PathParameters):
         default="auto",
         description="what follows the fit to painted pixels: with distributions and gram the"
         " renders themselves are moved towards the painting, with pixels nothing; auto is"
-        " distributions with s3, but at the quality paper",
+        " distributions with s3, except at quality paper",
     )
     rounds = IntParameter(
         default=1, description="how often views are painted and the field adapted to them"

@@ -17,6 +17,9 @@ from tasks.stages.style import StyleImage, StyleNetwork
 from tasks.stages.style_parameters import FrameParameters, StyleParameters
 from tasks.stages.weights import PerceptualWeights, TransferWeights
 
+_SHARP_ENOUGH = 0.95
+"""Of the priors' sharpness, for renders that are fitted to pixels alone."""
+
 
 class StylizedPriors(ShardedStage, StyleParameters):
     """The stylized prior renders: `frames/NAME.png`; a shard leaves `painted.safetensors`.
@@ -149,7 +152,10 @@ class StylizedField(ConfigurableStage, StyleParameters):
     def values(self) -> dict[str, Any]:
         """Returns the settings; s1 and s2 fit as RadianceField does here (`fit.iterations`)."""
         fit = settings_for("RadianceField", self.quality) if self.strategy != "s3" else {}
-        return {f"fit.{name}": value for name, value in fit.items()} | super().values()
+        values = {f"fit.{name}": value for name, value in fit.items()} | super().values()
+        if self.loss == "pixels":  # nothing follows that sharpens the renders
+            values = {"weight_power.sharpness": _SHARP_ENOUGH} | values
+        return values
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Adapts the appearance (s3), adapts the whole field (s2), or fits a new one (s1)."""

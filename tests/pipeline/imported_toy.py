@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 
 IMPORTED_BY = os.getpid()
 
@@ -16,4 +17,10 @@ def repeat() -> int:
 def say_hello() -> int:
     """Writes a greeting."""
     sys.stdout.write("hello")
+    return 0
+
+
+def say_where() -> int:
+    """Writes the working folder."""
+    sys.stdout.write(str(Path.cwd()))
     return 0

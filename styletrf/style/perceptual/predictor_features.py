@@ -23,8 +23,10 @@ from styletrf.style.perceptual.perceptual_loss import relative_difference
 from styletrf.style.transfer.style_predictor import StylePredictor
 
 _LARGEST_STRIDE = 16
+LEAST_PX = _LARGEST_STRIDE
+"""The least side of a picture that the network can look at."""
 _LEAST_DEVIATION = 1e-3
-"""Of a channel, so that one which is flat in the painting does not count without bounds."""
+"""The least deviation of a channel; one that is flat in the painting would count without bounds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +84,8 @@ def predictor_term(
         images: RGB in [0, 1], of at least 16x16 pixels.
         generator: On the CPU.
     """
-    spare = min(_LARGEST_STRIDE, min(images.shape[2:]) - _LARGEST_STRIDE + 1)
-    top, left = torch.randint(max(1, spare), (2,), generator=generator).tolist()
+    spare = min(_LARGEST_STRIDE, min(images.shape[2:]) - LEAST_PX + 1)
+    top, left = torch.randint(spare, (2,), generator=generator).tolist()
     seen = images[..., top:, left:].contiguous(memory_format=torch.channels_last)
     found = zip(predictor.features(seen), moments, strict=True)
     return torch.stack([target.difference(features) for features, target in found]).sum()

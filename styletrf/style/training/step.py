@@ -79,7 +79,8 @@ class StyleStep:
         Raises:
             InputError: A term is no longer finite; it names what else is not, if anything.
         """
-        content, network = self._share(content), training.network
+        network = training.network
+        content = self._jittered(k, self._share(content))
         learned = [p for p in network.parameters() if p.requires_grad]
 
         def gradient(part: Tensor | ContentPair) -> tuple[PerceptualTerms, Sequence[Tensor | None]]:
@@ -106,13 +107,7 @@ class StyleStep:
         (As Chen et al. 2018, CartoonGAN, begin.) Such a network would first fall into flat gray,
         where the gradient of a Gram matrix vanishes, and spend hundreds of iterations there.
         """
-        config = self._config.steadiness
-        if isinstance(content, Tensor):
-            content = content.to(self._device)
-            if config.weight > 0 and k % config.every == 0:
-                seed = (self._config.seed << 32) + (self._ranks.rank << 24) + k
-                generator = torch.Generator().manual_seed(seed)
-                content = jittered_pair(content, config, generator)
+        config, content = self._config.steadiness, self._jittered(k, content)
         if not isinstance(content, ContentPair):
             painted = self._painted(network, content)
             return self._loss(k, painted, content)
@@ -123,8 +118,22 @@ class StyleStep:
         unsteady = config.every * config.weight * temporal_loss(first, second, content)
         return replace(terms, steadiness=unsteady)
 
+    def _jittered(self, k: int, content: Tensor | ContentPair) -> Tensor | ContentPair:
+        """Returns the images with moved copies, in iterations that look at steadiness."""
+        config = self._config.steadiness
+        if isinstance(content, ContentPair):
+            return content
+        content = content.to(self._device)
+        if config.weight == 0 or k % config.every:
+            return content
+        seed = (self._config.seed << 32) + (self._ranks.rank << 24) + k
+        return jittered_pair(content, config, torch.Generator().manual_seed(seed))
+
     def _parts(self, content: Tensor | ContentPair) -> Sequence[Tensor | ContentPair]:
-        """Returns the images of a batch one by one, where each has a core; else the batch."""
+        """Returns the images of a batch one by one on the CPU; a GPU computes them at once.
+
+        The loss is the mean of the images' losses on either, so the number of cores is none of it.
+        """
         if self._device.type != "cpu":
             return [content]
         if isinstance(content, Tensor):
@@ -170,8 +179,11 @@ class StyleStep:
         if k < self._config.identity_iterations:
             none = torch.zeros((), device=output.device)
             return PerceptualTerms(functional.mse_loss(output, content), none, none, none, none)
-        generator = torch.Generator().manual_seed((self._config.seed << 32) + k)
-        terms = self._style_loss(output, content, generator)
+        seed = (self._config.seed << 32) + k
+        terms = mean_terms([
+            self._style_loss(painted, plain, torch.Generator().manual_seed(seed))
+            for painted, plain in zip(output.split(1), content.split(1), strict=True)
+        ])  # fmt: skip
         if self._initial is None or self._config.color_weight == 0:
             return terms
         return replace(terms, color=self._config.color_weight * self._color_drift(output, content))

@@ -1,5 +1,8 @@
 """A question to a function in a process that a server has forked, or in a new interpreter."""
 
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
+
 import psutil
 import pytest
 
@@ -28,3 +31,37 @@ def test_questions_are_answered_after_the_server_was_killed():
             process.kill()
             process.wait()
         assert answer_of("imported_toy:say_hello", "") == "hello"
+
+
+def test_a_server_that_ends_before_it_forks_is_replaced_by_an_interpreter(tmp_path, monkeypatch):
+    (tmp_path / "aborting_library.py").write_text("import os; os.abort()")
+    monkeypatch.syspath_prepend(tmp_path)
+    with fork_server(["aborting_library"]):
+        assert answer_of("imported_toy:repeat", "what?") == "itself what?"
+
+
+def test_a_request_too_large_for_the_server_goes_to_an_interpreter(monkeypatch):
+    monkeypatch.setenv("LARGE", "x" * 100_000)
+    with fork_server(["imported_toy"]):
+        assert answer_of("imported_toy:repeat", "what?") == "server what?"
+        monkeypatch.setenv("LARGER", "x" * 60_000)
+        assert answer_of("imported_toy:repeat", "what?") == "itself what?"
+
+
+def test_a_fork_is_in_the_folder_of_the_command(tmp_path, monkeypatch):
+    with fork_server(["imported_toy"]):
+        answer_of("imported_toy:say_hello", "")
+        monkeypatch.chdir(tmp_path)
+        assert answer_of("imported_toy:say_where", "") == str(tmp_path)
+
+
+def test_processes_that_end_in_any_order_are_told_apart():
+    with fork_server(["wave"]), ThreadPoolExecutor(4) as pool:
+        answer_of("imported_toy:say_hello", "")
+        questions = ["long" * 2**15, "short", "long" * 2**14, ""]
+        answers = [
+            pool.submit(copy_context().run, answer_of, "imported_toy:repeat", question)
+            for question in questions
+        ]
+        found = [answer.result().partition(" ")[2] for answer in answers]
+    assert found == questions

@@ -14,7 +14,13 @@ from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig
 from styletrf.style.training.config import StyleTrainingConfig
-from styletrf.style.training.trainer import train_style_network
+from styletrf.style.training.step import StyleStep
+from styletrf.style.training.temporal_loss import (
+    ContentPair,
+    TemporalLossConfig,
+    jittered_pair,
+)
+from styletrf.style.training.trainer import begin, train_style_network
 
 TINY = StyleTrainingConfig(
     network=StyleNetworkConfig(width=4, n_residual=1),
@@ -174,3 +180,44 @@ def test_the_network_given_is_left_as_it_was(vgg: VGG16, content: Path, tmp_path
     for name, value in vgg.state_dict().items():
         assert value.dtype == torch.float32
         assert torch.equal(value, before[name])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_gradient_of_a_batch_is_the_mean_of_its_images(vgg: VGG16, threads: int):
+    """Whatever the number of threads, and also of pairs that are held steady."""
+    steady = TemporalLossConfig(weight=1.0, every=1)
+    config = replace(TINY, identity_iterations=0, steadiness=steady)
+    images = torch.rand(2, 3, 32, 32, generator=torch.Generator().manual_seed(0))
+    pair = jittered_pair(images, steady, torch.Generator().manual_seed(1))
+
+    def gradient(part: slice) -> Tensor:
+        training, own = begin(config, torch.device("cpu"))
+        content = ContentPair(*(getattr(pair, name)[part] for name in pair.__slots__))
+        StyleStep(own, vgg, style())(training, 5, content)
+        return torch.cat([p.grad.flatten() for p in training.network.parameters()])
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        first, second, both = (gradient(part) for part in (slice(0, 1), slice(1, 2), slice(2)))
+    finally:
+        torch.set_num_threads(before)
+    torch.testing.assert_close(both, (first + second) / 2, rtol=1e-4, atol=1e-6)
+    assert not torch.allclose(first, second, rtol=1e-2)
+
+
+def test_images_of_a_batch_are_moved_differently(vgg: VGG16):
+    steady = TemporalLossConfig(weight=1.0, every=1)
+    config = replace(TINY, identity_iterations=0, steadiness=steady)
+    seen: list[ContentPair] = []
+
+    class Watching(StyleStep):
+        def terms(self, network, k, content):
+            seen.append(content)
+            return super().terms(network, k, content)
+
+    training, own = begin(config, torch.device("cpu"))
+    image = torch.rand(1, 3, 32, 32, generator=torch.Generator().manual_seed(0))
+    Watching(own, vgg, style())(training, 0, image.expand(2, -1, -1, -1))
+    first, second = (pair.second for pair in seen)
+    assert not torch.equal(first, second)

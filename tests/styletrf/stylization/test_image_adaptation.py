@@ -3,6 +3,7 @@
 import copy
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from mini_scene import MINI_FIT as CONFIG
@@ -15,6 +16,7 @@ from styletrf.field.rendering import RenderConfig
 from styletrf.field.view_rays import ViewRays
 from styletrf.scene.free_space import CELLS
 from styletrf.stylization.adaptation import AdaptationConfig
+from styletrf.stylization.background import EmptyBackground
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
 from styletrf.stylization.image_adaptation import (
     ImageAdaptationConfig,
@@ -98,10 +100,10 @@ def test_windows_of_large_views_bring_all_of_them_nearer(scene, field):
     before = distance()
     adapt_to_image_loss(
         field, scene.cameras, (scene.images, scene.images), scene.model.space, to_dark_gray,
-        ImageAdaptationConfig(iterations=60, rate=1.0, color_weight=0.0, window_px=12),
+        ImageAdaptationConfig(iterations=60, rate=1.0, color_weight=0.0, window_px=16),
         AdaptationConfig(), KERNELS,
     )  # fmt: skip
-    assert min(scene.images.shape[1:3]) > 12, "the views are larger than a window"
+    assert min(scene.images.shape[1:3]) > 16, "the views are larger than a window"
     assert all(now < 0.5 * then for now, then in zip(distance(), before, strict=True))
 
 
@@ -115,13 +117,44 @@ def test_a_window_is_seen_by_the_rays_of_its_own_pixels(scene, field):
 
     adapt_to_image_loss(
         field, scene.cameras, (scene.images, scene.images), scene.model.space, looking,
-        ImageAdaptationConfig(iterations=6, window_px=12), AdaptationConfig(), KERNELS,
+        ImageAdaptationConfig(iterations=6, window_px=16), AdaptationConfig(), KERNELS,
     )  # fmt: skip
     views = (scene.images.float() / 255).permute(0, 3, 1, 2)
     for picture in seen:
-        places = views.unfold(2, 12, 1).unfold(3, 12, 1)
+        places = views.unfold(2, 16, 1).unfold(3, 16, 1)
         apart = (places - picture[0, None, :, None, None]).abs().amax(dim=(1, 4, 5))
         assert apart.min() < 1e-6
+
+
+def test_the_loss_sees_an_object_on_its_mean_color_and_not_on_its_ground(scene, field):
+    """Where nothing is hit, the picture and the plain one have the mean color."""
+    ground = EmptyBackground(np.zeros(3), np.array([0.25, 0.5, 0.75]))
+    seen = []
+
+    def looking(image, plain, generator):
+        seen.append((image.detach(), plain))
+        return image.mean()
+
+    space, config = scene.model.space, ImageAdaptationConfig(iterations=1, rate=0.0)
+    for of_views in (None, ground):
+        adapt_to_image_loss(
+            field, scene.cameras[:1], (scene.images[:1], scene.images[:1]), space, looking,
+            config, AdaptationConfig(), KERNELS, ground=of_views,
+        )  # fmt: skip
+    (shown, plain), (covered, plain_covered) = seen
+    torch.testing.assert_close(covered - shown, plain_covered - plain)
+    rest = (covered - shown) / torch.tensor(ground.mean).float()[:, None, None]
+    assert rest.min() > -1e-5
+    assert rest.max() < 1 + 1e-5
+    torch.testing.assert_close(rest[:, 0], rest[:, 2], atol=1e-5, rtol=1e-4)
+
+
+def test_blocks_of_held_colors_fit_small_pictures():
+    image = torch.rand(1, 3, 11, 7, generator=torch.Generator().manual_seed(0))
+    assert color_drift(image, image, block_px=42) == 0
+    edge = image.clone()
+    edge[..., -1, -1] += 1  # in a block that is not whole
+    assert color_drift(edge, image, block_px=5) > 0
 
 
 def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, field):

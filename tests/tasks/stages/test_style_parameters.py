@@ -53,6 +53,16 @@ def test_renders_are_matched_where_the_painting_and_its_colors_are_wanted(words,
     assert ("perceptual" in stage.requires()) == (loss != "pixels")
 
 
+def test_renders_that_nothing_sharpens_need_the_sharper_weights():
+    for words, least in (({}, None), ({"match": "pixels"}, 0.95), ({"colors": "luminance"}, 0.95)):
+        assert tasks.StylizedField(**WORDS, **words).values().get("weight_power.sharpness") == least
+    given = {"weight_power.sharpness": 0.5}
+    assert (
+        tasks.StylizedField(match="pixels", settings=given, **WORDS).values().items()
+        >= given.items()
+    )
+
+
 def families_above(task, seen=None) -> set[str]:
     seen = set() if seen is None else seen
     for stage in task.requires().values():
