@@ -48,6 +48,7 @@ GROWTH = {
     "RadianceField": Growth(700, photographs=6, grid=15),
     "TrajectoryFrames": Growth(650, frame=120),
     "StylizedPriors": Growth(450, prior=1300),
+    "StylizedField": Growth(650, prior=6000),
     "StylizedFrames": Growth(500, frame=95),
     "StylizedFrames per-frame": Growth(430, frame=320),
     "ConsistencyMetrics": Growth(450, frame=490),
@@ -189,10 +190,12 @@ def _grid_points(model: SceneModel) -> int:
 
 
 def demand_name(stage: ConfigurableStage) -> str:
-    """Returns the family, with the method if that decides what the stage computes."""
-    is_stylized = stage.task_family == "StylizedFrames"
-    is_painted = is_stylized and stage.param_kwargs.get("method") == "per-frame"
-    return f"{stage.task_family}{' per-frame' if is_painted else ''}"
+    """Returns the family, with the method or the loss if that decides what the stage computes."""
+    if stage.task_family == "StylizedFrames" and stage.param_kwargs.get("method") == "per-frame":
+        return "StylizedFrames per-frame"
+    if getattr(stage, "loss", "") == "pixels":
+        return "StylizedField pixels"
+    return stage.task_family
 
 
 def _is_on_a_card(stage: ConfigurableStage) -> bool:
