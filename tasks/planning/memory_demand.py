@@ -195,7 +195,7 @@ def demand_name(stage: ConfigurableStage) -> str:
         return "StylizedFrames per-frame"
     if getattr(stage, "loss", "") == "pixels":
         return "StylizedField pixels"
-    return stage.task_family
+    return str(stage.task_family)
 
 
 def _is_on_a_card(stage: ConfigurableStage) -> bool:
