@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from functools import partial
 from itertools import chain
 
@@ -18,7 +19,7 @@ from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.capture.view_images import view_images
+from styletrf.capture.view_images import ViewImages, view_images
 from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.ray_cache import RayCache, march_once
@@ -100,28 +101,15 @@ def adapt_to_image_loss(
     images = view_images(plain)
     optimizer = optimizer_of(field.appearance, _at_rate(adaptation, config.rate))
     curve, started = [], time.monotonic()
-    marched: dict[int, RayCache] = {}
+    marched = _MarchedViews(field, rays, images, kernels, config, adaptation.cache_bytes)
     generator = torch.Generator().manual_seed(adaptation.seed)
     block_px = max(1, max(plain.shape[1:3]) // _PARTS)
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
         window = _drawn_window(painted[view], config.window_px, generator)
-        target = window.painted.permute(2, 0, 1)[None]
-        cache = marched.get(view)
-        if cache is None:
-            pixels = window.pixels(images.of_view(view).reshape(plain.shape[1:3]))
-            cache = march_once(
-                field, rays, images, pixels, kernels, min_weight=config.min_weight,
-                termination=config.termination, cache_bytes=1 << 62,
-            )  # fmt: skip
-            is_whole = window.painted.shape == painted.shape[1:]
-            if is_whole and sum(c.nbytes for c in marched.values()) < adaptation.cache_bytes:
-                marched[view] = cache
-
-        behind = _in_place_of_ground(cache, ground).reshape(window.painted.shape)
+        cache = marched.rays_of(view, window)
         of_picture = partial(
-            _loss_with_colors_held,
-            lambda image, plain: image_loss(image, plain, generator),
-            (target, behind.permute(2, 0, 1)[None]), block_px, config.color_weight,
+            _loss_with_colors_held, image_loss, generator, _held(cache, window, ground),
+            block_px, config.color_weight,
         )  # fmt: skip
         loss, image = _accumulate(field, cache, window.painted.shape, of_picture, kernels)
         mse = float((image - window.painted).square().mean())
@@ -171,13 +159,22 @@ def color_drift(
 
 
 def _loss_with_colors_held(
-    image_loss: Callable[[Tensor, Tensor], Tensor], held: tuple[Tensor, Tensor], block_px: int,
-    color_weight: float, image: Tensor, plain: Tensor,
+    image_loss: ImageLoss, generator: torch.Generator, held: tuple[Tensor, Tensor],
+    block_px: int, color_weight: float, image: Tensor, plain: Tensor,
 ) -> Tensor:  # fmt: skip
     """Returns the loss of the picture and the plain one, and of its drift from the painted one."""
     painted, behind = held
     drift = color_drift(image, painted, block_px)
-    return image_loss(image + behind, plain + behind) + color_weight * drift
+    return image_loss(image + behind, plain + behind, generator) + color_weight * drift
+
+
+def _held(
+    cache: RayCache, window: "_Window", ground: EmptyBackground | None
+) -> tuple[Tensor, Tensor]:
+    """Returns the painted window, and what is added where its views have an empty ground."""
+    behind = _in_place_of_ground(cache, ground).reshape(window.painted.shape)
+    painted, added = (picture.permute(2, 0, 1)[None] for picture in (window.painted, behind))
+    return painted, added
 
 
 def _in_place_of_ground(cache: RayCache, ground: EmptyBackground | None) -> Float[Tensor, "rays 3"]:
@@ -195,6 +192,7 @@ class _Window:
     rows: slice
     columns: slice
     painted: Float[Tensor, "height width 3"]
+    is_whole: bool
 
     def pixels(self, of_view: Int64[Tensor, "rows columns"]) -> Int64[Tensor, " pixels"]:
         """Returns the numbers of the window's pixels, row by row."""
@@ -211,7 +209,35 @@ def _drawn_window(
         first = int(torch.randint(whole - side + 1, (), generator=generator))
         spans.append(slice(first, first + side))
     rows, columns = spans
-    return _Window(rows, columns, painted[rows, columns].float() / 255)
+    part = painted[rows, columns].float() / 255
+    return _Window(rows, columns, part, is_whole=part.shape == painted.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class _MarchedViews:
+    """The rays of windows; those of a view that is looked at whole are marched once and kept."""
+
+    field: RadianceField
+    rays: ViewRays
+    images: ViewImages
+    kernels: Kernels
+    config: ImageAdaptationConfig
+    most_bytes: int
+    kept: dict[int, RayCache] = dataclass_field(default_factory=dict)
+
+    def rays_of(self, view: int, window: _Window) -> RayCache:
+        """Returns the rays through a window, with the samples that carry their weight."""
+        if view in self.kept:
+            return self.kept[view]
+        of_view = self.images.of_view(view).reshape(-1, int(self.images.widths[view]))
+        cache = march_once(
+            self.field, self.rays, self.images, window.pixels(of_view), self.kernels,
+            min_weight=self.config.min_weight, termination=self.config.termination,
+            cache_bytes=1 << 62,
+        )  # fmt: skip
+        if window.is_whole and sum(c.nbytes for c in self.kept.values()) < self.most_bytes:
+            self.kept[view] = cache
+        return cache
 
 
 def _accumulate(

@@ -20,6 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from styletrf.style.perceptual.perceptual_loss import relative_difference
+from styletrf.style.perceptual.sliced_features import feature_rows
 from styletrf.style.transfer.style_predictor import StylePredictor
 
 _LARGEST_STRIDE = 16
@@ -44,12 +45,12 @@ class FeatureMoments:
         return second + rows.mean(dim=0).square().mean().log1p()
 
     def _standardized(self, features: Tensor) -> Float[Tensor, "places channels"]:
-        return (_rows(features) - self.mean) / self.deviation
+        return (feature_rows(features).float() - self.mean) / self.deviation
 
     @staticmethod
     def of(features: Float[Tensor, "1 channels _ _"]) -> "FeatureMoments":
         """Returns the moments of the painting's features."""
-        rows = _rows(features)
+        rows = feature_rows(features).float()
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         deviation = deviation.clamp(min=_LEAST_DEVIATION)
         return FeatureMoments(mean, deviation, _second_moment((rows - mean) / deviation))
@@ -89,11 +90,6 @@ def predictor_term(
     seen = images[..., top:, left:].contiguous(memory_format=torch.channels_last)
     found = zip(predictor.features(seen), moments, strict=True)
     return torch.stack([target.difference(features) for features, target in found]).sum()
-
-
-def _rows(features: Tensor) -> Float[Tensor, "places channels"]:
-    rows: Tensor = features.float().movedim(1, -1).reshape(-1, features.shape[1])
-    return rows
 
 
 def _second_moment(

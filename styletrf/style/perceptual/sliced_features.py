@@ -28,7 +28,7 @@ def style_columns(vgg: VGG16, style: Float[Tensor, "1 3 height width"]) -> Colum
     """Returns the features of the style image at the style layers, a row a place: the targets."""
     with torch.no_grad():
         found = vgg.features(style, STYLE_LAYERS)
-        return {layer: _rows(features).float() for layer, features in found.items()}
+        return {layer: feature_rows(features).float() for layer, features in found.items()}
 
 
 def sliced_term(
@@ -49,7 +49,7 @@ def sliced_term(
     """
     distances = []
     for layer, weight in layer_weights.items():
-        rows, style = (_drawn(f, generator) for f in (_rows(found[layer]), columns[layer]))
+        rows, style = (_drawn(f, generator) for f in (feature_rows(found[layer]), columns[layer]))
         rows = rows.float()
         variance = (style - style.mean(dim=0)).square().mean()
         distance = sliced_wasserstein(rows, style, generator)
@@ -79,7 +79,10 @@ def sliced_wasserstein(
     return difference
 
 
-def _rows(features: Tensor) -> Float[Tensor, "places channels"]:
+def feature_rows(
+    features: Float[Tensor, "batch channels _ _"],
+) -> Float[Tensor, "places channels"]:
+    """Returns the features of all places of a batch, a row a place."""
     return features.movedim(1, -1).reshape(-1, features.shape[1])
 
 

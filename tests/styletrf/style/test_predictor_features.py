@@ -67,7 +67,7 @@ def test_the_painting_is_nearest_to_itself(predictor, painting):
 
 
 def test_units_of_channels_do_not_count():
-    """Scaled and shifted alike in painting and picture, a channel tells what it told before."""
+    """Scaled and shifted alike in painting and picture, a channel counts as before."""
     painting, picture = (torch.randn(1, 5, 9, 7, generator=generator(k)) for k in (0, 1))
     scale = torch.tensor([1e-1, 0.5, 1.0, 7.0, 300.0])[:, None, None]
     shift = torch.linspace(-3, 3, 5)[:, None, None]
