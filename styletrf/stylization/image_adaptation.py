@@ -107,18 +107,16 @@ def adapt_to_image_loss(
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
         window = _drawn_window(painted[view], config.window_px, generator)
         cache = marched.rays_of(view, window)
-        of_picture = partial(
-            _loss_with_colors_held, image_loss, generator, _held(cache, window, ground),
-            block_px, config.color_weight,
-        )  # fmt: skip
+        held = _held(cache, window, ground), block_px, config.color_weight
+        of_picture = partial(_loss_with_colors_held, image_loss, generator, *held)
         loss, image = _accumulate(field, cache, window.painted.shape, of_picture, kernels)
-        mse = float((image - window.painted).square().mean())
         if not math.isfinite(loss):
-            tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
-            sums = [("image loss", torch.tensor(loss))]
+            stages = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
+            left = parameter_stages(field.appearance, optimizer)
             where = f"at iteration {k}, view {cameras[view].name}"
-            _require_finite(where, parameter_stages(field.appearance, optimizer), *tiles, sums)
+            _require_finite(where, left, *stages, [("image loss", torch.tensor(loss))])
         take_step(optimizer, adaptation.rate_decay ** (k / config.iterations))
+        mse = float((image - window.painted).square().mean())
         psnr = -10 * math.log10(max(mse, 1e-10))
         curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, loss=loss)
