@@ -29,8 +29,27 @@ class RayBatch:
 
     def color(self, appearance: ColorModel, kernels: Kernels) -> Float[Tensor, "rays 3"]:
         """Returns what the rays see, differentiable in the appearance."""
+        return self._composed(self._colors(appearance, kernels), appearance, kernels)
+
+    def color_and_spread(
+        self, appearance: ColorModel, kernels: Kernels
+    ) -> tuple[Float[Tensor, "rays 3"], Float[Tensor, " rays"]]:
+        """Returns the color C of the rays, and how far their samples' colors are from it.
+
+        That is sum_s w_s |c_s - C|^2, differentiable in the samples' colors c_s, with C held.
+        """
+        colors = self._colors(appearance, kernels)
+        seen = self._composed(colors, appearance, kernels)
+        apart = (colors - seen.detach()[self.samples.ray]).square().sum(dim=1, keepdim=True)
+        return seen, kernels.composite(self.samples, apart)[:, 0]
+
+    def _colors(self, appearance: ColorModel, kernels: Kernels) -> Float[Tensor, "samples 3"]:
         components = appearance.components(self.samples.positions, kernels)
-        colors = appearance.decode(components, self.view_directions, self.samples.ray, kernels)
+        return appearance.decode(components, self.view_directions, self.samples.ray, kernels)
+
+    def _composed(
+        self, colors: Float[Tensor, "samples 3"], appearance: ColorModel, kernels: Kernels
+    ) -> Float[Tensor, "rays 3"]:
         behind = (1 - self.opacity)[:, None] * appearance.background_color()
         return kernels.composite(self.samples, colors) + behind
 

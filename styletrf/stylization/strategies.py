@@ -1,5 +1,6 @@
 """A field in the style of painted views, by each strategy of the paper and each loss of ours."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,13 +31,10 @@ from styletrf.style.transfer.weights import load_style_transfer
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
 from styletrf.stylization.background import EmptyBackground, empty_background
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
-from styletrf.stylization.image_adaptation import (
-    ImageAdaptationConfig,
-    ImageLoss,
-    adapt_to_image_loss,
-)
+from styletrf.stylization.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
 from styletrf.stylization.power_choice import PowerChoiceConfig, choose_weight_power
 from styletrf.stylization.surface_ownership import OwnershipConfig, owned_pixels
+from styletrf.stylization.view_windows import ImageLoss
 from styletrf.trajectory.frames import float_images
 
 Match = Literal["pixels", "gram", "distributions"]
@@ -51,6 +49,7 @@ class StylizationConfig:
     ownership: OwnershipConfig = field(default_factory=OwnershipConfig)
     appearance_scale: float = 1.5  # of the style's lattice, times that of the field's
     shading: ShadingKind = "plain"  # of the style
+    before_renders: float = 0.4  # of the adaptation's iterations, where renders are matched after
     weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
@@ -123,8 +122,11 @@ def stylized(
     generator = torch.Generator().manual_seed(config.adaptation.seed)
     refine_appearance(job.field, config.appearance_scale, config.shading, generator)
     job.field.appearance.weight_power = config.weight_power.powers[-1]  # fits what it shows best
+    first = config.adaptation
+    if job.match != "pixels":
+        first = replace(first, iterations=math.ceil(config.before_renders * first.iterations))
     curve, dropped = adapt_appearance(
-        job.field, job.cameras, job.painted, job.model.space, config.adaptation, job.kernels,
+        job.field, job.cameras, job.painted, job.model.space, first, job.kernels,
         progress, _learnt_pixels(job, config),
     )  # fmt: skip
     choose_weight_power(job.field, job.cameras, job.painted, job.model.space, config.weight_power)
@@ -193,4 +195,19 @@ def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
         "sliced" if job.match == "distributions" else "gram",
         predictor,
     )
-    return lambda image, plain, generator: loss(image, plain, generator).total
+    return _TotalLoss(loss)
+
+
+@dataclass(frozen=True, slots=True)
+class _TotalLoss:
+    """The sum of the terms of a style loss."""
+
+    terms: StyleLoss
+
+    def content(self, plain: Tensor) -> Tensor:
+        """Returns the features that a render is to share with the plain one."""
+        return self.terms.content(plain)
+
+    def __call__(self, image: Tensor, content: Tensor, generator: torch.Generator) -> Tensor:
+        """Returns the loss of a render."""
+        return self.terms(image, content, generator).total

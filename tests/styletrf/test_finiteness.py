@@ -115,12 +115,22 @@ def test_an_adaptation_names_a_gradient_of_the_last_iteration_too(scene, field, 
         adapt(scene, field, replace(STEPS, tv_every=1000))
 
 
+class EndlessLoss:
+    """A loss of renders that is infinite."""
+
+    def content(self, plain):
+        return plain
+
+    def __call__(self, image, content, generator):
+        return image.sum() * torch.inf
+
+
 def test_an_adaptation_to_images_names_the_view(scene, field):
     views = (scene.images[:1], scene.images[:1])
     with stops("appearance adaptation", "image loss", "at iteration 0, view 0"):
         adapt_to_image_loss(
             field, scene.cameras[:1], views, scene.model.space,
-            lambda image, *_: image.sum() * torch.inf, ImageAdaptationConfig(2), STEPS, KERNELS,
+            EndlessLoss(), ImageAdaptationConfig(2), STEPS, KERNELS,
         )  # fmt: skip
 
 

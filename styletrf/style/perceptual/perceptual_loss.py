@@ -144,24 +144,31 @@ def perceptual_loss(
         grams: From `style_grams`.
         config: The weights.
     """
-    return perceptual_terms(vgg, output, content, partial(gram_term, grams, config), config)
+    target = content_features(vgg, content, config)
+    return perceptual_terms(vgg, output, target, partial(gram_term, grams, config), config)
+
+
+@torch.no_grad()
+def content_features(
+    vgg: VGG16, content: Float[Tensor, "batch 3 height width"], config: PerceptualLossConfig
+) -> Float[Tensor, "batch channels _ _"]:
+    """Returns what the content term compares with: features of `config.content_layer`."""
+    return vgg.features(content, [config.content_layer])[config.content_layer]
 
 
 def perceptual_terms(
     vgg: VGG16,
     output: Float[Tensor, "batch 3 height width"],
-    content: Float[Tensor, "batch 3 height width"],
+    target: Float[Tensor, "batch channels _ _"],
     style_term: StyleTerm,
     config: PerceptualLossConfig,
 ) -> PerceptualTerms:
-    """Returns what `perceptual_loss` does, with any style term in place of the Gram matrices'."""
+    """Returns what `perceptual_loss` does, with any style term; `target` of `content_features`."""
     layer = config.content_layer
-    with torch.no_grad():
-        target = vgg.features(content, [layer])[layer].float()
     found = vgg.features(output, [layer, *config.style_layers])
     none = torch.zeros((), device=output.device)
     return PerceptualTerms(
-        content=config.content_weight * _difference(found[layer].float(), target, config),
+        content=config.content_weight * _difference(found[layer].float(), target.float(), config),
         style=config.style_weight * style_term(found),
         tv=config.tv_weight * total_variation(output.float()),
         steadiness=none,

@@ -14,6 +14,7 @@ from styletrf.style.perceptual.perceptual_loss import (
     PerceptualLossConfig,
     PerceptualTerms,
     StyleTerm,
+    content_features,
     gram_term,
     perceptual_terms,
     style_grams,
@@ -55,17 +56,23 @@ class StyleLoss:
         self._predictor_weight = predictor_weight
         self._moments = predictor_moments(self._predictor, painting) if self._predictor else []
 
+    def content(
+        self, shown: Float[Tensor, "batch 3 height width"]
+    ) -> Float[Tensor, "batch channels _ _"]:
+        """Returns the features that an output is to share with what it shows, RGB in [0, 1]."""
+        return content_features(self._vgg, shown, self._config)
+
     def __call__(
         self,
         output: Float[Tensor, "batch 3 height width"],
-        content: Float[Tensor, "batch 3 height width"],
+        content: Float[Tensor, "batch channels _ _"],
         generator: torch.Generator,
     ) -> PerceptualTerms:
         """Returns the weighted terms, differentiable in the output.
 
         Args:
             output: What is painted, RGB; values may leave [0, 1].
-            content: What it shows, RGB in [0, 1].
+            content: From `content`, of what it shows.
             generator: On the CPU; draws what is compared of features.
         """
         config = self._config

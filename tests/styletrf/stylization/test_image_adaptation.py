@@ -1,7 +1,9 @@
 """Deferred back-propagation is back-propagation; the density is only read."""
 
 import copy
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ from styletrf.stylization.image_adaptation import (
     color_drift,
 )
 from styletrf.stylization.strategies import StylizationConfig
+from styletrf.stylization.view_windows import as_picture
 from styletrf.trajectory.frames import rendered
 
 CPU = torch.device("cpu")
@@ -36,7 +39,20 @@ def field(scene):
     return fit(scene, replace(CONFIG, iterations=60))
 
 
-def image_loss(image, plain, generator=None):
+@dataclass(frozen=True)
+class OfPlainRender:
+    """A loss of renders that compares with the plain render itself."""
+
+    loss: Callable[..., torch.Tensor]
+
+    def content(self, plain):
+        return plain
+
+    def __call__(self, image, content, generator=None):
+        return self.loss(image, content, generator)
+
+
+def dark_gray_and_alike(image, plain, generator=None):
     return (image.mean(dim=(2, 3)) - 0.2).square().sum() + (image - plain).abs().mean()
 
 
@@ -47,12 +63,13 @@ def test_tiles_give_the_gradient_of_the_whole(scene, field, monkeypatch):
         min_weight=0.0, termination=0.0, cache_bytes=1 << 30,
     )  # fmt: skip
     monkeypatch.setattr("styletrf.stylization.image_adaptation._TILE", 150)
-    _accumulate(field, cache, (20, 20, 3), image_loss, KERNELS)
+    target = as_picture(cache.target.reshape(20, 20, 3))
+    of_picture = partial(dark_gray_and_alike, plain=target)
+    _accumulate(field, cache, (20, 20, 3), of_picture, KERNELS, spread_weight=2.0)
     tiled = [p.grad.clone() for p in field.appearance.parameters()]
     field.appearance.zero_grad()
-    whole = cache.batch(0, 400).color(field.appearance, KERNELS).reshape(20, 20, 3)
-    target = cache.target.reshape(20, 20, 3)
-    image_loss(whole.permute(2, 0, 1)[None], target.permute(2, 0, 1)[None]).backward()
+    color, spread = cache.batch(0, 400).color_and_spread(field.appearance, KERNELS)
+    (of_picture(as_picture(color.reshape(20, 20, 3))) + 2 * spread.mean()).backward()
     for found, parameter in zip(tiled, field.appearance.parameters(), strict=True):
         torch.testing.assert_close(found, parameter.grad, atol=1e-6, rtol=1e-3)
 
@@ -61,12 +78,54 @@ def test_the_loss_falls_and_the_density_stays(scene, field):
     before = {name: tensor.clone() for name, tensor in field.density.state_dict().items()}
     losses = []
     adapt_to_image_loss(
-        field, scene.cameras, (scene.images, scene.images), scene.model.space, image_loss,
+        field, scene.cameras, (scene.images, scene.images), scene.model.space,
+        OfPlainRender(dark_gray_and_alike),
         ImageAdaptationConfig(iterations=18, rate=1.0), AdaptationConfig(), KERNELS,
         lambda done, total, loss: losses.append(loss),
     )  # fmt: skip
     assert sum(losses[-6:]) < 0.85 * sum(losses[:6])
     assert all(torch.equal(t, before[name]) for name, t in field.density.state_dict().items())
+
+
+def test_the_spread_is_that_of_samples_about_their_rays_color(scene, field):
+    """By the parallel axis theorem: sum_s w_s |c_s|^2 - |C|^2 where a ray is opaque."""
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
+    cache = march_once(
+        field, rays, view_images(scene.images), torch.arange(400), KERNELS,
+        min_weight=0.0, termination=0.0, cache_bytes=1 << 30,
+    )  # fmt: skip
+    batch = cache.batch(0, 400)
+    color, spread = batch.color_and_spread(field.appearance, KERNELS)
+    torch.testing.assert_close(color, batch.color(field.appearance, KERNELS))
+    one = batch.one_sample_per_ray(torch.Generator().manual_seed(0))
+    none = one.color_and_spread(field.appearance, KERNELS)[1]
+    opaque = batch.opacity > 1 - 1e-3
+    assert opaque.sum() > 20
+    samples = batch._colors(field.appearance, KERNELS)
+    squares = KERNELS.composite(batch.samples, samples.square().sum(dim=1, keepdim=True))[:, 0]
+    expected = squares - color.square().sum(dim=1)
+    torch.testing.assert_close(spread[opaque], expected[opaque], atol=5e-3, rtol=0)
+    assert none[opaque].max() < 1e-4, "a single sample has no spread"
+
+
+def test_a_loss_with_the_spread_leaves_rays_of_more_even_color(scene, field):
+    def end(spread_weight):
+        own = copy.deepcopy(field)
+        adapt_to_image_loss(
+            own, scene.cameras, (scene.images, scene.images), scene.model.space,
+            OfPlainRender(dark_gray_and_alike),
+            ImageAdaptationConfig(iterations=18, spread_weight=spread_weight),
+            AdaptationConfig(), KERNELS,
+        )  # fmt: skip
+        rays = ViewRays(scene.cameras, scene.model.space, own.step_length, CPU)
+        cache = march_once(
+            own, rays, view_images(scene.images), torch.arange(400), KERNELS,
+            min_weight=0.0, termination=0.0, cache_bytes=1 << 30,
+        )  # fmt: skip
+        with torch.no_grad():
+            return float(cache.batch(0, 400).color_and_spread(own.appearance, KERNELS)[1].mean())
+
+    assert end(30.0) < 0.7 * end(0.0)
 
 
 def test_a_loss_that_says_nothing_of_color_leaves_the_painted_colors(scene, field):
@@ -78,7 +137,8 @@ def test_a_loss_that_says_nothing_of_color_leaves_the_painted_colors(scene, fiel
     def end(color_weight):
         own = copy.deepcopy(field)
         adapt_to_image_loss(
-            own, scene.cameras, (scene.images, scene.images), scene.model.space, contrast,
+            own, scene.cameras, (scene.images, scene.images), scene.model.space,
+            OfPlainRender(contrast),
             ImageAdaptationConfig(iterations=24, rate=1.0, color_weight=color_weight),
             AdaptationConfig(), KERNELS,
         )  # fmt: skip
@@ -99,7 +159,8 @@ def test_windows_of_large_views_bring_all_of_them_nearer(scene, field):
 
     before = distance()
     adapt_to_image_loss(
-        field, scene.cameras, (scene.images, scene.images), scene.model.space, to_dark_gray,
+        field, scene.cameras, (scene.images, scene.images), scene.model.space,
+        OfPlainRender(to_dark_gray),
         ImageAdaptationConfig(iterations=60, rate=1.0, color_weight=0.0, window_px=16),
         AdaptationConfig(), KERNELS,
     )  # fmt: skip
@@ -116,7 +177,8 @@ def test_a_window_is_seen_by_the_rays_of_its_own_pixels(scene, field):
         return image.mean()
 
     adapt_to_image_loss(
-        field, scene.cameras, (scene.images, scene.images), scene.model.space, looking,
+        field, scene.cameras, (scene.images, scene.images), scene.model.space,
+        OfPlainRender(looking),
         ImageAdaptationConfig(iterations=6, window_px=16), AdaptationConfig(), KERNELS,
     )  # fmt: skip
     views = (scene.images.float() / 255).permute(0, 3, 1, 2)
@@ -138,7 +200,8 @@ def test_the_loss_sees_an_object_on_its_mean_color_and_not_on_its_ground(scene, 
     space, config = scene.model.space, ImageAdaptationConfig(iterations=1, rate=0.0)
     for of_views in (None, ground):
         adapt_to_image_loss(
-            field, scene.cameras[:1], (scene.images[:1], scene.images[:1]), space, looking,
+            field, scene.cameras[:1], (scene.images[:1], scene.images[:1]), space,
+            OfPlainRender(looking),
             config, AdaptationConfig(), KERNELS, ground=of_views,
         )  # fmt: skip
     (shown, plain), (covered, plain_covered) = seen

@@ -1,0 +1,122 @@
+"""Views seen whole or through windows, with what a loss of renders needs of each.
+
+A view that is looked at whole is marched once, and kept with its content features while memory
+allows. Of a large view a window is looked at, at another place every time.
+"""
+
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from typing import Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float, Int64, UInt8
+from torch import Tensor
+
+from styletrf.capture.view_images import ViewImages
+from styletrf.field.kernels import Kernels
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.ray_cache import RayCache, march_once
+from styletrf.field.view_rays import ViewRays
+from styletrf.stylization.background import EmptyBackground
+
+
+@runtime_checkable
+class ImageLoss(Protocol):
+    """A loss of renders, `1 3 height width`, beside what they are to show."""
+
+    def content(self, plain: Tensor) -> Tensor:
+        """Returns what the loss compares with, of a plain render."""
+
+    def __call__(self, image: Tensor, content: Tensor, generator: torch.Generator) -> Tensor:
+        """Returns the loss, differentiable in the image."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A part of a view: its rows and columns, and the painted view in it."""
+
+    rows: slice
+    columns: slice
+    painted: Float[Tensor, "height width 3"]
+    is_whole: bool
+
+    def pixels(self, of_view: Int64[Tensor, "rows columns"]) -> Int64[Tensor, " pixels"]:
+        """Returns the numbers of the window's pixels, row by row."""
+        return of_view[self.rows, self.columns].reshape(-1)
+
+
+def drawn_window(
+    painted: UInt8[Tensor, "height width 3"], side_px: int, generator: torch.Generator
+) -> Window:
+    """Returns a window at a random place; a view that is smaller is taken whole."""
+    spans = []
+    for whole in painted.shape[:2]:
+        side = min(whole, side_px)
+        first = int(torch.randint(whole - side + 1, (), generator=generator))
+        spans.append(slice(first, first + side))
+    rows, columns = spans
+    part = painted[rows, columns].float() / 255
+    return Window(rows, columns, part, is_whole=part.shape == painted.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class MarchedWindow:
+    """The rays of a window, what is added behind them, and what the loss compares with."""
+
+    rays: RayCache
+    behind: Float[Tensor, "1 3 height width"]
+    content: Tensor
+
+    @property
+    def nbytes(self) -> int:
+        """What it takes in memory."""
+        return self.rays.nbytes + self.behind.nbytes + self.content.nbytes
+
+
+@dataclass(frozen=True, slots=True)
+class MarchedWindows:
+    """Windows of views by a loss; those that are whole views are kept, up to `most_bytes`."""
+
+    field: RadianceField
+    rays: ViewRays
+    images: ViewImages
+    kernels: Kernels
+    loss: ImageLoss
+    ground: EmptyBackground | None
+    min_weight: float
+    termination: float
+    most_bytes: int
+    kept: dict[int, MarchedWindow] = dataclass_field(default_factory=dict)
+
+    def of(self, view: int, window: Window) -> MarchedWindow:
+        """Returns the rays of a window, with the samples that carry their weight."""
+        if view in self.kept:
+            return self.kept[view]
+        cache, shape = self._marched(view, window), window.painted.shape
+        behind = as_picture(_in_place_of_ground(cache, self.ground).reshape(shape))
+        content = self.loss.content(as_picture(cache.target.reshape(shape)) + behind)
+        marched = MarchedWindow(cache, behind, content)
+        if window.is_whole and sum(m.nbytes for m in self.kept.values()) < self.most_bytes:
+            self.kept[view] = marched
+        return marched
+
+    def _marched(self, view: int, window: Window) -> RayCache:
+        of_view = self.images.of_view(view).reshape(-1, int(self.images.widths[view]))
+        return march_once(
+            self.field, self.rays, self.images, window.pixels(of_view), self.kernels,
+            min_weight=self.min_weight, termination=self.termination,
+            cache_bytes=1 << 62,
+        )  # fmt: skip
+
+
+def as_picture(colors: Float[Tensor, "height width 3"]) -> Float[Tensor, "1 3 height width"]:
+    """Returns colors of pixels as networks take them."""
+    return colors.permute(2, 0, 1)[None]
+
+
+def _in_place_of_ground(cache: RayCache, ground: EmptyBackground | None) -> Float[Tensor, "rays 3"]:
+    """Returns what takes rays from the ground of the views to the mean color: 0 without one."""
+    behind = (1 - cache.opacity)[:, None]
+    if ground is None:
+        return torch.zeros_like(cache.target)
+    return behind * torch.from_numpy(ground.mean - ground.shown).to(behind)
