@@ -60,11 +60,11 @@ def _calls(steps: Callable[[], None], seconds: float) -> int:
 
 def _count_adaptation(seconds: float) -> int:
     """Counts from the first iteration on, when the rays have been marched."""
-    side, begun, done = 400, 0.0, 0
+    side, begun, count = 400, 0.0, 0
 
-    def progress(iteration: int, _of: int, **_values: float) -> None:
-        nonlocal begun, done
-        begun, done = begun or time.monotonic(), iteration
+    def progress(done: int, total: int, **quality: float) -> None:  # noqa: ARG001
+        nonlocal begun, count
+        begun, count = begun or time.monotonic(), done
         if time.monotonic() - begun > seconds:
             raise OverError
 
@@ -82,7 +82,7 @@ def _count_adaptation(seconds: float) -> int:
             kernels_for(CPU), progress,
         )  # fmt: skip
     except OverError:
-        return done
+        return count
     raise RuntimeError("the adaptation ended before its time")
 
 

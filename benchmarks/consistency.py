@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import luigi
+from task_of import task_of
 
 from pipeline.task import artifact
 from tasks.stages.metrics import ConsistencyMetrics
@@ -50,9 +51,10 @@ def main() -> None:
     for scene in options.scenes:
         for style in options.styles:
             for name, words in METHODS.items():
-                task = ConsistencyMetrics(
-                    scene=scene, style=style, quality="draft", content=options.content, **words
-                )
+                task = task_of(
+                    ConsistencyMetrics, scene=scene, style=style, quality="draft",
+                    content=options.content, **words,
+                )  # fmt: skip
                 if not luigi.build([task], local_scheduler=True, log_level="WARNING"):
                     raise SystemExit(f"{task} failed")
                 summary = json.loads((artifact(task) / "summary.json").read_text())

@@ -8,6 +8,7 @@ and forward and backward. Of thirty rounds the fastest counts, which other work 
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import torch
@@ -60,6 +61,10 @@ def microseconds(call: Callable[[], object]) -> float:
     return 1e6 * min(rounds)
 
 
+def _both(form: Callable[[], Tensor]) -> None:
+    form().sum().backward()
+
+
 def main() -> None:
     """Prints a line for each form."""
     positions = torch.zeros(4, 3)
@@ -71,7 +76,7 @@ def main() -> None:
     for name, form in forms.items():
         with torch.no_grad():
             forward = microseconds(form)
-        both = microseconds(lambda form=form: form().sum().backward())
+        both = microseconds(partial(_both, form))
         sys.stdout.write(f"{name}: forward {forward:.1f} us, forward and backward {both:.1f} us\n")
 
 

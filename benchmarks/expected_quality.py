@@ -20,6 +20,7 @@ from pathlib import Path
 import luigi
 import numpy as np
 import torch
+from task_of import task_of
 
 from pipeline.task import artifact
 from styletrf.configuration import configured
@@ -37,7 +38,7 @@ RATIOS = np.linspace(0.3, 0.95, 66)
 
 def measured(scene: str, quality: str, shares: Sequence[float]) -> dict[str, object]:
     """Returns the PSNR of the brief fits and of the whole one, and the seconds of the brief."""
-    tasks = [kind(scene=scene, quality=quality) for kind in (CameraPoses, QualityMetrics)]
+    tasks = [task_of(kind, scene=scene, quality=quality) for kind in (CameraPoses, QualityMetrics)]
     if not luigi.build(tasks, local_scheduler=True, log_level="WARNING"):
         raise SystemExit(f"{scene} was not built")
     summary = json.loads((artifact(tasks[1]) / "summary.json").read_text())

@@ -8,6 +8,8 @@ The stages are those of `luigi --module tasks Export` with the same words, which
 import argparse
 import json
 
+from task_of import task_of
+
 from pipeline.task import artifact
 from tasks.results.export import Export
 
@@ -25,9 +27,9 @@ def main() -> None:
     print("| format | what | MB | PSNR to the field | against photographs, field |")  # noqa: T201
     print("|---|---|---|---|---|")  # noqa: T201
     for file_format in given.formats:
-        export = Export(
-            scene=given.scene, styles=given.styles, format=file_format, quality=given.quality,
-            content=given.content, tuning=given.tuning,
+        export = task_of(
+            Export, scene=given.scene, styles=given.styles, format=file_format,
+            quality=given.quality, content=given.content, tuning=given.tuning,
         )  # fmt: skip
         folder = artifact(export)
         report = json.loads((folder / "export.json").read_text())

@@ -21,6 +21,7 @@ import cv2
 import luigi
 import numpy as np
 import torch
+from task_of import task_of
 
 from pipeline.task import artifact
 from styletrf.evaluation.consistency.geometric_consistency import corresponding, geometric_errors
@@ -63,8 +64,9 @@ class Changes:
         """Yields the images through gains and powers drawn uniformly."""
         rng = np.random.default_rng(self.seed)
         for image in images:
-            log_gain = rng.uniform(-self.exposure, self.exposure)
-            log_gain = log_gain + rng.uniform(-self.white_balance, self.white_balance, 3)
+            log_gain = rng.uniform(-self.exposure, self.exposure) + rng.uniform(
+                -self.white_balance, self.white_balance, 3
+            )
             power = np.exp(rng.uniform(-self.power, self.power))
             shown = MIDDLE * np.exp(log_gain) * (image / MIDDLE) ** power
             yield from_integers(to_integers(shown.clip(0, 1).astype(np.float32)))
@@ -87,7 +89,7 @@ class Photographs:
 
 def photographs_of(name: str, changes: Changes) -> Photographs:
     """Returns a scene's photographs, changed; its poses are taken from the store or made there."""
-    poses = CameraPoses(scene=name, quality="draft")
+    poses = task_of(CameraPoses, scene=name, quality="draft")
     if not luigi.build([poses], local_scheduler=True, log_level="WARNING"):
         raise SystemExit(f"{name} has no poses")
     folder = artifact(poses)
@@ -122,7 +124,7 @@ def steadiness(field: RadianceField, model: SceneModel, cameras: list[Camera]) -
     return float(np.sqrt(np.nanmean(errors)))
 
 
-def fit(photographs: Photographs, exposure: str, config: argparse.Namespace) -> dict[str, Any]:
+def fit(photographs: Photographs, exposure: Any, config: argparse.Namespace) -> dict[str, Any]:
     """Returns what a field reaches, `exposure` being the setting of the scene's model."""
     found, dependence = evidence_of(photographs)
     cameras, points, fitted = photographs.cameras, photographs.points, photographs.fitted

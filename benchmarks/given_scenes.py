@@ -6,6 +6,7 @@ from pathlib import Path
 
 import luigi
 import torch
+from task_of import task_of
 from torch import Tensor
 
 from pipeline.task import artifact
@@ -41,7 +42,7 @@ class GivenScene:
 
 def load_given_scene(name: str, config: SceneModelConfig) -> GivenScene:
     """Returns a scene of the data folder; its poses are taken from the store or made there."""
-    poses = CameraPoses(scene=name, quality="draft")
+    poses = task_of(CameraPoses, scene=name, quality="draft")
     if not luigi.build([poses], local_scheduler=True, log_level="WARNING"):
         raise SystemExit(f"{name} has no poses")
     folder = artifact(poses)

@@ -23,6 +23,7 @@ from typing import Any
 import luigi
 import numpy as np
 from hard_photographs import FOREIGN, MAKERS, Source, photographs_of
+from task_of import task_of
 
 from pipeline.errors import TaskFailure
 from pipeline.settings import data_root
@@ -144,7 +145,7 @@ def main() -> None:
             rmtree(made, ignore_errors=True)
             MAKERS[kind](source, made, np.random.default_rng(zlib.crc32(name.encode())))
             stage = CameraPoses if options.poses else QualityMetrics
-            last = stage(scene=name, quality="draft", tuning=tuning_of(options))
+            last = task_of(stage, scene=name, quality="draft", tuning=tuning_of(options))
             print(measured(scene, kind, last, *built(last)), flush=True)  # noqa: T201
 
 

@@ -22,7 +22,7 @@ from given_scenes import GivenScene, load_given_scene
 from styletrf.field.radiance_field import RadianceField, load_field
 from styletrf.field.rendering import RenderConfig
 
-FIT = {
+FIT: dict[str, list[Any]] = {
     "model.max_voxels": [128**3, 320**3],
     "training.field.density_ranks": [[8], [24], [16, 16, 16], [16, 4, 4]],
     "training.field.appearance_ranks": [[12], [48]],

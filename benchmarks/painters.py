@@ -14,6 +14,7 @@ from typing import Any
 
 import luigi
 import torch
+from task_of import task_of
 
 from pipeline.task import artifact
 from styletrf.evaluation.consistency.frame_pairs import read_frame
@@ -50,7 +51,8 @@ def main() -> None:
     print("| painter | error by contrast (floor) | style distance (plain) | s a view |")  # noqa: T201
     print("|---|---|---|---|")  # noqa: T201
     for name, (stylizer, settings) in PAINTERS.items():
-        task = StylizedPriors(
+        task = task_of(
+            StylizedPriors,
             scene=options.scene,
             style=options.style,
             quality=options.quality,
@@ -78,7 +80,7 @@ def _row(task: StylizedPriors, count: int) -> str:
         config,
     ).summary["delta_1"]
     record = task.record()
-    seconds = float(record.provenance["seconds"]) / count if record else float("nan")
+    seconds = float(str(record.provenance["seconds"])) / count if record else float("nan")
     error = f"{found['normalized_error']:.3f} ({found['normalized_floor']:.3f})"
     style = f"{found['style_distance']:.2f} ({found['style_distance_unstylized']:.2f})"
     return f"{error} | {style} | {seconds:.1f}"

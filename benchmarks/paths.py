@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import luigi
 import torch
+from task_of import task_of
 
 from pipeline.task import artifact
 from styletrf.field.radiance_field import load_field
@@ -51,7 +52,7 @@ def main() -> None:
     parser.add_argument("--tuning", type=json.loads, default={})
     options = parser.parse_args()
     for scene in options.scenes:
-        field = RadianceField(scene=scene, quality=options.quality, tuning=options.tuning)
+        field = task_of(RadianceField, scene=scene, quality=options.quality, tuning=options.tuning)
         luigi.build([field], local_scheduler=True)
         for name, support in supports(field):
             worst = max(support.unsupported.values())

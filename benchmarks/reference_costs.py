@@ -13,6 +13,7 @@ from dataclasses import asdict
 
 from pipeline.execution.cost_history import Cost
 from pipeline.record import ActionRecord
+from pipeline.task import StoredTask
 from tasks import StylizedTrajectory
 from tasks.command.graph import graph
 from tasks.machine.calibration import calibration_of_machine
@@ -41,7 +42,7 @@ def main() -> None:
     options = parser.parse_args()
     words = {"scene": options.scene, "style": options.style, "quality": "draft"}
     stages = graph(StylizedTrajectory(**words))
-    records = {stage.task_family: stage.record() for stage in stages}
+    records = {s.task_family: s.record() for s in stages if isinstance(s, StoredTask)}
     calibration = calibration_of_machine("cpu")
     fields = {
         "scene": options.scene,

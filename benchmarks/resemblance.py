@@ -27,6 +27,7 @@ from typing import Any
 import luigi
 from contact_sheet import write_sheet
 from jury import Jury, Result
+from task_of import task_of
 
 from pipeline.settings import data_root
 from pipeline.task import artifact
@@ -94,7 +95,7 @@ def _made(options: argparse.Namespace) -> Iterator[Result]:
     methods = ["field", "per-frame"] if getattr(options, "per_frame", False) else ["field"]
     words = {"quality": options.quality, **json.loads(options.words)}
     asked = [
-        StylizedFrames(scene=scene, style=style, method=method, **words)
+        task_of(StylizedFrames, scene=scene, style=style, method=method, **words)
         for scene in options.scenes
         for style in options.styles
         for method in methods

@@ -16,10 +16,12 @@ import itertools
 import random
 import time
 from dataclasses import dataclass, field
+from typing import Any
 
 import psutil
 from luigi.scheduler import Scheduler, scheduler
 from luigi.task import flatten
+from task_of import task_of
 
 from tasks import Grid
 from tasks.command.graph import graph
@@ -55,7 +57,7 @@ class Clerk:
     scheduler: Scheduler = field(default_factory=lambda: Scheduler(scheduler(), resources=None))
     calls: dict[str, list[float]] = field(default_factory=dict)
 
-    def call(self, kind: str, name: str, **words: object) -> object:
+    def call(self, kind: str, name: str, **words: object) -> Any:
         """Calls a method, and notes how long that took."""
         started = time.process_time()
         answer = getattr(self.scheduler, name)(**words)
@@ -65,7 +67,9 @@ class Clerk:
 
 def shape() -> list[tuple[str, tuple[str, ...], set[str]]]:
     """Returns the stages of a cell as the tasks tell them: what each waits for, and is made of."""
-    (cell,) = Grid(scenes=["s"], styles=["p"], quality="draft", content="embedded").requires()
+    (cell,) = task_of(
+        Grid, scenes=["s"], styles=["p"], quality="draft", content="embedded"
+    ).requires()
     return [
         (
             task.task_family,
@@ -183,8 +187,10 @@ def main() -> None:
     parser.add_argument("--crews", type=int, default=1, help="luigids, each with a share of them")
     parser.add_argument("--most-done", type=int, default=1 << 30, help="stop after so many tasks")
     options = parser.parse_args()
-    heads = ("cells", "at a time", "tasks", "register, ms", "ask, ms", "report, ms")
-    heads += ("scheduler a task, ms", "hours", "workers busy", "memory, MiB")
+    heads = [
+        "cells", "at a time", "tasks", "register, ms", "ask, ms", "report, ms",
+        "scheduler a task, ms", "hours", "workers busy", "memory, MiB",
+    ]  # fmt: skip
     print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")  # noqa: T201
     for cells in options.cells:
         partition = options.partition or cells

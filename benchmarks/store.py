@@ -15,6 +15,7 @@ from pathlib import Path
 
 import luigi
 
+from pipeline.canonical import Json
 from pipeline.digest import file_digest
 from pipeline.publication import publish
 from pipeline.settings import current_store
@@ -68,7 +69,13 @@ def publish_all(task: Stage) -> None:
     with store.workspace(action.key) as workspace:
         (workspace / "out").mkdir()
         (workspace / "out" / "file").write_text(str(task))
-        record = {"task": str(task), "label": task.label, "started": "", "seconds": 0.0, "log": ""}
+        record: dict[str, Json] = {
+            "task": str(task),
+            "label": task.label,
+            "started": "",
+            "seconds": 0.0,
+            "log": "",
+        }
         publish(store, workspace / "out", action, record)
 
 

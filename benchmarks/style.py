@@ -90,7 +90,7 @@ def _square(path: Path) -> torch.Tensor:
 
 @torch.no_grad()
 def held_out(
-    network: StyleNetwork, vgg: VGG16, grams: dict[str, torch.Tensor], images: torch.Tensor,
+    network: PaintingNetwork, vgg: VGG16, grams: dict[str, torch.Tensor], images: torch.Tensor,
     config: StyleTrainingConfig,
 ) -> dict[str, float]:  # fmt: skip
     """Returns the mean terms of the loss, and the unsteadiness against one disturbance."""

@@ -21,6 +21,7 @@ from dataclasses import replace
 
 import luigi
 import torch
+from task_of import task_of
 
 from pipeline.task import artifact
 from styletrf.capture.view_images import view_images
@@ -58,7 +59,7 @@ def adapt(options: argparse.Namespace) -> None:
     if options.priors:
         usual = {**settings_for("PriorRenders", "draft"), "coverage.count": options.priors}
         luigi.configuration.get_config().set("PriorRenders", "settings", json.dumps(usual))
-    stage = StylizedField(scene=options.scene, style=options.style, quality="draft")
+    stage = task_of(StylizedField, scene=options.scene, style=options.style, quality="draft")
     needed = stage.requires()
     if not luigi.build(list(needed.values()), local_scheduler=True, log_level="WARNING"):
         raise SystemExit("a stage before failed")
@@ -127,8 +128,12 @@ def _views(job: Stylization, field: RadianceField) -> Iterator[Rendering]:
 def strategies(options: argparse.Namespace) -> None:
     """Prints how near to the priors and how far from the geometry each strategy comes."""
     for strategy in ("s3", "s2", "s1"):
-        stage = StylizedField(
-            scene=options.scene, style=options.style, quality="draft", strategy=strategy
+        stage = task_of(
+            StylizedField,
+            scene=options.scene,
+            style=options.style,
+            quality="draft",
+            strategy=strategy,
         )
         if not luigi.build([stage], local_scheduler=True, log_level="WARNING"):
             raise SystemExit("a stage before failed")

@@ -34,7 +34,7 @@ from styletrf.style.transfer.weights import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from published_models import without_quantised_activations
+from published_models import without_quantised_activations  # type: ignore[import-not-found]
 
 _LONG_SIDE_PX = 504
 

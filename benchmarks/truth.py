@@ -24,6 +24,7 @@ import numpy as np
 import torch
 from field import settings_of
 from given_scenes import load_given_scene
+from task_of import task_of
 
 from pipeline.task import artifact
 from styletrf.field.kernels import kernels_for
@@ -80,8 +81,8 @@ def agreement(ours: Sequence[Camera], given: Sequence[Camera]) -> dict[str, floa
 def poses(options: argparse.Namespace) -> None:
     """Prints how solved poses differ from given ones."""
     for scene in options.scenes:
-        given = CameraPoses(scene=scene, quality="draft")
-        solved = CameraPoses(scene=scene, quality="draft", settings={"poses": "solved"})
+        given = task_of(CameraPoses, scene=scene, quality="draft")
+        solved = task_of(CameraPoses, scene=scene, quality="draft", settings={"poses": "solved"})
         if not luigi.build([given, solved], local_scheduler=True, log_level="WARNING"):
             raise SystemExit(f"{scene} has no poses")
         of = {c.name: c for c in read_cameras(artifact(given) / "cameras.parquet")}

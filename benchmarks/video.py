@@ -43,10 +43,10 @@ NOISE = 2.0  # of 255
 class _Steady(np.random.Generator):
     """In place of a random generator: the path as it is meant, without its jitter."""
 
-    def uniform(self, *args: Any) -> np.ndarray:
+    def uniform(self, *args: Any) -> np.ndarray:  # type: ignore[override]
         return np.zeros(args[2])
 
-    def normal(self, *args: Any) -> np.ndarray:
+    def normal(self, *args: Any) -> np.ndarray:  # type: ignore[override]
         return np.zeros(args[2])
 
 

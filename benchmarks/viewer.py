@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from task_of import task_of
 
 from pipeline.task import artifact
 from styletrf.field.kernels import kernels_for
@@ -29,7 +30,7 @@ from styletrf.viewer.viewer_content import RENDER
 from tasks.results.viewer import PHOTOGRAPHS, Viewer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from headless import answer_of
+from headless import answer_of  # type: ignore[import-not-found]
 
 CPU = torch.device("cpu")
 VIEWS = 5
@@ -58,7 +59,7 @@ def main() -> None:
     parser.add_argument("--long-side", type=int, default=504)
     given = parser.parse_args()
     words = {"scene": given.scene, "quality": given.quality, "content": given.content}
-    viewer = Viewer(styles=given.styles, tuning=given.tuning, **words)
+    viewer = task_of(Viewer, styles=given.styles, tuning=given.tuning, **words)
     inputs = {name: artifact(task) for name, task in viewer.requires().items()}
     page, space = artifact(viewer) / "viewer.html", read_scene_model(inputs["model"] / "scene.json")
     path = read_cameras(inputs["trajectory"] / "cameras.parquet")
