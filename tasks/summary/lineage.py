@@ -29,6 +29,8 @@ Found = dict[str, Artifact]
 def write_lineages(results: Iterable[LinkedStage]) -> None:
     """Writes the lineage of every scene of some results; never raises, as nothing depends on it.
 
+    A scene of which nothing was made gets no folder: its name may be misspelled.
+
     Args:
         results: What a command requested, made or not.
     """
@@ -40,11 +42,19 @@ def write_lineages(results: Iterable[LinkedStage]) -> None:
     for scene, requested in scenes.items():
         folder = out_root() / scene
         try:
+            if not folder.is_dir() and not _has_artifact(requested):
+                continue
             artifacts = lineage(folder, requested)
             folder.mkdir(parents=True, exist_ok=True)
             write_lineage_page(folder / "lineage.html", scene, artifacts)
         except Exception as error:  # noqa: BLE001
             screen.warning("The lineage of %s could not be written: %s", scene, error)
+
+
+def _has_artifact(results: Iterable[LinkedStage]) -> bool:
+    """Whether a stage of the results' scenes was made."""
+    stages = (stage for result in results for stage in upstream_first(result))
+    return any("scene" in stage.param_kwargs and found_record(stage) for stage in stages)
 
 
 def lineage(folder: Path, requested: Iterable[LinkedStage]) -> list[Artifact]:

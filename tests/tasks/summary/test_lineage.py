@@ -100,6 +100,7 @@ def test_what_failed_says_why_and_the_rest_waits(out: Path):
 
 
 def test_the_pages_lie_in_the_folders_of_scenes_and_the_gallery_leads_there(out: Path):
+    (out / "mini").mkdir(parents=True)
     write_lineages([page("none"), page("none", "../elsewhere"), page("none", "..")])
     assert sorted(out.rglob("*.html")) == [out / "mini/lineage.html"]
     assert not (out.parent / "elsewhere").exists()
@@ -110,3 +111,14 @@ def test_a_lineage_that_cannot_be_written_is_no_failure(out: Path, caplog):
     (out / "mini/lineage.html/x").mkdir(parents=True)
     write_lineages([page("none")])
     assert "could not be written" in caplog.text
+
+
+def test_a_scene_of_which_nothing_was_made_gets_no_folder(out: Path):
+    requested = page("p", scene="misspelled")
+    requested.requires()["style"].run()  # the painting is there, and is no scene's
+    write_lineages([requested])
+    assert not (out / "misspelled").exists()
+    requested.run()
+    shutil.rmtree(out / "misspelled", ignore_errors=True)
+    write_lineages([requested])
+    assert (out / "misspelled" / "lineage.html").exists()
