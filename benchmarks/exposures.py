@@ -15,7 +15,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import luigi
@@ -124,7 +124,9 @@ def steadiness(field: RadianceField, model: SceneModel, cameras: list[Camera]) -
     return float(np.sqrt(np.nanmean(errors)))
 
 
-def fit(photographs: Photographs, exposure: Any, config: argparse.Namespace) -> dict[str, Any]:
+def fit(
+    photographs: Photographs, exposure: Literal["auto", "one", "each"], config: argparse.Namespace
+) -> dict[str, Any]:
     """Returns what a field reaches, `exposure` being the setting of the scene's model."""
     found, dependence = evidence_of(photographs)
     cameras, points, fitted = photographs.cameras, photographs.points, photographs.fitted

@@ -8,5 +8,5 @@ Kind = TypeVar("Kind", bound=luigi.Task)
 
 
 def task_of(kind: type[Kind], **parameters: Any) -> Kind:
-    """Returns the task of a kind with these parameters."""
+    """Returns the task of a kind with these parameters; Luigi refuses those it does not have."""
     return kind(**parameters)

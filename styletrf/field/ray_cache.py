@@ -31,16 +31,20 @@ class RayBatch:
         """Returns what the rays see, differentiable in the appearance."""
         return self._composed(self._colors(appearance, kernels), appearance, kernels)
 
-    def color_and_spread(
+    def color_and_variance(
         self, appearance: ColorModel, kernels: Kernels
     ) -> tuple[Float[Tensor, "rays 3"], Float[Tensor, " rays"]]:
-        """Returns the color C of the rays, and how far their samples' colors are from it.
+        """Returns what the rays see, and the variance of the color along each ray.
 
-        That is sum_s w_s |c_s - C|^2, differentiable in the samples' colors c_s, with C held.
+        That is sum_s w_s |c_s - m|^2 with m = sum_s w_s c_s / opacity, the mean color of the
+        samples; the background is none of it. Differentiable in the samples' colors.
         """
         colors = self._colors(appearance, kernels)
+        with torch.no_grad():  # at the mean the variance is stationary: its gradient is whole
+            total = kernels.composite(self.samples, colors)
+            mean = total / self.opacity.clamp(min=torch.finfo(total.dtype).tiny)[:, None]
+        apart = (colors - mean[self.samples.ray]).square().sum(dim=1, keepdim=True)
         seen = self._composed(colors, appearance, kernels)
-        apart = (colors - seen.detach()[self.samples.ray]).square().sum(dim=1, keepdim=True)
         return seen, kernels.composite(self.samples, apart)[:, 0]
 
     def _colors(self, appearance: ColorModel, kernels: Kernels) -> Float[Tensor, "samples 3"]:

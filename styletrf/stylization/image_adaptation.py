@@ -6,8 +6,8 @@ take it to the parameters: of the renders' graphs only a tile's is in memory. A 
 whole; of one with a longer side than `window_px` a window is, drawn anew for every iteration.
 
 A picture fixes only the sum along each ray, as in `styletrf.stylization.adaptation`. So the loss
-also has the spread of the samples' colors about their ray's: it keeps strokes on their surface,
-and frames steady.
+also has the variance of the color along the rays: it keeps strokes on their surface, and frames
+steady.
 """
 
 import math
@@ -56,8 +56,8 @@ class ImageAdaptationConfig:
     """How often, and how fast compared with the adaptation to pixels before.
 
     A loss of strokes says little of color, which drifts towards the photographs' or to gray:
-    `color_weight` is that of the drift, see `color_drift`; `spread_weight` that of the mean spread
-    of a ray's colors.
+    `color_weight` is that of the drift, see `color_drift`; `variance_weight` that of the mean
+    variance of the color along a ray.
     """
 
     iterations: int = 40  # a view each
@@ -65,7 +65,7 @@ class ImageAdaptationConfig:
     rate: float = 1.0  # times those of the adaptation
     rate_decay: float = 0.3  # over all iterations
     color_weight: float = 5.0
-    spread_weight: float = 22.0
+    variance_weight: float = 22.0
     min_weight: float = 5e-2  # samples lighter than this are not rendered
     termination: float = 5e-2  # see `RenderConfig`
 
@@ -93,7 +93,7 @@ def adapt_to_image_loss(
         cameras: Of the views.
         views: The plain views, and the painted ones, which the curve compares with.
         space: Of the scene.
-        image_loss: Of a render and the plain view.
+        image_loss: Of a render and the content features of the plain view.
         config: How long.
         adaptation: Rates, parts and the cache.
         kernels: The form to compute with.
@@ -123,7 +123,7 @@ def adapt_to_image_loss(
         held = marched, window, generator, block_px, config.color_weight
         of_picture = partial(_loss_with_colors_held, image_loss, *held)
         cache, shape = marched.rays, window.painted.shape
-        loss, image = _accumulate(field, cache, shape, of_picture, kernels, config.spread_weight)
+        loss, image = _accumulate(field, cache, shape, of_picture, kernels, config.variance_weight)
         if not math.isfinite(loss):
             stages = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
             left = parameter_stages(field.appearance, optimizer)
@@ -181,12 +181,11 @@ def _loss_with_colors_held(
 
 def _accumulate(
     field: RadianceField, cache: RayCache, shape: Sequence[int],
-    image_loss: Callable[[Tensor], Tensor], kernels: Kernels, spread_weight: float = 0.0,
+    image_loss: Callable[[Tensor], Tensor], kernels: Kernels, variance_weight: float,
 ) -> tuple[float, Tensor]:  # fmt: skip
-    """Adds the gradient of one picture's loss and of its rays' mean spread to the appearance.
+    """Adds the gradient of one picture's loss to the appearance; returns it and the render.
 
-    Returns:
-        The loss without the spread, and the render.
+    The loss includes the mean variance of the color along the rays, by its weight.
     """
     with torch.no_grad():
         colors = [tile.color(field.appearance, kernels) for tile in cache.tiles(_TILE)]
@@ -194,9 +193,10 @@ def _accumulate(
     image.requires_grad_()
     loss = image_loss(as_picture(image))
     (gradient,) = torch.autograd.grad(loss, image)
-    of_tiles = gradient.reshape(-1, 3).split(_TILE)
+    total, of_tiles = loss.detach(), gradient.reshape(-1, 3).split(_TILE)
     for tile, part in zip(cache.tiles(_TILE), of_tiles, strict=True):
-        color, spread = tile.color_and_spread(field.appearance, kernels)
-        of_spread = spread_weight / len(cache.opacity) * spread.sum()
-        ((color * part).sum() + of_spread).backward()
-    return float(loss.detach()), image.detach()
+        color, variance = tile.color_and_variance(field.appearance, kernels)
+        weighted = variance_weight / len(cache.opacity) * variance.sum()
+        ((color * part).sum() + weighted).backward()
+        total = total + weighted.detach()
+    return float(total), image.detach()

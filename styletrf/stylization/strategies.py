@@ -49,13 +49,17 @@ class StylizationConfig:
     ownership: OwnershipConfig = field(default_factory=OwnershipConfig)
     appearance_scale: float = 1.5  # of the style's lattice, times that of the field's
     shading: ShadingKind = "plain"  # of the style
-    before_renders: float = 0.4  # of the adaptation's iterations, where renders are matched after
+    fit_fraction: float = 0.4  # of the adaptation's iterations, where renders are matched after
     weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     image_bfloat16: bool = True  # the perceptual network in bfloat16 where the hardware computes so
     style_px: int = 420  # of the painting, in the loss of renders
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
+
+    def __post_init__(self) -> None:
+        if not 0 < self.fit_fraction <= 1:
+            raise ValueError(f"fit_fraction is {self.fit_fraction}, not above 0 and at most 1")
 
     def with_style_parameters(
         self, stroke_scale: float, content_weight: float
@@ -124,7 +128,7 @@ def stylized(
     job.field.appearance.weight_power = config.weight_power.powers[-1]  # fits what it shows best
     first = config.adaptation
     if job.match != "pixels":
-        first = replace(first, iterations=math.ceil(config.before_renders * first.iterations))
+        first = replace(first, iterations=math.ceil(config.fit_fraction * first.iterations))
     curve, dropped = adapt_appearance(
         job.field, job.cameras, job.painted, job.model.space, first, job.kernels,
         progress, _learnt_pixels(job, config),
@@ -153,7 +157,7 @@ def stylized_with_own_density(
 ) -> tuple[RadianceField, list[AdaptationPoint]]:
     """Returns a field fitted to the painted views alone (S1), or the field fitted on (S2).
 
-    S2 sees as many rays as the adaptation of the appearance does.
+    S2 sees as many rays as the adaptation of the appearance to the painted views alone does.
     """
     shading = replace(config.fit.field, shading=job.model.shading)
     training, space = replace(config.fit, field=shading), job.model.space

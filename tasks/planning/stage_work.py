@@ -41,7 +41,7 @@ EXPONENTS: dict[str, dict[str, float]] = {
     "StyleNetwork": {"iterations": 0.9, "batch": 0.9, "crop_px": 1.3},
     "StylizedPriors": {"coverage.times": 0.3, "frame_pixels": 1},
     "StylizedField": {
-        "adaptation.iterations": 0.3, "image.iterations": 0.5, "coverage.times": 0.2,
+        "adaptation.iterations": 0.1, "image.iterations": 0.7, "coverage.times": 0.2,
         "frame_pixels": 0.7, "field.appearance_ranks": 1 / 3,
     },
     "StylizedFrames": {"frames": 1, "frame_pixels": 1, "field.appearance_ranks": 1 / 3},

@@ -15,8 +15,10 @@ from typing import Any
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.maintenance.why import upstream_first
 from pipeline.record import ActionRecord
-from pipeline.settings import current_store, out_root
+from pipeline.settings import current_store, data_root, out_root
 from pipeline.task import StoredTask
+from styletrf.capture.user_folders import find_scene
+from styletrf.errors import InputError
 from styletrf.reports.lineage.artifact import Artifact
 from styletrf.reports.lineage.page import write_lineage_page
 from tasks.stages.linked_results import LinkedStage, linked_pages, made_from
@@ -29,7 +31,7 @@ Found = dict[str, Artifact]
 def write_lineages(results: Iterable[LinkedStage]) -> None:
     """Writes the lineage of every scene of some results; never raises, as nothing depends on it.
 
-    A scene of which nothing was made gets no folder: its name may be misspelled.
+    A scene that does not exist gets no folder, unless results of it are there.
 
     Args:
         results: What a command requested, made or not.
@@ -42,7 +44,7 @@ def write_lineages(results: Iterable[LinkedStage]) -> None:
     for scene, requested in scenes.items():
         folder = out_root() / scene
         try:
-            if not folder.is_dir() and not _has_artifact(requested):
+            if not folder.is_dir() and not _exists(scene):
                 continue
             artifacts = lineage(folder, requested)
             folder.mkdir(parents=True, exist_ok=True)
@@ -51,10 +53,12 @@ def write_lineages(results: Iterable[LinkedStage]) -> None:
             screen.warning("The lineage of %s could not be written: %s", scene, error)
 
 
-def _has_artifact(results: Iterable[LinkedStage]) -> bool:
-    """Whether a stage of the results' scenes was made."""
-    stages = (stage for result in results for stage in upstream_first(result))
-    return any("scene" in stage.param_kwargs and found_record(stage) for stage in stages)
+def _exists(scene: str) -> bool:
+    try:
+        find_scene(data_root(), scene)
+    except InputError:
+        return False
+    return True
 
 
 def lineage(folder: Path, requested: Iterable[LinkedStage]) -> list[Artifact]:

@@ -131,14 +131,18 @@ def begin(
 ) -> tuple[Training, StyleTrainingConfig]:
     """Returns a training that has not begun, and its settings.
 
-    A network that paints already needs no identity phase; one that does not has no colors to hold.
+    A network that paints already needs no identity phase; one that does not has no colors to hold,
+    and its identity phase takes at most a third of the iterations.
     """
     if initial is not None:
         network: PaintingNetwork = deepcopy(initial)
         config = replace(config, identity_iterations=0)
     else:
         network = StyleNetwork(config.network, torch.Generator().manual_seed(config.seed))
-        config = replace(config, color_weight=0.0, normalization_share=0.0)
+        identity = min(config.identity_iterations, config.iterations // 3)
+        config = replace(
+            config, identity_iterations=identity, color_weight=0.0, normalization_share=0.0
+        )
     return new_training(network.to(device)), config
 
 

@@ -56,20 +56,24 @@ def dark_gray_and_alike(image, plain, generator=None):
     return (image.mean(dim=(2, 3)) - 0.2).square().sum() + (image - plain).abs().mean()
 
 
-def test_tiles_give_the_gradient_of_the_whole(scene, field, monkeypatch):
+def rays_of(scene, field, pixels=400):
     rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
-    cache = march_once(
-        field, rays, view_images(scene.images), torch.arange(400), KERNELS,
+    return march_once(
+        field, rays, view_images(scene.images), torch.arange(pixels), KERNELS,
         min_weight=0.0, termination=0.0, cache_bytes=1 << 30,
     )  # fmt: skip
+
+
+def test_tiles_give_the_gradient_of_the_whole(scene, field, monkeypatch):
+    cache = rays_of(scene, field)
     monkeypatch.setattr("styletrf.stylization.image_adaptation._TILE", 150)
     target = as_picture(cache.target.reshape(20, 20, 3))
     of_picture = partial(dark_gray_and_alike, plain=target)
-    _accumulate(field, cache, (20, 20, 3), of_picture, KERNELS, spread_weight=2.0)
+    _accumulate(field, cache, (20, 20, 3), of_picture, KERNELS, variance_weight=2.0)
     tiled = [p.grad.clone() for p in field.appearance.parameters()]
     field.appearance.zero_grad()
-    color, spread = cache.batch(0, 400).color_and_spread(field.appearance, KERNELS)
-    (of_picture(as_picture(color.reshape(20, 20, 3))) + 2 * spread.mean()).backward()
+    color, variance = cache.batch(0, 400).color_and_variance(field.appearance, KERNELS)
+    (of_picture(as_picture(color.reshape(20, 20, 3))) + 2 * variance.mean()).backward()
     for found, parameter in zip(tiled, field.appearance.parameters(), strict=True):
         torch.testing.assert_close(found, parameter.grad, atol=1e-6, rtol=1e-3)
 
@@ -87,45 +91,62 @@ def test_the_loss_falls_and_the_density_stays(scene, field):
     assert all(torch.equal(t, before[name]) for name, t in field.density.state_dict().items())
 
 
-def test_the_spread_is_that_of_samples_about_their_rays_color(scene, field):
-    """By the parallel axis theorem: sum_s w_s |c_s|^2 - |C|^2 where a ray is opaque."""
-    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
-    cache = march_once(
-        field, rays, view_images(scene.images), torch.arange(400), KERNELS,
-        min_weight=0.0, termination=0.0, cache_bytes=1 << 30,
-    )  # fmt: skip
-    batch = cache.batch(0, 400)
-    color, spread = batch.color_and_spread(field.appearance, KERNELS)
-    torch.testing.assert_close(color, batch.color(field.appearance, KERNELS))
+@torch.no_grad()
+def test_the_variance_along_a_ray_is_the_mean_square_less_the_square_of_the_mean(scene, field):
+    """sum_s w_s |c_s - m|^2 = sum_s w_s |c_s|^2 - |sum_s w_s c_s|^2 / opacity, opaque or not."""
+    batch = rays_of(scene, field).batch(0, 400)
+    halved = replace(batch.samples, weights=batch.samples.weights / 2)
+    for rays in (batch, replace(batch, samples=halved, opacity=batch.opacity / 2)):
+        color, variance = rays.color_and_variance(field.appearance, KERNELS)
+        torch.testing.assert_close(color, rays.color(field.appearance, KERNELS))
+        colors = field.appearance.decode(
+            field.appearance.components(rays.samples.positions, KERNELS),
+            rays.view_directions, rays.samples.ray, KERNELS,
+        )  # fmt: skip
+        squares = KERNELS.composite(rays.samples, colors.square().sum(dim=1, keepdim=True))[:, 0]
+        total = KERNELS.composite(rays.samples, colors)
+        expected = squares - total.square().sum(dim=1) / rays.opacity.clamp(min=1e-6)
+        assert expected.max() > 1e-3
+        torch.testing.assert_close(variance, expected.clamp(min=0), atol=1e-5, rtol=1e-3)
     one = batch.one_sample_per_ray(torch.Generator().manual_seed(0))
-    none = one.color_and_spread(field.appearance, KERNELS)[1]
-    opaque = batch.opacity > 1 - 1e-3
-    assert opaque.sum() > 20
-    samples = batch._colors(field.appearance, KERNELS)
-    squares = KERNELS.composite(batch.samples, samples.square().sum(dim=1, keepdim=True))[:, 0]
-    expected = squares - color.square().sum(dim=1)
-    torch.testing.assert_close(spread[opaque], expected[opaque], atol=5e-3, rtol=0)
-    assert none[opaque].max() < 1e-4, "a single sample has no spread"
+    assert one.color_and_variance(field.appearance, KERNELS)[1].max() < 1e-6
 
 
-def test_a_loss_with_the_spread_leaves_rays_of_more_even_color(scene, field):
-    def end(spread_weight):
+def test_a_loss_with_the_variance_leaves_rays_of_more_even_color(scene, field):
+    def end(variance_weight):
         own = copy.deepcopy(field)
         adapt_to_image_loss(
             own, scene.cameras, (scene.images, scene.images), scene.model.space,
             OfPlainRender(dark_gray_and_alike),
-            ImageAdaptationConfig(iterations=18, spread_weight=spread_weight),
+            ImageAdaptationConfig(iterations=18, variance_weight=variance_weight),
             AdaptationConfig(), KERNELS,
         )  # fmt: skip
-        rays = ViewRays(scene.cameras, scene.model.space, own.step_length, CPU)
-        cache = march_once(
-            own, rays, view_images(scene.images), torch.arange(400), KERNELS,
-            min_weight=0.0, termination=0.0, cache_bytes=1 << 30,
-        )  # fmt: skip
         with torch.no_grad():
-            return float(cache.batch(0, 400).color_and_spread(own.appearance, KERNELS)[1].mean())
+            batch = rays_of(scene, own).batch(0, 400)
+            return float(batch.color_and_variance(own.appearance, KERNELS)[1].mean())
 
     assert end(30.0) < 0.7 * end(0.0)
+
+
+def test_the_content_of_a_view_that_is_seen_whole_is_looked_at_once(scene, field):
+    looks = []
+
+    class Counting(OfPlainRender):
+        def content(self, plain):
+            looks.append(plain)
+            return plain
+
+    adapt_to_image_loss(
+        field, scene.cameras, (scene.images, scene.images), scene.model.space,
+        Counting(dark_gray_and_alike), ImageAdaptationConfig(iterations=3 * len(scene.cameras)),
+        AdaptationConfig(), KERNELS,
+    )  # fmt: skip
+    assert len(looks) == len(scene.cameras)
+
+
+def test_the_fit_before_renders_are_matched_has_a_share_of_its_iterations():
+    with pytest.raises(ValueError, match="fit_fraction"):
+        StylizationConfig(fit_fraction=0.0)
 
 
 def test_a_loss_that_says_nothing_of_color_leaves_the_painted_colors(scene, field):

@@ -9,7 +9,7 @@ import pytest
 
 import tasks
 from pipeline.errors import TaskFailure
-from pipeline.settings import current_store
+from pipeline.settings import current_store, data_root
 from pipeline.task import RunContext, StoredTask
 from tasks.stages.linked_results import LinkedStage, linked_pages, made_from
 from tasks.stages.stage import Stage
@@ -113,12 +113,10 @@ def test_a_lineage_that_cannot_be_written_is_no_failure(out: Path, caplog):
     assert "could not be written" in caplog.text
 
 
-def test_a_scene_of_which_nothing_was_made_gets_no_folder(out: Path):
-    requested = page("p", scene="misspelled")
-    requested.requires()["style"].run()  # the painting is there, and is no scene's
-    write_lineages([requested])
-    assert not (out / "misspelled").exists()
-    requested.run()
-    shutil.rmtree(out / "misspelled", ignore_errors=True)
-    write_lineages([requested])
-    assert (out / "misspelled" / "lineage.html").exists()
+def test_a_misspelled_scene_gets_no_folder_and_one_that_failed_gets_its_lineage(out: Path):
+    scene, misspelled = page("none", scene="there"), page("none", scene="their")
+    (data_root() / "scenes" / "there" / "images").mkdir(parents=True)
+    (data_root() / "scenes" / "there" / "images" / "a.jpg").touch()
+    write_lineages([scene, misspelled])
+    assert (out / "there" / "lineage.html").exists()
+    assert not (out / "their").exists()
