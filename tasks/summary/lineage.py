@@ -15,10 +15,8 @@ from typing import Any
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.maintenance.why import upstream_first
 from pipeline.record import ActionRecord
-from pipeline.settings import current_store, data_root, out_root
+from pipeline.settings import current_store, out_root
 from pipeline.task import StoredTask
-from styletrf.capture.user_folders import find_scene
-from styletrf.errors import InputError
 from styletrf.reports.lineage.artifact import Artifact
 from styletrf.reports.lineage.page import write_lineage_page
 from tasks.stages.linked_results import LinkedStage, linked_pages, made_from
@@ -31,8 +29,6 @@ Found = dict[str, Artifact]
 def write_lineages(results: Iterable[LinkedStage]) -> None:
     """Writes the lineage of every scene of some results; never raises, as nothing depends on it.
 
-    A scene that does not exist gets no folder, unless results of it are there.
-
     Args:
         results: What a command requested, made or not.
     """
@@ -44,21 +40,11 @@ def write_lineages(results: Iterable[LinkedStage]) -> None:
     for scene, requested in scenes.items():
         folder = out_root() / scene
         try:
-            if not folder.is_dir() and not _exists(scene):
-                continue
             artifacts = lineage(folder, requested)
             folder.mkdir(parents=True, exist_ok=True)
             write_lineage_page(folder / "lineage.html", scene, artifacts)
         except Exception as error:  # noqa: BLE001
             screen.warning("The lineage of %s could not be written: %s", scene, error)
-
-
-def _exists(scene: str) -> bool:
-    try:
-        find_scene(data_root(), scene)
-    except InputError:
-        return False
-    return True
 
 
 def lineage(folder: Path, requested: Iterable[LinkedStage]) -> list[Artifact]:

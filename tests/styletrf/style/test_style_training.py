@@ -127,13 +127,15 @@ def test_a_finished_training_is_only_read(vgg: VGG16, content: Path, tmp_path: P
     assert [file.name for file in tmp_path.iterdir()] == ["style_training.safetensors"]
 
 
-def test_the_network_first_learns_to_repeat_the_photograph(
+def test_the_network_repeats_the_photograph_first_for_at_most_a_third_of_the_iterations(
     vgg: VGG16, content: Path, tmp_path: Path
 ):
-    config = replace(TINY, iterations=60, identity_iterations=60, final_learning_rate=3e-3)
+    config = replace(TINY, iterations=180, identity_iterations=150, final_learning_rate=3e-3)
     _, curve = trained(config, vgg, content, tmp_path)
-    assert all(row.style == row.tv == 0 for row in curve)
-    assert sum(row.content for row in curve[-20:]) < sum(row.content for row in curve[:20])
+    first, rest = curve[:60], curve[60:]
+    assert all(row.style == row.tv == 0 for row in first)
+    assert sum(row.content for row in first[-20:]) < sum(row.content for row in first[:20])
+    assert all(row.style > 0 for row in rest)
 
 
 def test_seed_decides_the_start(vgg: VGG16, content: Path, tmp_path: Path):
