@@ -111,10 +111,8 @@ def adapt_to_image_loss(
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
     optimizer = optimizer_of(field.appearance, _at_rate(adaptation, config.rate))
     curve, started = [], time.monotonic()
-    windows = MarchedWindows(
-        field, rays, view_images(plain), kernels, image_loss, ground, config.min_weight,
-        config.termination, adaptation.cache_bytes,
-    )  # fmt: skip
+    limits = config.min_weight, config.termination, adaptation.cache_bytes
+    windows = MarchedWindows(field, rays, view_images(plain), kernels, image_loss, ground, *limits)
     generator = torch.Generator().manual_seed(adaptation.seed)
     block_px = max(1, max(plain.shape[1:3]) // _PARTS)
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
@@ -125,17 +123,20 @@ def adapt_to_image_loss(
         cache, shape = marched.rays, window.painted.shape
         loss, image = _accumulate(field, cache, shape, of_picture, kernels, config.variance_weight)
         if not math.isfinite(loss):
-            stages = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
-            left = parameter_stages(field.appearance, optimizer)
             where = f"at iteration {k}, view {cameras[view].name}"
-            _require_finite(where, left, *stages, [("image loss", torch.tensor(loss))])
+            tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
+            left = parameter_stages(field.appearance, optimizer)
+            _require_finite(where, left, *tiles, [("image loss", torch.tensor(loss))])
         take_step(optimizer, config.rate_decay ** (k / config.iterations))
-        mse = float((image - window.painted).square().mean())
-        psnr = -10 * math.log10(max(mse, 1e-10))
+        psnr = _psnr(image, window.painted)
         curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, loss=loss)
     _require_finite("after the last iteration", parameter_stages(field.appearance, optimizer))
     return curve
+
+
+def _psnr(image: Tensor, painted: Tensor) -> float:
+    return -10 * math.log10(max(float((image - painted).square().mean()), 1e-10))
 
 
 def _at_rate(adaptation: AdaptationConfig, rate: float) -> AdaptationConfig:
@@ -176,7 +177,10 @@ def _loss_with_colors_held(
 ) -> Tensor:  # fmt: skip
     """Returns the loss of the picture, and of its drift from the painted one."""
     drift = color_drift(image, as_picture(window.painted), block_px)
-    return image_loss(image + marched.behind, marched.content, generator) + color_weight * drift
+    return (
+        image_loss(image + marched.behind, marched.content_features, generator)
+        + color_weight * drift
+    )
 
 
 def _accumulate(

@@ -208,10 +208,10 @@ class _TotalLoss:
 
     terms: StyleLoss
 
-    def content(self, plain: Tensor) -> Tensor:
+    def content_features(self, plain: Tensor) -> Tensor:
         """Returns the features that a render is to share with the plain one."""
-        return self.terms.content(plain)
+        return self.terms.content_features(plain)
 
-    def __call__(self, image: Tensor, content: Tensor, generator: torch.Generator) -> Tensor:
+    def __call__(self, image: Tensor, features: Tensor, generator: torch.Generator) -> Tensor:
         """Returns the loss of a render."""
-        return self.terms(image, content, generator).total
+        return self.terms(image, features, generator).total

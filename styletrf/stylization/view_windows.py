@@ -1,7 +1,7 @@
-"""Views seen whole or through windows, with what a loss of renders needs of each.
+"""Windows of views, with the rays and the content features that a loss of renders needs.
 
-A view that is looked at whole is marched once, and kept with its content features while memory
-allows. Of a large view a window is looked at, at another place every time.
+The window of a small view is the whole view: it is marched once, and kept with its content features
+while memory allows. The window of a large view lies at another place every time.
 """
 
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ from styletrf.stylization.background import EmptyBackground
 class ImageLoss(Protocol):
     """A loss of renders, `1 3 height width`, beside what they are to show."""
 
-    def content(self, plain: Tensor) -> Tensor:
-        """Returns what the loss compares with, of a plain render."""
+    def content_features(self, plain: Tensor) -> Tensor:
+        """Returns the features of a plain render that the loss compares with."""
 
-    def __call__(self, image: Tensor, content: Tensor, generator: torch.Generator) -> Tensor:
+    def __call__(self, image: Tensor, features: Tensor, generator: torch.Generator) -> Tensor:
         """Returns the loss, differentiable in the image."""
 
 
@@ -61,16 +61,16 @@ def drawn_window(
 
 @dataclass(frozen=True, slots=True)
 class MarchedWindow:
-    """The rays of a window, what is added behind them, and what the loss compares with."""
+    """The rays of a window, the color added behind them, and the window's content features."""
 
     rays: RayCache
     behind: Float[Tensor, "1 3 height width"]
-    content: Tensor
+    content_features: Tensor
 
     @property
     def nbytes(self) -> int:
         """What it takes in memory."""
-        return self.rays.nbytes + self.behind.nbytes + self.content.nbytes
+        return self.rays.nbytes + self.behind.nbytes + self.content_features.nbytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +94,8 @@ class MarchedWindows:
             return self.kept[view]
         cache, shape = self._marched(view, window), window.painted.shape
         behind = as_picture(_in_place_of_ground(cache, self.ground).reshape(shape))
-        content = self.loss.content(as_picture(cache.target.reshape(shape)) + behind)
-        marched = MarchedWindow(cache, behind, content)
+        shown = as_picture(cache.target.reshape(shape)) + behind
+        marched = MarchedWindow(cache, behind, self.loss.content_features(shown))
         if window.is_whole and sum(m.nbytes for m in self.kept.values()) < self.most_bytes:
             self.kept[view] = marched
         return marched

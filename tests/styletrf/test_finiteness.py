@@ -118,7 +118,7 @@ def test_an_adaptation_names_a_gradient_of_the_last_iteration_too(scene, field, 
 class EndlessLoss:
     """A loss of renders that is infinite."""
 
-    def content(self, plain):
+    def content_features(self, plain):
         return plain
 
     def __call__(self, image, content, generator):

@@ -56,7 +56,7 @@ class StyleLoss:
         self._predictor_weight = predictor_weight
         self._moments = predictor_moments(self._predictor, painting) if self._predictor else []
 
-    def content(
+    def content_features(
         self, shown: Float[Tensor, "batch 3 height width"]
     ) -> Float[Tensor, "batch channels _ _"]:
         """Returns the features that an output is to share with what it shows, RGB in [0, 1]."""
@@ -72,7 +72,7 @@ class StyleLoss:
 
         Args:
             output: What is painted, RGB; values may leave [0, 1].
-            content: From `content`, of what it shows.
+            content: From `content_features`, of what it shows.
             generator: On the CPU; draws what is compared of features.
         """
         config = self._config

@@ -182,7 +182,7 @@ class StyleStep:
         seed = (self._config.seed << 32) + k
         loss = self._style_loss
         terms = mean_terms([
-            loss(painted, loss.content(plain), torch.Generator().manual_seed(seed))
+            loss(painted, loss.content_features(plain), torch.Generator().manual_seed(seed))
             for painted, plain in zip(output.split(1), content.split(1), strict=True)
         ])  # fmt: skip
         if self._initial is None or self._config.color_weight == 0:

@@ -45,7 +45,7 @@ class OfPlainRender:
 
     loss: Callable[..., torch.Tensor]
 
-    def content(self, plain):
+    def content_features(self, plain):
         return plain
 
     def __call__(self, image, content, generator=None):
@@ -132,7 +132,7 @@ def test_the_content_of_a_view_that_is_seen_whole_is_looked_at_once(scene, field
     looks = []
 
     class Counting(OfPlainRender):
-        def content(self, plain):
+        def content_features(self, plain):
             looks.append(plain)
             return plain
 
@@ -144,9 +144,10 @@ def test_the_content_of_a_view_that_is_seen_whole_is_looked_at_once(scene, field
     assert len(looks) == len(scene.cameras)
 
 
-def test_the_fit_before_renders_are_matched_has_a_share_of_its_iterations():
+@pytest.mark.parametrize("fraction", [0.0, -0.1, 1.1])
+def test_a_fit_fraction_that_is_no_fraction_is_refused(fraction):
     with pytest.raises(ValueError, match="fit_fraction"):
-        StylizationConfig(fit_fraction=0.0)
+        StylizationConfig(fit_fraction=fraction)
 
 
 def test_a_loss_that_says_nothing_of_color_leaves_the_painted_colors(scene, field):
