@@ -7,25 +7,70 @@ from jaxtyping import Float, UInt8
 from styletrf.colmap import pycolmap
 from styletrf.geometry.cameras import Camera, pixel_centers
 
+_INSIDE_PX = 0.01
+_WIDEST_SLOPE = 2.0  # half an image's width over its focal length: 127 degrees
+
 
 def pinhole_for(lens: pycolmap.Camera, name: str, world_from_camera: np.ndarray) -> Camera:
     """Returns the pinhole camera of the same size and principal point that a lens can fill.
 
     Its focal lengths are those of the lens times the smallest zoom at which every edge of the
-    image lies within the undistorted edge of the photograph, so that no pixel is left blank.
+    image lies within the undistorted edge of the photograph, so that no pixel is left blank. The
+    model of a wide lens may fold back within the photograph, or show what is behind it: then it is
+    the smallest zoom at which the image's edges lie before the fold, 127 degrees apart at most.
+    """
+    zoom = _edge_zoom(lens)
+    if not _is_filled(lens, zoom):
+        zoom = _filling_zoom(lens)
+    fx, fy, cx, cy = _intrinsics(lens)
+    return Camera(name, lens.width, lens.height, fx * zoom, fy * zoom, cx, cy, world_from_camera)
+
+
+def _edge_zoom(lens: pycolmap.Camera) -> float:
+    """Returns the smallest zoom at which the image lies within the undistorted edges.
+
+    It is NaN if the lens model shows no direction at some point of the edges.
     """
     fx, fy, cx, cy = _intrinsics(lens)
     width, height = lens.width, lens.height
     x, y = np.linspace(0, width, 65), np.linspace(0, height, 65)
     left, right = (lens.cam_from_img(_points(edge, y))[:, 0] for edge in (0.0, float(width)))
     top, bottom = (lens.cam_from_img(_points(x, edge))[:, 1] for edge in (0.0, float(height)))
-    zoom = max(
+    zooms = (
         cx / (-fx * left).min(),
         (width - cx) / (fx * right).min(),
         cy / (-fy * top).min(),
         (height - cy) / (fy * bottom).min(),
     )
-    return Camera(name, width, height, fx * zoom, fy * zoom, cx, cy, world_from_camera)
+    return float(np.max(zooms))
+
+
+def _is_filled(lens: pycolmap.Camera, zoom: float) -> bool:
+    """Returns whether the lens shows each direction of a pinhole image's edges, and once only."""
+    if not zoom > 0:
+        return False
+    focal, principal = np.split(np.array(_intrinsics(lens)), 2)
+    size_px = np.array([lens.width, lens.height], dtype=np.float64)
+    share = np.linspace(0, 1, 65)
+    edges = [_points(*pair) for side in (0.0, 1.0) for pair in ((share, side), (side, share))]
+    directions = (np.concatenate(edges) * size_px - principal) / (focal * zoom)
+    pixels = lens.img_from_cam(np.column_stack([directions, np.ones(len(directions))]))
+    back = lens.cam_from_img(pixels)
+    is_inside = ((pixels > -_INSIDE_PX) & (pixels < size_px + _INSIDE_PX)).all()
+    return bool(is_inside and np.allclose(back, directions, rtol=1e-4, atol=1e-6))
+
+
+def _filling_zoom(lens: pycolmap.Camera) -> float:
+    """Returns the smallest zoom, to a thousandth, at which the lens fills an image not too wide."""
+    fx, fy, *_ = _intrinsics(lens)
+    low = max(lens.width / fx, lens.height / fy) / (2 * _WIDEST_SLOPE)
+    high = low
+    while not _is_filled(lens, high):
+        low, high = high, 2 * high
+    while high - low > 1e-3 * high:
+        middle = (low + high) / 2
+        low, high = (low, middle) if _is_filled(lens, middle) else (middle, high)
+    return high
 
 
 def undistorted_image(

@@ -66,9 +66,13 @@ def sparse_points(
 def _observations(
     index: int, photograph: PlacedPhotograph
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns ids of points, the image's index for each, and pixels, of one photograph."""
+    """Returns ids of points, the image's index for each, and pixels, of one photograph.
+
+    Pixels for which the lens model has no direction, beyond its fold, are left out.
+    """
     seen = photograph.image.get_observation_points2D()
     point_ids = np.array([point.point3D_id for point in seen], dtype=np.int64)
     distorted = np.array([point.xy for point in seen], dtype=np.float64).reshape(-1, 2)
     pixels = undistorted_pixels(distorted, photograph.lens, photograph.camera)
-    return point_ids, np.full(len(seen), index), pixels
+    shown = np.isfinite(pixels).all(axis=1)
+    return point_ids[shown], np.full(shown.sum(), index), pixels[shown]

@@ -62,3 +62,24 @@ def test_pixels_go_where_the_pinhole_camera_projects():
     distorted = lens(0.08).img_from_cam(points)
     expected, _ = project(camera, points)
     assert np.allclose(undistorted_pixels(distorted, lens(0.08), camera), expected, atol=1e-6)
+
+
+def wide_lens(model, focal, k):
+    shared = [focal * 640, 320, 240] if model == "SIMPLE_RADIAL" else [focal * 640] * 2 + [320, 240]
+    params = [*shared, k] if model == "SIMPLE_RADIAL" else [*shared, k, 0, 0, 0]
+    return pycolmap.Camera(model=model, width=640, height=480, params=params)
+
+
+@pytest.mark.parametrize("model", ["SIMPLE_RADIAL", "OPENCV", "OPENCV_FISHEYE"])
+@pytest.mark.parametrize(("focal", "k"), [(0.25, -0.1), (0.5, -0.1), (0.6, -0.25), (0.8, -0.35)])
+def test_a_wide_lens_whose_model_folds_back_fills_an_image_once(model, focal, k):
+    """A solve failed: the corners of such a photograph have no direction, and the zoom was NaN."""
+    lens = wide_lens(model, focal, k)
+    camera = pinhole_for(lens, "a", POSE)
+    x, y = np.meshgrid(np.linspace(0, 640, 65), np.linspace(0, 480, 49))
+    slopes = (np.stack([x, y], -1).reshape(-1, 2) - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    pixels = lens.img_from_cam(np.column_stack([slopes, np.ones(len(slopes))]))
+    assert (pixels > -0.05).all()
+    assert (pixels < [640.05, 480.05]).all()
+    assert np.allclose(lens.cam_from_img(pixels), slopes, rtol=1e-3, atol=1e-5)
+    assert 640 / camera.fx <= 4.01
