@@ -73,17 +73,18 @@ def prepare_images(
 ) -> ColmapImages:
     """Writes the photographs of a capture into `folder`, upright and at most so large.
 
-    Photographs of different sizes were taken with different lens settings. With `auto` lenses, so
-    were photographs of one size whose EXIF names focal lengths more than 3 % apart; those that
-    name none are of the commonest. Views of panoramas have a setting for each size and direction,
-    of exact focal length. Masks go into a folder beside, named as COLMAP seeks them.
+    Photographs of different sizes, before they are reduced, were taken with different lens
+    settings. With `auto` lenses, so were photographs of one size whose EXIF names focal lengths
+    more than 3 % apart; those that name none are of the commonest. Views of panoramas have a
+    setting for each size and direction, of exact focal length. Masks go into a folder beside,
+    named as COLMAP seeks them.
     """
     folder.mkdir(parents=True)
     masks = folder.with_name(MASKS)
     masks.mkdir()
     total = len(capture.photographs)
     files = tuple(f"{index:06d}.png" for index in range(total))
-    sizes, focals_px = [], []
+    sizes, focals_px, long_side = [], [], 0
     for index, (photograph, file) in enumerate(zip(capture.photographs, files, strict=True)):
         progress(index, total)
         path = capture_dir / "images" / photograph.file
@@ -97,7 +98,8 @@ def prepare_images(
         if mask.exists():
             reduced = _at_most(read_photograph(mask), max_long_side)
             write_png(masks / f"{file}.png", reduced, compression=1)
-        sizes.append((image.shape[1], image.shape[0]))
+        sizes.append((photograph.width, photograph.height))
+        long_side = max(long_side, *image.shape[:2])
         is_view = photograph.panorama is not None
         known_px = view_focal_px(image.shape[1]) if is_view else None
         focals_px.append(known_px or _focal_from_exif(path, max(image.shape)))
@@ -106,7 +108,7 @@ def prepare_images(
     settings = lens_settings(files, sizes, focals_px, lenses, directions)
     some_masks = masks if any(masks.iterdir()) else None
     panoramas = _views_of_panoramas(files, capture.photographs)
-    return ColmapImages(folder, files, max(map(max, sizes)), settings, some_masks, panoramas)
+    return ColmapImages(folder, files, long_side, settings, some_masks, panoramas)
 
 
 def _views_of_panoramas(

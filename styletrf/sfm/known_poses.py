@@ -57,9 +57,9 @@ def map_known_poses(
     lens = _lens_model(views, source)
     images = replace(images, lenses=_given_lenses(images.files, views))
     extract_features(database, images, lens, max_features, progress)
+    posed = _posed(database, images, views)  # before matches are verified with these lenses
     pairs = neighboring_pairs(views)
     verified = match_pairs(database, images, pairs, seed, progress)
-    posed = _posed(database, images, views)
     model = triangulated(posed, database, images.folder, seed)
     reason = "the poses came with the photographs"
     if may_adjust:
@@ -139,7 +139,10 @@ def _matched_features(database: Path) -> int:
 def _posed(
     database: Path, images: ColmapImages, views: Sequence[GivenView]
 ) -> pycolmap.Reconstruction:
-    """Returns a model of the database's images at their poses, without points."""
+    """Returns a model of the database's images at their poses, without points.
+
+    The cameras of the database receive the given lenses.
+    """
     model = pycolmap.Reconstruction()
     by_file: Mapping[str, GivenView] = dict(zip(images.files, views, strict=True))
     with closing(pycolmap.Database.open(database)) as opened:

@@ -3,6 +3,7 @@
 Per frame a `file_path` and `transform_matrix`, world from camera with OpenGL's axes: x right, y up,
 z backwards. The lens is one field of view for all (`camera_angle_x`; Mildenhall et al. 2020), or
 `fl_x`, `fl_y`, `cx`, `cy`, `w`, `h` with OpenCV's `k1`, `k2`, `p1`, `p2`, for all or in a frame.
+A fisheye (`"camera_model": "OPENCV_FISHEYE"`, or `"is_fisheye": true`) has `k1` to `k4`.
 """
 
 import json
@@ -27,6 +28,11 @@ from styletrf.errors import InputError
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 _SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".JPG", ".PNG")
 _REMEDY = "Export the scene again"
+_BENDS = {
+    "OPENCV": ("k1", "k2", "p1", "p2"),
+    "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"),
+}  # names of the distortion parameters, by COLMAP's name of the lens model
+_PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 
 
 def read_transforms(folder: Path) -> GivenPoses | None:
@@ -137,12 +143,31 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
             fx = 0.5 * width / math.tan(0.5 * float(values["camera_angle_x"]))
         fy = float(values.get("fl_y", fx))
         cx, cy = float(values.get("cx", width / 2)), float(values.get("cy", height / 2))
-        bend = tuple(float(values.get(name, 0)) for name in ("k1", "k2", "p1", "p2"))
+        model = _model(path, values)
+        bend = tuple(float(values.get(name, 0)) for name in _BENDS[model])
     except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
         raise InputError(str(path), f"has no lens ({error!r})", _REMEDY) from error
     numbers = (fx, fy, cx, cy, *bend)
     if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):
         raise InputError(str(path), f"has an impossible lens: {numbers}", _REMEDY)
-    if any(bend):
-        return Lens("OPENCV", numbers, width, height)
+    if any(bend) or model == "OPENCV_FISHEYE":
+        return Lens(model, numbers, width, height)
     return Lens("PINHOLE", numbers[:4], width, height)
+
+
+def _model(path: Path, values: dict[str, Any]) -> str:
+    """Returns COLMAP's name of the lens model; a pinhole is one of OpenCV's without distortion.
+
+    Raises:
+        InputError: The file names a model that is not read.
+    """
+    usual = "OPENCV_FISHEYE" if values.get("is_fisheye") else "OPENCV"
+    model = str(values.get("camera_model", usual)).upper()
+    if model in _PINHOLES:
+        return "OPENCV"
+    if model not in _BENDS:
+        known = ", ".join((*_PINHOLES, *_BENDS))
+        raise InputError(
+            str(path), f"has the lens model {model}, which is not read", f"Known are {known}"
+        )
+    return model

@@ -76,6 +76,27 @@ def instant_ngp(folder, poses):
     (folder / "images" / "extra.png").write_bytes((folder / "images" / "0.png").read_bytes())
 
 
+FISHEYE = pycolmap.Camera(
+    model="OPENCV_FISHEYE",
+    width=WIDTH,
+    height=HEIGHT,
+    params=[150.0, 150.0, WIDTH / 2, HEIGHT / 2, 0.02, -0.01, 0.003, -0.001],
+)
+
+
+def nerfstudio_fisheye(folder, poses):
+    """It was read as a lens of OpenCV's usual model, so that every pose looked wrong."""
+    photographed(folder, FISHEYE, poses)
+    names = ["fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4"]
+    content = dict(zip(names, FISHEYE.params.tolist(), strict=True)) | {"w": WIDTH, "h": HEIGHT}
+    content["camera_model"] = "OPENCV_FISHEYE"
+    content["frames"] = [
+        {"file_path": f"images/{index}.png", "transform_matrix": as_opengl(pose)}
+        for index, pose in enumerate(poses)
+    ]
+    (folder / "transforms.json").write_text(json.dumps(content))
+
+
 def llff(folder, poses):
     photographed(folder, PINHOLE, poses)
     rows = []
@@ -104,7 +125,9 @@ def colmap_text(folder, poses):
     colmap(folder, poses, text=True)
 
 
-@pytest.fixture(scope="module", params=[blender, instant_ngp, llff, colmap, colmap_text])
+@pytest.fixture(
+    scope="module", params=[blender, instant_ngp, nerfstudio_fisheye, llff, colmap, colmap_text]
+)
 def given(request, tmp_path_factory):
     """A scene with poses, after SceneCapture and CameraPoses."""
     folder, poses = tmp_path_factory.mktemp("given"), room_poses(VIEWS)
@@ -228,6 +251,7 @@ MIRROR = np.diag([1.0, 1.0, -1.0, 1.0])
         ({"frame": {"transform_matrix": "none"}}, "is no transforms file"),
         ({"fl_x": -1}, "has an impossible lens"),
         ({"fl_x": "wide"}, "has no lens"),
+        ({"camera_model": "EQUIRECTANGULAR"}, "has the lens model EQUIRECTANGULAR"),
         ({"frames": []}, "has poses of 0 photographs"),
         ({"frames": [{"file_path": "gone"}]}, "is no transforms file"),
     ],

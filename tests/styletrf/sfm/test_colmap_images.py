@@ -97,6 +97,17 @@ def test_photographs_keep_their_own_shapes_up_to_the_longest_side(tmp_path):
     assert images.long_side == 32
 
 
+def test_cameras_of_different_sizes_do_not_share_a_lens_once_both_are_reduced(tmp_path):
+    """The photographs of two telephones had one focal length, since both were 1600 pixels wide."""
+    files = {"0.png": (48, 64), "1.png": (72, 96), "2.png": (48, 64)}
+    made = {name: encoded(texture(*size), ".png") for name, size in files.items()}
+    images = prepared(tmp_path, made, 32)
+    assert [setting.files for setting in images.lenses] == [
+        ("000000.png", "000002.png"),
+        ("000001.png",),
+    ]
+
+
 def test_the_focal_length_of_a_telephones_photographs_is_read(tmp_path):
     """28 mm by the diagonal of film, 43.3 mm, for a diagonal of 80 pixels."""
     images = prepared(tmp_path, {f"{k}.heic": PHONE.read_bytes() for k in range(3)})
