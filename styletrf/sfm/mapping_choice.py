@@ -21,12 +21,13 @@ from styletrf.sfm.colmap_mapping import (
     panorama_pairs,
 )
 from styletrf.sfm.mapping import SfmResult, explained_share, is_explained
-from styletrf.sfm.mapping_ladder import Rung, climbed
+from styletrf.sfm.mapping_ladder import ENOUGH_PLACED, Rung, climbed
 from styletrf.sfm.matching.image_pairs import (
     Pairs,
     all_pairs,
     is_sequence,
     pairs_along,
+    pairs_of,
     pairs_with,
     pairs_within,
     shots,
@@ -36,8 +37,7 @@ from styletrf.sfm.matching.retrieval import similar_pairs
 from styletrf.sfm.model_joining import joined
 from styletrf.sfm.model_support import supported
 
-# A share placed with which a capture does: below it a warning is due, and time well spent.
-ENOUGH_PLACED = 0.8
+STRONGER_UP_TO = 40  # photographs: stronger features take seconds each, and few need them
 _EAGER = "incremental from a weaker start"
 
 
@@ -76,7 +76,8 @@ class MappingTask:
 def reconstruct(task: MappingTask) -> SfmResult:
     """Returns the best mapping of a task's images, by the first way that explains enough.
 
-    The global mapper goes first. Where it leaves photographs out, they are matched with all others.
+    The global mapper goes first. Where it leaves photographs out, they are matched with all others,
+    or, where they are many, with more than before.
     Where it explains less than 80 % of the matches, both mappers count the points that only two
     photographs share; where photographs are still left out, the incremental mapper is tried. Where
     then fewer than 80 % are placed or explained, it begins with less, verified pairs are matched
@@ -84,7 +85,7 @@ def reconstruct(task: MappingTask) -> SfmResult:
     """
     rungs = [
         Rung("the global mapper", partial(_first, task)),
-        Rung("the global mapper, those left out matched with all,", partial(_left_out, task)),
+        Rung("the global mapper, those left out matched with more,", partial(_left_out, task)),
         Rung("the better mapper with points of two photographs", partial(_points_of_two, task)),
         Rung("the incremental mapper", partial(_incrementally, task)),
         Rung("the incremental mapper from a weaker start", partial(_eagerly, task), ENOUGH_PLACED),
@@ -99,14 +100,22 @@ def _first(task: MappingTask, best: SfmResult | None) -> SfmResult:  # noqa: ARG
 
 
 def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
-    """Where pairs were chosen: all others with the photographs that this left without a place."""
+    """Where pairs were chosen: more of them with the photographs that this left without a place.
+
+    All of their pairs where these are few, else twice as many as before: a capture of which most
+    photographs are left out must not take a multiple of the time.
+    """
     if best is None or best.matcher == "exhaustive":
         return None
     missing = _unplaced(best, task.images)
     if not missing:
         return None
-    matcher = f"{best.matcher}, then all pairs of those left out"
-    return _globally(task, matcher, pairs_with(len(task.photographs), missing))
+    count = len(task.photographs)
+    pairs, kind = pairs_with(count, missing), "all"
+    if len(pairs) > task.neighbours * count:
+        wider = replace(task, neighbours=2 * task.neighbours)
+        pairs, kind = pairs_of(_pairs_to_match(wider)[1], missing), "more"
+    return _globally(task, f"{best.matcher}, then {kind} pairs of those left out", pairs)
 
 
 def _points_of_two(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
@@ -143,9 +152,12 @@ def _guided(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
 def _stronger(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """The photographs described and matched anew, in a database of their own.
 
-    Not where no two show the same: it would take minutes to say so again.
+    Not where no two show the same: it would take minutes to say so again. Nor where photographs are
+    many: it would take a quarter of an hour.
     """
     if task.describe_stronger is None or best is None or not best.verified_pairs:
+        return None
+    if len(task.photographs) > STRONGER_UP_TO:
         return None
     database = task.database.with_stem(f"{task.database.stem}_stronger")
     task.describe_stronger(database)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from styletrf.sfm.mapping import SfmResult, is_explained
 
 _LOGGER = logging.getLogger(__name__)
+# A share placed with which a capture does: below it a warning is due, and time well spent.
+ENOUGH_PLACED = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,8 @@ class Rung:
 def climbed(rungs: Sequence[Rung], photographs: int) -> SfmResult:
     """Returns the best mapping of the rungs up to the first that explains enough.
 
-    Its `mapper_reason` is one line: what each rung that was tried placed and explained.
+    Its `mapper_reason` is one line: what each rung that was tried placed and explained. A rung after
+    which that is too little is a warning at once, since the next ones may take minutes.
 
     Raises:
         ValueError: No rung has anything to try.
@@ -45,8 +48,9 @@ def climbed(rungs: Sequence[Rung], photographs: int) -> SfmResult:
             f"{rung.name} placed {mapping.registered} of {photographs}"
             f" and explains {mapping.explained:.0%} of their matches"
         )
-        _LOGGER.info(lines[-1])
         best = mapping if best is None else max(best, mapping, key=lambda m: m.quality)
+        is_enough = _is_enough(best, ENOUGH_PLACED * photographs)
+        _LOGGER.log(logging.INFO if is_enough else logging.WARNING, lines[-1])
     if best is None:
         raise ValueError("no rung has anything to try")
     return replace(best, mapper_reason=", ".join(lines)) if len(lines) > 1 else best

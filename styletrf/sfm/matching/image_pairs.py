@@ -76,7 +76,12 @@ def pairs_within(sequences: Sequences, steps: int) -> Pairs:
     return sorted(found)
 
 
+def pairs_of(pairs: Pairs, members: Sequence[int]) -> Pairs:
+    """Returns those of the pairs of which at least one is among `members`."""
+    chosen = set(members)
+    return [(i, j) for i, j in pairs if i in chosen or j in chosen]
+
+
 def pairs_with(count: int, members: Sequence[int]) -> Pairs:
     """Returns the pairs i < j of which at least one is among `members`."""
-    chosen = set(members)
-    return [(i, j) for i, j in all_pairs(count) if i in chosen or j in chosen]
+    return pairs_of(all_pairs(count), members)

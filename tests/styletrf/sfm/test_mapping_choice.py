@@ -1,11 +1,15 @@
+from contextlib import closing
+from shutil import copyfile
+
 import numpy as np
 import pycolmap
+import pytest
 
 from styletrf.capture.capture_file import Photograph
 from styletrf.progress import silent
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
 from styletrf.sfm.mapping import explained_share
-from styletrf.sfm.mapping_choice import MappingTask, reconstruct
+from styletrf.sfm.mapping_choice import STRONGER_UP_TO, MappingTask, reconstruct
 
 PATH, OVERLAP = 36, 3
 
@@ -138,8 +142,36 @@ def test_what_a_sequence_leaves_out_is_matched_with_all(tmp_path):
     """A frame that shows something else stays without a camera, whatever is tried."""
     centers = np.insert(street(20), 9, [0, 90, 0], axis=0)
     mapping = mapped(*walked(tmp_path, centers), filmed(21), 10)
-    assert "those left out matched with all, placed 20 of 21" in mapping.mapper_reason
+    assert "those left out matched with more, placed 20 of 21" in mapping.mapper_reason
     assert mapping.registered == 20
+
+
+def test_a_capture_of_which_most_is_left_out_is_not_matched_all_with_all(tmp_path):
+    """Of 150 photographs of which 2 belong together, 11,000 pairs took a quarter of an hour."""
+    count = 60
+    elsewhere = np.column_stack([np.zeros(count), 90.0 + 9 * np.arange(count), np.zeros(count)])
+    centers = np.concatenate([street(6), elsewhere[6:]])
+    database, images = walked(tmp_path, centers)
+    mapping = mapped(database, images, named([f"{k**2}" for k in range(count)]), 10, 100)
+    with closing(pycolmap.Database.open(database)) as opened:
+        assert opened.num_matched_image_pairs() <= 3 * OVERLAP * count
+    assert mapping.registered == 6
+
+
+@pytest.mark.parametrize(("count", "times"), [(STRONGER_UP_TO, 1), (STRONGER_UP_TO + 1, 0)])
+def test_stronger_features_are_not_awaited_for_many_photographs(tmp_path, count, times):
+    elsewhere = np.column_stack([np.zeros(count), 90.0 + np.arange(count), np.zeros(count)])
+    database, images = walked(tmp_path, np.concatenate([street(6), elsewhere[6:]]))
+    described = []
+
+    def describe(other):
+        copyfile(database, other)
+        described.append(other)
+
+    names = named([f"{k**2}" for k in range(count)])
+    settings = 10, 100, OVERLAP, 0, silent
+    reconstruct(MappingTask(database, images, names, *settings, describe_stronger=describe))
+    assert len(described) == times
 
 
 def test_what_an_order_misplaces_is_found_by_its_looks(tmp_path):
