@@ -30,8 +30,8 @@ class Rung:
 def climbed(rungs: Sequence[Rung], photographs: int) -> SfmResult:
     """Returns the best mapping of the rungs up to the first that explains enough.
 
-    Its `mapper_reason` is one line: what each rung that was tried placed and explained. A rung after
-    which that is too little is a warning at once, since the next ones may take minutes.
+    Its `mapper_reason` is one line: what each rung that was tried placed and explained. Where that
+    is too little after a rung, it is a warning at once, since the next ones may take minutes.
 
     Raises:
         ValueError: No rung has anything to try.
