@@ -1,5 +1,6 @@
 """What every test runs in: a store of its own, and nothing left in Luigi from the test before."""
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -8,6 +9,11 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+
+from pipeline.execution.cpu_memory import openmp_wait_settings
+
+# Before torch is imported: beside any other busy thread, tests would take a hundred times as long.
+os.environ.update(openmp_wait_settings(os.environ))
 
 pytest_plugins = ["durations", "stability"]
 
