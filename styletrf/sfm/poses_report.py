@@ -1,8 +1,10 @@
 """What is said of camera poses: `poses.json`, its warnings, and what speaks against the poses."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from styletrf.colmap import pycolmap
 from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.mapping import SfmResult, is_explained
 from styletrf.sfm.reconstruction import PlacedPhotograph
@@ -18,8 +20,21 @@ BETTER_PHOTOGRAPHS = (
 
 
 @dataclass(frozen=True, slots=True)
+class FoundLens:
+    """A lens before undistortion, in COLMAP's terms, and how many photographs it took."""
+
+    camera_model: str
+    camera_params: tuple[float, ...]
+    width: int
+    height: int
+    photographs: int
+
+
+@dataclass(frozen=True, slots=True)
 class PosesReport:
     """What `poses.json` says; the lens is the first before undistortion, in pixels of `width`.
+
+    `lenses` are those of all placed photographs, the one that took most of them first.
 
     `flat_pairs` is the share of the pairs most of whose matches fit one homography. Where nearly
     all do, and nearly all points, too, the photographs tell no depth (`tells_depth`).
@@ -45,6 +60,7 @@ class PosesReport:
     lens_settings: int
     width: int
     height: int
+    lenses: tuple[FoundLens, ...]
     warnings: tuple[str, ...]
 
 
@@ -95,11 +111,24 @@ def poses_report(
         lens_settings=len(images.lenses),
         width=int(lens.width),
         height=int(lens.height),
+        lenses=_lenses(placed),
         warnings=(
             *_warnings(len(names), unregistered, pieces, error_share),
             *(() if is_given else _doubts(mapping, tells_depth=tells_depth)),
         ),
     )
+
+
+def _lenses(placed: Sequence[PlacedPhotograph]) -> tuple[FoundLens, ...]:
+    counts = Counter(
+        (str(one.lens.model_name), tuple(map(float, one.lens.params)), *_size(one.lens))
+        for one in placed
+    )
+    return tuple(FoundLens(*lens, count) for lens, count in counts.most_common())
+
+
+def _size(lens: pycolmap.Camera) -> tuple[int, int]:
+    return int(lens.width), int(lens.height)
 
 
 def _warnings(

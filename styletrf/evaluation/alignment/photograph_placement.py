@@ -6,9 +6,11 @@ images: it places blurred and dark photographs, too. A photograph counts as plac
 agrees with the render's nearly as well as that of photographs whose cameras are known.
 """
 
-from collections.abc import Iterator, Sequence
+import logging
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -35,6 +37,7 @@ from styletrf.geometry.cameras import Camera, fitted_to, moved
 from styletrf.geometry.undistortion import pinhole_for, undistorted_image
 from styletrf.scene.scene_model import SceneModel
 
+_LOGGER = logging.getLogger(__name__)
 LEAST_DETAIL = 0.5  # correlation with the render, below which a photograph is of something else
 LEAST_SHARE = 0.75  # of the way from a photograph beside another's render to it beside its own
 _STARTS = 4  # known cameras, those of the most similar photographs, from which the search begins
@@ -82,10 +85,11 @@ class PhotographPlacement:
 
 
 def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
-    """Yields the photographs without a camera as the first lens of the scene would show them.
+    """Yields the photographs without a camera, as a lens of the scene would show them.
 
-    Their cameras stand at the origin. Photographs of another shape than that lens's are left out:
-    nothing is known of theirs.
+    It is the lens that took most of the placed photographs of the same shape. Their cameras stand
+    at the origin. Where no lens has their shape, nothing is known of theirs: they are left out, and
+    a warning names them.
 
     Args:
         capture_dir: What `capture_photographs` wrote.
@@ -95,20 +99,28 @@ def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
     if not missing:
         return
     poses = read_summary(poses_dir / "poses.json")
-    lens = pycolmap.Camera(
-        model=poses["camera_model"],
-        width=poses["width"],
-        height=poses["height"],
-        params=poses["camera_params"],
-    )
+    lenses = [_lens(row) for row in poses.get("lenses", [poses])]  # earlier records have one
     for one in read_capture(capture_dir).photographs:
-        if one.name in missing:
-            image = read_photograph(capture_dir / "images" / one.file)
-            if _has_shape(image, lens.width, lens.height):
-                size = lens.width, lens.height
-                image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
-                camera = pinhole_for(lens, one.name, np.eye(3, 4))
-                yield camera, undistorted_image(image, lens, camera) / 255.0
+        if one.name not in missing:
+            continue
+        image = read_photograph(capture_dir / "images" / one.file)
+        lens = next((lens for lens in lenses if _has_shape(image, lens.width, lens.height)), None)
+        if lens is None:
+            _LOGGER.warning("%s was not placed: no lens has its shape", one.name)
+            continue
+        size = lens.width, lens.height
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+        camera = pinhole_for(lens, one.name, np.eye(3, 4))
+        yield camera, undistorted_image(image, lens, camera) / 255.0
+
+
+def _lens(row: Mapping[str, Any]) -> pycolmap.Camera:
+    return pycolmap.Camera(
+        model=row["camera_model"],
+        width=row["width"],
+        height=row["height"],
+        params=row["camera_params"],
+    )
 
 
 def training_views(poses_dir: Path, model: SceneModel) -> list[View]:

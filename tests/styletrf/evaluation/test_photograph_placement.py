@@ -42,7 +42,25 @@ def scene(tmp_path):
     return capture, poses
 
 
-def test_only_photographs_of_the_shape_of_the_lens_are_looked_for(scene):
+def test_photographs_of_another_size_are_looked_for_with_their_own_lens(scene):
+    """Only those of the first photograph's shape were looked for, and nothing said so."""
+    _, poses = scene
+    upright = LENS | {"camera_params": [75.0, 24.0, 32.0, 0.0], "width": 48, "height": 64}
+    lenses = [LENS | {"width": 64, "height": 48}, upright]
+    write_summary(poses / "poses.json", {"lenses": lenses})
+    found = {camera.name: camera for camera, _ in unplaced_photographs(*scene)}
+    assert {name: (c.width, c.height, round(c.fx)) for name, c in found.items()} == {
+        "lost": (64, 48, 70),
+        "tall": (48, 64, 75),
+    }
+
+
+def test_photographs_of_a_shape_that_no_lens_has_are_named(scene, caplog):
+    assert [camera.name for camera, _ in unplaced_photographs(*scene)] == ["lost"]
+    assert "tall" in caplog.text
+
+
+def test_photographs_are_looked_for_at_the_size_of_the_lens(scene):
     ((camera, image),) = unplaced_photographs(*scene)
     assert camera.name == "lost"
     assert image.shape == (48, 64, 3)
