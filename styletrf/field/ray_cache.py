@@ -116,8 +116,9 @@ class RayCache:
         span = slice(int(self.offsets[first]), int(self.offsets[last]))
         ray = torch.repeat_interleave(offsets.diff())
         weights = self.weights[span]
+        not_kept = torch.full_like(weights, torch.nan)  # where samples lie along their rays
         return RayBatch(
-            Samples(offsets, ray, weights, self.positions[span], weights),
+            Samples(offsets, ray, not_kept, self.positions[span], weights),
             self.view_directions[first:last],
             self.opacity[first:last],
             self.target[first:last],

@@ -101,15 +101,15 @@ class StylizedField(ConfigurableStage, StyleParameters):
         }
         if self.strategy == "s1":
             needed["poses"] = self.upstream(CameraPoses)
-        if self.loss != "pixels":
+        if self.resolved_match != "pixels":
             needed["style"] = self.upstream(StyleImage)
             needed["perceptual"] = self.upstream(PerceptualWeights)
-        if self.loss == "distributions":
+        if self.resolved_match == "distributions":
             needed["transfer"] = self.upstream(TransferWeights)
         return needed
 
     @property
-    def loss(self) -> str:
+    def resolved_match(self) -> str:
         """What the field is fitted to last: `match`, decided where it is `auto`.
 
         A loss of renders moves them to the painting and its colors, so it is not for priors with
@@ -130,7 +130,7 @@ class StylizedField(ConfigurableStage, StyleParameters):
         super().validate()
         if self.rounds < 1:
             raise InputError(f"--rounds {self.rounds}", "is below 1", "Give 1 or more")
-        if self.loss != "pixels" and self.strategy != "s3":
+        if self.resolved_match != "pixels" and self.strategy != "s3":
             subject = f"--match {self.match} --strategy {self.strategy}"
             problem = "do not go together: only s3 is matched to whole renders"
             raise InputError(subject, problem, "Leave one of them out")
@@ -140,20 +140,20 @@ class StylizedField(ConfigurableStage, StyleParameters):
         return {
             "settings": self.values(),
             "strategy": self.strategy,
-            "match": self.loss,
+            "match": self.resolved_match,
             **self._render_loss_factors(),
         }
 
     def _render_loss_factors(self) -> dict[str, list[float]]:
         """Returns the factors of a loss on whole renders; stylized pixels include them already."""
         factors = [self.stroke_scale, self.content_weight]
-        return {} if self.loss == "pixels" else {"factors": factors}
+        return {} if self.resolved_match == "pixels" else {"factors": factors}
 
     def values(self) -> dict[str, Any]:
         """Returns the settings; s1 and s2 fit as RadianceField does here (`fit.iterations`)."""
         fit = settings_for("RadianceField", self.quality) if self.strategy != "s3" else {}
         values = {f"fit.{name}": value for name, value in fit.items()} | super().values()
-        if self.loss == "pixels":  # nothing follows that sharpens the renders
+        if self.resolved_match == "pixels":  # nothing follows that sharpens the renders
             values = {"weight_power.sharpness": _SHARP_ENOUGH} | values
         return values
 
@@ -162,7 +162,7 @@ class StylizedField(ConfigurableStage, StyleParameters):
         from styletrf.steps.stylized_field import stylize_field
 
         factors = (self.stroke_scale, self.content_weight)
-        strategy, match = cast("Any", self.strategy), cast("Any", self.loss)
+        strategy, match = cast("Any", self.strategy), cast("Any", self.resolved_match)
         stylize_field(
             inputs, out, self.values(), factors, strategy, match, self.device, run.progress
         )

@@ -282,7 +282,7 @@ BY_VALUE = {
     "tasks.stages.stage:ConfigurableStage.values",
     "tasks.stages.stage:_thawed",
     "tasks.stages.style:StyleNetwork.values",
-    "tasks.stages.stylization:StylizedField.loss",
+    "tasks.stages.stylization:StylizedField.resolved_match",
     "tasks.stages.stylization:StylizedField.values",
     "tasks.stages.stage:Stage.upstream",
     "tasks.stages.style:StyleNetwork.identity_parameters",

@@ -32,7 +32,7 @@ def test_a_control_changes_the_stages_it_is_about(name):
 
 
 @pytest.mark.parametrize(
-    ("words", "loss"),
+    ("words", "match"),
     [
         ({}, "distributions"),
         ({"quality": "standard"}, "distributions"),
@@ -46,11 +46,11 @@ def test_a_control_changes_the_stages_it_is_about(name):
         ({"match": "pixels"}, "pixels"),
     ],
 )
-def test_renders_are_matched_where_the_painting_and_its_colors_are_wanted(words, loss):
+def test_renders_are_matched_where_the_painting_and_its_colors_are_wanted(words, match):
     stage = tasks.StylizedField(**{**WORDS, **words})
-    assert stage.loss == loss
-    assert ("transfer" in stage.requires()) == (loss == "distributions")
-    assert ("perceptual" in stage.requires()) == (loss != "pixels")
+    assert stage.resolved_match == match
+    assert ("transfer" in stage.requires()) == (match == "distributions")
+    assert ("perceptual" in stage.requires()) == (match != "pixels")
 
 
 def test_renders_that_nothing_sharpens_need_the_sharper_weights():
