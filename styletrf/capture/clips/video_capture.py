@@ -4,7 +4,6 @@ See `frame_choice`. Several clips share the frames by the length of the way that
 """
 
 import hashlib
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -25,6 +24,7 @@ from styletrf.capture.panorama.panoramas import (
     require_all_directions,
     show_panoramas,
 )
+from styletrf.capture.photograph_names import distinct
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.errors import InputError
 from styletrf.files.images import write_png
@@ -152,9 +152,9 @@ def _prefixes(videos: Sequence[Path]) -> list[str]:
     """Returns what goes before the numbers of each clip's frames: nothing where there is one."""
     if len(videos) == 1:
         return [""]
-    times = Counter(video.stem.casefold() for video in videos)
-    unique = max(times.values()) == 1
-    return [f"{video.stem if unique else video.name.replace('.', '_')}_" for video in videos]
+    stems = [video.stem for video in videos]
+    names = [video.name.replace(".", "_") for video in videos]
+    return [f"{name}_" for name in (distinct(names) if distinct(stems) != stems else stems)]
 
 
 def _warnings(

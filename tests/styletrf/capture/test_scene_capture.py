@@ -167,3 +167,14 @@ def test_what_is_no_mask_of_its_photograph_is_refused(folder, tmp_path, mask, pr
     with pytest.raises(InputError, match=problem):
         capture_photographs(folder, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_every_photograph_is_kept_whatever_its_folder_is_called(folder, tmp_path):
+    for index, name in enumerate(["a/1_1.jpg", "a_1/1.jpg", "b/1.jpg"]):
+        (folder / name).parent.mkdir()
+        (folder / name).write_bytes(photograph(20 + index))
+    capture = capture_photographs(folder, tmp_path / "out")
+    assert len([*(tmp_path / "out/images").iterdir()]) == len(capture.photographs) == 6
+    for one in capture.photographs:
+        data = (tmp_path / "out/images" / one.file).read_bytes()
+        assert hashlib.sha256(data).hexdigest() == one.sha256

@@ -62,8 +62,9 @@ def test_several_clips_are_one_scene_and_each_frame_knows_its_clip(walk, tmp_pat
     assert order == sorted(order)
 
 
-def test_clips_of_one_name_and_several_formats_keep_their_frames_apart(walk, tmp_path):
-    clips = [tmp_path / "a.mp4", tmp_path / "a.webm"]
+@pytest.mark.parametrize("names", [("a.mp4", "a.webm"), ("a.b.mp4", "a_b.mp4", "A_B.webm")])
+def test_clips_of_almost_one_name_keep_their_frames_apart(walk, tmp_path, names):
+    clips = [tmp_path / name for name in names]
     for clip in clips:
         write_video(clip, walk, 12)
     photographs = capture_videos(clips, tmp_path / "out", 8).photographs
