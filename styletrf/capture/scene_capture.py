@@ -12,7 +12,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from styletrf.capture.capture_file import Capture, Photograph, write_capture
-from styletrf.capture.masks import MASKS, find_masks, require_mask_of
+from styletrf.capture.mask_files import FoundMasks, find_masks
+from styletrf.capture.masks import MASKS, require_mask_of
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
 from styletrf.capture.panorama.panoramas import Choice, find_panoramas
@@ -27,6 +28,7 @@ from styletrf.capture.photographs import (
     PHOTOGRAPH_SUFFIXES,
     list_photographs,
     natural_order,
+    photographs_below,
     read_photograph,
 )
 from styletrf.capture.poses.given_poses import (
@@ -71,11 +73,11 @@ def capture_photographs(
     """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
 
     `out_dir` receives `images/<file>`, `masks/<name>.png` of those that have one (see
-    `styletrf.capture.masks`), and, last, `capture.json` (see `read_capture`). A photograph's `name`
-    is that of `styletrf.capture.photograph_names`. What is odd about them is logged as a warning,
-    too. With poses that are `given`, their photographs alone are taken, and `given_poses.json` is
-    written; their lenses are given, too, so that none is looked at as a panorama. Other panoramas
-    are replaced by views cut from them.
+    `styletrf.capture.mask_files`), and, last, `capture.json` (see `read_capture`). A photograph's
+    `name` is that of `styletrf.capture.photograph_names`. What is odd about them is logged as a
+    warning, too. With poses that are `given`, their photographs alone are taken, and
+    `given_poses.json` is written; their lenses are given, too, so that none is looked at as a
+    panorama. Other panoramas are replaced by views cut from them.
 
     Raises:
         InputError: One for all that is wrong: too few photographs, or fewer than half of them
@@ -83,12 +85,13 @@ def capture_photographs(
             leave out by such a name. Nothing is written then.
     """
     _require_one_lens_source(folder, given, panoramas)
-    files = [view.file for view in given.views] if given else list_photographs(folder)
-    files = _without(files, leave_out)
+    taken = [view.file for view in given.views] if given else list_photographs(folder)
+    files = _without(taken, leave_out)
     examined, problems = _examined(files, progress)
     photographs = list(examined.values())
     _require_enough(folder, len(photographs), len(files), problems)
-    masks = find_masks(folder, files)
+    found = find_masks(folder, list(dict.fromkeys([*taken, *photographs_below(folder)])))
+    masks = found.by_photograph
     for file in masks.keys() & examined.keys():
         require_mask_of(masks[file], examined[file].width, examined[file].height)
     sizes = {file: (one.width, one.height) for file, one in examined.items()}
@@ -96,6 +99,7 @@ def capture_photographs(
     require_own_names(examined, cut)
     kept = _stored(examined, masks, cut, out_dir)
     warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder, photographs)
+    warnings += _warnings_of_masks(folder, found)
     if cut:
         of_them = f"{len(cut)} of {len(photographs)} photographs"
         warnings.append(f"{of_them} are panoramas: {len(DIRECTIONS)} views are cut from each")
@@ -201,6 +205,11 @@ def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
     if foreign:
         warnings.append(f"passed over, to be converted first: {_listed(foreign)}")
     return warnings
+
+
+def _warnings_of_masks(folder: Path, found: FoundMasks) -> list[str]:
+    names = [str(mask.relative_to(folder.parent)) for mask in found.unused]
+    return [f"masks that fit no photograph (docs/captures.md): {_listed(names)}"] if names else []
 
 
 def _warnings_of_poses(folder: Path, given: GivenPoses) -> list[str]:

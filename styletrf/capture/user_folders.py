@@ -8,7 +8,7 @@ from collections.abc import Iterable, Set
 from pathlib import Path
 
 from styletrf.capture.known_scenes import download_instructions
-from styletrf.capture.masks import find_masks
+from styletrf.capture.mask_files import mask_files
 from styletrf.capture.photographs import (
     PHOTOGRAPH_SUFFIXES,
     VIDEO_SUFFIXES,
@@ -94,8 +94,7 @@ def scene_files(found: Path) -> list[Path]:
     if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
         images = sorted(_of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES))
         return list(dict.fromkeys([*images, *transforms_photographs(folder), *poses]))
-    files = list_photographs(found)
-    return [*files, *find_masks(found, files).values(), *poses]
+    return [*list_photographs(found), *mask_files(found), *poses]
 
 
 def find_style(data_root: Path, name: str) -> Path:

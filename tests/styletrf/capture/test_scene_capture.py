@@ -178,3 +178,17 @@ def test_every_photograph_is_kept_whatever_its_folder_is_called(folder, tmp_path
     for one in capture.photographs:
         data = (tmp_path / "out/images" / one.file).read_bytes()
         assert hashlib.sha256(data).hexdigest() == one.sha256
+
+
+def test_masks_that_fit_no_photograph_are_named_and_those_of_photographs_left_out_are_not(
+    folder, tmp_path
+):
+    """A mask with a name that missed was ignored, and nothing said so."""
+    (folder / "view 2.jpg").write_bytes(photograph(2))
+    for name in ("VIEW 1.png", "view 2.png", "walk/view 9.jpeg"):
+        mask = tmp_path / "masks" / name
+        mask.parent.mkdir(parents=True, exist_ok=True)
+        mask.write_bytes(encoded(np.full((16, 24), 255, np.uint8), ".png"))
+    (warning,) = capture_photographs(folder, tmp_path / "out", leave_out=["view 2"]).warnings
+    assert "masks/VIEW 1.png, masks/walk/view 9.jpeg" in warning
+    assert "view 2" not in warning

@@ -82,6 +82,15 @@ def test_the_videos_of_a_folder_are_one_scene(data, place):
     assert scene_videos(found) == []
 
 
+def test_all_masks_are_files_of_a_scene_so_that_one_renamed_is_looked_at_again(data):
+    photographs = [data / "scenes/garden9/images" / f"{name}.jpg" for name in "abc"]
+    masks = [data / "scenes/garden9/masks" / name for name in ("a.png", "misspelled.png")]
+    masks[0].parent.mkdir()
+    for file in [*photographs, *masks]:
+        file.touch()
+    assert scene_files(data / "scenes/garden9/images") == [*photographs, *masks]
+
+
 def test_a_video_beside_photographs_is_passed_over(data):
     for name in ("empty/a.mov", "empty/1.jpg"):
         (data / "scenes" / name).touch()
