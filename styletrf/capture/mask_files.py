@@ -15,6 +15,7 @@ from styletrf.capture.masks import MASKS
 from styletrf.capture.photographs import (
     PHOTOGRAPH_SUFFIXES,
     is_of_scene,
+    path_below,
     require_readable_name,
 )
 
@@ -41,7 +42,7 @@ def find_masks(photographs: Path, files: Sequence[Path]) -> FoundMasks:
     """
     masks = mask_files(photographs)
     masked = {mask: name for mask, place in masks.items() if (name := _masked(place))}
-    names = {file: _mask_names(_place(photographs, file)) for file in files}
+    names = {file: _mask_names(path_below(photographs, file)) for file in files}
     found = _in_own_folders(masked, names)
     left = {mask: name for mask, name in masked.items() if mask not in found.values()}
     found = _in_other_folders(left, names) | found
@@ -113,11 +114,6 @@ def _only_ones(pairs: Iterable[tuple[str, Path]]) -> dict[str, Path]:
     named = set(pairs)
     times = Counter(name for name, _ in named)
     return {name: file for name, file in named if times[name] == 1}
-
-
-def _place(photographs: Path, file: Path) -> Path:
-    """Returns the path of a photograph below the folder of all."""
-    return file.relative_to(photographs) if file.is_relative_to(photographs) else Path(file.name)
 
 
 def _mask_names(place: Path) -> list[Path]:

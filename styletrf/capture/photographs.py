@@ -82,6 +82,11 @@ def _files_below(folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*") if path.is_file() and is_of_scene(path, folder)]
 
 
+def path_below(folder: Path, file: Path) -> Path:
+    """Returns the path of a photograph below the folder of all; its name if it is elsewhere."""
+    return file.relative_to(folder) if file.is_relative_to(folder) else Path(file.name)
+
+
 def is_of_scene(path: Path, folder: Path) -> bool:
     """Returns whether a file below the folder is neither hidden nor in a folder of other images."""
     *folders, name = path.relative_to(folder).parts

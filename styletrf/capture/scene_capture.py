@@ -8,10 +8,10 @@ import shutil
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 from styletrf.capture.capture_file import Capture, Photograph, write_capture
+from styletrf.capture.left_out import without
 from styletrf.capture.mask_files import FoundMasks, find_masks
 from styletrf.capture.masks import MASKS, require_mask_of
 from styletrf.capture.panorama.panorama_capture import cut_photographs
@@ -52,7 +52,8 @@ class CaptureConfig:
 
     Args:
         video_frames: Of the videos of a scene together, at most so many frames.
-        leave_out: Names of photographs, or patterns such as `IMG_00*`, that are not taken.
+        leave_out: Names, paths or patterns such as `IMG_00*` of photographs that are not taken, and
+            of frames of videos; see `styletrf.capture.left_out`.
         panoramas: Whether photographs and videos are equirectangular, of all directions, and cut
             into views; `auto` decides from what they say and show.
     """
@@ -86,7 +87,7 @@ def capture_photographs(
     """
     _require_one_lens_source(folder, given, panoramas)
     taken = [view.file for view in given.views] if given else list_photographs(folder)
-    files = _without(taken, leave_out)
+    files = without(folder, taken, leave_out)
     examined, problems = _examined(files, progress)
     photographs = list(examined.values())
     _require_enough(folder, len(photographs), len(files), problems)
@@ -148,23 +149,6 @@ def _stored(
         if file in masks:
             shutil.copyfile(masks[file], out_dir / MASKS / f"{photograph.name}.png")
     return kept
-
-
-def _without(files: Sequence[Path], patterns: Sequence[str]) -> list[Path]:
-    """Returns the files whose names no pattern matches, with or without the suffix.
-
-    Raises:
-        InputError: A pattern matches none.
-    """
-    for pattern in patterns:
-        if not any(_matches(file, pattern) for file in files):
-            problem = "is to be left out, and no photograph has such a name"
-            raise InputError(f"leave_out {pattern!r}", problem, "Check the name")
-    return [file for file in files if not any(_matches(file, pattern) for pattern in patterns)]
-
-
-def _matches(file: Path, pattern: str) -> bool:
-    return fnmatchcase(file.name, pattern) or fnmatchcase(file.stem, pattern)
 
 
 def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:

@@ -143,6 +143,12 @@ def test_frames_of_a_panoramic_clip_are_cut(said, tmp_path):
     assert any("all directions" in warning for warning in capture.warnings)
 
 
+def test_a_frame_that_is_a_panorama_is_left_out_whole(tmp_path):
+    write_video(tmp_path / "walk.mp4", filmed(24), 12)
+    capture = capture_videos([tmp_path / "walk.mp4"], tmp_path / "out", 20, leave_out=["0002"])
+    assert {one.panorama for one in capture.photographs} == {"0001", "0003", "0004"}
+
+
 def test_a_clip_is_filmed_as_the_setting_says(tmp_path):
     write_video(tmp_path / "walk.mp4", filmed(24), 12)
     capture = capture_videos([tmp_path / "walk.mp4"], tmp_path / "a", 6, panoramas="no")

@@ -11,6 +11,8 @@ from styletrf.errors import InputError
 from styletrf.files.images import read_rgb
 from styletrf.files.video import timed_frames, video_frames, write_video
 from styletrf.geometry.cameras import Camera
+from styletrf.progress import silent
+from styletrf.steps.scene_capture import capture_scene
 from styletrf.synthetic.courtyard.capture import CourtyardConfig, render_view
 from styletrf.synthetic.courtyard.paths import _looking_at
 
@@ -60,6 +62,37 @@ def test_several_clips_are_one_scene_and_each_frame_knows_its_clip(walk, tmp_pat
     assert {"a_0001", "b_0001"} <= set(names)
     order = [(photograph.clip, photograph.time_s) for photograph in capture.photographs]
     assert order == sorted(order)
+
+
+def test_frames_are_left_out_by_their_names_and_the_others_stay_as_they_are(walk, tmp_path):
+    """The setting was ignored for videos."""
+    write_video(tmp_path / "walk.mp4", walk, 12)
+    every = capture_videos([tmp_path / "walk.mp4"], tmp_path / "every", 8).photographs
+    leave_out = ["0002", "0005.png", "*8"]
+    few = capture_videos([tmp_path / "walk.mp4"], tmp_path / "few", 8, leave_out=leave_out)
+    assert few.photographs == tuple(every[k] for k in (0, 2, 3, 5, 6))
+    assert {path.stem for path in (tmp_path / "few/images").iterdir()} == {
+        photograph.name for photograph in few.photographs
+    }
+    assert few.warnings == ()
+
+
+def test_the_setting_of_a_scene_leaves_out_frames_of_its_video(walk, tmp_path):
+    (tmp_path / "scenes").mkdir()
+    write_video(tmp_path / "scenes/walk.mp4", walk, 12)
+    (tmp_path / "out").mkdir()
+    settings = {"video_frames": 5, "leave_out": ["0002"]}
+    capture_scene(tmp_path, "walk", tmp_path / "out", settings, silent)
+    names = [photograph.name for photograph in read_capture(tmp_path / "out").photographs]
+    assert names == ["0001", "0003", "0004", "0005"]
+
+
+@pytest.mark.parametrize("leave_out", [["0009"], ["*"]])
+def test_frames_that_are_not_there_or_all_frames_cannot_be_left_out(walk, tmp_path, leave_out):
+    write_video(tmp_path / "walk.mp4", walk, 12)
+    with pytest.raises(InputError):
+        capture_videos([tmp_path / "walk.mp4"], tmp_path / "out", 8, leave_out=leave_out)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("names", [("a.mp4", "a.webm"), ("a.b.mp4", "a_b.mp4", "A_B.webm")])
