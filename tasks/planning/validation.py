@@ -36,7 +36,7 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
 
     Raises:
         InputError: A budget or a combination of parameters is invalid.
-        SystemExit: A setting or the device is invalid.
+        SystemExit: A setting, the device or a video is invalid, or they could not be checked.
     """
     stages = graph(root)
     sources_of(root)  # once, before workers are forked
@@ -136,9 +136,24 @@ def _require_path(file: str, scene: str) -> None:
     require_photographs(keys, [p.stem for p in photographs] + [p.name for p in photographs])
 
 
+def _require_videos(scene: str) -> None:
+    """Rejects a video of which no frame can be decoded."""
+    from styletrf.capture.user_folders import find_scene, scene_videos
+    from styletrf.files.video import first_frame
+
+    videos = list[Path]()
+    with suppress(InputError):  # which the scene's own stage reports
+        videos = scene_videos(find_scene(data_root(), scene))
+    for video in videos:
+        first_frame(video)
+
+
 def _validation_error(request: dict[str, Any]) -> str:
-    """Returns the error that another process finds; "" if there is none."""
-    return answer_of("tasks.planning.validation:main", json.dumps(request)).strip()
+    """Returns the error that another process finds, or that it failed; "" if there is none."""
+    try:
+        return answer_of("tasks.planning.validation:main", json.dumps(request)).strip()
+    except RuntimeError as error:
+        return f"The command could not be checked: {error}. What it wrote above may say why."
 
 
 def _check(request: dict[str, Any]) -> None:
@@ -159,6 +174,8 @@ def _check(request: dict[str, Any]) -> None:
             subject = f"settings of {family}, {error.subject}"
             raise InputError(subject, error.problem, error.remedy) from error
     demands = [Demand(**demand) for demand in request["memory"]]
+    for scene in {demand.scene for demand in demands}:
+        _require_videos(scene)
     scenes = {demand.scene: photographs_of(demand.scene, demand.video_frames) for demand in demands}
     known = {scene: found for scene, found in scenes.items() if found}
     require_memory(demands, available_memory_bytes(), known)

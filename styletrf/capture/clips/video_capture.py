@@ -29,7 +29,14 @@ from styletrf.capture.photograph_names import distinct
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.errors import InputError
 from styletrf.files.images import write_png
-from styletrf.files.video import Frame, TimedFrame, declared_duration_s, timed_frames, video_info
+from styletrf.files.video import (
+    Frame,
+    TimedFrame,
+    declared_duration_s,
+    first_frame,
+    timed_frames,
+    video_info,
+)
 from styletrf.progress import Progress, silent
 
 _LOOKED_AT, _EVERY = 10, 30  # frames that tell whether a clip is of panoramas
@@ -54,9 +61,8 @@ def capture_videos(
         InputError: A file is no video, the pictures keep still, there are fewer than three frames
             to choose from or left, or nothing to leave out by such a name.
     """
-    motions = [frame_motion(_followed(video, progress)) for video in videos]
-    _require_frames(videos, motions)
     cut = {video for video in videos if _is_panorama(video, panoramas)}
+    motions = [frame_motion(_followed(video, progress)) for video in videos]
     count = count // len(DIRECTIONS) if cut else count
     chosen = _chosen_of_each(motions, count)
     total = sum(len(frames) for frames in chosen)
@@ -88,12 +94,6 @@ def _require_enough(videos: Sequence[Path], total: int, remedy: str) -> None:
         raise InputError(subject, problem, remedy)
 
 
-def _require_frames(videos: Sequence[Path], motions: Sequence[FrameMotion]) -> None:
-    for video, motion in zip(videos, motions, strict=True):
-        if len(motion.time_s) == 0:
-            raise InputError(str(video), "holds no frame that can be decoded", "Copy it again")
-
-
 def _followed(video: Path, progress: Progress) -> Iterator[TimedFrame]:
     total = video_info(video).frames
     for done, frame in enumerate(timed_frames(video)):
@@ -115,9 +115,10 @@ def _is_panorama(video: Path, choice: Choice) -> bool:
     """Returns whether a clip is one of panoramas, as its metadata say or its frames show.
 
     Raises:
-        InputError: It should be one, and its frames do not show all directions.
+        InputError: It should be one, and its frames do not show all directions; or no frame can be
+            decoded.
     """
-    first = next(timed_frames(video))
+    first = first_frame(video)
     height, width = first.pixels.shape[:2]
     if choice == "yes" or (choice == "auto" and first.is_equirectangular):
         require_all_directions(video.name, width, height)

@@ -130,6 +130,18 @@ def test_a_file_cut_short_before_three_frames_is_refused(walk, tmp_path):
         capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 5)
 
 
+def test_a_clip_that_cannot_be_decoded_is_refused_before_the_others_are_followed(walk, tmp_path):
+    for name in ("a.mp4", "b.mp4"):
+        write_video(tmp_path / name, walk, 12)
+    content = (tmp_path / "b.mp4").read_bytes()
+    (tmp_path / "b.mp4").write_bytes(content[: content.index(b"mdat") + 100])
+    clips, steps = [tmp_path / "a.mp4", tmp_path / "b.mp4"], []
+    with pytest.raises(InputError) as refusal:
+        capture_videos(clips, tmp_path / "out", 8, lambda done, total: steps.append(done))
+    assert refusal.value.subject == str(tmp_path / "b.mp4")
+    assert steps == []
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_video_of_one_or_two_frames_is_refused(walk, tmp_path, count):
     write_video(tmp_path / "a.mp4", walk[: 12 * count : 12], 12)

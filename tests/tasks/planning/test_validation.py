@@ -2,12 +2,15 @@
 
 import shutil
 
+import numpy as np
 import pytest
 from command_output import CELL, said
 from luigi.cmdline_parser import CmdlineParser
 
 from styletrf.errors import InputError
+from styletrf.files.video import write_video
 from tasks.command_line import begin
+from tasks.planning import validation
 from tasks.planning.validation import LEAST_ROOM_BYTES, require_room
 
 
@@ -91,6 +94,35 @@ def test_a_cell_of_a_grid_is_looked_at():
 def test_the_settings_of_the_task_itself_are_looked_at():
     words = "StylizedField", *CELL, "--settings", '{"adaptation.batch": 0.5}'
     assert "settings of StylizedField, setting 'adaptation.batch'" in refusal(*words)
+
+
+def test_a_video_that_cannot_be_decoded_is_refused_before_the_first_stage(
+    photographs, tmp_path, monkeypatch
+):
+    data = shutil.copytree(photographs, tmp_path / "data")
+    for name in ("a.mp4", "b.mp4"):
+        (data / "scenes" / "walk").mkdir(exist_ok=True)
+        write_video(data / "scenes" / "walk" / name, np.zeros((3, 16, 16, 3), np.uint8), 12)
+    undecodable = data / "scenes" / "walk" / "b.mp4"
+    content = undecodable.read_bytes()
+    undecodable.write_bytes(content[: content.index(b"mdat") + 50])
+    monkeypatch.setenv("STYLETRF_DATA", str(data))
+    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
+    line = refusal("StylizedTrajectory", "--scene", "walk", "--style", "p")
+    assert line.startswith(str(undecodable))
+    assert "\n" not in line
+
+
+@pytest.mark.usefixtures("out")
+def test_a_validation_that_dies_ends_the_command(monkeypatch):
+    """The command began as if nothing were wrong, its memory unchecked."""
+
+    def died(function, question):
+        raise RuntimeError(f"{function} ended with status 1")
+
+    monkeypatch.setattr(validation, "answer_of", died)
+    assert "status 1" in (line := refusal("StylizedTrajectory", *CELL))
+    assert "\n" not in line
 
 
 def test_full_disk_is_refused_before_the_first_stage(tmp_path, monkeypatch):
