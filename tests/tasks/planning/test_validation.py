@@ -1,5 +1,6 @@
 """A command reports mistakes in its words before its first stage."""
 
+import json
 import shutil
 
 import numpy as np
@@ -82,6 +83,44 @@ def test_a_path_in_a_file_is_read_before_the_first_stage(tmp_path, text, problem
     line = refusal("StylizedTrajectory", *CELL, "--path", str(file))
     assert line.startswith(f"{file}: {problem}")
     assert "\n" not in line
+
+
+@pytest.fixture
+def two_folders(photographs, tmp_path, monkeypatch):
+    """A scene whose photographs have the names `a_a` to `a_h` and `b_a` to `b_h`, with masks."""
+    scene = tmp_path / "data" / "scenes" / "mini"
+    shutil.copytree(photographs / "styles", tmp_path / "data" / "styles")
+    for folder in "ab":
+        shutil.copytree(photographs / "scenes" / "mini" / "images", scene / "images" / folder)
+    shutil.copytree(scene / "images" / "a", scene / "masks")
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
+
+
+def begun_along(file, *photographs: str) -> str:
+    """What ends a command along key frames at photographs before its first stage; "" if nothing."""
+    file.write_text(json.dumps({"key_frames": [{"photograph": name} for name in photographs]}))
+    words = ["StylizedTrajectory", *CELL, "--path", str(file), "--content", "embedded"]
+    settings = ["--SceneCapture-settings", '{"leave_out": ["a/c"]}']
+    with CmdlineParser.global_instance([*words, *settings]) as parser:
+        try:
+            begin(parser.get_task_obj())
+        except SystemExit as refused:
+            return str(refused)
+    return ""
+
+
+@pytest.mark.usefixtures("two_folders")
+def test_key_frames_have_the_names_that_the_capture_gives(tmp_path):
+    """They were compared with the stems of files, of masks, too."""
+    assert begun_along(tmp_path / "p.json", "a_a", "b_a.png", "b_c") == ""
+
+
+@pytest.mark.parametrize("name", ["a", "a.png", "a_c"])
+@pytest.mark.usefixtures("two_folders")
+def test_a_name_that_no_photograph_has_in_the_capture_is_refused(tmp_path, name):
+    line = begun_along(tmp_path / "p.json", "a_a", name)
+    assert line.startswith(f"{tmp_path / 'p.json'}: key_frames[1].photograph is '{name}'")
 
 
 @pytest.mark.usefixtures("out")
