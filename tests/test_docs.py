@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from styletrf.files.video import video_info
+from styletrf.trajectory.support_config import SupportConfig
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "benchmarks/README.md"])
@@ -33,6 +34,16 @@ def test_every_decision_is_in_their_table():
     table = (ROOT / "docs/decisions/README.md").read_text(encoding="utf-8")
     decisions = sorted((ROOT / "docs/decisions").glob("0*.md"))
     assert [path.name for path in decisions if f"({path.name})" not in table] == []
+
+
+def test_the_limits_of_support_are_those_of_the_code():
+    """Stills were said to be made from 2 % on, which is the limit of another row."""
+    text = (ROOT / "docs/paths.md").read_text(encoding="utf-8")
+    config = SupportConfig()
+    (stills,) = re.findall(r"unsupported pixels is (\d+) % or more", text)
+    (narrowed,) = re.findall(r"stays below (\d+) %", text)
+    assert int(stills) == round(100 * config.least_for_stills)
+    assert int(narrowed) == round(100 * config.most_unsupported)
 
 
 @pytest.mark.slow

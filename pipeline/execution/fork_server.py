@@ -146,7 +146,7 @@ def answer_of(function: str, question: str) -> str:
         question: The text.
 
     Raises:
-        RuntimeError: The process was killed.
+        RuntimeError: The process was killed, or the function failed.
     """
     (stdin, asking), (hearing, stdout) = os.pipe(), os.pipe()
     with os.fdopen(asking, "w") as questions, os.fdopen(hearing) as answers:
@@ -159,8 +159,9 @@ def answer_of(function: str, question: str) -> str:
             questions.write(question)
             questions.close()
         answer = answers.read()
-        if process.wait() < 0:
-            raise RuntimeError(f"{function} was killed before it answered")
+        if status := process.wait():
+            ended = f"failed with status {status}" if status > 0 else "was killed"
+            raise RuntimeError(f"{function} {ended} before it answered")
     return answer
 
 

@@ -1,10 +1,8 @@
 """Masks of photographs: which of their pixels count, where people walk through or a hand holds.
 
-A mask is a PNG as large as its upright photograph, black where the photograph does not count. That
-of `images/walk/1.jpg` is `masks/walk/1.png` or `masks/walk/1.jpg.png`, beside `images` or in it.
+A mask is a PNG as large as its upright photograph, black where the photograph does not count.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,26 +12,6 @@ from styletrf.capture.photographs import read_photograph
 from styletrf.errors import InputError
 
 MASKS = "masks"
-
-
-def find_masks(photographs: Path, files: Sequence[Path]) -> dict[Path, Path]:
-    """Returns the masks that there are, by their photographs.
-
-    Args:
-        photographs: The folder of the photographs.
-        files: The photographs in it.
-    """
-    folders = [photographs.parent / MASKS, photographs / MASKS]
-    found = {}
-    for file in files:
-        name = (
-            file.relative_to(photographs) if file.is_relative_to(photographs) else Path(file.name)
-        )
-        names = [name.with_suffix(".png"), name.with_name(f"{name.name}.png")]
-        masks = [mask for folder in folders for n in names if (mask := folder / n).is_file()]
-        if masks:
-            found[file] = masks[0]
-    return found
 
 
 def read_mask(path: Path) -> Bool[np.ndarray, "height width"]:

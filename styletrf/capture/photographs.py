@@ -63,16 +63,31 @@ def list_photographs(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise InputError(str(folder), "there is no such folder", "Put the photographs there")
-    files = [path for path in folder.rglob("*") if path.is_file() and _counts(path, folder)]
-    photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    photographs = photographs_below(folder)
     if len(photographs) < FEWEST_PHOTOGRAPHS:
-        raise InputError(str(folder), _too_few(len(photographs), files), _MORE_PHOTOGRAPHS)
+        problem = _too_few(len(photographs), _files_below(folder))
+        raise InputError(str(folder), problem, _MORE_PHOTOGRAPHS)
     for path in photographs:
         require_readable_name(path.name)
-    return sorted(photographs, key=lambda path: natural_order(str(path.relative_to(folder))))
+    return photographs
 
 
-def _counts(path: Path, folder: Path) -> bool:
+def photographs_below(folder: Path) -> list[Path]:
+    """Returns what `list_photographs` does, of however few photographs."""
+    found = [path for path in _files_below(folder) if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    return sorted(found, key=lambda path: natural_order(str(path.relative_to(folder))))
+
+
+def _files_below(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file() and is_of_scene(path, folder)]
+
+
+def path_below(folder: Path, file: Path) -> Path:
+    """Returns the path of a photograph below the folder of all; its name if it is elsewhere."""
+    return file.relative_to(folder) if file.is_relative_to(folder) else Path(file.name)
+
+
+def is_of_scene(path: Path, folder: Path) -> bool:
     """Returns whether a file below the folder is neither hidden nor in a folder of other images."""
     *folders, name = path.relative_to(folder).parts
     return not any(part[0] == "." for part in [*folders, name]) and not any(

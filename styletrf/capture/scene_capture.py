@@ -4,25 +4,31 @@ A photograph that is damaged is left out with a warning while enough of them are
 """
 
 import hashlib
-import os
 import shutil
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 from styletrf.capture.capture_file import Capture, Photograph, write_capture
-from styletrf.capture.masks import MASKS, find_masks, require_mask_of
+from styletrf.capture.left_out import without
+from styletrf.capture.mask_files import FoundMasks, find_masks
+from styletrf.capture.masks import MASKS, require_mask_of
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
 from styletrf.capture.panorama.panoramas import Choice, find_panoramas
+from styletrf.capture.photograph_names import (
+    photograph_names,
+    require_own_names,
+    stored_files,
+)
 from styletrf.capture.photographs import (
     CAMERA_SUFFIXES,
     FEWEST_PHOTOGRAPHS,
     PHOTOGRAPH_SUFFIXES,
     list_photographs,
     natural_order,
+    photographs_below,
     read_photograph,
 )
 from styletrf.capture.poses.given_poses import (
@@ -46,7 +52,8 @@ class CaptureConfig:
 
     Args:
         video_frames: Of the videos of a scene together, at most so many frames.
-        leave_out: Names of photographs, or patterns such as `IMG_00*`, that are not taken.
+        leave_out: Names, paths or patterns such as `IMG_00*` of photographs that are not taken, and
+            of frames of videos; see `styletrf.capture.left_out`.
         panoramas: Whether photographs and videos are equirectangular, of all directions, and cut
             into views; `auto` decides from what they say and show.
     """
@@ -67,31 +74,33 @@ def capture_photographs(
     """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
 
     `out_dir` receives `images/<file>`, `masks/<name>.png` of those that have one (see
-    `styletrf.capture.masks`), and, last, `capture.json` (see `read_capture`). A
-    photograph's `name` is its file name without the suffix, or with it where any two would clash.
-    What is odd about them is logged as a warning, too. With poses that are `given`, their
-    photographs alone are taken, and `given_poses.json` is written; their lenses are given, too, so
-    that none is looked at as a panorama. Other panoramas are replaced by views cut from them.
+    `styletrf.capture.mask_files`), and, last, `capture.json` (see `read_capture`). A photograph's
+    `name` is that of `styletrf.capture.photograph_names`. What is odd about them is logged as a
+    warning, too. With poses that are `given`, their photographs alone are taken, and
+    `given_poses.json` is written; their lenses are given, too, so that none is looked at as a
+    panorama. Other panoramas are replaced by views cut from them.
 
     Raises:
         InputError: One for all that is wrong: too few photographs, or fewer than half of them
-            that can be read, a mask that is none, or nothing to leave out by such a name. Nothing
-            is written then.
+            that can be read, a mask that is none, one named as a view of a panorama, or nothing to
+            leave out by such a name. Nothing is written then.
     """
     _require_one_lens_source(folder, given, panoramas)
-    files = [view.file for view in given.views] if given else list_photographs(folder)
-    files = _without(files, leave_out)
-    stored = _stored_names(files)
-    examined, problems = _examined(files, stored, progress)
+    taken = [view.file for view in given.views] if given else list_photographs(folder)
+    files = without(folder, taken, leave_out)
+    examined, problems = _examined(files, progress)
     photographs = list(examined.values())
     _require_enough(folder, len(photographs), len(files), problems)
-    masks = find_masks(folder, files)
+    found = find_masks(folder, list(dict.fromkeys([*taken, *photographs_below(folder)])))
+    masks = found.by_photograph
     for file in masks.keys() & examined.keys():
         require_mask_of(masks[file], examined[file].width, examined[file].height)
     sizes = {file: (one.width, one.height) for file, one in examined.items()}
     cut = find_panoramas(sizes, "no" if given else panoramas)
+    require_own_names(examined, cut)
     kept = _stored(examined, masks, cut, out_dir)
     warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder, photographs)
+    warnings += _warnings_of_masks(folder, found)
     if cut:
         of_them = f"{len(cut)} of {len(photographs)} photographs"
         warnings.append(f"{of_them} are panoramas: {len(DIRECTIONS)} views are cut from each")
@@ -142,31 +151,6 @@ def _stored(
     return kept
 
 
-def _stored_names(files: Sequence[Path]) -> list[str]:
-    """Returns the file names; with their folders' before them where any two would clash."""
-    if len({file.name.casefold() for file in files}) == len(files):
-        return [file.name for file in files]
-    common = Path(os.path.commonpath(files))
-    return ["_".join(file.relative_to(common).parts) for file in files]
-
-
-def _without(files: Sequence[Path], patterns: Sequence[str]) -> list[Path]:
-    """Returns the files whose names no pattern matches, with or without the suffix.
-
-    Raises:
-        InputError: A pattern matches none.
-    """
-    for pattern in patterns:
-        if not any(_matches(file, pattern) for file in files):
-            problem = "is to be left out, and no photograph has such a name"
-            raise InputError(f"leave_out {pattern!r}", problem, "Check the name")
-    return [file for file in files if not any(_matches(file, pattern) for pattern in patterns)]
-
-
-def _matches(file: Path, pattern: str) -> bool:
-    return fnmatchcase(file.name, pattern) or fnmatchcase(file.stem, pattern)
-
-
 def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:
     """Returns where the poses that came with a capture are from, and its views by name; or None."""
     path = capture_dir / GIVEN_POSES
@@ -174,10 +158,11 @@ def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:
 
 
 def _examined(
-    files: Sequence[Path], stored: Sequence[str], progress: Progress
+    files: Sequence[Path], progress: Progress
 ) -> tuple[dict[Path, Photograph], list[str]]:
     """Returns the photographs that can be read, by their files, and what ails the others."""
-    names = _unique_names(stored)
+    stored = stored_files(files)
+    names = photograph_names(stored)
     photographs, problems = {}, []
     for done, (file, file_name, name) in enumerate(zip(files, stored, names, strict=True)):
         progress(done, len(files))
@@ -193,12 +178,6 @@ def _examined(
     return photographs, problems
 
 
-def _unique_names(files: Sequence[str]) -> list[str]:
-    stems = [Path(file).stem for file in files]
-    clash = len({stem.casefold() for stem in stems}) < len(stems)
-    return list(files) if clash else stems
-
-
 def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
     count = Counter(photograph.sha256 for photograph in photographs)
     warnings = []
@@ -210,6 +189,11 @@ def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
     if foreign:
         warnings.append(f"passed over, to be converted first: {_listed(foreign)}")
     return warnings
+
+
+def _warnings_of_masks(folder: Path, found: FoundMasks) -> list[str]:
+    names = [str(mask.relative_to(folder.parent)) for mask in found.unused]
+    return [f"masks that fit no photograph (docs/captures.md): {_listed(names)}"] if names else []
 
 
 def _warnings_of_poses(folder: Path, given: GivenPoses) -> list[str]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Set
 from pathlib import Path
 
 from styletrf.capture.known_scenes import download_instructions
-from styletrf.capture.masks import find_masks
+from styletrf.capture.mask_files import mask_files
 from styletrf.capture.photographs import (
     PHOTOGRAPH_SUFFIXES,
     VIDEO_SUFFIXES,
@@ -34,27 +34,44 @@ def find_scene(data_root: Path, name: str) -> Path:
 
     Raises:
         InputError: The name is not one of a plain folder, several videos beside each other or
-            beside a folder of them share it, or there is no such scene; lists the scenes that
-            exist and, for a well-known public one, says where to get it.
+            beside a folder of them share it, a video has masks, which would not count, or there is
+            no such scene; lists the scenes that exist and, for a well-known public one, says where
+            to get it.
     """
     _check_name("scene", name)
     scenes = data_root / "scenes"
     folder = scenes / name / "images" if (scenes / name / "images").is_dir() else scenes / name
     if folder.is_dir() and _of_suffix(folder.glob("[!.]*"), PHOTOGRAPH_SUFFIXES):
         return folder
+    if videos := _found_videos(scenes, folder, name):
+        return videos
+    if folder.name == "images":
+        return folder
+    has_transforms = any((folder / f"transforms{part}.json").exists() for part in ("", "_train"))
+    if has_transforms or _of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES):
+        return folder  # photographs lie where the transforms say, or in folders
+    raise _no_such_scene(data_root, name)
+
+
+def _found_videos(scenes: Path, folder: Path, name: str) -> Path | None:
+    """Returns the one video of a scene, or the folder of its several; None where it has none."""
     named = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
     beside, inside = _of_suffix(named, VIDEO_SUFFIXES), scene_videos(folder)
     if len(beside) + bool(inside) > 1:
         names = ", ".join(sorted(video.name for video in [*beside, *inside]))
         remedy = f"Put all clips of the scene into scenes/{name}, the others elsewhere"
         raise InputError(f"scene {name!r}", f"has several videos: {names}", remedy)
-    if beside or len(inside) == 1:
-        return (beside or inside)[0]
-    if inside or folder.name == "images":
-        return folder
-    has_transforms = any((folder / f"transforms{part}.json").exists() for part in ("", "_train"))
-    if has_transforms or _of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES):
-        return folder  # photographs lie where the transforms say, or in folders
+    if not beside and not inside:
+        return None
+    if masks := sorted(mask_files(folder)):
+        problem = f"is a video, and no frame can be masked, as {masks[0]} is to do"
+        remedy = "Move the masks elsewhere, or give frames of the video as photographs with masks"
+        raise InputError(f"scene {name!r}", problem, remedy)
+    return folder if len(inside) > 1 else (beside or inside)[0]
+
+
+def _no_such_scene(data_root: Path, name: str) -> InputError:
+    scenes = data_root / "scenes"
     existing = [
         path.stem
         for path in scenes.glob("*")
@@ -64,7 +81,8 @@ def find_scene(data_root: Path, name: str) -> Path:
         download_instructions(name)
         or f"Put its photographs into scenes/{name}/images, or a video as scenes/{name}.mp4,"
     )
-    raise InputError(f"scene {name!r}", _missing(scenes, existing), f"{remedy} under {data_root}")
+    problem = _missing(scenes, existing)
+    return InputError(f"scene {name!r}", problem, f"{remedy} under {data_root}")
 
 
 def scene_folder(photographs: Path) -> Path:
@@ -94,8 +112,7 @@ def scene_files(found: Path) -> list[Path]:
     if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
         images = sorted(_of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES))
         return list(dict.fromkeys([*images, *transforms_photographs(folder), *poses]))
-    files = list_photographs(found)
-    return [*files, *find_masks(found, files).values(), *poses]
+    return [*list_photographs(found), *mask_files(found), *poses]
 
 
 def find_style(data_root: Path, name: str) -> Path:

@@ -114,6 +114,17 @@ def video_frames(path: Path) -> Iterator[Frame]:
         yield frame.pixels
 
 
+def first_frame(path: Path) -> TimedFrame:
+    """Returns the first frame of `timed_frames`.
+
+    Raises:
+        InputError: The file is missing, holds no video, or no frame that can be decoded.
+    """
+    for frame in timed_frames(path):
+        return frame
+    raise InputError(str(path), "holds no frame that can be decoded", "Copy it again")
+
+
 def timed_frames(path: Path) -> Iterator[TimedFrame]:
     """Yields the frames of `video_frames` with their times, which need not be evenly spaced.
 

@@ -23,7 +23,9 @@ def capture_scene(
     found = find_scene(data, scene)
     config = configured(CaptureConfig, settings)
     if videos := scene_videos(found):
-        capture_videos(videos, out, config.video_frames, progress, config.panoramas)
+        capture_videos(
+            videos, out, config.video_frames, progress, config.panoramas, config.leave_out
+        )
     else:
         given = find_given_poses(scene_folder(found))
         capture_photographs(found, out, progress, given, config.leave_out, config.panoramas)

@@ -114,6 +114,12 @@ def require_photographs(keys: KeyFrames, names: Sequence[str]) -> None:
             raise InputError(keys.source, problem, f"Photographs of this scene are {existing}")
 
 
+def names_asked(keys: KeyFrames) -> set[str]:
+    """Returns the names that photographs of key frames may have, as written or without suffix."""
+    photographs = [frame.photograph for frame in keys.frames if frame.photograph]
+    return {*photographs, *(Path(photograph).stem for photograph in photographs)}
+
+
 def _placed(frame: KeyFrame, known: dict[str, Camera], model: SceneModel, usual: Camera) -> Camera:
     if frame.photograph:
         name = frame.photograph

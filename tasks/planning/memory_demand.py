@@ -149,12 +149,12 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
     from styletrf.capture.photographs import list_photographs, read_photograph
     from styletrf.capture.poses.pose_formats import find_given_poses
     from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
-    from styletrf.files.video import video_frames as frames_in
+    from styletrf.files.video import first_frame
 
     with suppress(InputError):
         found = find_scene(data_root(), scene)
         if videos := scene_videos(found):
-            height, width, _ = next(frames_in(videos[0])).shape
+            height, width, _ = first_frame(videos[0]).pixels.shape
             return Photographs(video_frames, width, height)
         given = find_given_poses(scene_folder(found))
         files = given.files if given else list_photographs(found)

@@ -8,7 +8,7 @@ import dataclasses
 import json
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from tasks.command.graph import graph
 from tasks.command.sources import may_stop, sources_of
 from tasks.planning.memory_demand import Demand, demands_of, photographs_of, require_memory
 from tasks.stages.field import TrajectoryFrames
+from tasks.stages.scene import SceneCapture
 from tasks.stages.stage import ConfigurableStage, Stage
 
 LEAST_ROOM_BYTES = 64 << 20  # free disk space that a command needs to begin
@@ -36,7 +37,7 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
 
     Raises:
         InputError: A budget or a combination of parameters is invalid.
-        SystemExit: A setting or the device is invalid.
+        SystemExit: A setting, the device or a video is invalid, or they could not be checked.
     """
     stages = graph(root)
     sources_of(root)  # once, before workers are forked
@@ -53,7 +54,7 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
         "tuned": sorted({name for stage in tuned for name in stage.tuning}),
         "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
         "settings": sorted(settings),
-        "paths": sorted({file for stage in stages if (file := _path_of(stage))}),
+        "paths": sorted({path for stage in stages if (path := _path_of(stage))}),
         "memory": [dataclasses.asdict(demand) for demand in demands],
     }
     if any(request.values()) and (error := _validation_error(request)):
@@ -113,32 +114,58 @@ def configurations() -> dict[str, type]:
     }
 
 
-def _path_of(stage: luigi.Task) -> tuple[str, str] | None:
-    """Returns the file of the camera path and the scene, if the stage has such a file."""
+def _path_of(stage: luigi.Task) -> tuple[str, str, str] | None:
+    """Returns the file of the camera path, the scene and the settings of its capture, as JSON.
+
+    None, if the stage has no such file.
+    """
     if isinstance(stage, TrajectoryFrames) and stage.path_file() is not None:
-        return str(stage.path), str(stage.scene)
+        capture = stage.upstream(SceneCapture).values()
+        return str(stage.path), str(stage.scene), json.dumps(capture)
     return None
 
 
-def _require_path(file: str, scene: str) -> None:
+def _require_path(file: str, scene: str, capture: Mapping[str, Any]) -> None:
     """Rejects a file that is not a path, or whose cameras cannot be placed in the scene."""
-    from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES
-    from styletrf.capture.user_folders import find_scene, scene_files
-    from styletrf.trajectory.path_files import read_path, require_common_world, require_photographs
+    from styletrf.capture.expected_names import expected_names
+    from styletrf.capture.scene_capture import CaptureConfig
+    from styletrf.capture.user_folders import find_scene
+    from styletrf.configuration import configured
+    from styletrf.trajectory.path_files import (
+        names_asked,
+        read_path,
+        require_common_world,
+        require_photographs,
+    )
 
-    keys, files = read_path(Path(file)), list[Path]()
-    with suppress(InputError):  # which the scene's own stage reports
-        files = scene_files(find_scene(data_root(), scene))
-    photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
-    if not photographs:  # of a video, the names are not known yet
+    keys, config = read_path(Path(file)), configured(CaptureConfig, capture)
+    try:
+        expected = expected_names(find_scene(data_root(), scene), config, names_asked(keys))
+    except InputError:  # which the scene's own stage reports
         return
-    require_common_world(keys, are_given=len(photographs) < len(files))
-    require_photographs(keys, [p.stem for p in photographs] + [p.name for p in photographs])
+    require_common_world(keys, are_given=expected.poses_are_given)
+    if expected.names is not None:
+        require_photographs(keys, expected.names)
+
+
+def _require_videos(scene: str) -> None:
+    """Rejects a video of which no frame can be decoded."""
+    from styletrf.capture.user_folders import find_scene, scene_videos
+    from styletrf.files.video import first_frame
+
+    videos = list[Path]()
+    with suppress(InputError):  # which the scene's own stage reports
+        videos = scene_videos(find_scene(data_root(), scene))
+    for video in videos:
+        first_frame(video)
 
 
 def _validation_error(request: dict[str, Any]) -> str:
-    """Returns the error that another process finds; "" if there is none."""
-    return answer_of("tasks.planning.validation:main", json.dumps(request)).strip()
+    """Returns the error that another process finds, or that it failed; "" if there is none."""
+    try:
+        return answer_of("tasks.planning.validation:main", json.dumps(request)).strip()
+    except RuntimeError as error:
+        return f"The command could not be checked: {error}. What it wrote above may say why."
 
 
 def _check(request: dict[str, Any]) -> None:
@@ -150,15 +177,17 @@ def _check(request: dict[str, Any]) -> None:
     if request["tuned"] and (unknown := set(request["tuned"]) - set(configurations())):
         remedy = f"Give some of {sorted(configurations())}"
         raise InputError(f"--tuning {sorted(unknown)}", "are not stages with settings", remedy)
-    for file, scene in request["paths"]:
-        _require_path(file, scene)
     for family, values in request["settings"]:
         try:
             configured(configurations()[family], json.loads(values))
         except InputError as error:
             subject = f"settings of {family}, {error.subject}"
             raise InputError(subject, error.problem, error.remedy) from error
+    for file, scene, capture in request["paths"]:
+        _require_path(file, scene, json.loads(capture))
     demands = [Demand(**demand) for demand in request["memory"]]
+    for scene in {demand.scene for demand in demands}:
+        _require_videos(scene)
     scenes = {demand.scene: photographs_of(demand.scene, demand.video_frames) for demand in demands}
     known = {scene: found for scene, found in scenes.items() if found}
     require_memory(demands, available_memory_bytes(), known)

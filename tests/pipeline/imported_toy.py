@@ -24,3 +24,15 @@ def say_where() -> int:
     """Writes the working folder."""
     sys.stdout.write(str(Path.cwd()))
     return 0
+
+
+def fail() -> int:
+    """Writes a part of an answer, and fails."""
+    sys.stdout.write("he")
+    sys.stdout.flush()
+    raise ValueError("as any function may")
+
+
+def end() -> int:
+    """Says that it failed, by its status alone."""
+    return 3

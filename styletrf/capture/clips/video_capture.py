@@ -4,8 +4,7 @@ See `frame_choice`. Several clips share the frames by the length of the way that
 """
 
 import hashlib
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -16,6 +15,7 @@ from styletrf.capture.capture_file import Capture, Photograph, write_capture
 from styletrf.capture.clips.clip_survey import clip_warnings
 from styletrf.capture.clips.frame_choice import chosen_frames
 from styletrf.capture.clips.frame_motion import FrameMotion, frame_motion, joined_motion
+from styletrf.capture.left_out import Called, left_out
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
 from styletrf.capture.panorama.panoramas import (
@@ -25,10 +25,18 @@ from styletrf.capture.panorama.panoramas import (
     require_all_directions,
     show_panoramas,
 )
+from styletrf.capture.photograph_names import distinct
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.errors import InputError
 from styletrf.files.images import write_png
-from styletrf.files.video import Frame, TimedFrame, declared_duration_s, timed_frames, video_info
+from styletrf.files.video import (
+    Frame,
+    TimedFrame,
+    declared_duration_s,
+    first_frame,
+    timed_frames,
+    video_info,
+)
 from styletrf.progress import Progress, silent
 
 _LOOKED_AT, _EVERY = 10, 30  # frames that tell whether a clip is of panoramas
@@ -40,34 +48,32 @@ def capture_videos(
     count: int,
     progress: Progress = silent,
     panoramas: Choice = "auto",
+    leave_out: Sequence[str] = (),
 ) -> Capture:
     """Writes at most `count` frames of a scene's videos as `images/*.png`, and `capture.json`.
 
     Frames of a single video are named `0001` and so on, those of several `NAME_0001`. Each knows
     its clip, its time there and how many cuts lie before it. Frames that are panoramas are replaced
-    by views cut from them, and each view counts.
+    by views cut from them, and each view counts. Of the frames that were chosen those named by
+    `leave_out` are not written (see `styletrf.capture.left_out`); the others keep their names.
 
     Raises:
-        InputError: A file is no video, the pictures keep still, or there are fewer than three
-            frames to choose from.
+        InputError: A file is no video, the pictures keep still, there are fewer than three frames
+            to choose from or left, or nothing to leave out by such a name.
     """
-    motions = [frame_motion(_followed(video, progress)) for video in videos]
-    _require_frames(videos, motions)
     cut = {video for video in videos if _is_panorama(video, panoramas)}
+    motions = [frame_motion(_followed(video, progress)) for video in videos]
     count = count // len(DIRECTIONS) if cut else count
     chosen = _chosen_of_each(motions, count)
     total = sum(len(frames) for frames in chosen)
-    if total < FEWEST_PHOTOGRAPHS:
-        subject = ", ".join(str(video) for video in videos)
-        problem = f"gives {total} frames, and {FEWEST_PHOTOGRAPHS} are needed"
-        raise InputError(subject, problem, "Film longer, or ask for more frames")
+    _require_enough(videos, total, "Film longer, or ask for more frames")
+    taken = _not_left_out(_named(videos, chosen), leave_out)
+    _require_enough(videos, sum(map(len, taken)), "Leave out fewer")
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
     photographs = [
         kept
-        for video, motion, frames, prefix in zip(
-            videos, motions, chosen, _prefixes(videos), strict=True
-        )
-        for frame, photograph in _photographs(video, motion, frames, prefix, progress)
+        for video, motion, names in zip(videos, motions, taken, strict=True)
+        for frame, photograph in _photographs(video, motion, names, progress)
         for kept in _kept(photograph, frame, out_dir, is_panorama=video in cut)
     ]
     warnings = [
@@ -81,10 +87,11 @@ def capture_videos(
     return capture
 
 
-def _require_frames(videos: Sequence[Path], motions: Sequence[FrameMotion]) -> None:
-    for video, motion in zip(videos, motions, strict=True):
-        if len(motion.time_s) == 0:
-            raise InputError(str(video), "holds no frame that can be decoded", "Copy it again")
+def _require_enough(videos: Sequence[Path], total: int, remedy: str) -> None:
+    if total < FEWEST_PHOTOGRAPHS:
+        subject = ", ".join(str(video) for video in videos)
+        problem = f"gives {total} frames, and {FEWEST_PHOTOGRAPHS} are needed"
+        raise InputError(subject, problem, remedy)
 
 
 def _followed(video: Path, progress: Progress) -> Iterator[TimedFrame]:
@@ -108,9 +115,10 @@ def _is_panorama(video: Path, choice: Choice) -> bool:
     """Returns whether a clip is one of panoramas, as its metadata say or its frames show.
 
     Raises:
-        InputError: It should be one, and its frames do not show all directions.
+        InputError: It should be one, and its frames do not show all directions; or no frame can be
+            decoded.
     """
-    first = next(timed_frames(video))
+    first = first_frame(video)
     height, width = first.pixels.shape[:2]
     if choice == "yes" or (choice == "auto" and first.is_equirectangular):
         require_all_directions(video.name, width, height)
@@ -121,14 +129,33 @@ def _is_panorama(video: Path, choice: Choice) -> bool:
     return show_panoramas([panorama_mismatch(frame.pixels) for frame in frames])
 
 
+def _named(videos: Sequence[Path], chosen: Sequence[Sequence[int]]) -> list[dict[int, str]]:
+    """Returns the names of the frames of each clip, by their indices."""
+    return [
+        {index: f"{prefix}{number:04d}" for number, index in enumerate(frames, start=1)}
+        for prefix, frames in zip(_prefixes(videos), chosen, strict=True)
+    ]
+
+
+def _not_left_out(
+    named: Sequence[Mapping[int, str]], leave_out: Sequence[str]
+) -> list[dict[int, str]]:
+    """Returns the frames of each clip that nothing leaves out.
+
+    Raises:
+        InputError: There is nothing to leave out by such a name.
+    """
+    known = [Called(name, frozenset([f"{name}.png"])) for names in named for name in names.values()]
+    gone = {known[index].name for index in left_out(leave_out, known)}
+    return [{i: name for i, name in names.items() if name not in gone} for names in named]
+
+
 def _photographs(
-    video: Path, motion: FrameMotion, frames: Sequence[int], prefix: str, progress: Progress
+    video: Path, motion: FrameMotion, names: Mapping[int, str], progress: Progress
 ) -> Iterator[tuple[Frame, Photograph]]:
     """Yields the frames of a clip and what is known of each before it is a file."""
-    wanted = dict(zip(frames, range(1, len(frames) + 1), strict=True))
     for index, frame in enumerate(_followed(video, progress)):
-        if index in wanted:
-            name = f"{prefix}{wanted[index]:04d}"
+        if name := names.get(index):
             height, width = frame.pixels.shape[:2]
             shot = int(motion.shot[index])
             of_clip = video.name, shot, frame.time_s
@@ -152,9 +179,9 @@ def _prefixes(videos: Sequence[Path]) -> list[str]:
     """Returns what goes before the numbers of each clip's frames: nothing where there is one."""
     if len(videos) == 1:
         return [""]
-    times = Counter(video.stem.casefold() for video in videos)
-    unique = max(times.values()) == 1
-    return [f"{video.stem if unique else video.name.replace('.', '_')}_" for video in videos]
+    stems = [video.stem for video in videos]
+    names = [video.name.replace(".", "_") for video in videos]
+    return [f"{name}_" for name in (distinct(names) if distinct(stems) != stems else stems)]
 
 
 def _warnings(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from styletrf.capture.capture_file import Photograph
 from styletrf.capture.masks import MASKS
-from styletrf.capture.panorama.panorama_views import Image, cut_views
+from styletrf.capture.panorama.panorama_views import Image, cut_views, view_name
 from styletrf.files.images import write_png
 
 _BLACK = 127  # as `styletrf.capture.masks` has it
@@ -28,7 +28,7 @@ def cut_photographs(
     """
     masks = dict(cut_views(mask)) if mask is not None else {}
     for direction, view in cut_views(pixels):
-        name = f"{panorama.name}_{direction}"
+        name = view_name(panorama.name, direction)
         if direction in masks:
             if masks[direction].max() <= _BLACK:
                 continue

@@ -35,6 +35,11 @@ _AXES = {
 DIRECTIONS = tuple(_AXES)
 
 
+def view_name(panorama: str, direction: str) -> str:
+    """Returns the name of a view that is cut from the panorama of that name."""
+    return f"{panorama}_{direction}"
+
+
 def panorama_from_view(direction: str) -> Float[np.ndarray, "3 3"]:
     """Returns the rotation from the axes of a view to those of its panorama."""
     return np.stack(_AXES[direction], axis=1)

@@ -23,6 +23,14 @@ def test_a_function_that_reads_nothing_answers_all_the_same():
         assert answer_of("imported_toy:say_hello", "long" * 2**18) == "hello"
 
 
+@pytest.mark.parametrize("libraries", [[], ["imported_toy"]])
+@pytest.mark.parametrize("function", ["fail", "end"])
+def test_a_function_that_fails_gives_no_answer(libraries, function):
+    """An empty answer passed for one that found nothing wrong."""
+    with fork_server(libraries), pytest.raises(RuntimeError, match=f"imported_toy:{function}"):
+        answer_of(f"imported_toy:{function}", "what?")
+
+
 def test_questions_are_answered_after_the_server_was_killed():
     others = psutil.Process().children()
     with fork_server(["wave"]):

@@ -49,6 +49,18 @@ def test_panoramas_become_views_named_by_them_and_a_direction(folder, tmp_path):
     assert any("3 of 3 photographs are panoramas" in warning for warning in capture.warnings)
 
 
+def test_a_photograph_with_the_name_of_a_view_of_a_panorama_is_refused(folder, tmp_path):
+    """One of the two overwrote the other."""
+    (folder / "P1_front.png").write_bytes(encoded(texture(48, 64), ".png"))
+    with pytest.raises(InputError) as refusal:
+        capture_photographs(folder, tmp_path / "out")
+    assert refusal.value.subject == "P1_front.png"
+    assert "p1.png" in refusal.value.problem
+    assert not (tmp_path / "out").exists()
+    capture = capture_photographs(folder, tmp_path / "out", panoramas="no")
+    assert len(capture.photographs) == 4
+
+
 def test_photographs_among_panoramas_stay_photographs(folder, tmp_path):
     (folder / "view.png").write_bytes(encoded(texture(48, 64), ".png"))
     capture = capture_photographs(folder, tmp_path / "out")
@@ -129,6 +141,12 @@ def test_frames_of_a_panoramic_clip_are_cut(said, tmp_path):
         assert (one.clip, one.name) == ("walk.mp4", f"{one.panorama}_{one.direction}")
         assert (tmp_path / "out/images" / one.file).is_file()
     assert any("all directions" in warning for warning in capture.warnings)
+
+
+def test_a_frame_that_is_a_panorama_is_left_out_whole(tmp_path):
+    write_video(tmp_path / "walk.mp4", filmed(24), 12)
+    capture = capture_videos([tmp_path / "walk.mp4"], tmp_path / "out", 20, leave_out=["0002"])
+    assert {one.panorama for one in capture.photographs} == {"0001", "0003", "0004"}
 
 
 def test_a_clip_is_filmed_as_the_setting_says(tmp_path):

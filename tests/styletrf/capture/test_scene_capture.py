@@ -167,3 +167,28 @@ def test_what_is_no_mask_of_its_photograph_is_refused(folder, tmp_path, mask, pr
     with pytest.raises(InputError, match=problem):
         capture_photographs(folder, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_every_photograph_is_kept_whatever_its_folder_is_called(folder, tmp_path):
+    for index, name in enumerate(["a/1_1.jpg", "a_1/1.jpg", "b/1.jpg"]):
+        (folder / name).parent.mkdir()
+        (folder / name).write_bytes(photograph(20 + index))
+    capture = capture_photographs(folder, tmp_path / "out")
+    assert len([*(tmp_path / "out/images").iterdir()]) == len(capture.photographs) == 6
+    for one in capture.photographs:
+        data = (tmp_path / "out/images" / one.file).read_bytes()
+        assert hashlib.sha256(data).hexdigest() == one.sha256
+
+
+def test_masks_that_fit_no_photograph_are_named_and_those_of_photographs_left_out_are_not(
+    folder, tmp_path
+):
+    """A mask with a name that missed was ignored, and nothing said so."""
+    (folder / "view 2.jpg").write_bytes(photograph(2))
+    for name in ("VIEW 1.png", "view 2.png", "walk/view 9.jpeg"):
+        mask = tmp_path / "masks" / name
+        mask.parent.mkdir(parents=True, exist_ok=True)
+        mask.write_bytes(encoded(np.full((16, 24), 255, np.uint8), ".png"))
+    (warning,) = capture_photographs(folder, tmp_path / "out", leave_out=["view 2"]).warnings
+    assert "masks/VIEW 1.png, masks/walk/view 9.jpeg" in warning
+    assert "view 2" not in warning

@@ -82,6 +82,41 @@ def test_the_videos_of_a_folder_are_one_scene(data, place):
     assert scene_videos(found) == []
 
 
+def test_all_masks_are_files_of_a_scene_so_that_one_renamed_is_looked_at_again(data):
+    photographs = [data / "scenes/garden9/images" / f"{name}.jpg" for name in "abc"]
+    masks = [data / "scenes/garden9/masks" / name for name in ("a.png", "misspelled.png")]
+    masks[0].parent.mkdir()
+    for file in [*photographs, *masks]:
+        file.touch()
+    assert scene_files(data / "scenes/garden9/images") == [*photographs, *masks]
+
+
+@pytest.mark.parametrize(
+    ("video", "mask"),
+    [
+        ("walk.mp4", "walk/masks/0001.png"),
+        ("walk/film.MOV", "walk/Masks/film/0001.PNG"),
+        ("walk/images/film.webm", "walk/masks/0001.png"),
+        ("walk/images/film.webm", "walk/images/masks/0001.png"),
+    ],
+)
+def test_a_video_with_masks_is_refused_for_they_would_not_count(data, video, mask):
+    for name in (video, mask):
+        (data / "scenes" / name).parent.mkdir(parents=True, exist_ok=True)
+        (data / "scenes" / name).touch()
+    with pytest.raises(InputError) as refusal:
+        find_scene(data, "walk")
+    assert refusal.value.subject == "scene 'walk'"
+    assert mask.rpartition("/")[0] in refusal.value.problem
+
+
+def test_a_scene_called_masks_does_not_mask_a_video(data):
+    for name in ("masks/1.png", "walk.mp4"):
+        (data / "scenes" / name).parent.mkdir(exist_ok=True)
+        (data / "scenes" / name).touch()
+    assert find_scene(data, "walk") == data / "scenes/walk.mp4"
+
+
 def test_a_video_beside_photographs_is_passed_over(data):
     for name in ("empty/a.mov", "empty/1.jpg"):
         (data / "scenes" / name).touch()

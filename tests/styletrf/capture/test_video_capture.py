@@ -11,6 +11,8 @@ from styletrf.errors import InputError
 from styletrf.files.images import read_rgb
 from styletrf.files.video import timed_frames, video_frames, write_video
 from styletrf.geometry.cameras import Camera
+from styletrf.progress import silent
+from styletrf.steps.scene_capture import capture_scene
 from styletrf.synthetic.courtyard.capture import CourtyardConfig, render_view
 from styletrf.synthetic.courtyard.paths import _looking_at
 
@@ -62,8 +64,40 @@ def test_several_clips_are_one_scene_and_each_frame_knows_its_clip(walk, tmp_pat
     assert order == sorted(order)
 
 
-def test_clips_of_one_name_and_several_formats_keep_their_frames_apart(walk, tmp_path):
-    clips = [tmp_path / "a.mp4", tmp_path / "a.webm"]
+def test_frames_are_left_out_by_their_names_and_the_others_stay_as_they_are(walk, tmp_path):
+    """The setting was ignored for videos."""
+    write_video(tmp_path / "walk.mp4", walk, 12)
+    every = capture_videos([tmp_path / "walk.mp4"], tmp_path / "every", 8).photographs
+    leave_out = ["0002", "0005.png", "*8"]
+    few = capture_videos([tmp_path / "walk.mp4"], tmp_path / "few", 8, leave_out=leave_out)
+    assert few.photographs == tuple(every[k] for k in (0, 2, 3, 5, 6))
+    assert {path.stem for path in (tmp_path / "few/images").iterdir()} == {
+        photograph.name for photograph in few.photographs
+    }
+    assert few.warnings == ()
+
+
+def test_the_setting_of_a_scene_leaves_out_frames_of_its_video(walk, tmp_path):
+    (tmp_path / "scenes").mkdir()
+    write_video(tmp_path / "scenes/walk.mp4", walk, 12)
+    (tmp_path / "out").mkdir()
+    settings = {"video_frames": 5, "leave_out": ["0002"]}
+    capture_scene(tmp_path, "walk", tmp_path / "out", settings, silent)
+    names = [photograph.name for photograph in read_capture(tmp_path / "out").photographs]
+    assert names == ["0001", "0003", "0004", "0005"]
+
+
+@pytest.mark.parametrize("leave_out", [["0009"], ["*"]])
+def test_frames_that_are_not_there_or_all_frames_cannot_be_left_out(walk, tmp_path, leave_out):
+    write_video(tmp_path / "walk.mp4", walk, 12)
+    with pytest.raises(InputError):
+        capture_videos([tmp_path / "walk.mp4"], tmp_path / "out", 8, leave_out=leave_out)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("names", [("a.mp4", "a.webm"), ("a.b.mp4", "a_b.mp4", "A_B.webm")])
+def test_clips_of_almost_one_name_keep_their_frames_apart(walk, tmp_path, names):
+    clips = [tmp_path / name for name in names]
     for clip in clips:
         write_video(clip, walk, 12)
     photographs = capture_videos(clips, tmp_path / "out", 8).photographs
@@ -94,6 +128,18 @@ def test_a_file_cut_short_before_three_frames_is_refused(walk, tmp_path):
     (tmp_path / "a.mp4").write_bytes(content[: content.index(b"mdat") + 100])
     with pytest.raises(InputError, match="no frame that can be decoded"):
         capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 5)
+
+
+def test_a_clip_that_cannot_be_decoded_is_refused_before_the_others_are_followed(walk, tmp_path):
+    for name in ("a.mp4", "b.mp4"):
+        write_video(tmp_path / name, walk, 12)
+    content = (tmp_path / "b.mp4").read_bytes()
+    (tmp_path / "b.mp4").write_bytes(content[: content.index(b"mdat") + 100])
+    clips, steps = [tmp_path / "a.mp4", tmp_path / "b.mp4"], []
+    with pytest.raises(InputError) as refusal:
+        capture_videos(clips, tmp_path / "out", 8, lambda done, total: steps.append(done))
+    assert refusal.value.subject == str(tmp_path / "b.mp4")
+    assert steps == []
 
 
 @pytest.mark.parametrize("count", [1, 2])

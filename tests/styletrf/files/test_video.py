@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from styletrf.errors import InputError
-from styletrf.files.video import video_frames, video_info, write_video
+from styletrf.files.video import first_frame, video_frames, video_info, write_video
 
 
 def painted(height=96, width=128, count=8, seed=0):
@@ -122,4 +122,4 @@ def test_bad_videos_are_refused(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         video_info(path)
     with pytest.raises(InputError, match="cannot be read"):
-        next(video_frames(tmp_path / "missing.mp4"))
+        first_frame(tmp_path / "missing.mp4")

@@ -23,10 +23,10 @@ COUNT, WIDTH = 9, 768
 
 
 def captured(folder, images):
-    (folder / "in").mkdir(parents=True)
+    (folder / "images").mkdir(parents=True)
     for index, image in enumerate(images):
-        (folder / "in" / f"p{index}.png").write_bytes(encoded(image, ".png"))
-    return capture_photographs(folder / "in", folder / "capture")
+        (folder / "images" / f"p{index}.png").write_bytes(encoded(image, ".png"))
+    return capture_photographs(folder / "images", folder / "capture")
 
 
 @pytest.fixture(scope="module")

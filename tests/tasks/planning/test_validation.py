@@ -1,13 +1,17 @@
 """A command reports mistakes in its words before its first stage."""
 
+import json
 import shutil
 
+import numpy as np
 import pytest
 from command_output import CELL, said
 from luigi.cmdline_parser import CmdlineParser
 
 from styletrf.errors import InputError
+from styletrf.files.video import write_video
 from tasks.command_line import begin
+from tasks.planning import validation
 from tasks.planning.validation import LEAST_ROOM_BYTES, require_room
 
 
@@ -81,6 +85,44 @@ def test_a_path_in_a_file_is_read_before_the_first_stage(tmp_path, text, problem
     assert "\n" not in line
 
 
+@pytest.fixture
+def two_folders(photographs, tmp_path, monkeypatch):
+    """A scene whose photographs have the names `a_a` to `a_h` and `b_a` to `b_h`, with masks."""
+    scene = tmp_path / "data" / "scenes" / "mini"
+    shutil.copytree(photographs / "styles", tmp_path / "data" / "styles")
+    for folder in "ab":
+        shutil.copytree(photographs / "scenes" / "mini" / "images", scene / "images" / folder)
+    shutil.copytree(scene / "images" / "a", scene / "masks")
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
+
+
+def begun_along(file, *photographs: str) -> str:
+    """What ends a command along key frames at photographs before its first stage; "" if nothing."""
+    file.write_text(json.dumps({"key_frames": [{"photograph": name} for name in photographs]}))
+    words = ["StylizedTrajectory", *CELL, "--path", str(file), "--content", "embedded"]
+    settings = ["--SceneCapture-settings", '{"leave_out": ["a/c"]}']
+    with CmdlineParser.global_instance([*words, *settings]) as parser:
+        try:
+            begin(parser.get_task_obj())
+        except SystemExit as refused:
+            return str(refused)
+    return ""
+
+
+@pytest.mark.usefixtures("two_folders")
+def test_key_frames_have_the_names_that_the_capture_gives(tmp_path):
+    """They were compared with the stems of files, of masks, too."""
+    assert begun_along(tmp_path / "p.json", "a_a", "b_a.png", "b_c") == ""
+
+
+@pytest.mark.parametrize("name", ["a", "a.png", "a_c"])
+@pytest.mark.usefixtures("two_folders")
+def test_a_name_that_no_photograph_has_in_the_capture_is_refused(tmp_path, name):
+    line = begun_along(tmp_path / "p.json", "a_a", name)
+    assert line.startswith(f"{tmp_path / 'p.json'}: key_frames[1].photograph is '{name}'")
+
+
 @pytest.mark.usefixtures("out")
 def test_a_cell_of_a_grid_is_looked_at():
     words = ["--scenes", '["mini"]', "--styles", '["p"]', "--TrajectoryFrames-settings", '{"f": 1}']
@@ -91,6 +133,35 @@ def test_a_cell_of_a_grid_is_looked_at():
 def test_the_settings_of_the_task_itself_are_looked_at():
     words = "StylizedField", *CELL, "--settings", '{"adaptation.batch": 0.5}'
     assert "settings of StylizedField, setting 'adaptation.batch'" in refusal(*words)
+
+
+def test_a_video_that_cannot_be_decoded_is_refused_before_the_first_stage(
+    photographs, tmp_path, monkeypatch
+):
+    data = shutil.copytree(photographs, tmp_path / "data")
+    for name in ("a.mp4", "b.mp4"):
+        (data / "scenes" / "walk").mkdir(exist_ok=True)
+        write_video(data / "scenes" / "walk" / name, np.zeros((3, 16, 16, 3), np.uint8), 12)
+    undecodable = data / "scenes" / "walk" / "b.mp4"
+    content = undecodable.read_bytes()
+    undecodable.write_bytes(content[: content.index(b"mdat") + 50])
+    monkeypatch.setenv("STYLETRF_DATA", str(data))
+    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
+    line = refusal("StylizedTrajectory", "--scene", "walk", "--style", "p")
+    assert line.startswith(str(undecodable))
+    assert "\n" not in line
+
+
+@pytest.mark.usefixtures("out")
+def test_a_validation_that_dies_ends_the_command(monkeypatch):
+    """The command began as if nothing were wrong, its memory unchecked."""
+
+    def died(function, question):
+        raise RuntimeError(f"{function} ended with status 1")
+
+    monkeypatch.setattr(validation, "answer_of", died)
+    assert "status 1" in (line := refusal("StylizedTrajectory", *CELL))
+    assert "\n" not in line
 
 
 def test_full_disk_is_refused_before_the_first_stage(tmp_path, monkeypatch):

@@ -1,0 +1,76 @@
+"""Photographs and frames of clips that are left out, by names, paths or patterns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from styletrf.capture.photograph_names import photograph_names, stored_files
+from styletrf.capture.photographs import path_below
+from styletrf.errors import InputError
+
+_MOST_NAMES = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Called:
+    """What a photograph is called: its name in the capture, other names, and paths."""
+
+    name: str
+    others: frozenset[str] = frozenset()
+    paths: frozenset[str] = frozenset()
+
+    def matches(self, pattern: str) -> bool:
+        """Returns whether any of them matches a pattern such as `IMG_00*`."""
+        return any(fnmatchcase(name, pattern) for name in (self.name, *self.others, *self.paths))
+
+
+def without(folder: Path, files: Sequence[Path], leave_out: Sequence[str]) -> list[Path]:
+    """Returns the photographs that are not left out.
+
+    Args:
+        folder: Of the photographs, below which paths are.
+        files: All of them.
+        leave_out: See `left_out`. Names and paths are with the suffix or without.
+
+    Raises:
+        InputError: Nothing is called so.
+    """
+    names = photograph_names(stored_files(files))
+    known = [_called(folder, file, name) for file, name in zip(files, names, strict=True)]
+    indices = left_out(leave_out, known)
+    return [file for index, file in enumerate(files) if index not in indices]
+
+
+def left_out(leave_out: Sequence[str], known: Sequence[Called]) -> set[int]:
+    """Returns the indices of what is left out.
+
+    Args:
+        leave_out: Each is a name in the capture; or else another name, of one or several; or else a
+            path; or else a pattern.
+        known: What there is.
+
+    Raises:
+        InputError: Nothing is called so.
+    """
+    return {index for asked in leave_out for index in _indices(asked, known)}
+
+
+def _indices(asked: str, known: Sequence[Called]) -> list[int]:
+    captured = [asked == one.name for one in known]
+    named = [asked in one.others for one in known]
+    placed = [asked in one.paths for one in known]
+    alike = [one.matches(asked) for one in known]
+    for found in (captured, named, placed, alike):
+        if any(found):
+            return [index for index, is_meant in enumerate(found) if is_meant]
+    more = ", ..." if len(known) > _MOST_NAMES else ""
+    names = ", ".join(one.name for one in known[:_MOST_NAMES]) + more
+    problem = "is to be left out, and nothing has such a name"
+    raise InputError(f"leave_out {asked!r}", problem, f"The names are {names}")
+
+
+def _called(folder: Path, file: Path, name: str) -> Called:
+    path = path_below(folder, file)
+    paths = frozenset([path.as_posix(), path.with_suffix("").as_posix()])
+    return Called(name, frozenset([file.name, file.stem]), paths)

@@ -1,0 +1,131 @@
+"""Which masks fit which photographs.
+
+The mask of `images/walk/1.jpg` is `masks/walk/1.png` or `masks/walk/1.jpg.png`, the folder `masks`
+beside `images` or in it, or beside the photograph itself. Suffixes are in upper or lower case. If
+the masks have no folders, or the photographs none, the name alone tells, where one photograph has
+it and none lies where the mask's would.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from styletrf.capture.masks import MASKS
+from styletrf.capture.photographs import (
+    PHOTOGRAPH_SUFFIXES,
+    is_of_scene,
+    path_below,
+    require_readable_name,
+)
+
+_PNG = ".png"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundMasks:
+    """The masks of a scene by their photographs, and those that fit none."""
+
+    by_photograph: Mapping[Path, Path]
+    unused: tuple[Path, ...]
+
+
+def find_masks(photographs: Path, files: Sequence[Path]) -> FoundMasks:
+    """Returns the masks that there are.
+
+    Args:
+        photographs: The folder of the photographs.
+        files: All photographs of the scene, those too that are not used.
+
+    Raises:
+        InputError: The name of a mask is not in UTF-8.
+    """
+    masks = mask_files(photographs)
+    masked = {mask: name for mask, place in masks.items() if (name := _masked(place))}
+    names = {file: _mask_names(path_below(photographs, file)) for file in files}
+    found = _in_own_folders(masked, names)
+    left = {mask: name for mask, name in masked.items() if mask not in found.values()}
+    found = _in_other_folders(left, names) | found
+    used = set(found.values())
+    return FoundMasks(found, tuple(mask for mask in masks if mask not in used))
+
+
+def mask_files(photographs: Path) -> dict[Path, Path]:
+    """Returns all masks of a scene, each with the path below `photographs` that it has in `masks`.
+
+    Args:
+        photographs: The folder of the photographs.
+
+    Raises:
+        InputError: The name of a mask is not in UTF-8.
+    """
+    found = {}
+    for folder, base in _mask_folders(photographs):
+        for mask in sorted(folder.rglob("*"), key=lambda path: (path.suffix != _PNG, path)):
+            place = mask.relative_to(folder)
+            is_hidden = any(part.startswith(".") for part in place.parts)
+            if not is_hidden and mask.suffix.lower() in PHOTOGRAPH_SUFFIXES and mask.is_file():
+                require_readable_name(mask.name)
+                found[mask] = base / place
+    return found
+
+
+def _mask_folders(photographs: Path) -> Iterator[tuple[Path, Path]]:
+    """Yields each folder of masks, and where below `photographs` those lie that it masks."""
+    beside = sorted(photographs.parent.iterdir()) if photographs.name == "images" else []
+    for folder in [*beside, *sorted(photographs.rglob("*"))]:
+        if folder.name.casefold() != MASKS or not folder.is_dir():
+            continue
+        if folder.parent == photographs.parent:
+            yield folder, Path()
+        elif is_of_scene(folder.with_name("any"), photographs):
+            yield folder, folder.parent.relative_to(photographs)
+
+
+def _in_own_folders(
+    masked: Mapping[Path, Path], names: Mapping[Path, Sequence[Path]]
+) -> dict[Path, Path]:
+    """Returns the masks that lie in `masks` as their photographs do beside it."""
+    first: dict[Path, Path] = {}
+    for mask, name in masked.items():
+        first.setdefault(name, mask)
+    pairs = ((file, [first[n] for n in of_file if n in first]) for file, of_file in names.items())
+    return {file: masks[0] for file, masks in pairs if masks}
+
+
+def _in_other_folders(
+    masked: Mapping[Path, Path], names: Mapping[Path, Sequence[Path]]
+) -> dict[Path, Path]:
+    """Returns the masks that one photograph alone has the name of, and no folder says otherwise."""
+    folders = {of_file[0].parent for of_file in names.values()}
+    masks = _only_ones((name.name, mask) for mask, name in masked.items())
+    files = _only_ones((name.name, file) for file, of_file in names.items() for name in of_file)
+    return {
+        files[name]: mask
+        for name, mask in masks.items()
+        if name in files
+        and (folder := masked[mask].parent) not in folders
+        and Path() in (folder, names[files[name]][0].parent)
+    }
+
+
+def _only_ones(pairs: Iterable[tuple[str, Path]]) -> dict[str, Path]:
+    """Returns the files by their names, of the names that one file alone has."""
+    named = set(pairs)
+    times = Counter(name for name, _ in named)
+    return {name: file for name, file in named if times[name] == 1}
+
+
+def _mask_names(place: Path) -> list[Path]:
+    """Returns the two names that the mask of a photograph may have, without the mask's suffix."""
+    return [_with_lower_suffix(place.with_suffix("")), _with_lower_suffix(place)]
+
+
+def _masked(place: Path) -> Path | None:
+    """Returns which of these names a mask has; None where it is no PNG."""
+    return _with_lower_suffix(place.with_suffix("")) if place.suffix.lower() == _PNG else None
+
+
+def _with_lower_suffix(path: Path) -> Path:
+    suffix = path.suffix.lower()
+    return path.with_suffix(suffix) if suffix in PHOTOGRAPH_SUFFIXES else path

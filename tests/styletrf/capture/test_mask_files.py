@@ -1,0 +1,111 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from styletrf.capture.mask_files import find_masks, mask_files
+from styletrf.capture.photographs import photographs_below
+
+
+@pytest.fixture
+def images(tmp_path):
+    (tmp_path / "images").mkdir()
+    return tmp_path / "images"
+
+
+def found(images, photographs, masks):
+    """What is found of files in `images` and beside it: masks by photographs, and the others."""
+    for name in [*(f"images/{photograph}" for photograph in photographs), *masks]:
+        (images.parent / name).parent.mkdir(parents=True, exist_ok=True)
+        (images.parent / name).touch()
+    result = find_masks(images, photographs_below(images))
+    fits = {
+        str(photograph.relative_to(images)): str(mask.relative_to(images.parent))
+        for photograph, mask in result.by_photograph.items()
+    }
+    return fits, [str(mask.relative_to(images.parent)) for mask in result.unused]
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        "masks/walk/IMG_1.png",
+        "masks/walk/IMG_1.PNG",
+        "masks/walk/IMG_1.JPG.png",
+        "masks/walk/IMG_1.jpg.Png",
+        "Masks/walk/IMG_1.png",
+        "images/masks/walk/IMG_1.png",
+        "images/walk/masks/IMG_1.png",
+        "masks/IMG_1.png",
+        "masks/IMG_1.jpg.PNG",
+    ],
+)
+def test_a_mask_is_found_where_it_can_be_of_one_photograph_only(images, mask):
+    photographs = ["walk/IMG_1.JPG", "walk/IMG_2.JPG"]
+    assert found(images, photographs, [mask]) == ({"walk/IMG_1.JPG": mask}, [])
+
+
+@pytest.mark.parametrize(
+    ("photographs", "masks"),
+    [
+        (["a/1.jpg", "b/1.jpg"], ["masks/1.png"]),
+        (["a/1.jpg"], ["masks/1.png", "masks/c/1.png"]),
+        (["a/1.jpg", "b/2.jpg"], ["masks/b/1.png"]),
+        (["a/1.jpg"], ["masks/gone/1.png"]),
+        (["2.jpg", "a/1.jpg"], ["masks/1.png"]),
+        (["1.jpg"], ["masks/IMG_1.png", "masks/1.jpg"]),
+        (["img_1.jpg"], ["masks/IMG_1.png"]),
+    ],
+    ids=[
+        "two photographs",
+        "two masks",
+        "other folder",
+        "folder that is gone",
+        "same folder",
+        "other name",
+        "other case",
+    ],
+)
+def test_a_mask_that_may_be_of_another_photograph_fits_none(images, photographs, masks):
+    assert found(images, photographs, masks) == ({}, masks)
+
+
+def test_photographs_without_folders_have_masks_in_any(images):
+    fits, unused = found(images, ["1.jpg", "2.jpg"], ["masks/walk/2.png"])
+    assert (fits, unused) == ({"2.jpg": "masks/walk/2.png"}, [])
+
+
+def test_the_mask_in_the_same_folder_comes_first(images):
+    masks = ["masks/1.png", "masks/a/1.png", "masks/b/1.jpg.png"]
+    fits, unused = found(images, ["a/1.jpg", "b/1.jpg"], masks)
+    assert fits == {"a/1.jpg": "masks/a/1.png", "b/1.jpg": "masks/b/1.jpg.png"}
+    assert unused == ["masks/1.png"]
+
+
+def test_the_suffix_tells_photographs_of_one_name_apart(images):
+    fits, unused = found(images, ["a/1.jpg", "b/1.png"], ["masks/1.jpg.png"])
+    assert (fits, unused) == ({"a/1.jpg": "masks/1.jpg.png"}, [])
+
+
+def test_what_is_no_mask_of_the_scene_is_passed_over(images):
+    others = ["masks/notes.txt", "masks/._1.png", "images/images_4/masks/1.png", "mask/1.png"]
+    assert found(images, ["1.jpg"], others) == ({}, [])
+    assert mask_files(images) == {}
+
+
+def test_a_scene_called_masks_holds_no_masks_of_another(tmp_path):
+    (tmp_path / "scenes/masks").mkdir(parents=True)
+    (tmp_path / "scenes/yard").mkdir()
+    for name in ("masks/1.png", "yard/1.jpg"):
+        (tmp_path / "scenes" / name).touch()
+    assert mask_files(tmp_path / "scenes/yard") == {}
+
+
+NAMES = st.sampled_from(["1.jpg", "1.png", "2.JPG", "a/1.jpg", "a/2.png", "b/1.jpg", "b/c/3.jpg"])
+
+
+@given(st.sets(NAMES, min_size=1), st.sets(NAMES))
+def test_every_mask_fits_a_photograph_or_is_unused(tmp_path_factory, photographs, masks):
+    images = tmp_path_factory.mktemp("scene") / "images"
+    fits, unused = found(images, photographs, [f"masks/{mask}" for mask in masks])
+    assert {*fits.values()}.isdisjoint(unused)
+    assert {*fits.values(), *unused} == {f"masks/{mask}" for mask in masks}

@@ -1,0 +1,51 @@
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from styletrf.capture.photograph_names import distinct, photograph_names, stored_files
+
+PARTS = st.sampled_from(["a", "A", "b", "1", "a_1", "1_1", "1_2", "a_1_1", "a_1_1_2"])
+FILES = st.builds(
+    lambda folders, stem, suffix: Path("scene", *folders, stem + suffix),
+    st.lists(PARTS, max_size=3),
+    PARTS,
+    st.sampled_from([".jpg", ".JPG", ".png", ".jpg.png", ""]),
+)
+
+
+def caseless(names):
+    return {name.casefold() for name in names}
+
+
+@given(st.lists(FILES, unique=True, min_size=1, max_size=12))
+def test_no_two_photographs_have_one_name_whatever_their_paths(files):
+    stored = stored_files(files)
+    assert len(caseless(stored)) == len(files)
+    assert len(caseless(photograph_names(stored))) == len(files)
+
+
+@pytest.mark.parametrize(
+    ("files", "stored", "names"),
+    [
+        (["a/1.jpg", "b/2.jpg"], ["1.jpg", "2.jpg"], ["1", "2"]),
+        (["a/1.jpg", "b/1.jpg"], ["a_1.jpg", "b_1.jpg"], ["a_1", "b_1"]),
+        (["1.jpg", "1.png"], ["1.jpg", "1.png"], ["1.jpg", "1.png"]),
+        (["a/1.jpg", "b/1.jpg", "2.jpg"], ["a_1.jpg", "b_1.jpg", "2.jpg"], ["a_1", "b_1", "2"]),
+    ],
+)
+def test_names_are_as_short_as_tells_the_photographs_apart(files, stored, names):
+    assert stored_files([Path("scene", file) for file in files]) == stored
+    assert photograph_names(stored) == names
+
+
+def test_a_folder_and_an_underscore_are_told_apart():
+    """Both were `a_1_1.jpg`, and one photograph overwrote the other."""
+    files = ["a/1_1.jpg", "a_1/1.jpg", "b/1.jpg"]
+    stored = stored_files([Path("scene", file) for file in files])
+    assert stored == ["a_1_1.jpg", "a_1_1_2.jpg", "b_1.jpg"]
+
+
+def test_a_number_is_none_that_another_name_has():
+    assert distinct(["a", "a_2", "A", "a", "b"]) == ["a", "a_2", "A_3", "a_4", "b"]
