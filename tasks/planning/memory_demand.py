@@ -8,10 +8,10 @@ largest allowed. Of the stages on a GPU only those that keep frames in main memo
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import luigi
 
@@ -28,6 +28,7 @@ MARGIN = 1.5
 """A command is refused if a stage would take more than this multiple of the available memory."""
 _LONGEST_PX = 1600  # of the undistorted photographs
 _VIDEO_FRAMES = 60
+_FRAMES_PER_SECOND = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,8 @@ class Demand:
     """The inputs that decide the memory of a stage, in types that JSON has.
 
     `photograph_px` is the longer side of the photographs that the field is fitted to, `frame_px`
-    that of the frames, 0 for the same. `limit_bytes` is the user's limit, 0 for none.
+    that of the frames, 0 for the same, and `frames` their number. `limit_bytes` is the user's limit
+    of memory, 0 for none.
     """
 
     stage: str
@@ -72,6 +74,7 @@ class Demand:
     grid_points: int
     video_frames: int
     limit_bytes: int
+    frames: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,14 +99,25 @@ def demands_of(stages: Iterable[luigi.Task]) -> list[Demand]:
 
 def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float]:
     """Returns the peak memory of a stage by cause; the sum is that of the stage."""
-    growth, seen_px = GROWTH[demand.stage], _seen_px(demand, photographs)
-    seen = photographs.pixels(seen_px)
+    growth, seen = GROWTH[demand.stage], photographs.pixels(_seen_px(demand, photographs))
     return {
         "libraries": growth.libraries_mib << 20,
-        "frames": growth.frame * photographs.pixels(demand.frame_px or seen_px),
+        "frames": growth.frame * frame_pixels(demand, photographs),
         "photographs": growth.photographs * photographs.count * seen + growth.prior * seen,
         "grid": growth.grid * demand.grid_points,
     }
+
+
+def frames_of(settings: Mapping[str, Any]) -> float:
+    """Returns the number of frames of a fly-through with these settings of TrajectoryFrames."""
+    seconds = float(settings.get("trajectory.seconds", 0))
+    rate = float(settings.get("frames_per_second", _FRAMES_PER_SECOND))
+    return seconds * rate or float(settings.get("trajectory.frames", 0))
+
+
+def frame_pixels(demand: Demand, photographs: Photographs) -> int:
+    """Returns the pixels of a frame of the fly-through."""
+    return photographs.pixels(demand.frame_px or _seen_px(demand, photographs))
 
 
 def require_memory(
@@ -168,15 +182,17 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
 def demand_of(stage: ConfigurableStage) -> Demand:
     """Returns the demand of a stage listed in `GROWTH`."""
     model = stage.upstream(SceneModel)
+    path = stage.upstream(TrajectoryFrames).values()
     limit_gib = stage.memory_gib or float(setting("store", "memory_gib"))
     return Demand(
         stage=demand_name(stage),
         scene=str(stage.param_kwargs["scene"]),
         photograph_px=model.values()["image_long_side"],
-        frame_px=stage.upstream(TrajectoryFrames).values().get("long_side_px", 0),
+        frame_px=path.get("long_side_px", 0),
         grid_points=_grid_points(model),
         video_frames=stage.upstream(SceneCapture).values().get("video_frames", _VIDEO_FRAMES),
         limit_bytes=int(limit_gib * 2**30),
+        frames=round(frames_of(path)),
     )
 
 
@@ -193,7 +209,7 @@ def demand_name(stage: ConfigurableStage) -> str:
     """Returns the family, with the method or the loss if that decides what the stage computes."""
     if stage.task_family == "StylizedFrames" and stage.param_kwargs.get("method") == "per-frame":
         return "StylizedFrames per-frame"
-    if getattr(stage, "loss", "") == "pixels":
+    if getattr(stage, "resolved_match", "") == "pixels":
         return "StylizedField pixels"
     return str(stage.task_family)
 

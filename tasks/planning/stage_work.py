@@ -14,7 +14,7 @@ from typing import Any
 
 import luigi
 
-from tasks.planning.memory_demand import Photographs
+from tasks.planning.memory_demand import Photographs, frames_of
 from tasks.presets.sweep import CONFIG_DEFAULTS
 from tasks.stages.field import PriorRenders, RadianceField, TrajectoryFrames
 from tasks.stages.scene import SceneModel
@@ -23,7 +23,6 @@ from tasks.stages.stage import ConfigurableStage, PresetStage
 
 START_S = 1.5
 """Seconds of a stage in which its interpreter starts and its libraries load, where measured."""
-_FRAMES_PER_SECOND = 24
 _OF_PRIORS = {"PriorRenders", "StylizedField", "StylizedPriors"}
 _JOINING = 0.1  # of the work of all parts, to put them together
 
@@ -82,7 +81,7 @@ def drivers_of(
         for each in _deciding(stage, upstream):
             settings |= CONFIG_DEFAULTS.get(each.task_family, {}) | each.values()
     numbers = {name: number for name, value in settings.items() for number in _number(value)}
-    numbers["frames"] = _frames(settings)
+    numbers["frames"] = frames_of(settings)
     if isinstance(stage, ShardedStage) and (stage.shard or stage.shards > 1):
         numbers["part"] = 1 / int(stage.shard.partition("/")[2]) if stage.shard else _JOINING
     photographs = sizes.get(str(stage.param_kwargs.get("scene", "")))
@@ -98,12 +97,6 @@ def _deciding(stage: PresetStage, upstream: Mapping[str, Any]) -> Iterator[Confi
                 yield stage.upstream(kind, **upstream)
     if isinstance(stage, ConfigurableStage):
         yield stage
-
-
-def _frames(settings: Mapping[str, Any]) -> float:
-    seconds = float(settings.get("trajectory.seconds", 0))
-    rate = float(settings.get("frames_per_second", _FRAMES_PER_SECOND))
-    return seconds * rate or float(settings.get("trajectory.frames", 0))
 
 
 def _pixels(photographs: Photographs, settings: Mapping[str, Any]) -> dict[str, float]:

@@ -21,6 +21,7 @@ from pipeline.settings import current_store, data_root
 from styletrf.errors import InputError
 from tasks.command.graph import graph
 from tasks.command.sources import may_stop, sources_of
+from tasks.planning.disk_demand import require_disk
 from tasks.planning.memory_demand import Demand, demands_of, photographs_of, require_memory
 from tasks.stages.field import TrajectoryFrames
 from tasks.stages.scene import SceneCapture
@@ -56,8 +57,11 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
         "settings": sorted(settings),
         "paths": sorted({path for stage in stages if (path := _path_of(stage))}),
         "memory": [dataclasses.asdict(demand) for demand in demands],
+        "free_bytes": shutil.disk_usage(current_store().root).free,
     }
-    if any(request.values()) and (error := _validation_error(request)):
+    if any(value for name, value in request.items() if name != "free_bytes") and (
+        error := _validation_error(request)
+    ):
         raise SystemExit(error)
     return stages
 
@@ -191,6 +195,7 @@ def _check(request: dict[str, Any]) -> None:
     scenes = {demand.scene: photographs_of(demand.scene, demand.video_frames) for demand in demands}
     known = {scene: found for scene, found in scenes.items() if found}
     require_memory(demands, available_memory_bytes(), known)
+    require_disk(demands, request["free_bytes"], known)
 
 
 def main() -> int:

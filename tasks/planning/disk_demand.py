@@ -1,0 +1,48 @@
+"""The disk space of the frames of a command, predicted before its first stage begins.
+
+Frames are what grows: a video of 4K for a minute takes more than all else together. Their bytes per
+pixel are measured (horns, 504x378: `benchmarks/history.md`, "Disk, predicted and measured").
+"""
+
+from collections.abc import Mapping, Sequence
+
+from styletrf.errors import InputError
+from tasks.planning.memory_demand import Demand, Photographs, frame_pixels
+
+BYTES_A_PIXEL = {"TrajectoryFrames": 8.7, "StylizedFrames": 2.5, "StylizedFrames per-frame": 2.5}
+"""Of a frame on disk, by stage: colors and depths as floats, and pictures with their video."""
+
+
+def written_bytes(demand: Demand, photographs: Photographs) -> float:
+    """Returns the bytes of the frames that a stage writes; 0 for stages that write none."""
+    pixels = demand.frames * frame_pixels(demand, photographs)
+    return BYTES_A_PIXEL.get(demand.stage, 0.0) * pixels
+
+
+def require_disk(
+    demands: Sequence[Demand], free_bytes: int, scenes: Mapping[str, Photographs]
+) -> None:
+    """Rejects a command whose frames take more than the free disk space.
+
+    Args:
+        demands: Of the stages that are to be made.
+        free_bytes: Of the disk of the store.
+        scenes: The photographs of each scene; other scenes are not checked.
+
+    Raises:
+        InputError: The frames of all stages together take more.
+    """
+    known = [demand for demand in demands if demand.scene in scenes]
+    sizes = {demand: written_bytes(demand, scenes[demand.scene]) for demand in known}
+    needed = sum(sizes.values())
+    if needed <= free_bytes:
+        return
+    worst = max(known, key=sizes.__getitem__)
+    pixels = frame_pixels(worst, scenes[worst.scene])
+    raise InputError(
+        f"{worst.frames} frames of {pixels / 1e6:.1f} megapixels in scene {worst.scene}",
+        f"and all others of the command take about {needed / 1e9:.1f} GB on disk,"
+        f" and {free_bytes / 1e9:.1f} GB are free",
+        "Give a smaller --frame-size or fewer frames, free some space (python -m pipeline gc), or"
+        " set STYLETRF_STORE to another disk; --keep-going begins anyway",
+    )

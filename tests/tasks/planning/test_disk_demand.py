@@ -1,0 +1,41 @@
+"""Commands whose frames do not fit on the disk are refused before their first stage."""
+
+from dataclasses import replace
+
+import pytest
+
+from styletrf.errors import InputError
+from tasks.planning.disk_demand import BYTES_A_PIXEL, require_disk, written_bytes
+from tasks.planning.memory_demand import Demand, Photographs, frames_of
+
+SCENES = {"yard": Photographs(count=50, width=4000, height=3000)}
+MINUTE_OF_4K = Demand("TrajectoryFrames", "yard", 504, 3840, 224**3, 60, 0, frames=1440)
+
+
+@pytest.mark.parametrize("stage", BYTES_A_PIXEL)
+def test_frames_take_space_in_proportion_to_their_number_and_pixels(stage):
+    demand = replace(MINUTE_OF_4K, stage=stage)
+    bytes_of_all = written_bytes(demand, SCENES["yard"])
+    assert bytes_of_all == pytest.approx(BYTES_A_PIXEL[stage] * 1440 * 3840 * 2880)
+    assert written_bytes(replace(demand, frames=720), SCENES["yard"]) * 2 == bytes_of_all
+    assert written_bytes(replace(demand, frame_px=1920), SCENES["yard"]) * 4 == bytes_of_all
+
+
+def test_the_frames_of_all_stages_have_to_fit_together():
+    demands = [MINUTE_OF_4K, replace(MINUTE_OF_4K, stage="StylizedFrames")]
+    needed = sum(written_bytes(demand, SCENES["yard"]) for demand in demands)
+    require_disk(demands, int(needed) + 1, SCENES)
+    with pytest.raises(InputError, match=r"1440 frames of 11\.1 megapixels") as error:
+        require_disk(demands, int(needed) - 1, SCENES)
+    assert "GB are free" in error.value.problem
+
+
+def test_stages_without_frames_and_scenes_that_cannot_be_read_need_no_disk():
+    require_disk([replace(MINUTE_OF_4K, stage="RadianceField")], 0, SCENES)
+    require_disk([MINUTE_OF_4K], 0, {})
+
+
+def test_seconds_count_before_the_number_of_frames():
+    assert frames_of({"trajectory.frames": 60}) == 60
+    settings = {"trajectory.frames": 60, "trajectory.seconds": 10, "frames_per_second": 30}
+    assert frames_of(settings) == 300
