@@ -32,7 +32,6 @@ def test_the_file_says_what_was_written(tmp_path):
     info = video_info(tmp_path / "a.mp4")
     assert (info.width, info.height, info.frames) == (128, 96, 9)
     assert info.frames_per_second == 24
-    assert info.duration_seconds == pytest.approx(9 / 24)
     assert info.codec in ("h264", "vp9")
 
 

@@ -7,7 +7,14 @@ import pytest
 import torch
 
 from styletrf.field.view_rays import ViewRays
-from styletrf.geometry.cameras import Camera, in_view, moved, pixel_centers, project, rays_through
+from styletrf.geometry.cameras import (
+    Camera,
+    in_view,
+    moved,
+    pixel_centers,
+    points_at_depth,
+    project,
+)
 from styletrf.geometry.exact_flow import exact_flow
 from styletrf.geometry.space import Space
 from styletrf.scene.contraction import contraction
@@ -46,8 +53,8 @@ def test_a_point_on_a_pixels_ray_projects_to_the_pixel(focal_px, depth, stabilit
     pose = look_at(np.array([0.3, -0.2, 0.1]), np.array([1.0, 2.0, 3.0]), DOWN)
     pose[:, 3] *= depth  # a center far from the points' own size would round them away
     pixels = pixel_centers(8, 6)
-    rays = rays_through(camera(focal_px, pose), torch.from_numpy(pixels))
-    projected, z = project(camera(focal_px, pose), (rays.origins + depth * rays.directions).numpy())
+    points = points_at_depth(camera(focal_px, pose), pixels, np.full(len(pixels), depth))
+    projected, z = project(camera(focal_px, pose), points)
     np.testing.assert_allclose(projected, pixels, atol=1e-6)
     np.testing.assert_allclose(z, depth, rtol=1e-6)
     bound = max(1e-11, 1e-15 * max(focal_px, 1 / focal_px))
