@@ -38,6 +38,7 @@ from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
+from styletrf.psnr import bounded_psnr
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -170,7 +171,7 @@ class FieldTrainer:
 
     def psnr(self) -> float:
         """Returns the smoothed PSNR of the training rays."""
-        return -10 * math.log10(max(self.smooth_mse, 1e-10))
+        return bounded_psnr(self.smooth_mse)
 
     def _curve_point(self, samples: Samples) -> CurvePoint:
         colored = int((samples.weights > self.config.min_weight).sum())
