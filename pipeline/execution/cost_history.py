@@ -57,24 +57,24 @@ def cost_history(store: Store, family: str) -> list[CostSample]:
     return list(_lines(_file(store, family)))
 
 
-def expected(cost_history: list[CostSample], parameters: Mapping[str, str]) -> Cost | None:
-    """What a build with these parameters will take, as far as earlier ones tell; None: unknown.
+def cost_of_similar(earlier: list[CostSample], parameters: Mapping[str, str]) -> Cost | None:
+    """Returns what a build with these parameters is expected to take; None without earlier builds.
 
-    The median time, and the largest memory and a fifth more, of the five newest that share most
-    parameters.
+    The five newest builds that share the most parameters decide it. The time is their median. The
+    memory is a fifth more than their largest.
     """
-    costs = [spent.cost for spent in alike(cost_history, parameters)]
+    costs = [spent.cost for spent in alike(earlier, parameters)]
     if not costs:
         return None
     memory = _RESERVE * max(c.peak_memory_bytes for c in costs)
     return Cost(median(c.seconds for c in costs), int(memory))
 
 
-def alike(cost_history: Sequence[CostSample], parameters: Mapping[str, str]) -> list[CostSample]:
+def alike(earlier: Sequence[CostSample], parameters: Mapping[str, str]) -> list[CostSample]:
     """Returns the newest builds, at most five, of those that share most of the parameters."""
-    shared = [len(spent.parameters.items() & parameters.items()) for spent in cost_history]
+    shared = [len(spent.parameters.items() & parameters.items()) for spent in earlier]
     most = max(shared, default=0)
-    return [s for s, n in zip(cost_history, shared, strict=True) if n == most][-_NEWEST:]
+    return [s for s, n in zip(earlier, shared, strict=True) if n == most][-_NEWEST:]
 
 
 def _lines(file: Path) -> Iterator[CostSample]:

@@ -44,7 +44,7 @@ def pull(store: Store, options: Namespace) -> Answer:
     if not options.address and not options.night:
         raise StoreError("pull takes what is named: a KEY or DIGEST, or --night NAME")
     if options.night:
-        found = sync.records_of_night(remote, options.night)
+        found = sync.listed_records(remote, options.night)
     else:
         found = sync.shared_records(remote)
     chosen = [r for a in options.address for r in find_all(found, a)]

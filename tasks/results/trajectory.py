@@ -41,7 +41,7 @@ from tasks.stages.style_parameters import STYLE_AND_PATH_PARAMETERS, FrameParame
 from tasks.stages.stylization import StylizedField, StylizedFrames, StylizedPriors
 from tasks.summary.gallery import refresh_gallery
 
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 
 PAGES = ("trade-off", "scene-report")
 """Folders in `out/SCENE/` that are not results of a style."""
@@ -246,7 +246,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """
         choice = self._choice()
         keep_choice(self, self._fronts()[0], choice)
-        screen.info("%s: %s", self.label, choice.description)
+        _log.info("%s: %s", self.label, choice.description)
         return choice
 
     def _choice(self) -> Choice:
