@@ -9,9 +9,9 @@ from pipeline.console.progress import ProgressBar
 from pipeline.errors import StoreError
 from pipeline.maintenance import roots
 from pipeline.maintenance.commands import Answer, Rows, find_all, row_of, totals
-from pipeline.maintenance.garbage_collection import ancestors, collect
+from pipeline.maintenance.garbage_collection import collect
 from pipeline.maintenance.verify import problems, repair, unreferenced_objects
-from pipeline.record import ActionRecord
+from pipeline.record import ActionRecord, ancestors
 from pipeline.shared_store import sync
 from pipeline.shared_store.settings import current_remote
 from pipeline.store import Store

@@ -94,8 +94,6 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             raise InputError(
                 f"style {self.style}", "is the name of a page in out/", "Rename the image"
             )
-        if self.json and not self.plan:
-            raise InputError("--json", "is for --plan only", "Add --plan, or leave it out")
         if self.budget and not self.is_usual("quality") and self.quality in PRESETS:
             subject = f"--quality {self.quality} --budget {self.budget}"
             raise InputError(subject, "ask for settings twice", "Leave one of them out")

