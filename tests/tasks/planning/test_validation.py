@@ -89,6 +89,16 @@ def test_a_cell_of_a_grid_is_looked_at():
 
 
 @pytest.mark.usefixtures("out")
+@pytest.mark.parametrize("task", [["Viewer"], ["Export", "--format", "cameras"]])
+@pytest.mark.parametrize("strategy", ["s1", "s2"])
+def test_styles_on_one_geometry_need_the_strategy_that_keeps_it(task, strategy):
+    words = ["--scene", "mini", "--styles", '["p"]', "--strategy", strategy]
+    line = refusal(*task, *words)
+    assert line.startswith(f"--strategy {strategy}: gives each style a geometry of its own")
+    assert "\n" not in line
+
+
+@pytest.mark.usefixtures("out")
 def test_a_grid_has_json_for_its_plan_only():
     words = ["--scenes", '["mini"]', "--styles", '["p"]', "--json"]
     assert refusal("Grid", *words).startswith("--json: is for --plan only")
