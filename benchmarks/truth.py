@@ -194,7 +194,7 @@ def main() -> None:
     three = modes.add_parser("flow", help=flow.__doc__)
     three.add_argument("--iterations", type=int, default=5000)
     three.add_argument("--every", type=int, default=8, help="of the views, which are looked at")
-    three.add_argument("--apart", type=int, default=1, help="steps of two centimetres")
+    three.add_argument("--apart", type=int, default=1, help="steps of two centimeters")
     three.add_argument("--quality", default="draft")
     three.add_argument("--seed", type=int, default=0)
     three.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")

@@ -58,9 +58,9 @@ def test_depth_of_a_field_is_that_of_the_surfaces():
     field, _ = train_field(cameras[1:], images[1:], model.space, model.resolution, config, kernels)
     rays = ViewRays(cameras[:1], model.space, field.step_length, cpu)
     render = render_view(field, kernels, rays, 0, cameras[0], RenderConfig())
-    metres = np.linalg.norm(model.normalized_from_world[:3, 0])
+    meters = np.linalg.norm(model.normalized_from_world[:3, 0])
     truth = capture.depths[0]
     surface = np.isfinite(truth)
-    error = np.abs(render.depth.numpy()[surface] / metres / truth[surface] - 1)
+    error = np.abs(render.depth.numpy()[surface] / meters / truth[surface] - 1)
     assert np.median(error) < 0.08  # of a fit of seconds; a wrong convention is off by far more
     assert render.opacity.numpy()[surface].mean() > 0.95
