@@ -29,18 +29,18 @@ def write_sheet(
         frames: By scene and style.
         width_px: Of every picture.
     """
-    heads = [_labelled(read_style_image(file), name, width_px) for name, file in paintings.items()]
+    heads = [_labeled(read_style_image(file), name, width_px) for name, file in paintings.items()]
     rows = [_row(heads)]
     for scene in scenes:
-        labelled = [_labelled(frames[scene, s], f"{scene}, {s}", width_px) for s in paintings]
-        rows.append(_row(labelled))
+        labeled = [_labeled(frames[scene, s], f"{scene}, {s}", width_px) for s in paintings]
+        rows.append(_row(labeled))
     bgr = cv2.cvtColor(np.concatenate(rows), cv2.COLOR_RGB2BGR)
     quality = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if path.suffix in (".jpg", ".jpeg") else []
     _, encoded = cv2.imencode(path.suffix, bgr, quality)
     path.write_bytes(encoded.tobytes())
 
 
-def _labelled(image: np.ndarray, label: str, width_px: int) -> np.ndarray:
+def _labeled(image: np.ndarray, label: str, width_px: int) -> np.ndarray:
     """Returns 8 bit levels with the label below."""
     height = max(1, round(image.shape[0] * width_px / image.shape[1]))
     small = cv2.resize(to_integers(image), (width_px, height), interpolation=cv2.INTER_AREA)

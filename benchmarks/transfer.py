@@ -34,7 +34,7 @@ from styletrf.style.transfer.weights import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from published_models import without_quantised_activations  # type: ignore[import-not-found]
+from published_models import without_quantized_activations  # type: ignore[import-not-found]
 
 _LONG_SIDE_PX = 504
 
@@ -71,7 +71,7 @@ def row(transfer: StyleTransfer, photograph: np.ndarray, painting: np.ndarray) -
     inputs = small[None], embedding.numpy().reshape(1, 1, 1, 100)
     published = read_packaged(TRANSFORM)
     rounded, exact = (
-        run(graph, *inputs)[0] for graph in (published, without_quantised_activations(published))
+        run(graph, *inputs)[0] for graph in (published, without_quantized_activations(published))
     )
     height, width = photograph.shape[:2]
     scale = _LONG_SIDE_PX / max(height, width)

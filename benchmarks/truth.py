@@ -31,7 +31,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import load_field
 from styletrf.field.training.trainer import train_field
 from styletrf.geometry.camera_table import read_cameras
-from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
+from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, points_at_depth
 from styletrf.geometry.exact_flow import exact_flow
 from styletrf.scene.scene_model import decide_scene_model
 from styletrf.synthetic.courtyard import CourtyardConfig, capture_courtyard
@@ -169,11 +169,9 @@ def _reduced(image: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def _points_world(camera: Camera, depth: np.ndarray) -> np.ndarray:
-    x, y = (pixel_centers(camera.width, camera.height) - [camera.cx, camera.cy]).T
-    rays = np.stack([x / camera.fx, y / camera.fy, np.ones_like(x)], axis=-1)
-    z = depth.reshape(-1)
-    points = (rays * z[:, None])[np.isfinite(z)]
-    return points @ camera.world_from_camera[:, :3].T + camera.center_world
+    is_surface = np.isfinite(depth.reshape(-1))
+    pixels = pixel_centers(camera.width, camera.height)[is_surface]
+    return points_at_depth(camera, pixels, depth.reshape(-1)[is_surface])
 
 
 def main() -> None:
@@ -196,7 +194,7 @@ def main() -> None:
     three = modes.add_parser("flow", help=flow.__doc__)
     three.add_argument("--iterations", type=int, default=5000)
     three.add_argument("--every", type=int, default=8, help="of the views, which are looked at")
-    three.add_argument("--apart", type=int, default=1, help="steps of two centimetres")
+    three.add_argument("--apart", type=int, default=1, help="steps of two centimeters")
     three.add_argument("--quality", default="draft")
     three.add_argument("--seed", type=int, default=0)
     three.add_argument("--set", nargs="*", default=[], metavar="NAME=JSON")

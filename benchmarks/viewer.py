@@ -25,6 +25,7 @@ from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
 from styletrf.geometry.space import Space
+from styletrf.psnr import bounded_psnr
 from styletrf.scene.scene_model import read_scene_model
 from styletrf.viewer.viewer_content import RENDER
 from tasks.results.viewer import PHOTOGRAPHS, Viewer
@@ -89,7 +90,7 @@ def measure(
     for k, (camera, shot) in enumerate(zip(cameras, answer["shots"], strict=True)):
         exact = render_view(field, kernels, rays, k, camera, RENDER).color.numpy()
         error = float(np.square(np.array(shot).reshape(exact.shape) / 1000 - exact).mean())
-        found.append(-10 * np.log10(max(error, 1e-10)))
+        found.append(bounded_psnr(error))
     size = f"{cameras[0].width} x {cameras[0].height}"
     seconds = f"loaded in {(answer['ready'] - answer['loaded']) / 1000:.1f} s after load"
     psnr = f"{np.mean(found):.2f} dB (least {min(found):.2f})"

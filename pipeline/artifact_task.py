@@ -1,4 +1,4 @@
-"""The Luigi task whose artifact lies in the store: its identity, and what Luigi asks of it."""
+"""The Luigi task whose artifact lies in the store: its identity, and the methods of Luigi."""
 
 import hashlib
 from abc import abstractmethod
@@ -24,7 +24,7 @@ from pipeline.store import Store
 
 
 class ArtifactTask(luigi.Task):
-    """A task that makes one artifact: a directory, found again by what it was made from.
+    """A task that makes one artifact, a directory in the store that its key finds again.
 
     A subclass declares Luigi parameters, `requires()` returning such tasks by name, and `build`.
     Its key covers its family, `identity_parameters`, the digests of its inputs, the code that
@@ -34,7 +34,7 @@ class ArtifactTask(luigi.Task):
     Attributes:
         tools: Distributions whose versions belong to the key.
         user_errors: Exceptions of `build` whose text is meant for the user.
-        transient_errors: Exceptions of `build` that may pass: it is tried again, twice.
+        transient_errors: Exceptions of `build` that may pass. The build is then tried twice more.
         revision: A word that stands for the code in the key, instead of the code itself.
     """
 
@@ -52,57 +52,57 @@ class ArtifactTask(luigi.Task):
     # What a subclass defines.
 
     def requires(self) -> Mapping[str, "ArtifactTask"]:
-        """The tasks whose artifacts `build` reads, by the name it reads them under."""
+        """Returns the tasks whose artifacts `build` reads, by their names in `inputs`."""
         return {}
 
     @abstractmethod
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Make the artifact in the empty directory `out` from the artifacts in `inputs`.
+        """Makes the artifact in the empty directory `out` from the artifacts in `inputs`.
 
-        Runs in a process of its own. All that decides the bytes comes through `inputs`, the
-        parameters and the files that `external_digests` covers.
+        It runs in a process of its own. Only `inputs`, the parameters and the files that
+        `external_digests` covers may decide the bytes.
         """
 
     @abstractmethod
     def make(self, action: Action, store: Store) -> ActionRecord:
-        """The record of this task's artifact, found or built anew, by an injected executor."""
+        """Returns the record of the artifact, which an executor finds or builds."""
 
     @property
     def artifacts(self) -> Artifacts:
-        """Where records and objects are looked for."""
+        """Returns the store or stores that are searched for records and objects."""
         return Artifacts(current_store())
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """The values that decide the artifact's content: all significant parameters."""
+        """Returns the parameters that decide the artifact's content: all significant ones."""
         names = self.get_param_names()  # type: ignore[no-untyped-call]
         return {name: self.param_kwargs[name] for name in names}
 
     def code(self, *, refresh: bool = False) -> str:  # noqa: ARG002  for those that read files
-        """What stands for the code of `build` in the key; here the revision that it pins.
+        """Returns what represents the code of `build` in the key; here the pinned revision.
 
         Args:
-            refresh: Read the code again instead of trusting memory.
+            refresh: Whether to read the code again, although it is in memory.
         """
         return f"revision {self.revision}"
 
     def provenance(self, store: Store) -> Mapping[str, Json]:  # noqa: ARG002
-        """What else the record of a build states; it decides nothing."""
+        """Returns further entries of the record of a build, which decide nothing."""
         return {}
 
     def external_digests(self) -> Mapping[str, str]:
-        """Digests of what `build` reads from outside the store; may raise a user's error."""
+        """Returns digests of files that `build` reads outside the store; may raise user errors."""
         return {}
 
     def published(self) -> bool:
-        """Whether what `publish` makes outside the store is in place."""
+        """Returns whether everything that `publish` makes outside the store is in place."""
         return True
 
     def publish(self, object_path: Path) -> None:
-        """Make the artifact visible outside the store, such as by links; quick and repeatable."""
+        """Makes the artifact visible outside the store, such as by links; quick and repeatable."""
 
     @property
     def label(self) -> str:
-        """The task on the screen: its family and those parameters that are words."""
+        """Returns the task's name on the console: its family and the parameters that are words."""
         names = self.get_param_names()  # type: ignore[no-untyped-call]
         values = (self.param_kwargs[name] for name in names)
         words = [value for value in values if isinstance(value, str) and value]
@@ -111,24 +111,25 @@ class ArtifactTask(luigi.Task):
     # What Luigi asks.
 
     def complete(self) -> bool:
-        """Whether the artifact exists, for the present code and inputs; never raises."""
+        """Returns whether the artifact of the present code and inputs exists; never raises."""
         try:
             return self.record() is not None and self.published()
         except Exception:  # noqa: BLE001  run() meets it again and reports it
             return False
 
     def output(self) -> "StoreTarget":
-        """The artifact, built or not."""
+        """Returns the place of the artifact, whether it is built or not."""
         return StoreTarget(self)
 
     def run(self) -> "Generator[ArtifactTask, None, None] | None":
-        """Find the artifact under its resolved key (early cut-off) or make it; then publish it.
+        """Finds the artifact under its resolved key (early cutoff) or makes it, and publishes it.
 
         Returns:
-            None, done; or, where an input was lost, what has Luigi make that again first.
+            None if it is done. If an input was lost, a generator that has Luigi make the input
+            again first.
 
         Raises:
-            TaskFailure: With one line for the user.
+            TaskFailure: The build failed. The error has one line for the user.
         """
         store = current_store()
         try:
@@ -146,7 +147,7 @@ class ArtifactTask(luigi.Task):
         return None
 
     def _missing(self) -> "ArtifactTask | None":
-        """What is upstream and was never built here, although a scheduler may call it done."""
+        """Returns an upstream task that was never built here, although luigid may call it done."""
         for upstream in self.requires().values():
             try:
                 upstream._recorded()
@@ -162,14 +163,14 @@ class ArtifactTask(luigi.Task):
             raise TaskFailure("changed", str(self), reason)
 
     def _failure(self, error: Exception, store: Store) -> TaskFailure:
-        """What went wrong around the build, its trace put into a log of its own."""
+        """Returns the failure for an error outside the build, and logs its trace."""
         append_trace(log := store.new_log(self.task_family, self._log_name()))
         kind, message = describe_error(error, log, self.user_errors, self.transient_errors)
         write_outcome(log, kind, message)
         return TaskFailure(kind, str(self), message)
 
     def _log_name(self) -> str:
-        """The key; where that is what failed, something that is this task's, too."""
+        """Returns the key, or a digest of the task's name if the key cannot be computed."""
         try:
             return self.action().key
         except Exception:  # noqa: BLE001  the caller reports it
@@ -178,19 +179,20 @@ class ArtifactTask(luigi.Task):
     # Identity.
 
     def action(self, *, refresh: bool = False) -> Action:
-        """What decides this artifact, with everything upstream resolved to its content.
+        """Returns everything that decides this artifact, with the digests of upstream artifacts.
 
         Args:
-            refresh: Read the code and the outside files again instead of trusting memory.
+            refresh: Whether to read the code and the outside files again, although they are in
+                memory.
 
         Raises:
-            NotBuiltError: When an upstream artifact was never built.
+            NotBuiltError: An upstream artifact was never built.
         """
         inputs = {n: task._recorded().output.digest for n, task in self.requires().items()}
         return self.action_with(inputs, refresh=refresh)
 
     def action_with(self, inputs: Mapping[str, str], *, refresh: bool = False) -> Action:
-        """`action`, with these digests as those of the inputs."""
+        """Returns the `action` with the given digests of inputs."""
         if refresh or self._sources is None:
             self._sources = dict(self.external_digests())
         return Action(
@@ -204,7 +206,10 @@ class ArtifactTask(luigi.Task):
         )
 
     def record(self) -> ActionRecord | None:
-        """The record of the artifact, if that can be had; raises what keeps its key unknown."""
+        """Returns the record of the artifact; None if the artifact is not available.
+
+        An error that keeps the key unknown is raised.
+        """
         try:
             record = self._recorded()
         except NotBuiltError:
@@ -212,7 +217,7 @@ class ArtifactTask(luigi.Task):
         return record if self.artifacts.is_available(record) else None
 
     def _recorded(self) -> ActionRecord:
-        """The record of the artifact, even if the object was collected: its digest suffices."""
+        """Returns the record of the artifact, also after the object was collected."""
         store = current_store()
         record = self._records.get(store.root) or self.artifacts.lookup(self.action().key)
         if record is None:
@@ -221,10 +226,10 @@ class ArtifactTask(luigi.Task):
         return record
 
     def lineage(self) -> tuple[str, ...]:
-        """The keys of the records upstream, each once, first things first.
+        """Returns the keys of the upstream records, each once and after those that it needs.
 
         Raises:
-            NotBuiltError: When an upstream artifact was never built.
+            NotBuiltError: An upstream artifact was never built.
         """
         if self._lineage is None:
             keys: dict[str, None] = {}
@@ -234,27 +239,27 @@ class ArtifactTask(luigi.Task):
         return self._lineage
 
     def forget(self) -> None:
-        """Ask the store again next time."""
+        """Forgets the records, so that the store is asked again."""
         self._records.clear()
         self._lineage = None
 
 
 class StoreTarget(luigi.Target):
-    """The place of a task's artifact; unknown, and absent, until the task's inputs are known."""
+    """The place of a task's artifact, which is unknown until the task's inputs are known."""
 
     def __init__(self, task: ArtifactTask) -> None:
         self.task = task
 
     def exists(self) -> bool:
-        """Whether the artifact can be had; never raises."""
+        """Returns whether the artifact is available; never raises."""
         return self.task.complete()
 
     @property
     def path(self) -> Path:
-        """The artifact's directory, read-only; not there yet, if only the shared store has it.
+        """Returns the artifact's read-only directory, which `artifact` may have to fetch first.
 
         Raises:
-            NotBuiltError: When it is not built.
+            NotBuiltError: The artifact is not built.
         """
         record = self.task.record()
         if record is None:
@@ -269,10 +274,10 @@ class StoreTarget(luigi.Target):
 
 
 def artifact(task: ArtifactTask) -> Path:
-    """The directory of a finished task's artifact, read-only; fetched, if it is not here yet.
+    """Returns the read-only directory of a finished task's artifact, and fetches it if needed.
 
     Raises:
-        NotBuiltError: When it is not built, or the shared store does not give it.
+        NotBuiltError: The artifact is not built, or the shared store does not return it.
     """
     path, record = StoreTarget(task).path, task.record()
     if not (record and task.artifacts.fetch(record)):

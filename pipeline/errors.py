@@ -1,4 +1,4 @@
-"""What can go wrong, in the words its user reads."""
+"""The errors of the pipeline, in words for the user."""
 
 import contextlib
 import errno
@@ -17,7 +17,7 @@ _NEXT_TO_NOTHING_BYTES = 1 << 20
 
 
 class StoreError(Exception):
-    """The store cannot be used as it is, or does not hold what was asked of it."""
+    """The store cannot be used as it is, or does not contain the requested thing."""
 
 
 class NotBuiltError(StoreError):
@@ -25,17 +25,18 @@ class NotBuiltError(StoreError):
 
 
 class LostInputError(Exception):
-    """The task that it names has to run again first: what it made is gone or was set aside."""
+    """The artifact of the named task is gone or was set aside, so that task has to run again."""
 
 
 class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is elsewhere
-    """A task that failed for a reason worth one line; the trace, if there is one, is in a log.
+    """The failure of a task, with its reason in one line; a trace, if there is one, is in a log.
 
     Args:
-        kind: "user": what the user gave cannot be used. "crash": a defect. "killed": by a signal.
-            "memory": it took too much. "timeout": it took too long. "transient": what may pass, as
-            a lost network. "changed": what it read is damaged or was altered. "late": it would not
-            have ended in time. "disk": that of this machine is full.
+        kind: "user": the user's input cannot be used. "crash": the program has a defect.
+            "killed": a signal ended the build. "memory": the build took too much memory.
+            "timeout": it took too long. "transient": the reason may pass, such as a lost network.
+            "changed": an input is damaged or was altered. "late": the build would not have ended
+            in time. "disk": the disk of this machine is full.
         task: The task as Luigi prints it.
         reason: What happened and what to do.
     """
@@ -49,12 +50,12 @@ class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is 
 
 
 def is_full(error: BaseException | None) -> bool:
-    """Whether a disk, or what somebody may have of it, is full."""
+    """Returns whether an error says that a disk, or a quota on it, is full."""
     return getattr(error, "errno", None) in _NO_ROOM
 
 
 def is_disk_full(error: Exception) -> bool:
-    """Whether an error is, or quotes, that of the system for a full disk; not another machine's."""
+    """Returns whether an error is or quotes the system's error for a full disk of this machine."""
     is_quoted = any(os.strerror(number) in str(error) for number in _NO_ROOM)
     return is_full(error) or (is_quoted and not isinstance(error, StoreError))
 
@@ -62,7 +63,14 @@ def is_disk_full(error: Exception) -> bool:
 def describe_error(
     error: Exception, log: Path, user_errors: Errors = (), transient_errors: Errors = ()
 ) -> tuple[FailureKind, str]:
-    """Whose an error is, and its line on the screen; `log` lies in the store and has the trace."""
+    """Returns the kind of an error and its line for the user.
+
+    Args:
+        error: The error.
+        log: The log in the store that contains the trace.
+        user_errors: The exceptions whose text is meant for the user.
+        transient_errors: The exceptions that may pass.
+    """
     other: FailureKind = "transient" if isinstance(error, transient_errors) else "crash"
     if isinstance(error, (*user_errors, StoreError)):
         return ("user" if other == "crash" else other), str(error)
@@ -78,7 +86,7 @@ def describe_error(
 
 
 def _is_short(folder: Path) -> bool:
-    """Whether next to nothing is free there: many a library does not say why it failed to write."""
+    """Returns whether a disk is almost full; not every library says why it could not write."""
     with contextlib.suppress(OSError):
         return shutil.disk_usage(folder).free < _NEXT_TO_NOTHING_BYTES
     return False

@@ -42,9 +42,8 @@ def begin(root: luigi.Task) -> None:
         SystemExit: With what is wrong with the command; or, after a plan, with status 0.
     """
     try:
-        if isinstance(root, StylizedTrajectory | Grid) and root.plan:
-            validate_command(root)
-            print_plan(root, as_json=bool(root.json))
+        if isinstance(root, StylizedTrajectory | Grid) and (root.plan or root.json):
+            _plan(root)
             raise SystemExit(0)
         for cell in _cells(root):
             cell.choose_settings()
@@ -87,6 +86,14 @@ def end(root: luigi.Task) -> int | None:
 def run(arguments: Sequence[str]) -> int:
     """Runs a command; returns its exit status."""
     return run_command(arguments, begin, end, LIBRARIES)
+
+
+def _plan(root: StylizedTrajectory | Grid) -> None:
+    """Validates a command and prints its plan."""
+    if not root.plan:
+        raise InputError("--json", "is for --plan only", "Add --plan, or leave it out")
+    validate_command(root)
+    print_plan(root, as_json=bool(root.json))
 
 
 def _cells(root: luigi.Task) -> list[StylizedTrajectory]:

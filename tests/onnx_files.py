@@ -50,7 +50,7 @@ def predict_shapes() -> Shapes:
     yield "mobilenet_conv/Conv/Conv2D_bias", (100,)
 
 
-def quantised_file(shapes: Shapes, seed: int = 0) -> bytes:
+def quantized_file(shapes: Shapes, seed: int = 0) -> bytes:
     """An ONNX file of int8 weights, with a scale for each output channel."""
     rng, constants, nodes = np.random.default_rng(seed), {}, []
     for name, shape in shapes:
@@ -67,6 +67,6 @@ def quantised_file(shapes: Shapes, seed: int = 0) -> bytes:
 
 def write_transfer_files(folder: Path) -> Path:
     """Writes both files into a folder, and returns it."""
-    (folder / "arbitrary_predict.onnx").write_bytes(quantised_file(predict_shapes()))
-    (folder / "arbitrary_transform.onnx").write_bytes(quantised_file(transform_shapes()))
+    (folder / "arbitrary_predict.onnx").write_bytes(quantized_file(predict_shapes()))
+    (folder / "arbitrary_transform.onnx").write_bytes(quantized_file(transform_shapes()))
     return folder

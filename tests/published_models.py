@@ -16,7 +16,7 @@ def published_model(name: str) -> bytes:
     return read_packaged({"predict": PREDICT, "transform": TRANSFORM}[name])
 
 
-def without_quantised_activations(content: bytes) -> bytes:
+def without_quantized_activations(content: bytes) -> bytes:
     """Returns the graph with each pair of QuantizeLinear and DequantizeLinear taken out."""
     model = onnx.load_model_from_string(content)
     source = {

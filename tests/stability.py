@@ -24,11 +24,11 @@ BOUNDS = {"float64": 1e-11, "float32": 1e-5, "float16": 2e-3, "bfloat16": 3e-2}
 """The largest error of a case that names no bound of its own, by precision."""
 PREFACE = """# Numerical extremes
 
-Written by `make stability`. The error is the largest deviation from the same computed in float64
-(or from a closed form in float64), relative to the largest value of that, absolute where that is
-zero or the row says so; rounded up to a power of ten, the worst of all forms of the kernels and of
-all parameters that a row stands for. The tests assert each bound. A row without an error states a
-law that has none.
+`make stability` writes this page.
+The error is the largest deviation from a computation or a closed form in float64.
+It is relative to the largest value of that, or absolute if that is zero or the row says so.
+It is rounded up to a power of ten. A row has the worst error of its kernels and parameters.
+The tests assert each bound. A row without an error states a law that has none.
 """
 
 

@@ -1,4 +1,4 @@
-"""The documentation: its links lead to files, and its example of the library runs."""
+"""The documentation: its links and paths lead to files, and its example of the library runs."""
 
 import re
 import runpy
@@ -11,7 +11,13 @@ from styletrf.trajectory.support_config import SupportConfig
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "benchmarks/README.md"])
+HISTORY = [ROOT / "CHANGELOG.md", *(ROOT / "docs/decisions").glob("*.md")]
+CURRENT_PAGES = [page for page in PAGES if page not in HISTORY]
+"""The pages that describe the present code."""
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+CODE_PATH = r"(?:styletrf|pipeline|tasks|tests|benchmarks|docs)/[\w./-]*"
+CODE_FILE = re.compile(rf"`({CODE_PATH})`")
+NAME_IN_FILE = re.compile(rf"`([\w.]+)` in `({CODE_PATH}\.py)`")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -19,6 +25,23 @@ def test_every_relative_link_leads_to_a_file(page: Path):
     targets = LINK.findall(page.read_text(encoding="utf-8"))
     own = [target for target in targets if "://" not in target]
     assert [target for target in own if not (page.parent / target).exists()] == []
+
+
+@pytest.mark.parametrize("page", CURRENT_PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_path_of_code_exists(page: Path):
+    paths = CODE_FILE.findall(page.read_text(encoding="utf-8"))
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("page", CURRENT_PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_name_in_a_file_of_code_is_there(page: Path):
+    named = NAME_IN_FILE.findall(page.read_text(encoding="utf-8"))
+    missing = [
+        (name, path)
+        for name, path in named
+        if name.rpartition(".")[2] not in (ROOT / path).read_text(encoding="utf-8")
+    ]
+    assert missing == []
 
 
 def test_every_page_is_in_the_navigation_of_the_site():

@@ -1,7 +1,7 @@
-"""The messages between a command and luigid, where several machines share one luigid.
+"""The messages between a command and a luigid that several machines share.
 
 Each command publishes the key of a task that it starts. Two machines that compute different keys
-for one task have different commits, packages or photographs: the second one stops there. Without a
+for one task have different commits, packages or photographs, so the second one stops. Without a
 luigid (`local_scheduler`), and while luigid does not answer, every function here does nothing.
 """
 
@@ -65,7 +65,7 @@ def require_same_key(task: luigi.Task, key: str) -> None:
 
 
 def _published(scheduler: Any, task_id: str) -> dict[str, str]:
-    """What `publish_key` published for a task; nothing if no command has."""
+    """Returns the message of `publish_key` for a task; empty if no command published one."""
     with contextlib.suppress(ValueError, KeyError, TypeError):
         message = json.loads(scheduler.get_task_status_message(task_id)["statusMessage"])
         return {name: str(message[name]) for name in ("key", "host", "process")}
@@ -73,19 +73,19 @@ def _published(scheduler: Any, task_id: str) -> dict[str, str]:
 
 
 def stop_requesting_work(failure: TaskFailure) -> None:
-    """After a full disk, has the command request no more tasks from luigid.
+    """Stops the command from requesting tasks of luigid, after a full disk.
 
-    Otherwise it would request and fail one task after the other, until luigid disables them for all
+    Otherwise the command would fail one task after the other, until luigid disables them for all
     machines.
     """
     handles_signal = callable(signal.getsignal(signal.SIGUSR1))  # as in a worker of Luigi
     if failure.kind == "disk" and handles_signal and _has_luigid():
-        _log.warning("This command takes nothing more from luigid, and ends after its builds.")
+        _log.warning("This command requests no more tasks from luigid. It ends after its builds.")
         os.kill(int(_own_command()[1]), signal.SIGUSR1)
 
 
 def reenable_failed_tasks(tasks: Callable[[], Iterable[luigi.Task]]) -> None:
-    """Has luigid let this command try tasks that failed in earlier ones; by itself it waits a day.
+    """Enables tasks of this command that failed in earlier ones, which luigid disables for a day.
 
     Args:
         tasks: Returns all tasks of the command; called only if luigid has disabled any task.
@@ -101,9 +101,9 @@ def reenable_failed_tasks(tasks: Callable[[], Iterable[luigi.Task]]) -> None:
 
 
 def is_forgotten_by_luigid() -> bool:
-    """Whether luigid no longer knows this command, because it was restarted.
+    """Returns whether luigid was restarted and no longer knows this command.
 
-    Its answer to the worker is then that there is no work, and the worker ends.
+    It then answers the worker that there is no work, and the worker ends.
     """
     if not _has_luigid():
         return False
@@ -114,7 +114,7 @@ def is_forgotten_by_luigid() -> bool:
 
 @contextlib.contextmanager
 def _one_attempt() -> Iterator[None]:
-    """Meanwhile a scheduler that does not answer is asked once."""
+    """Limits requests to one attempt, for a scheduler that does not answer."""
     config, option = luigi.configuration.get_config(), ("core", "rpc-retry-attempts")  # type: ignore[no-untyped-call]
     before = config.get(*option, "3")
     config.set(*option, "1")
@@ -133,19 +133,19 @@ def _has_luigid() -> bool:
 
 
 def _own_command() -> tuple[str, str]:
-    """The name of this host, and the id of the command's main process."""
+    """Returns the name of this host and the id of the command's main process."""
     command = multiprocessing.parent_process()
     return socket.gethostname(), str((command and command.pid) or os.getpid())
 
 
 def _is_running(scheduler: Any, host: str, pid: str) -> bool:
-    """Whether a command is running; luigid knows that of commands on other hosts."""
+    """Returns whether a command is running; luigid knows it of commands on other hosts."""
     if host == socket.gethostname():
         return bool(psutil.pid_exists(int(pid)))
     return _knows(scheduler, host, pid)
 
 
 def _knows(scheduler: Any, host: str, pid: str) -> bool:
-    """Whether luigid knows the worker of a command."""
+    """Returns whether luigid knows the worker of a command."""
     workers = scheduler.worker_list(include_running=False)
     return (host, pid) in [(w.get("host"), str(w.get("pid"))) for w in workers]

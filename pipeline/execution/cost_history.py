@@ -1,7 +1,7 @@
-"""What earlier builds took, for plans: hints that no result depends on.
+"""The costs of earlier builds, from which plans predict later ones; no result depends on them.
 
-`costs/FAMILY.jsonl` of the store has a line a build. A build is expected to take what the builds
-before it took that share most of its parameters.
+`costs/FAMILY.jsonl` in the store has one line for each build. A build is expected to cost as much
+as the earlier builds that share the most parameters with it.
 """
 
 import contextlib
@@ -19,12 +19,12 @@ _READ_BYTES = 1 << 18  # of the newest lines
 _NEWEST = 5
 _RESERVE = 1.2  # times the memory that an earlier build took
 DEFAULT_SECONDS = 60.0
-"""Of what nothing is known."""
+"""Of a build that nothing is known of."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What a build takes; `cpu_seconds` and `output_bytes` are None where they were not noted."""
+    """The cost of a build; `cpu_seconds` and `output_bytes` are None if they were not recorded."""
 
     seconds: float
     peak_memory_bytes: int
@@ -34,7 +34,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class CostSample:
-    """What a build took: its parameters, serialized, its cost, and the host that built it."""
+    """The cost of a finished build, with its serialized parameters and its host."""
 
     parameters: Mapping[str, str]
     cost: Cost
@@ -42,7 +42,7 @@ class CostSample:
 
 
 def record_cost(store: Store, family: str, spent: CostSample) -> None:
-    """Add a line; a full disk, or a store that can only be read, is no reason to fail."""
+    """Adds a line, unless the disk is full or the store cannot be written to."""
     line = json.dumps(asdict(spent), sort_keys=True).encode() + b"\n"
     with contextlib.suppress(OSError):
         file = os.open(_file(store, family), os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
@@ -53,32 +53,32 @@ def record_cost(store: Store, family: str, spent: CostSample) -> None:
 
 
 def cost_history(store: Store, family: str) -> list[CostSample]:
-    """What the newest builds of a family took, oldest first."""
+    """Returns the costs of the newest builds of a family, the oldest first."""
     return list(_lines(_file(store, family)))
 
 
-def expected(cost_history: list[CostSample], parameters: Mapping[str, str]) -> Cost | None:
-    """What a build with these parameters will take, as far as earlier ones tell; None: unknown.
+def cost_of_similar(earlier: list[CostSample], parameters: Mapping[str, str]) -> Cost | None:
+    """Returns what a build with these parameters is expected to take; None without earlier builds.
 
-    The median time, and the largest memory and a fifth more, of the five newest that share most
-    parameters.
+    The five newest builds that share the most parameters decide it. The time is their median. The
+    memory is a fifth more than their largest.
     """
-    costs = [spent.cost for spent in alike(cost_history, parameters)]
+    costs = [spent.cost for spent in alike(earlier, parameters)]
     if not costs:
         return None
     memory = _RESERVE * max(c.peak_memory_bytes for c in costs)
     return Cost(median(c.seconds for c in costs), int(memory))
 
 
-def alike(cost_history: Sequence[CostSample], parameters: Mapping[str, str]) -> list[CostSample]:
+def alike(earlier: Sequence[CostSample], parameters: Mapping[str, str]) -> list[CostSample]:
     """Returns the newest builds, at most five, of those that share most of the parameters."""
-    shared = [len(spent.parameters.items() & parameters.items()) for spent in cost_history]
+    shared = [len(spent.parameters.items() & parameters.items()) for spent in earlier]
     most = max(shared, default=0)
-    return [s for s, n in zip(cost_history, shared, strict=True) if n == most][-_NEWEST:]
+    return [s for s, n in zip(earlier, shared, strict=True) if n == most][-_NEWEST:]
 
 
 def _lines(file: Path) -> Iterator[CostSample]:
-    """The lines that can be read: the first may be cut off, and any by a full disk."""
+    """Yields the lines that can be read; the first may be cut off, and any by a full disk."""
     with contextlib.suppress(OSError), file.open("rb") as lines:
         lines.seek(max(0, file.stat().st_size - _READ_BYTES))
         for line in lines:

@@ -1,8 +1,8 @@
-"""What of a host is lent to one build at a time: its cards, its cores, parts of its memory.
+"""Leases of a host's resources: GPUs, cores and parts of the memory serve one build at a time.
 
-Each unit is a file, and its flock the lease, whatever users and stores the host has. The build's
-own processes hold it, so it goes with the last of them, however they end. Like every lock here, it
-spares trouble and proves nothing.
+Each unit is a file, and an flock on it is the lease, for all users and stores of the host. The
+processes of the build hold the lock, so it ends with the last of them. No result depends on these
+locks: without them builds would only disturb each other.
 """
 
 import contextlib
@@ -22,10 +22,10 @@ _SECONDS_BETWEEN_LOOKS = 0.5
 
 @contextlib.contextmanager
 def open_locks(kind: str, names: Sequence[str]) -> Iterator[dict[str, int]]:
-    """Open the files of units, by name; what was taken of them is given back afterwards.
+    """Opens the files of units, by name; closing them returns the units that were taken.
 
     Raises:
-        StoreError: When the folder of leases cannot be used.
+        StoreError: The folder of leases cannot be used.
     """
     files: dict[str, int] = {}
     try:
@@ -38,9 +38,12 @@ def open_locks(kind: str, names: Sequence[str]) -> Iterator[dict[str, int]]:
 
 
 def try_acquire(files: Mapping[str, int], least: int, most: int) -> list[str]:
-    """Lock units that nobody else has; returns their names, none where fewer than `least` are free.
+    """Locks free units, without waiting, and returns their names; none if too few are free.
 
-    It never waits.
+    Args:
+        files: The files of the units.
+        least: How many units are needed.
+        most: How many units are taken at most.
     """
     taken: list[str] = []
     for name, file in files.items():
@@ -56,7 +59,7 @@ def try_acquire(files: Mapping[str, int], least: int, most: int) -> list[str]:
 def acquire(
     files: Mapping[str, int], least: int, most: int, say_so: Callable[[], object]
 ) -> list[str]:
-    """`try_acquire`, as soon as that many are free; calls `say_so` once where it has to wait."""
+    """Waits until `try_acquire` succeeds and returns its names; calls `say_so` once if it waits."""
     say_once = functools.cache(say_so)
     while not (taken := try_acquire(files, least, most)):
         say_once()
@@ -66,7 +69,7 @@ def acquire(
 
 @contextlib.contextmanager
 def fifo_queue(say_so: Callable[[], object]) -> Iterator[None]:
-    """Choose what to take while nobody else does, in the order of asking."""
+    """Lets one process at a time choose its units, in the order of their requests."""
     with open_locks("turn", ["0"]) as files:
         if not try_lock(files["0"]):
             say_so()
@@ -75,7 +78,7 @@ def fifo_queue(say_so: Callable[[], object]) -> Iterator[None]:
 
 
 def _lease_folder() -> Path:
-    """The folder of the units' files, made where there is none, for all users of the host."""
+    """Returns the folder of the units' files, and makes it for all users if there is none."""
     folder = Path(setting("host", "leases"))
     umask = os.umask(0)
     try:
@@ -86,7 +89,7 @@ def _lease_folder() -> Path:
 
 
 def _open(name: str) -> int:
-    """The unit's file, which another user may have made; ours can be opened by others."""
+    """Opens the file of a unit, which another user may have made, and which all may open."""
     umask = os.umask(0)
     try:
         path = _lease_folder() / name

@@ -7,7 +7,7 @@ import os
 from functools import partial
 
 from pipeline.artifact_task import ArtifactTask
-from pipeline.execution.cost_history import Cost, cost_history, expected
+from pipeline.execution.cost_history import Cost, cost_history, cost_of_similar
 from pipeline.execution.cpu_memory import CpuAllocation, allocate, usable_cores
 from pipeline.execution.gpu import VISIBLE, Lease, leased
 from pipeline.settings import workers_of_command
@@ -42,7 +42,7 @@ def cpu_for(label: str, cost: Cost | None) -> contextlib.AbstractContextManager[
 
 def expected_cost(task: ArtifactTask, store: Store) -> Cost | None:
     """What a build of the task will take, if the store has the costs of similar ones."""
-    return expected(cost_history(store, task.task_family), significant(task))
+    return cost_of_similar(cost_history(store, task.task_family), significant(task))
 
 
 def significant(task: ArtifactTask) -> dict[str, str]:

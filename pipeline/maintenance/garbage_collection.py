@@ -10,7 +10,7 @@ import logging
 import os
 import shutil
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from pathlib import Path
 from pipeline.errors import StoreError
 from pipeline.locks import References, is_held, locked, runs
 from pipeline.maintenance.roots import roots
-from pipeline.record import ActionRecord
+from pipeline.record import ActionRecord, ancestors
 from pipeline.store import Store
 
 _log = logging.getLogger("pipeline")
@@ -78,18 +78,6 @@ def collect(
         _delete(path)
         store.reached("deleted")
     return decisions
-
-
-def ancestors(addresses: Iterable[str], known: Mapping[str, ActionRecord]) -> list[ActionRecord]:
-    """The records of keys or digests, and of all that these were made from, each once."""
-    found: dict[str, ActionRecord] = {}
-    pending = list(addresses)
-    while pending:
-        record = known.get(pending.pop())
-        if record and record.action.key not in found:
-            found[record.action.key] = record
-            pending += record.action.inputs.values()
-    return list(found.values())
 
 
 def _decisions(store: Store, keep_last: int, grace_hours: float) -> Iterator[GcDecision]:

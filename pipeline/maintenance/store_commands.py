@@ -9,9 +9,9 @@ from pipeline.console.progress import ProgressBar
 from pipeline.errors import StoreError
 from pipeline.maintenance import roots
 from pipeline.maintenance.commands import Answer, Rows, find_all, row_of, totals
-from pipeline.maintenance.garbage_collection import ancestors, collect
+from pipeline.maintenance.garbage_collection import collect
 from pipeline.maintenance.verify import problems, repair, unreferenced_objects
-from pipeline.record import ActionRecord
+from pipeline.record import ActionRecord, ancestors
 from pipeline.shared_store import sync
 from pipeline.shared_store.settings import current_remote
 from pipeline.store import Store
@@ -44,7 +44,7 @@ def pull(store: Store, options: Namespace) -> Answer:
     if not options.address and not options.night:
         raise StoreError("pull takes what is named: a KEY or DIGEST, or --night NAME")
     if options.night:
-        found = sync.records_of_night(remote, options.night)
+        found = sync.listed_records(remote, options.night)
     else:
         found = sync.shared_records(remote)
     chosen = [r for a in options.address for r in find_all(found, a)]

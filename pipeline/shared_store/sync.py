@@ -159,7 +159,7 @@ def shared_records(remote: Remote) -> list[ActionRecord]:
     return [record for text in remote.read_all("actions") if (record := _parsed(text, remote))]
 
 
-def list_night(store: Store, name: str, keys: Sequence[str]) -> None:
+def upload_key_list(store: Store, name: str, keys: Sequence[str]) -> None:
     """Leave a list of what a batch made and found, so that nobody has to list everything.
 
     Nothing where there is no shared store; what fails is a warning.
@@ -167,19 +167,19 @@ def list_night(store: Store, name: str, keys: Sequence[str]) -> None:
     if not current_remote().url:
         return
     try:
-        _upload_list(store, name, keys)
+        _upload_keys(store, name, keys)
     except OSError as error:  # of our own disk
         _log.warning("the list of the night %s is not uploaded: %s", name, error)
 
 
-def _upload_list(store: Store, name: str, keys: Sequence[str]) -> None:
+def _upload_keys(store: Store, name: str, keys: Sequence[str]) -> None:
     with store.workspace(name) as workspace:
         at, file = f"nights/{name}.keys", workspace / "keys"
         file.write_text("".join(f"{key}\n" for key in keys))
         current_remote().call_or_none("writing", lambda remote: remote.create(at, file))
 
 
-def records_of_night(remote: Remote, name: str) -> list[ActionRecord]:
+def listed_records(remote: Remote, name: str) -> list[ActionRecord]:
     """The shared records on the list of a batch.
 
     Raises:

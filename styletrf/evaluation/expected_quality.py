@@ -21,7 +21,6 @@ from torch import Tensor
 
 from styletrf.capture.view_images import ViewImages, view_images
 from styletrf.capture.views import load_views, split_views
-from styletrf.evaluation.metrics import psnr_of_error
 from styletrf.field.kernels import Kernels
 from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField
@@ -32,6 +31,7 @@ from styletrf.field.training.trainer import train_field
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.cameras import Camera
+from styletrf.psnr import psnr_of_error
 from styletrf.scene.free_space import free_space
 from styletrf.scene.scene_model import SceneModel
 from styletrf.scene.training_photographs import TrainingPhotographs

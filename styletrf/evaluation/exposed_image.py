@@ -8,7 +8,8 @@ has the equation), two numbers a channel, so that what is left is not the camera
 import numpy as np
 from jaxtyping import Bool, Float
 
-from styletrf.evaluation.metrics import Image, mean_squared_error, psnr_of_error
+from styletrf.evaluation.metrics import Image, mean_squared_error
+from styletrf.psnr import psnr_of_error
 from styletrf.scene.exposures import MIDDLE
 
 Mask = Bool[np.ndarray, "height width"]

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from styletrf.errors import InputError
+from styletrf.psnr import psnr_of_error
 
 _WINDOW = 11  # taps of the Gaussian, Wang et al. 2004, section III-C
 _SIGMA_PIXELS = 1.5
@@ -38,11 +39,6 @@ def psnr(image: Image, reference: Image) -> float:
     one infinite PSNR makes a mean infinite.
     """
     return psnr_of_error(mean_squared_error(image, reference))
-
-
-def psnr_of_error(mse: float) -> float:
-    """Returns -10 log10(mse) in dB; +inf for an error of 0."""
-    return math.inf if mse == 0 else -10 * math.log10(mse)
 
 
 def ssim(image: Image, reference: Image) -> float:

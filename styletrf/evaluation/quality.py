@@ -12,12 +12,13 @@ from jaxtyping import Bool
 from styletrf.capture.view_images import Image as ViewImage
 from styletrf.evaluation.exposed_image import psnr_exposed
 from styletrf.evaluation.lpips_distance import lpips_judge
-from styletrf.evaluation.metrics import Image, mean_squared_error, psnr, psnr_of_error, ssim
+from styletrf.evaluation.metrics import Image, mean_squared_error, psnr, ssim
 from styletrf.evaluation.perceptual_distance import PerceptualFeatures, perceptual_distance
 from styletrf.field.rendering import RenderConfig, Rendering
 from styletrf.files.images import from_integers, write_rgb
 from styletrf.finiteness import require_finite
 from styletrf.geometry.cameras import Camera
+from styletrf.psnr import psnr_of_error
 from styletrf.style.perceptual.vgg import REDUCTION, load_vgg
 
 ImageMetric = Callable[[Image, Image], float]

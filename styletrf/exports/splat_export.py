@@ -21,6 +21,7 @@ from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.geometry.cameras import Camera
 from styletrf.progress import Progress
+from styletrf.psnr import bounded_psnr
 from styletrf.trajectory.frames import rendered
 
 MOST_SPLATS = 300_000
@@ -147,5 +148,4 @@ def _losses(
 
 
 def _psnr_db(a: np.ndarray, b: np.ndarray) -> float:
-    error = float(np.square(a.astype(np.float64) - b).mean())
-    return float(-10 * np.log10(max(error, 1e-10)))
+    return bounded_psnr(float(np.square(a.astype(np.float64) - b).mean()))

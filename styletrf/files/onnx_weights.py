@@ -45,12 +45,12 @@ def read_onnx_weights(content: bytes, subject: str) -> dict[str, Float[np.ndarra
 
 
 def _dequantized(node: NodeProto, constants: Mapping[str, np.ndarray]) -> Float[np.ndarray, "..."]:
-    quantised, scale = (constants[name] for name in node.input[:2])
+    quantized, scale = (constants[name] for name in node.input[:2])
     zero = constants[node.input[2]] if len(node.input) > 2 else np.zeros_like(scale, np.int32)
     if scale.size > 1:
         axis = next((int(item.i) for item in node.attribute if item.name == "axis"), 1)
-        shape = [1] * quantised.ndim
+        shape = [1] * quantized.ndim
         shape[axis] = -1
         scale, zero = scale.reshape(shape), zero.reshape(shape)
-    difference = quantised.astype(np.float32) - zero.astype(np.float32)
+    difference = quantized.astype(np.float32) - zero.astype(np.float32)
     return np.asarray(difference * scale, dtype=np.float32)

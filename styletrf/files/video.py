@@ -49,11 +49,6 @@ class VideoInfo:
     frames: int
     frames_per_second: float
 
-    @property
-    def duration_seconds(self) -> float:
-        """The time from the first frame's beginning to the last one's end."""
-        return self.frames / self.frames_per_second
-
 
 def write_video(path: Path, frames: Iterable[Frame], frames_per_second: float | int) -> None:
     """Writes RGB frames as MP4; the same frames and encoder give the same bytes.

@@ -1,4 +1,4 @@
-"""A pinhole camera, the rays through its pixels, and projection.
+"""A pinhole camera, the points behind its pixels, and projection.
 
 Letters: `fx fy cx cy` in pixels; conventions in `docs/conventions.md`.
 """
@@ -6,9 +6,7 @@ Letters: `fx fy cx cy` in pixels; conventions in `docs/conventions.md`.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
-from torch import Tensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +41,6 @@ def camera_numbers(camera: Camera) -> tuple[str, Float[np.ndarray, " 16"]]:
     """Returns "camera NAME" and all its numbers, pose and lens, to see whether they are finite."""
     lens = [camera.fx, camera.fy, camera.cx, camera.cy]
     return f"camera {camera.name}", np.concatenate([camera.world_from_camera.reshape(-1), lens])
-
-
-@dataclass(frozen=True, slots=True)
-class Rays:
-    """Rays in the world; directions have z = 1 in their camera, so a ray's parameter is depth Z."""
-
-    origins: Float[Tensor, "rays 3"]
-    directions: Float[Tensor, "rays 3"]
 
 
 def resized(camera: Camera, width: int, height: int) -> Camera:
@@ -91,16 +81,6 @@ def pixel_centers(width: int, height: int) -> Float[np.ndarray, "pixels 2"]:
     """Returns the centers (x, y) of all pixels, row by row."""
     y, x = np.mgrid[0:height, 0:width]
     return np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5
-
-
-def rays_through(camera: Camera, pixels: Float[Tensor, "rays 2"]) -> Rays:
-    """Returns the world rays through `pixels`, in the dtype and on the device of `pixels`."""
-    x = (pixels[:, 0] - camera.cx) / camera.fx
-    y = (pixels[:, 1] - camera.cy) / camera.fy
-    directions_camera = torch.stack([x, y, torch.ones_like(x)], dim=-1)
-    pose = torch.as_tensor(camera.world_from_camera, dtype=pixels.dtype, device=pixels.device)
-    directions = directions_camera @ pose[:, :3].T
-    return Rays(pose[:, 3].expand_as(directions), directions)
 
 
 def points_at_depth(

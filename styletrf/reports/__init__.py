@@ -1,4 +1,4 @@
-"""Pages that stand alone: of one fly-through, one scene, a grid, a trade-off.
+"""Self-contained pages: of one fly-through, one scene, a grid, a trade-off.
 
 Enters: what was measured and made. Leaves: HTML with all its files inside.
 Begin with `report`; the frame of every page is in `page`.

@@ -22,12 +22,3 @@ class Sharding:
     select: Select
     is_shard: bool
     folders: Sequence[Path] = ()
-
-
-def whole(cameras: Sequence[Camera]) -> Sequence[Camera]:
-    """Returns all cameras."""
-    return cameras
-
-
-WHOLE = Sharding(whole, is_shard=False)
-"""All frames at once."""

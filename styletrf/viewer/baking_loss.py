@@ -12,6 +12,7 @@ from styletrf.field.rendering import render_view
 from styletrf.field.tensor_vm import TensorVM
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.cameras import fitted_to
+from styletrf.psnr import bounded_psnr
 from styletrf.viewer.visibility import CPU, Views
 
 _LONG_SIDE_PX, _VIEWS = 320, 3
@@ -47,4 +48,4 @@ def psnr_db(
         own = render_view(field, kernels, rays, k, camera, views.render).color
         shown = render_view(other, kernels, rays, k, camera, views.render, appearance).color
         errors.append(float((own - shown).square().mean()))
-    return float(-10 * np.log10(max(float(np.mean(errors)), 1e-10)))
+    return bounded_psnr(float(np.mean(errors)))

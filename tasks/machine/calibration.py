@@ -25,7 +25,7 @@ from pipeline.execution.gpu import VISIBLE, visible_cards
 from tasks.machine.local_facts import add_fact, read_facts
 
 _MAIN = "from tasks.machine.calibration import main; main()"
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 
 CALIBRATIONS = "calibrations"
 """The file of the store that has those of all its machines."""
@@ -103,7 +103,7 @@ def calibration_of_machine(device: str = "auto") -> Calibration:
     machine = this_machine(device)
     with suppress(KeyError, TypeError, ValueError):
         return Calibration.from_json(read_facts(CALIBRATIONS)[machine.digest])
-    screen.info("Measuring how fast this machine is, once; it takes less than a minute.")
+    _log.info("Measuring how fast this machine is, once; it takes less than a minute.")
     calibration = Calibration(machine, _measured(device), f"{datetime.now(UTC):%Y-%m-%d}")
     keep_calibration(calibration)
     return calibration

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import luigi
 
-from pipeline.execution.cost_history import DEFAULT_SECONDS, cost_history, expected
+from pipeline.execution.cost_history import DEFAULT_SECONDS, cost_history, cost_of_similar
 from pipeline.execution.resources import significant
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
@@ -53,6 +53,6 @@ def _seconds(stages: Sequence[luigi.Task]) -> dict[str, float]:
     for stage in stages:
         cost = None
         if isinstance(stage, StoredTask):
-            cost = expected(earlier[stage.task_family], significant(stage))
+            cost = cost_of_similar(earlier[stage.task_family], significant(stage))
         expected_s[stage.task_id] = cost.seconds if cost else DEFAULT_SECONDS
     return expected_s

@@ -4,19 +4,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-import luigi
-
 from pipeline.parameters import ChoiceParameter, ListParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from tasks.machine.optional_dependencies import EXPORT_PACKAGES, export_versions
+from tasks.results.scene_in_styles import SceneInStyles
 from tasks.stages.field import RadianceField, TrajectoryFrames
-from tasks.stages.linked_results import LinkedStage
-from tasks.stages.path_parameters import PathParameters
 from tasks.stages.scene import CameraPoses, SceneModel
 from tasks.stages.stage import Stage
-from tasks.stages.style_parameters import NetworkParameters, StyleParameters
 from tasks.stages.stylization import StylizedField
 
 PHOTOGRAPHS = "photographs"
@@ -29,51 +25,44 @@ _BESIDE = {
 }
 
 
-class Export(LinkedStage, PathParameters):
+class _FormatParameter(ChoiceParameter):
+    """A format by its name, or a mesh by the suffix of its file."""
+
+    def normalize(self, var: str) -> str:
+        """Returns the name of the format."""
+        return str(super().normalize({"glb": "mesh"}.get(var, var)))  # type: ignore[no-untyped-call]
+
+
+class Export(SceneInStyles):
     """Files of one format for other programs: one geometry, and every style on it.
 
     Leaves what `docs/exports.md` lists, linked from `out/SCENE/export/FORMAT/`.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
     styles: Any = ListParameter(default=(), description='such as ["mosaic", "udnie"]')
-    format = ChoiceParameter(
+    format = _FormatParameter(
         choices=list(EXPORT_PACKAGES),
-        description="Gaussian splats (ply, spz), colored points, a mesh, a bundle for Blender, or"
-        " cameras and depths",
+        description="Gaussian splats (ply, spz), colored points, a mesh (or glb), a bundle for"
+        " Blender, or cameras and depths",
     )
-    content = NetworkParameters.content
-    perceptual = NetworkParameters.perceptual
-    stroke_scale = NetworkParameters.stroke_scale
-    content_weight = NetworkParameters.content_weight
-    transfer = NetworkParameters.transfer
-    stylizer = NetworkParameters.stylizer
-    colors = StyleParameters.colors
-    match = StyleParameters.match
-    rounds = StyleParameters.rounds
     tools = ("av", "numba", "opencv-contrib-python-headless", "pycolmap", "torch")
     uses_device = True
     page = "export.json"
 
     def validate(self) -> None:
-        """Refuses styles that are not each one name, and formats whose packages are missing.
+        """Rejects invalid styles, and a format whose packages are missing.
 
         Raises:
-            InputError: With what to give, or to install, instead.
+            InputError: It says what to give, or to install, instead.
         """
         super().validate()
-        if not all(isinstance(style, str) and style for style in self.styles):
-            problem = "has what is no name of an image in data/styles"
-            raise InputError(f"--styles {list(self.styles)}", problem, 'Give such as ["mosaic"]')
-        if len(set(self.styles)) < len(self.styles):
-            raise InputError(f"--styles {list(self.styles)}", "names one twice", "Name each once")
         if PHOTOGRAPHS in self.styles:
             problem = f"has {PHOTOGRAPHS}, the name of what is not stylized"
             raise InputError(f"--styles {list(self.styles)}", problem, "Rename the painting")
         export_versions(self.format)
 
     def requires(self) -> Mapping[str, Stage]:
-        """Returns the cameras; but for these alone also the density and the appearances."""
+        """Returns the cameras; for all other formats also the density and the appearances."""
         needed: dict[str, Stage] = {
             "model": self.upstream(SceneModel),
             "poses": self.upstream(CameraPoses),
@@ -95,7 +84,7 @@ class Export(LinkedStage, PathParameters):
         return export_versions(self.format)
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Write the files."""
+        """Writes the files."""
         from styletrf.steps.scene_export import export_scene
 
         file_format = cast("Any", self.format)
@@ -103,7 +92,7 @@ class Export(LinkedStage, PathParameters):
 
     @property
     def folder(self) -> Path:
-        """Where the files are shown."""
+        """Returns the folder of the files."""
         return Path(out_root(), self.scene, "export", self.format)
 
     def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:

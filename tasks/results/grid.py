@@ -41,8 +41,6 @@ class Grid(luigi.WrapperTask):
             InputError: A parameter is invalid; the error names a valid one.
         """
         self.cells()
-        if self.json and not self.plan:
-            raise InputError("--json", "is for --plan only", "Add --plan, or leave it out")
         if self.network and len(self.styles) > 1:
             problem = "is the network of one painting, but there are several styles"
             raise InputError(f"--network {self.network}", problem, "Give one style")

@@ -41,7 +41,7 @@ from tasks.stages.style_parameters import STYLE_AND_PATH_PARAMETERS, FrameParame
 from tasks.stages.stylization import StylizedField, StylizedFrames, StylizedPriors
 from tasks.summary.gallery import refresh_gallery
 
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 
 PAGES = ("trade-off", "scene-report")
 """Folders in `out/SCENE/` that are not results of a style."""
@@ -94,8 +94,6 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             raise InputError(
                 f"style {self.style}", "is the name of a page in out/", "Rename the image"
             )
-        if self.json and not self.plan:
-            raise InputError("--json", "is for --plan only", "Add --plan, or leave it out")
         if self.budget and not self.is_usual("quality") and self.quality in PRESETS:
             subject = f"--quality {self.quality} --budget {self.budget}"
             raise InputError(subject, "ask for settings twice", "Leave one of them out")
@@ -246,7 +244,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """
         choice = self._choice()
         keep_choice(self, self._fronts()[0], choice)
-        screen.info("%s: %s", self.label, choice.description)
+        _log.info("%s: %s", self.label, choice.description)
         return choice
 
     def _choice(self) -> Choice:

@@ -5,60 +5,30 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import luigi
-
-from pipeline.parameters import ListParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
-from styletrf.errors import InputError
+from tasks.results.scene_in_styles import SceneInStyles
 from tasks.stages.field import RadianceField, TrajectoryFrames
-from tasks.stages.linked_results import LinkedStage
-from tasks.stages.path_parameters import PathParameters
 from tasks.stages.scene import CameraPoses, SceneModel
 from tasks.stages.stage import Stage
 from tasks.stages.style import StyleImage
-from tasks.stages.style_parameters import NetworkParameters, StyleParameters
 from tasks.stages.stylization import StylizedField
 
 PHOTOGRAPHS = "Photographs"
 
 
-class Viewer(LinkedStage, PathParameters):
+class Viewer(SceneInStyles):
     """A page to walk around in: one geometry, and every style on it (`docs/viewer.md`).
 
-    Leaves `viewer.html`, linked from `out/SCENE/`, and `STYLE.jpg` for each style, by which a
-    report finds out whether the page beside it shows its style.
+    Leaves `viewer.html`, linked from `out/SCENE/`, and `STYLE.jpg` for each style. By these images
+    a report finds out whether the page beside it shows its style.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
-    styles = ListParameter(description='such as ["mosaic", "udnie"]')
-    content = NetworkParameters.content
-    perceptual = NetworkParameters.perceptual
-    stroke_scale = NetworkParameters.stroke_scale
-    content_weight = NetworkParameters.content_weight
-    transfer = NetworkParameters.transfer
-    stylizer = NetworkParameters.stylizer
-    colors = StyleParameters.colors
-    match = StyleParameters.match
-    rounds = StyleParameters.rounds
     tools = ("av", "numba", "opencv-contrib-python-headless", "torch")
     page = "viewer.html"
 
-    def validate(self) -> None:
-        """Refuses styles that are not each one name.
-
-        Raises:
-            InputError: With what to give instead.
-        """
-        super().validate()
-        if not all(isinstance(style, str) and style for style in self.styles):
-            problem = "has what is no name of an image in data/styles"
-            raise InputError(f"--styles {list(self.styles)}", problem, 'Give such as ["mosaic"]')
-        if len(set(self.styles)) < len(self.styles):
-            raise InputError(f"--styles {list(self.styles)}", "names one twice", "Name each once")
-
     def requires(self) -> Mapping[str, Stage]:
-        """The density, the appearances, the cameras, and what the paintings look like."""
+        """Returns the density, the appearances, the cameras and the paintings."""
         needed: dict[str, Stage] = {
             "field": self.upstream(RadianceField),
             "model": self.upstream(SceneModel),
@@ -71,11 +41,11 @@ class Viewer(LinkedStage, PathParameters):
         return needed
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """The names that the page shows."""
+        """Returns the names that the page shows."""
         return {"scene": self.scene, "styles": list(self.styles)}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Bake the fields and write the page."""
+        """Bakes the fields and writes the page."""
         from styletrf.reports.embedding import small_jpeg
         from styletrf.viewer.viewed_scene import THUMBNAIL_PX, read_viewed_scene, thumbnail
         from styletrf.viewer.viewer_content import viewer_content
@@ -94,7 +64,7 @@ class Viewer(LinkedStage, PathParameters):
             (out / f"{style}.jpg").write_bytes(small_jpeg(image, THUMBNAIL_PX))
 
     def _fields(self, inputs: Mapping[str, Path]) -> list[tuple[str, Callable[[], Any]]]:
-        """Returns the names, and what loads the fields."""
+        """Returns the name of each look and the function that loads its field."""
         from styletrf.field.radiance_field import load_field, load_stylized_field
 
         field = inputs["field"]
@@ -105,10 +75,10 @@ class Viewer(LinkedStage, PathParameters):
 
     @property
     def folder(self) -> Path:
-        """Where the page is shown."""
+        """Returns the folder of the page."""
         return Path(out_root(), self.scene)
 
     def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
-        """The page, and a picture for each style."""
+        """Returns the page, and a picture for each style."""
         pictures = {f"viewer.{style}.jpg": place(self) / f"{style}.jpg" for style in self.styles}
         return {"viewer.html": place(self) / "viewer.html", **pictures}

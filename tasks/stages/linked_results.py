@@ -16,7 +16,7 @@ from styletrf.errors import InputError
 from styletrf.files.atomic_write import atomic_write
 from tasks.stages.stage import Stage
 
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 
 
 class LinkedStage(Stage):
@@ -98,5 +98,5 @@ def link_results(cells: Iterable[Any]) -> list[Any]:
         except InputError:  # its result cannot exist, and its stage reports the error
             continue
         except Exception as error:  # noqa: BLE001  the other results are linked anyway
-            screen.warning("%s cannot be linked in out/: %s", cell.label, error)
+            _log.warning("%s cannot be linked in out/: %s", cell.label, error)
     return linked

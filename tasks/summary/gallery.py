@@ -19,7 +19,7 @@ from styletrf.reports.page import duration
 from tasks.stages.linked_results import made_from
 from tasks.summary.metric_labels import NOT_MEASURED, by_delta, term
 
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 Cells = dict[tuple[str, str], Cell]
 
 PAGES = {
@@ -48,7 +48,7 @@ def refresh_gallery(root: luigi.Task | None) -> Path | None:
         _add_requested(cells, getattr(root, "cells", list)())
         write_gallery(path, list(cells.values()), _pages(scenes))
     except Exception as error:  # noqa: BLE001
-        screen.warning("%s could not be written: %s: %s", path, type(error).__name__, error)
+        _log.warning("%s could not be written: %s: %s", path, type(error).__name__, error)
         return None
     return path
 

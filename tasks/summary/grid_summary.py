@@ -14,7 +14,7 @@ import luigi
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root
-from pipeline.shared_store.sync import list_night
+from pipeline.shared_store.sync import upload_key_list
 from pipeline.task import StoredTask
 from styletrf.files.atomic_write import atomic_write
 from tasks.command.graph import graph
@@ -22,7 +22,7 @@ from tasks.command.sources import begin_of_command
 from tasks.summary.gallery import refresh_gallery
 from tasks.summary.webhook import post_to_webhook
 
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 Outcome = Literal["made", "found", "failed", "under way", "late", "not begun"]
 EXIT_STATUS: dict[Outcome, int] = {"failed": 31, "late": 26}
 """Exit status of a command that made some cells: others failed, or were skipped for `--until`."""
@@ -88,7 +88,7 @@ def finish_command(root: Any) -> int | None:
     publish_summary(summary)
     if summary.keys:
         name = f"{begun:%Y%m%dT%H%M%SZ}-{summary.host}"
-        list_night(current_store(), name, summary.keys)
+        upload_key_list(current_store(), name, summary.keys)
     if path := refresh_gallery(None):  # which reads the summary
         print(path)  # noqa: T201  the command's answer
     return summary.exit_status
@@ -130,9 +130,9 @@ def publish_summary(summary: GridSummary) -> None:
             partial.write_text(json.dumps(asdict(summary), indent=1, sort_keys=True) + "\n")
         _link_former_name(path)
     except OSError as error:
-        screen.warning("%s could not be written: %s", path, error)
+        _log.warning("%s could not be written: %s", path, error)
     for line in format_lines(summary):
-        screen.info("%s", line)
+        _log.info("%s", line)
     fields = {name: value for name, value in asdict(summary).items() if name != "keys"}
     post_to_webhook({"text": "\n".join(format_lines(summary)), **fields})
 

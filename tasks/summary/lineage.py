@@ -22,7 +22,7 @@ from styletrf.reports.lineage.page import write_lineage_page
 from tasks.stages.linked_results import LinkedStage, linked_pages, made_from
 from tasks.summary.grid_summary import found_record
 
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 Found = dict[str, Artifact]
 
 
@@ -44,7 +44,7 @@ def write_lineages(results: Iterable[LinkedStage]) -> None:
             folder.mkdir(parents=True, exist_ok=True)
             write_lineage_page(folder / "lineage.html", scene, artifacts)
         except Exception as error:  # noqa: BLE001
-            screen.warning("The lineage of %s could not be written: %s", scene, error)
+            _log.warning("The lineage of %s could not be written: %s", scene, error)
 
 
 def lineage(folder: Path, requested: Iterable[LinkedStage]) -> list[Artifact]:

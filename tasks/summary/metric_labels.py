@@ -43,7 +43,7 @@ QUALITY = (
     Label("ssim", "SSIM", "the structure kept of them; 1 is the photograph itself", "{:.3f}"),
     Label("perceptual", "perceptual distance", "how unlike them it looks to a VGG16; 0 is alike",
             "{:.4f}"),
-    Label("lpips", "LPIPS", "how unlike them it looks to people, as learnt; 0 is alike",
+    Label("lpips", "LPIPS", "how unlike them it looks to people, as learned; 0 is alike",
             "{:.4f}"),
 )  # fmt: skip
 RESEMBLANCE = (
@@ -92,7 +92,7 @@ CONSISTENCY = (
     Label("perceptual_error", "perceptual change", "how unlike the two look to a VGG16",
             other="perceptual_floor", flickers=True),
     Label("style_distance", "style distance",
-            "of the frames to the painting, by Gram matrices: a grey video is steady, and far off",
+            "of the frames to the painting, by Gram matrices: a gray video is steady, and far off",
             other="style_distance_unstylized", word="unstylized"),
     Label("pairs", "pairs of frames", "compared", "{}"),
     Label("perceptual_pairs", "pairs looked at", "by the network: perceptual change and style"

@@ -92,7 +92,7 @@ def viewer_command(words: Mapping[str, Any], tuning: Mapping[str, Mapping[str, A
     return main_command({**of_field, "styles": [words["style"]]}, tuning, "Viewer")
 
 
-_OF_FRAMES = ("style", "method", "strategy", "network", "strength", "blend", "region")
+_OF_FRAMES = ("style", "method", "network", "strength", "blend", "region")
 """Parameters of a trajectory that a viewer lacks: its page itself mixes paintings."""
 
 

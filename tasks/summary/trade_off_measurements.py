@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
 
-from pipeline.record import ActionRecord
+from pipeline.record import ActionRecord, ancestors
 from styletrf.evaluation.trade_off import Measurement, Part
 from tasks.machine.calibration import processor
 from tasks.presets.sweep import Variant
@@ -69,13 +69,7 @@ def lineage_of(artifact: Path, records: Iterable[ActionRecord]) -> dict[str, Act
         records: The records to search.
     """
     by_digest = {record.output.digest: record for record in records}
-    found: dict[str, ActionRecord] = {}
-    pending = [artifact.name]
-    while pending:
-        record = by_digest[pending.pop()]
-        found[record.output.digest] = record
-        pending += record.action.inputs.values()
-    return found
+    return {record.output.digest: record for record in ancestors([artifact.name], by_digest)}
 
 
 def quality_db(part: Part, summary: Mapping[str, Any]) -> float:

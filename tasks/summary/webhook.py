@@ -17,7 +17,7 @@ from urllib.error import HTTPError, URLError
 
 from pipeline.settings import setting
 
-screen = logging.getLogger("pipeline")
+_log = logging.getLogger("pipeline")
 
 
 def post_to_webhook(fields: Mapping[str, Any]) -> None:
@@ -32,7 +32,7 @@ def post_to_webhook(fields: Mapping[str, Any]) -> None:
             pass
     except (OSError, ValueError, HTTPException) as error:
         problem = f"nothing was posted to [grid] webhook: {_without_address(error)}"
-        screen.warning("%s. Check the address in luigi.cfg.", problem)
+        _log.warning("%s. Check the address in luigi.cfg.", problem)
 
 
 def _without_address(error: Exception) -> str:
@@ -56,5 +56,5 @@ def _address() -> str:
     if address := setting("grid", "webhook"):
         return address
     if address := setting("night", "webhook"):
-        screen.warning("luigi.cfg: rename the section [night] to [grid]; [night] will be ignored.")
+        _log.warning("luigi.cfg: rename the section [night] to [grid]; [night] will be ignored.")
     return address

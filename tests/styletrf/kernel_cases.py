@@ -95,7 +95,3 @@ def packed(counts: list[int], weights: Tensor) -> Samples:
     ray = torch.repeat_interleave(counts_of)
     s = torch.arange(len(weights), dtype=weights.dtype)
     return Samples(offsets, ray, s, torch.zeros(len(weights), 3, dtype=weights.dtype), weights)
-
-
-def with_samples(samples: Samples, weights: Tensor) -> Samples:
-    return replace(samples, weights=weights)

@@ -272,7 +272,3 @@ def out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: Path) -> P
     monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
     monkeypatch.setenv("STYLETRF_DATA", str(photographs))
     return tmp_path / "out"
-
-
-def read_json(path: Path) -> Any:
-    return json.loads(path.read_text())

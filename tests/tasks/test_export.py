@@ -72,6 +72,10 @@ def test_an_unknown_format_is_refused():
         tasks.Export(scene="s", format="stl")
 
 
+def test_glb_is_the_mesh():
+    assert tasks.Export(scene="s", format="glb") == tasks.Export(scene="s", format="mesh")
+
+
 def test_a_missing_package_is_refused_before_anything_runs(monkeypatch: pytest.MonkeyPatch):
     missing = {"spz": ("no-such-package",)}
     monkeypatch.setattr(optional_dependencies, "EXPORT_PACKAGES", missing)

@@ -11,10 +11,11 @@ import numpy as np
 
 from styletrf.capture.view_images import Image as ViewImage
 from styletrf.evaluation.alignment.image_alignment import Render, aligned
-from styletrf.evaluation.metrics import mean_squared_error, psnr_of_error
+from styletrf.evaluation.metrics import mean_squared_error
 from styletrf.evaluation.quality import counted_pixels
 from styletrf.files.images import from_integers
 from styletrf.geometry.cameras import Camera
+from styletrf.psnr import psnr_of_error
 
 LONG_SIDES_PX = (96, 192, 384)
 

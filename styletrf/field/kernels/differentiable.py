@@ -1,7 +1,7 @@
-"""Kernels of a backend behind torch's autograd: what is differentiable in what.
+"""The kernels of a backend as functions of torch's autograd.
 
-Factors receive gradients from their features and from the weights of a march, compositing passes
-them on to weights and values. Positions are constants.
+Factors receive gradients from their features and from the weights of a march. Compositing passes
+gradients to weights and values. Positions are constants.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ Decode = Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
 
 @runtime_checkable
 class Backend(Protocol):
-    """Plain functions of tensors, as a module; `factors` are three planes and three lines."""
+    """A module with plain functions of tensors; `factors` are three planes and three lines."""
 
     def density_features(
         self, positions: Float[Tensor, "samples 3"], factors: Sequence[Tensor]
@@ -49,7 +49,7 @@ class Backend(Protocol):
         march: March,
         factors: Sequence[Tensor],
     ) -> tuple[Samples, Sequence[Tensor]]:
-        """Returns the samples, and what `trace_backward` needs to know beside them."""
+        """Returns the samples, and further tensors that `trace_backward` needs."""
 
     def trace_backward(
         self,
@@ -66,7 +66,7 @@ class Backend(Protocol):
         weights: Float[Tensor, " samples"],
         threshold: float,
     ) -> tuple[Int64[Tensor, " rays_and_one"], Int64[Tensor, " kept"]]:
-        """Returns where each ray's kept samples begin, and which samples those are."""
+        """Returns the first index of each ray's kept samples, and the indices of kept samples."""
 
     def composite_forward(
         self,
@@ -89,7 +89,7 @@ class Backend(Protocol):
 @final
 @dataclass(frozen=True, slots=True)
 class DifferentiableKernels(Kernels):
-    """The form whose loops are a backend's; its `decode` is differentiable by itself."""
+    """The form that uses the loops of a backend; its `decode` is differentiable by itself."""
 
     name: str
     backend: Backend
@@ -167,7 +167,7 @@ class _Trace(torch.autograd.Function):
         march: March,
         *factors: Tensor,
     ) -> tuple[Tensor, ...]:
-        """Returns the fields of `Samples`, of which the weights are differentiable."""
+        """Returns the fields of `Samples`; only the weights are differentiable."""
         samples, saved = backend.trace_forward(segments, jitter, march, factors)
         offsets, ray, s = samples.offsets, samples.ray, samples.s
         positions, weights = samples.positions, samples.weights

@@ -139,8 +139,3 @@ def _interpolate(
         align_corners=True,
     )
     return torch.where(is_nan.any(dim=1)[:, None], torch.nan, values[0, :, :, 0].T)
-
-
-def rays_of(offsets: Int64[Tensor, " rays_and_one"]) -> Int64[Tensor, " samples"]:
-    """Returns the ray of each packed sample."""
-    return torch.repeat_interleave(offsets.diff())

@@ -1,8 +1,8 @@
-"""Fitting a radiance field to photographs (TensoRF section 4): coarse to fine, in minutes.
+"""The fit of a radiance field to photographs, coarse to fine (TensoRF section 4).
 
 Rays are drawn from (view, pixel) and never stored. The grid grows geometrically from
-`initial_voxels` to the scene's resolution at the shares of the iterations in `upsample_at`, the
-learning rates restart there, and the occupancy grid is refreshed from the density all along.
+`initial_voxels` to the scene's resolution, at the shares of the iterations in `upsample_at`. The
+learning rates restart each time. The occupancy grid is recomputed from the density regularly.
 """
 
 import logging
@@ -38,6 +38,7 @@ from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
+from styletrf.psnr import bounded_psnr
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -57,15 +58,14 @@ def train_field(
 ) -> tuple[RadianceField, list[CurvePoint]]:
     """Returns the field fitted to the images, and its training curve.
 
-    With a `checkpoint_dir`, the state is saved there about once a minute and a later call
-    with the same arguments goes on from it, to the same parameters up to the rounding of sums.
-    No density is looked for in the cells of the grid that are `free`, see
-    `styletrf.scene.free_space`; rays through sparse points end at their `depths`, see
-    `styletrf.field.training.sparse_depth`. Views may have `exposures` of their own, see
-    `styletrf.field.training.view_exposures`.
+    With a `checkpoint_dir`, the state is saved there about once a minute. A later call with the
+    same arguments continues from it, to the same parameters up to the rounding of sums.
+    The cells of the grid that are `free` get no density (`styletrf.scene.free_space`). Rays through
+    sparse points end at their `depths` (`styletrf.field.training.sparse_depth`). Views may have
+    `exposures` of their own (`styletrf.field.training.view_exposures`).
 
     Raises:
-        NotFiniteError: Something stopped being finite; it names what did first. The state is then
+        NotFiniteError: A tensor is not finite; the error names the first one. The state is then
             in `checkpoint_dir/not_finite`.
     """
     trainer = FieldTrainer(
@@ -170,7 +170,7 @@ class FieldTrainer:
 
     def psnr(self) -> float:
         """Returns the smoothed PSNR of the training rays."""
-        return -10 * math.log10(max(self.smooth_mse, 1e-10))
+        return bounded_psnr(self.smooth_mse)
 
     def _curve_point(self, samples: Samples) -> CurvePoint:
         colored = int((samples.weights > self.config.min_weight).sum())
@@ -218,7 +218,7 @@ class FieldTrainer:
         return Sparsification(threshold, float(torch.rand((), generator=self.generator)))
 
     def _add_depth_gradient(self) -> None:
-        """Adds the gradient of rays through sparse points, of which some are drawn."""
+        """Adds the gradient of some rays through sparse points."""
         config, depths = self.config, self.depths
         is_over = self.iteration >= config.depth_until * config.iterations
         if not (depths and config.depth_weight) or is_over or self.iteration % config.depth_every:
@@ -241,16 +241,17 @@ class FieldTrainer:
         return stage_resolution(self.final_resolution, initial, stage, stages)
 
     def begin_stage(self) -> None:
-        """Sets the step and a fresh optimizer for the present resolution."""
+        """Sets the step length and a new optimizer for the present resolution."""
         self.stage_start, steps_per_voxel = self.iteration, self.config.steps_per_voxel
         self.field.step_length = march_step(self.space, self.field.resolution, steps_per_voxel)
         self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)
         self.optimizer = optimizer_of(self.field, self.config)
 
     def refresh_occupancy(self, *, settled: bool = False) -> None:
-        """Looks again where the density is; NaN would count as none.
+        """Recomputes the occupancy grid; stops at NaN, which would count as no density.
 
-        What rays have passed over was not fitted of late: a settled grid does not bring it back.
+        A settled grid does not bring back voxels that rays have skipped: they were not fitted
+        since then.
         """
         self.require_finite(parameter_stages(self.field, self.optimizer))
         density, config = self.field.density, self.config
@@ -265,7 +266,7 @@ class FieldTrainer:
     def _require_finite_iteration(
         self, segments: Segments, samples: Samples, color: Tensor, loss: Tensor
     ) -> None:
-        """Stops at the first tensor of an iteration that is not finite, causes before effects."""
+        """Stops at the first tensor that is not finite, in the order of computation."""
         self.require_finite(parameter_stages(self.field, self.optimizer))
         self.require_finite(iteration_stages(self.field, self.kernels, segments, samples, color))
         self.require_finite([("loss", loss)])

@@ -141,7 +141,7 @@ def test_a_command_with_a_full_disk_leaves_the_rest_to_others(tmp_path, monkeypa
         roomy = worker("Larges", "--names", json.dumps(names))
         (_, screen), (status, other) = finish(full), finish(roomy)
         assert screen.count("no space left on the disk") == 1, screen
-        assert "takes nothing more from luigid" in screen
+        assert "requests no more tasks from luigid" in screen
         assert status in (0, 10, 25), other
         left = built()
         assert sorted({*left}) == [f"Large {name}" for name in names]

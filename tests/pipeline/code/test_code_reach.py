@@ -53,7 +53,7 @@ def project(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("files", REACHED.values(), ids=REACHED)
-def test_what_is_reached_counts_and_its_neighbour_does_not(project, files):
+def test_what_is_reached_counts_and_its_neighbor_does_not(project, files):
     made = project(files)
     before = made.code()
     made.replace("2001", "2002")

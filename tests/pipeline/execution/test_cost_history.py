@@ -4,7 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.execution.cost_history import Cost, CostSample, cost_history, expected, record_cost
+from pipeline.execution.cost_history import (
+    Cost,
+    CostSample,
+    cost_history,
+    cost_of_similar,
+    record_cost,
+)
 
 
 def spent(seconds, gib=1, **parameters):
@@ -12,7 +18,7 @@ def spent(seconds, gib=1, **parameters):
 
 
 def test_nothing_is_expected_of_a_family_never_built(store):
-    assert expected(cost_history(store, "Word"), {"word": "a"}) is None
+    assert cost_of_similar(cost_history(store, "Word"), {"word": "a"}) is None
 
 
 def test_notes_come_back(store):
@@ -25,14 +31,14 @@ def test_notes_come_back(store):
 def test_the_likest_builds_count_and_of_these_the_newest():
     earlier = [spent(900, scene="horns", quality="paper")]
     earlier += [spent(k, k, scene="horns", quality="draft") for k in range(1, 8)]
-    likely = expected(earlier, {"scene": "horns", "quality": "draft"})
+    likely = cost_of_similar(earlier, {"scene": "horns", "quality": "draft"})
     assert likely == Cost(5, int(1.2 * (7 << 30))), "the newest five: median, and most memory"
-    assert expected(earlier, {"scene": "horns", "quality": "paper"}).seconds == 900
+    assert cost_of_similar(earlier, {"scene": "horns", "quality": "paper"}).seconds == 900
 
 
 @given(st.lists(st.floats(0, 1e6), min_size=1, max_size=20))
 def test_what_is_expected_lies_within_what_was(seconds):
-    likely = expected([spent(s) for s in seconds], {"word": "never met"})
+    likely = cost_of_similar([spent(s) for s in seconds], {"word": "never met"})
     assert min(seconds) <= likely.seconds <= max(seconds)
 
 

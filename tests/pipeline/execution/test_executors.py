@@ -189,7 +189,7 @@ def cramped() -> Iterator[Path]:
     pytest.skip("needs the right to make a control group")
 
 
-def test_the_kernels_own_limit_is_recognised(job, cramped):
+def test_the_kernels_own_limit_is_recognized(job, cramped):
     """In a small process of its own: the kernel kills the largest, which must be the build."""
     program = (
         "import json, os, pathlib, sys\n"

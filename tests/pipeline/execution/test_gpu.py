@@ -99,7 +99,7 @@ def test_a_killed_command_frees_its_card(cards, toys, sent):
 
 
 @pytest.mark.parametrize(("given", "seen"), [("1", "GPU-b"), ("GPU-b", "GPU-b"), ("", "")])
-def test_the_users_choice_is_honoured(cards, monkeypatch, given, seen):
+def test_the_users_choice_is_honored(cards, monkeypatch, given, seen):
     cards("GPU-a,GPU-b")
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", given)
     finish(on_card("one", "--seconds", "0"))
@@ -184,7 +184,7 @@ def test_the_leases_are_open_to_other_users(cards, tmp_path):
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can be another user")
-def test_another_users_lease_is_honoured_and_then_used(cards):
+def test_another_users_lease_is_honored_and_then_used(cards):
     def take_as(user: int) -> int:
         child = os.fork()
         if child == 0:

@@ -15,10 +15,10 @@ import pipeline.maintenance.garbage_collection
 from pipeline.digest import Tree, typed_digest
 from pipeline.errors import StoreError
 from pipeline.locks import locked
-from pipeline.maintenance.garbage_collection import ancestors, collect
+from pipeline.maintenance.garbage_collection import collect
 from pipeline.maintenance.roots import add_folder_root, pin, pins, unpin
 from pipeline.publication import commit
-from pipeline.record import ActionRecord
+from pipeline.record import ActionRecord, ancestors
 from pipeline.settings import current_store
 from pipeline.store import Store
 

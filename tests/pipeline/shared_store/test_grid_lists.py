@@ -5,14 +5,14 @@ from sharing_cases import build, command, objects
 from store_toys import Sentence, Word
 
 from pipeline.settings import current_store
-from pipeline.shared_store.sync import list_night
+from pipeline.shared_store.sync import upload_key_list
 
 
 @pytest.mark.usefixtures("inline")
 def test_what_is_on_the_list_comes_and_nothing_else(shared, elsewhere, capsys):
     assert build(Sentence(), Word("other"))
     keys = [task.action().key for task in (Word("hello"), Sentence())]
-    list_night(current_store(), "20261122T200000Z-host", keys)
+    upload_key_list(current_store(), "20261122T200000Z-host", keys)
     there = elsewhere()
     status, rows = command(capsys, "pull", "--night", "20261122T200000Z-host")
     assert (status, {row["done"] for row in rows}) == (0, {"fetched"})
@@ -23,14 +23,14 @@ def test_what_is_on_the_list_comes_and_nothing_else(shared, elsewhere, capsys):
 def test_one_of_the_list_can_be_named(shared, elsewhere, capsys):
     assert build(Word("a"), Word("b"))
     keys = [Word(word).action().key for word in "ab"]
-    list_night(current_store(), "night", keys)
+    upload_key_list(current_store(), "night", keys)
     there = elsewhere()
     assert command(capsys, "pull", keys[0][:12], "--night", "night")[0] == 0
     assert len(objects(there)) == 1
 
 
 def test_an_unknown_night_is_answered_with_those_there_are(shared, capsys):
-    list_night(current_store(), "night1", ["ab" * 32])
+    upload_key_list(current_store(), "night1", ["ab" * 32])
     status, said = command(capsys, "pull", "--night", "night2")
     assert status == 2
     assert "has no list of the night night2; the last are: night1" in said

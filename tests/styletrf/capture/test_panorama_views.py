@@ -3,7 +3,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-import torch
 from made_panoramas import courtyard_panoramas
 
 from styletrf.capture.panorama.panorama_views import (
@@ -16,7 +15,7 @@ from styletrf.capture.panorama.panorama_views import (
     seen_in_panorama,
     view_camera,
 )
-from styletrf.geometry.cameras import Camera, in_view, pixel_centers, project, rays_through
+from styletrf.geometry.cameras import Camera, in_view, pixel_centers, points_at_depth, project
 from styletrf.synthetic.courtyard import CourtyardConfig, render_view
 
 WIDTH = 720
@@ -43,8 +42,8 @@ def smooth(directions):
 
 def rays(camera):
     """Returns the unit directions of a camera's pixels, height width 3."""
-    pixels = torch.from_numpy(pixel_centers(camera.width, camera.height))
-    found = rays_through(camera, pixels).directions.numpy()
+    pixels = pixel_centers(camera.width, camera.height)
+    found = points_at_depth(camera, pixels, np.ones(len(pixels))) - camera.center_world
     found /= np.linalg.norm(found, axis=1, keepdims=True)
     return found.reshape(camera.height, camera.width, 3)
 

@@ -41,7 +41,7 @@ def test_spectrum_of_images_falls_about_as_that_of_photographs():
     kept = (frequency > 0.02) & (frequency < 0.4)
     window = np.outer(np.hanning(side), np.hanning(side))
     for k in range(12):
-        grey = procedural_image(np.random.default_rng(k), side, side).mean(axis=2)
-        amplitude = np.abs(np.fft.fft2((grey - grey.mean()) * window))
+        gray = procedural_image(np.random.default_rng(k), side, side).mean(axis=2)
+        amplitude = np.abs(np.fft.fft2((gray - gray.mean()) * window))
         slopes.append(np.polyfit(np.log(frequency[kept]), np.log(amplitude[kept]), 1)[0])
     assert -2.0 < np.mean(slopes) < -0.8

@@ -8,7 +8,7 @@ import torch
 from styletrf.evaluation.alignment.image_alignment import aligned, correlation, likeness
 from styletrf.evaluation.alignment.photograph_placement import place_photographs
 from styletrf.field.rendering import Rendering
-from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, rays_through
+from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, points_at_depth
 
 DEPTH = 3.0  # of the plane z = DEPTH
 
@@ -26,13 +26,12 @@ def plane(seed: int):
     phases, colors = rng.uniform(0, 6.28, 40), rng.uniform(-1, 1, (40, 3))
 
     def render(view: Camera) -> Rendering:
-        pixels = torch.as_tensor(pixel_centers(view.width, view.height))
-        rays = rays_through(view, pixels)
-        depth = (DEPTH - rays.origins[:, 2]) / rays.directions[:, 2]
-        points = (rays.origins + depth[:, None] * rays.directions)[:, :2].numpy()
+        pixels, shape = pixel_centers(view.width, view.height), (view.height, view.width)
+        directions = points_at_depth(view, pixels, np.ones(len(pixels))) - view.center_world
+        z = (DEPTH - view.center_world[2]) / directions[:, 2]
+        points = points_at_depth(view, pixels, z)[:, :2]
         values = 0.5 + np.sin(points @ waves.T + phases) @ colors / 16
-        shape = view.height, view.width
-        depth = depth.reshape(shape)
+        depth = torch.as_tensor(z).reshape(shape)
         color = torch.as_tensor(values.clip(0, 1).reshape(*shape, 3))
         return Rendering(color, torch.ones(shape), depth, depth)
 

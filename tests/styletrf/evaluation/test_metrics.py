@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from styletrf.errors import InputError
-from styletrf.evaluation.metrics import mean_squared_error, psnr, psnr_of_error, ssim
+from styletrf.evaluation.metrics import mean_squared_error, psnr, ssim
+from styletrf.psnr import bounded_psnr, psnr_of_error
 
 
 @pytest.fixture
@@ -42,6 +43,11 @@ def test_psnr_of_a_constant_difference(difference):
 @pytest.mark.extremes("PSNR and SSIM")
 def test_psnr_of_the_smallest_error_is_finite():
     assert math.isfinite(psnr_of_error(5e-324))
+
+
+@pytest.mark.parametrize(("mse", "bounded"), [(0.0, 100.0), (1e-12, 100.0), (0.01, 20.0)])
+def test_a_bounded_psnr_is_at_most_100_db(mse, bounded):
+    assert bounded_psnr(mse) == pytest.approx(bounded)
 
 
 @pytest.mark.parametrize(("a", "b"), [(0.2, 0.7), (0.0, 1.0), (0.5, 0.5)])

@@ -18,7 +18,7 @@ def test_of_white_noise_it_is_that_of_the_kernel():
     assert sharpness(NOISE) == pytest.approx(np.sqrt(20), rel=0.05)
 
 
-def test_blur_takes_it_and_a_chequerboard_has_most():
+def test_blur_takes_it_and_a_checkerboard_has_most():
     assert sharpness(cv2.GaussianBlur(NOISE, (0, 0), 1.5)) < 0.5 * sharpness(NOISE)
     board = np.indices((64, 64)).sum(axis=0) % 2
     assert sharpness(np.repeat(board[..., None], 3, axis=2).astype(np.float32)) == pytest.approx(8)

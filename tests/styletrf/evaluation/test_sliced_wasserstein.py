@@ -69,10 +69,10 @@ def test_colors_have_no_places_and_patches_do():
 
 
 def test_texture_is_what_a_shift_of_lightness_leaves_alone():
-    grey = np.full((40, 40, 3), 0.3, np.float32)
+    gray = np.full((40, 40, 3), 0.3, np.float32)
     lighter = np.full((40, 40, 3), 0.8, np.float32)
-    assert patch_distance(of(grey), of(lighter)) > 5
-    assert texture_distance(of(grey), of(lighter)) == pytest.approx(0, abs=1e-4)
+    assert patch_distance(of(gray), of(lighter)) > 5
+    assert texture_distance(of(gray), of(lighter)) == pytest.approx(0, abs=1e-4)
 
 
 @pytest.mark.parametrize("image", [

@@ -186,10 +186,10 @@ def test_the_page_shows_every_point_and_escapes_all_text(tmp_path):
 
 PROBE = """
   const description = document.querySelector(".description"), before = description.textContent;
-  const grey = document.querySelector("circle.beaten");
+  const gray = document.querySelector("circle.beaten");
   document.querySelector("circle.best").focus();
   const focused = description.textContent;
-  grey.dispatchEvent(new PointerEvent("pointerenter"));
+  gray.dispatchEvent(new PointerEvent("pointerenter"));
   return { before, focused, pointed: description.textContent, overflow: overflow() };
 """
 

@@ -12,7 +12,7 @@ from styletrf.field.occupancy import occupied_voxels
 from styletrf.field.radiance_field import RadianceField, load_field, save_field
 from styletrf.field.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 
-FACTORS = pytest.mark.extremes("TensoRF factors: interpolation, upsampling, regularisers")
+FACTORS = pytest.mark.extremes("TensoRF factors: interpolation, upsampling, regularizers")
 FILES = pytest.mark.extremes("Field files")
 OCCUPANCY = pytest.mark.extremes("Occupancy")
 KERNELS = kernels_for(torch.device("cpu"))
@@ -72,7 +72,7 @@ def test_upsampling_keeps_within_the_range_of_the_factors(resolution, stability)
 
 @FACTORS
 @pytest.mark.parametrize("size", [0.0, 1e-30, 1e10, 1e18])
-def test_regularisers_of_factors_of_any_size_have_finite_gradients(size, stability):
+def test_regularizers_of_factors_of_any_size_have_finite_gradients(size, stability):
     factors = TensorVM((4, 4, 4), (2, 1, 1), scale=size, generator=generator(0))
     total = factors.total_variation() + factors.l1()
     total.backward()

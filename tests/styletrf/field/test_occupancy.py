@@ -59,7 +59,7 @@ def test_what_is_settled_has_no_neighbors():
     assert occupied[4:].all()
 
 
-def test_what_is_settled_is_seen_off_the_centres_of_voxels():
+def test_what_is_settled_is_seen_off_the_centers_of_voxels():
     """A wall thinner than a voxel, between the centers of two."""
     density = slab()
     with torch.no_grad():

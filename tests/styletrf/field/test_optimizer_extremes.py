@@ -12,7 +12,7 @@ from styletrf.field.kernels.sparsification import Sparsification, sparsified
 from styletrf.field.training.optimizer import take_step
 from styletrf.stylization.adaptation import AdaptationConfig, optimizer_of
 
-pytestmark = pytest.mark.extremes("Optimiser and gradients")
+pytestmark = pytest.mark.extremes("Optimizer and gradients")
 
 SMALL = FieldConfig((2, 1, 1), (2, 1, 1), features=4, hidden=8)
 BOUND = (1 - 0.9) / (1 - 0.99) ** 0.5  # of a step over its rate (Kingma and Ba 2015, section 2.1)

@@ -19,7 +19,7 @@ def test_upsampling_from_n_to_2n_minus_1_keeps_the_lattice():
     torch.testing.assert_close(reference.density(finer, at), reference.density(factors, at))
 
 
-@pytest.mark.extremes("TensoRF factors: interpolation, upsampling, regularisers")
+@pytest.mark.extremes("TensoRF factors: interpolation, upsampling, regularizers")
 def test_total_variation_of_a_constant_is_zero_with_finite_gradient():
     factors = TensorVM((4, 4, 4), (2, 2, 2))
     with torch.no_grad():
@@ -39,7 +39,7 @@ def test_total_variation_of_a_ramp_is_its_squared_slope():
     torch.testing.assert_close(factors.total_variation(), torch.tensor(3 * 0.25))
 
 
-@pytest.mark.extremes("TensoRF factors: interpolation, upsampling, regularisers")
+@pytest.mark.extremes("TensoRF factors: interpolation, upsampling, regularizers")
 def test_one_voxel_axes_have_no_neighbors_and_no_nan():
     factors = TensorVM((1, 1, 1), (2, 2, 2))
     factors.total_variation().backward()

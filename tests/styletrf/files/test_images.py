@@ -53,11 +53,11 @@ def test_channels_are_red_green_blue_in_the_file(tmp_path):
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_grey_is_repeated_and_alpha_left_out(tmp_path, dtype):
+def test_gray_is_repeated_and_alpha_left_out(tmp_path, dtype):
     top = np.iinfo(dtype).max
-    cv2.imwrite(str(tmp_path / "grey.png"), np.full((3, 4), top // 5, dtype))
+    cv2.imwrite(str(tmp_path / "gray.png"), np.full((3, 4), top // 5, dtype))
     cv2.imwrite(str(tmp_path / "alpha.png"), np.full((3, 4, 4), top // 5, dtype))
-    for name in ("grey.png", "alpha.png"):
+    for name in ("gray.png", "alpha.png"):
         image = read_rgb(tmp_path / name)
         assert image.shape == (3, 4, 3)
         assert image == pytest.approx(0.2)

@@ -42,7 +42,7 @@ def test_one_scale_without_zero_point_serves_all():
     np.testing.assert_array_equal(found["w"], np.array([-1.5, 2], np.float32))
 
 
-def test_initialisers_that_layers_share_come_under_both_names():
+def test_initializers_that_layers_share_come_under_both_names():
     constants = {"a": np.array([2], np.int8), "s": np.array(1, np.float32)}
     constants["t"] = np.array(3, np.float32)
     nodes = [dequantize(["a", "s"], "a_dequant"), dequantize(["a", "t"], "b_dequant")]
@@ -50,7 +50,7 @@ def test_initialisers_that_layers_share_come_under_both_names():
     assert (float(found["a"][0]), float(found["b"][0])) == (2, 6)
 
 
-def test_quantised_activations_are_no_weights():
+def test_quantized_activations_are_no_weights():
     nodes = [dequantize(["activation", "s"], "y")]
     content = file_of({"s": np.array(1, np.float32)}, nodes)
     assert set(read_onnx_weights(content, "f")) == {"s"}

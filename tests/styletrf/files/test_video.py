@@ -32,7 +32,6 @@ def test_the_file_says_what_was_written(tmp_path):
     info = video_info(tmp_path / "a.mp4")
     assert (info.width, info.height, info.frames) == (128, 96, 9)
     assert info.frames_per_second == 24
-    assert info.duration_seconds == pytest.approx(9 / 24)
     assert info.codec in ("h264", "vp9")
 
 
@@ -46,11 +45,11 @@ def test_strokes_survive(tmp_path):
     frames = painted()
     write_video(tmp_path / "a.mp4", frames, 24)
     assert decoded_psnr(frames, tmp_path / "a.mp4") > 30
-    grey = [
+    gray = [
         np.repeat(frame.mean(axis=-1, keepdims=True), 3, -1).astype(np.uint8) for frame in frames
     ]
-    write_video(tmp_path / "b.mp4", grey, 24)
-    assert decoded_psnr(grey, tmp_path / "b.mp4") > 36
+    write_video(tmp_path / "b.mp4", gray, 24)
+    assert decoded_psnr(gray, tmp_path / "b.mp4") > 36
 
 
 def test_colors_come_back(tmp_path):

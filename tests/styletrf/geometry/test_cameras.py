@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,8 +13,8 @@ from styletrf.geometry.cameras import (
     fitted_to,
     moved,
     pixel_centers,
+    points_at_depth,
     project,
-    rays_through,
     resized,
 )
 from styletrf.trajectory.trajectories import look_at
@@ -34,9 +33,7 @@ def test_a_point_on_a_pixels_ray_projects_to_the_pixel(seed):
     camera, rng = camera_at(seed), np.random.default_rng(seed)
     pixels = rng.uniform(0, [64, 48], (20, 2))
     depth = rng.uniform(0.1, 100, 20)
-    rays = rays_through(camera, torch.from_numpy(pixels))
-    points = rays.origins.numpy() + depth[:, None] * rays.directions.numpy()
-    found, found_depth = project(camera, points)
+    found, found_depth = project(camera, points_at_depth(camera, pixels, depth))
     np.testing.assert_allclose(found, pixels, atol=1e-8)
     np.testing.assert_allclose(found_depth, depth)
 

@@ -7,7 +7,14 @@ import pytest
 import torch
 
 from styletrf.field.view_rays import ViewRays
-from styletrf.geometry.cameras import Camera, in_view, moved, pixel_centers, project, rays_through
+from styletrf.geometry.cameras import (
+    Camera,
+    in_view,
+    moved,
+    pixel_centers,
+    points_at_depth,
+    project,
+)
 from styletrf.geometry.exact_flow import exact_flow
 from styletrf.geometry.space import Space
 from styletrf.scene.contraction import contraction
@@ -46,8 +53,8 @@ def test_a_point_on_a_pixels_ray_projects_to_the_pixel(focal_px, depth, stabilit
     pose = look_at(np.array([0.3, -0.2, 0.1]), np.array([1.0, 2.0, 3.0]), DOWN)
     pose[:, 3] *= depth  # a center far from the points' own size would round them away
     pixels = pixel_centers(8, 6)
-    rays = rays_through(camera(focal_px, pose), torch.from_numpy(pixels))
-    projected, z = project(camera(focal_px, pose), (rays.origins + depth * rays.directions).numpy())
+    points = points_at_depth(camera(focal_px, pose), pixels, np.full(len(pixels), depth))
+    projected, z = project(camera(focal_px, pose), points)
     np.testing.assert_allclose(projected, pixels, atol=1e-6)
     np.testing.assert_allclose(z, depth, rtol=1e-6)
     bound = max(1e-11, 1e-15 * max(focal_px, 1 / focal_px))
@@ -56,7 +63,7 @@ def test_a_point_on_a_pixels_ray_projects_to_the_pixel(focal_px, depth, stabilit
 
 
 @CAMERAS
-def test_the_centre_and_its_plane_are_out_of_view_and_not_nan():
+def test_the_center_and_its_plane_are_out_of_view_and_not_nan():
     points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [1e-300, 0.0, 0.0]])
     pixels, _, inside = in_view(camera(), points)
     assert not inside.any()
@@ -80,11 +87,11 @@ def points_along(segments, s: float) -> torch.Tensor:
 
 
 @SPACES
-@pytest.mark.parametrize(("space", "centre"), [(ndc(), 0.0), (box(), -3.0), (unbounded(), 0.0)])
+@pytest.mark.parametrize(("space", "center"), [(ndc(), 0.0), (box(), -3.0), (unbounded(), 0.0)])
 @pytest.mark.parametrize("focal_px", [2.0, 20.0, 1e6])
-def test_points_of_a_segment_are_seen_at_their_pixel(space, centre, focal_px, stability):
+def test_points_of_a_segment_are_seen_at_their_pixel(space, center, focal_px, stability):
     """From half of a ray on: before it a single may be as far off as the near plane is close."""
-    view = camera(focal_px, np.column_stack([np.eye(3), [0.0, 0.0, centre]]))
+    view = camera(focal_px, np.column_stack([np.eye(3), [0.0, 0.0, center]]))
     pixels = torch.from_numpy(pixel_centers(8, 6))
     segments = ViewRays([view], space, 0.1, torch.device("cpu")).segments(0, pixels)
     hit = segments.n_steps > 0

@@ -54,7 +54,7 @@ def test_a_mountain_behind_the_scene_does_not_move_the_near_plane():
     )
 
 
-def test_a_mountain_behind_leaves_a_scene_of_a_metre_its_inner_box_and_is_in_the_grid():
+def test_a_mountain_behind_leaves_a_scene_of_a_meter_its_inner_box_and_is_in_the_grid():
     cameras, points = walk(), 3 * points_of("block")
     mountain = np.array([[0, -300.0, 2000.0], [50, -200, 2100], [-40, -250, 1900]])
     plain = decide_scene_model(cameras, points, SceneModelConfig(space="unbounded"))
@@ -69,7 +69,7 @@ def test_a_mountain_behind_leaves_a_scene_of_a_metre_its_inner_box_and_is_in_the
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_a_walk_is_modelled_alike_at_any_scale(scale):
+def test_a_walk_is_modeled_alike_at_any_scale(scale):
     plain, scaled = (
         decide_scene_model(
             [replace(c, world_from_camera=c.world_from_camera * [1, 1, 1, s]) for c in walk()],

@@ -17,7 +17,7 @@ from styletrf.style.perceptual.perceptual_loss import (
 )
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig, stylize
 
-NORMALIZATION = pytest.mark.extremes("Instance normalisation")
+NORMALIZATION = pytest.mark.extremes("Instance normalization")
 NETWORK = pytest.mark.extremes("Style network")
 GRAM = pytest.mark.extremes("Gram matrices")
 LOSS = pytest.mark.extremes("Perceptual loss")

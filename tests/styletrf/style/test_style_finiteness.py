@@ -64,7 +64,7 @@ def test_a_painting_names_view_and_tensor_before_it_is_clamped(spoil, level, ten
         painted(lambda image: stylize(spoilt, image), views)
 
 
-def test_an_optimised_painting_names_its_view(vgg):
+def test_an_optimized_painting_names_its_view(vgg):
     view, config = (
         torch.full((16, 16, 3), torch.nan),
         GatysConfig(style_px=32, iterations=(2,), start="content"),

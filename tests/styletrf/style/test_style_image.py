@@ -45,11 +45,11 @@ def test_16_bits_are_rounded_to_8(tmp_path: Path, suffix: str):
     np.testing.assert_allclose(image, bgr[..., ::-1] / 65535, atol=0.51 / 255)
 
 
-def test_grey_becomes_three_equal_channels(tmp_path: Path):
-    grey = painting()[..., 0]
-    image = read_style_image(write(tmp_path / "a.png", grey))
+def test_gray_becomes_three_equal_channels(tmp_path: Path):
+    gray = painting()[..., 0]
+    image = read_style_image(write(tmp_path / "a.png", gray))
     for channel in range(3):
-        np.testing.assert_allclose(image[..., channel], grey / 255, atol=1e-6)
+        np.testing.assert_allclose(image[..., channel], gray / 255, atol=1e-6)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])

@@ -12,7 +12,7 @@ from styletrf.style.style_survey import gram_trace_ratio, painting_warnings, tra
 from styletrf.synthetic.paintings import PAINTINGS
 
 RNG = np.random.default_rng(0)
-GREY = np.repeat(RNG.uniform(size=(300, 300, 1)), 3, axis=2).astype(np.float32)
+GRAY = np.repeat(RNG.uniform(size=(300, 300, 1)), 3, axis=2).astype(np.float32)
 FAINT = (0.5 + 0.02 * RNG.normal(size=(300, 300, 3))).clip(0, 1).astype(np.float32)
 COLORFUL = RNG.uniform(size=(300, 300, 3)).astype(np.float32)
 
@@ -20,7 +20,7 @@ COLORFUL = RNG.uniform(size=(300, 300, 3)).astype(np.float32)
 @pytest.mark.parametrize(
     ("image", "warning"),
     [
-        (GREY, "one line"),
+        (GRAY, "one line"),
         (FAINT, "hardly any contrast"),
         (COLORFUL[:100], "only 100 pixels"),
         (np.full((300, 300, 3), 0.25, dtype=np.float32), "hardly any contrast"),
@@ -37,10 +37,10 @@ def test_a_good_painting_has_no_warning(name):
 
 
 def test_the_warning_reaches_the_log(tmp_path, caplog):
-    write_rgb(tmp_path / "grey.png", GREY)
+    write_rgb(tmp_path / "gray.png", GRAY)
     with caplog.at_level(logging.WARNING):
-        read_style_image(tmp_path / "grey.png")
-    assert "grey.png: the painting's colors lie on one line" in caplog.text
+        read_style_image(tmp_path / "gray.png")
+    assert "gray.png: the painting's colors lie on one line" in caplog.text
 
 
 def test_the_trace_is_relative_to_the_content(vgg):

@@ -6,7 +6,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
-from published_models import published_model, without_quantised_activations
+from published_models import published_model, without_quantized_activations
 
 from styletrf.content.procedural_images import procedural_image
 from styletrf.style.transfer.network import conditioned
@@ -65,23 +65,23 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_embedding_is_that_of_the_graph_without_quantised_activations(published, seed):
-    exact = without_quantised_activations(published_model("predict"))
+def test_embedding_is_that_of_the_graph_without_quantized_activations(published, seed):
+    exact = without_quantized_activations(published_model("predict"))
     painting = image(PAINTING, seed)
     found = embedded(published, painting)
     np.testing.assert_allclose(found, predicted(exact, painting), rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_painting_is_that_of_the_graph_without_quantised_activations(published, seed):
-    exact = without_quantised_activations(published_model("transform"))
+def test_painting_is_that_of_the_graph_without_quantized_activations(published, seed):
+    exact = without_quantized_activations(published_model("transform"))
     content, embedding = image(CONTENT, seed + 2), embedded(published, image(PAINTING, seed))
     found = ours(published, content, embedding)
     np.testing.assert_allclose(found, painted(exact, content, embedding), rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_what_quantised_activations_change_is_small(published, seed):
+def test_what_quantized_activations_change_is_small(published, seed):
     """The published graph rounds activations to 256 levels; ours does not."""
     content, painting = image(CONTENT, seed + 2), image(PAINTING, seed)
     embedding, theirs = (

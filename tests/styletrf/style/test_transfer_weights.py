@@ -7,7 +7,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
-from onnx_files import quantised_file, transform_shapes, write_transfer_files
+from onnx_files import quantized_file, transform_shapes, write_transfer_files
 from safetensors.torch import load_file, save_file
 
 from styletrf.errors import InputError, NetworkError
@@ -76,7 +76,7 @@ def test_other_files_are_an_input_error_and_leave_nothing(source: Path, tmp_path
     elif fault == "shape":
         shapes = ((name, (n, *rest[:-1], 5) if len(rest) == 3 else (n,))
                   for name, (n, *rest) in transform_shapes())  # fmt: skip
-        file.write_bytes(quantised_file(shapes))
+        file.write_bytes(quantized_file(shapes))
     elif fault == "nan":
         model = onnx.load(file)
         scale = next(i for i in model.graph.initializer if i.name.endswith("_scale"))

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from surface_points import surface_points
 
 from styletrf.errors import InputError
 from styletrf.geometry.camera_table import read_cameras
@@ -35,15 +36,6 @@ def cameras():
 @pytest.fixture(scope="module")
 def depths(cameras):
     return [render_view(camera, SMALL)[1] for camera in cameras[:2]]
-
-
-def world_points(camera, depth):
-    """The surface points behind the pixel centers, without the sky."""
-    z = depth.reshape(-1).astype(np.float64)
-    x, y = (pixel_centers(camera.width, camera.height) - [camera.cx, camera.cy]).T
-    points = np.stack([x / camera.fx, y / camera.fy, np.ones_like(x)])[:, np.isfinite(z)]
-    points = points * z[np.isfinite(z)]
-    return points.T @ camera.world_from_camera[:, :3].T + camera.center_world
 
 
 def narrow(camera, point, focal=1e5):
@@ -105,7 +97,7 @@ def test_solids_wind_and_shade_outwards():
 
 
 def test_depth_of_one_view_is_where_another_sees_or_hides_it(cameras, depths):
-    points = world_points(cameras[0], depths[0])[::7]
+    points = surface_points(cameras[0], depths[0])[::7]
     _, found, expected = seen_at(cameras[1], points)
     assert (found <= expected * (1 + 1e-5)).all()
     assert np.mean(found > expected * (1 - 1e-5)) > 0.8
@@ -113,7 +105,7 @@ def test_depth_of_one_view_is_where_another_sees_or_hides_it(cameras, depths):
 
 def test_flow_is_visible_exactly_where_a_ray_from_the_other_camera_arrives(cameras, depths):
     flow, visible = exact_flow(cameras[0], depths[0], cameras[1], depths[1])
-    points = world_points(cameras[0], depths[0])
+    points = surface_points(cameras[0], depths[0])
     targets, _ = project(cameras[1], points)
     surface = np.isfinite(depths[0]).reshape(-1)
     moved = pixel_centers(80, 60) + flow.reshape(-1, 2)
@@ -146,7 +138,7 @@ def test_flow_of_a_pure_rotation_is_its_homography(cameras, depths):
 
 
 def test_only_the_vase_changes_color_with_the_view(cameras, depths):
-    points = world_points(cameras[0], depths[0])
+    points = surface_points(cameras[0], depths[0])
     for points_of_kind, changes in ((points[on_vase(points)], True), (points[::9], False)):
         if not changes:
             points_of_kind = points_of_kind[~on_vase(points_of_kind)]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from surface_points import surface_points
 
 from styletrf.evaluation.flow import FlowEstimator, agreement
 from styletrf.field.kernels import kernels_for
@@ -12,7 +13,6 @@ from styletrf.field.rendering import RenderConfig, render_view
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.trainer import train_field
 from styletrf.field.view_rays import ViewRays
-from styletrf.geometry.cameras import pixel_centers
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.synthetic.courtyard import (
     CourtyardConfig,
@@ -46,7 +46,7 @@ def test_depth_of_a_field_is_that_of_the_surfaces():
     """Fitted to all views but one, with the exact cameras; Z of that one against the truth."""
     capture = capture_courtyard(CourtyardConfig(n_views=16, width=120, height=90))
     points = np.concatenate(
-        [_points(c, d) for c, d in zip(capture.cameras, capture.depths, strict=True)]
+        [surface_points(c, d) for c, d in zip(capture.cameras, capture.depths, strict=True)]
     )
     model = decide_scene_model(
         capture.cameras, points[::97], SceneModelConfig(image_long_side=120, max_voxels=120**3)
@@ -58,18 +58,9 @@ def test_depth_of_a_field_is_that_of_the_surfaces():
     field, _ = train_field(cameras[1:], images[1:], model.space, model.resolution, config, kernels)
     rays = ViewRays(cameras[:1], model.space, field.step_length, cpu)
     render = render_view(field, kernels, rays, 0, cameras[0], RenderConfig())
-    metres = np.linalg.norm(model.normalized_from_world[:3, 0])
+    meters = np.linalg.norm(model.normalized_from_world[:3, 0])
     truth = capture.depths[0]
     surface = np.isfinite(truth)
-    error = np.abs(render.depth.numpy()[surface] / metres / truth[surface] - 1)
+    error = np.abs(render.depth.numpy()[surface] / meters / truth[surface] - 1)
     assert np.median(error) < 0.08  # of a fit of seconds; a wrong convention is off by far more
     assert render.opacity.numpy()[surface].mean() > 0.95
-
-
-def _points(camera, depth):
-    """World points of a depth map, the sky left out."""
-    x, y = (pixel_centers(camera.width, camera.height) - [camera.cx, camera.cy]).T
-    rays = np.stack([x / camera.fx, y / camera.fy, np.ones_like(x)], axis=-1)
-    z = depth.reshape(-1)
-    points = (rays * z[:, None])[np.isfinite(z)]
-    return points @ camera.world_from_camera[:, :3].T + camera.center_world

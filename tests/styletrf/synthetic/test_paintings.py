@@ -46,8 +46,8 @@ def test_a_shipped_image_is_small_square_and_colorful(name):
 
 @pytest.mark.parametrize("name", PAINTINGS)
 def test_strokes_are_everywhere_at_their_scale(name):
-    grey = cv2.cvtColor(cv2.imread(str(SHIPPED / f"{name}.jpg")), cv2.COLOR_BGR2GRAY)
-    band = cv2.GaussianBlur(grey.astype(float), (0, 0), 1.5)
+    gray = cv2.cvtColor(cv2.imread(str(SHIPPED / f"{name}.jpg")), cv2.COLOR_BGR2GRAY)
+    band = cv2.GaussianBlur(gray.astype(float), (0, 0), 1.5)
     band = band - cv2.GaussianBlur(band, (0, 0), 20)
     energy = np.sqrt(cv2.boxFilter(band**2, -1, (128, 128))[64:-64, 64:-64])
     assert energy.min() > 4

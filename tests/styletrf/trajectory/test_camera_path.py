@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mini_scene import painted_plane
-from test_trajectories import CAPTURES, centers_of, modelled
+from test_trajectories import CAPTURES, centers_of, modeled
 
 from styletrf.colmap import pycolmap
 from styletrf.configuration import configured
@@ -37,7 +37,7 @@ def assert_cameras(cameras) -> None:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("capture", CAPTURES)
 def test_every_named_path_is_even_and_near_the_photographs(name, capture):
-    views, model = modelled(capture)
+    views, model = modeled(capture)
     path = chosen_path(name, views, model, CONFIG, are_given=False)
     assert len(path) == 40
     assert_cameras(path)
@@ -86,13 +86,13 @@ def test_named_paths_of_degenerate_cameras_are_finite(name, some, looking):
 
 
 def test_photographs_without_smoothing_are_passed_one_by_one_in_their_order():
-    views, model = modelled("way")
+    views, model = modeled("way")
     found = named_path("photographs", views, model, TrajectoryConfig(stabilization=0.0)).poses
     np.testing.assert_allclose(found.centers, centers_of(views))
 
 
 def test_stabilization_leaves_less_shaking():
-    views, model = modelled("arc")
+    views, model = modeled("arc")
 
     def shaking(deviation: float) -> float:
         config = replace(CONFIG, trajectory=TrajectoryConfig(frames=80, stabilization=deviation))
@@ -103,7 +103,7 @@ def test_stabilization_leaves_less_shaking():
 
 
 def test_a_dolly_is_straight_and_looks_one_way():
-    views, model = modelled("forward")
+    views, model = modeled("forward")
     path = chosen_path("dolly", views, model, CONFIG, are_given=False)
     way = centers_of(path) - path[0].center_world
     along = way @ path[0].forward_world
@@ -114,7 +114,7 @@ def test_a_dolly_is_straight_and_looks_one_way():
 
 @pytest.mark.parametrize("name", ["orbit", "spiral"])
 def test_an_orbit_and_a_spiral_return(name):
-    views, model = modelled("ring")
+    views, model = modeled("ring")
     path = chosen_path(name, views, model, CONFIG, are_given=False)
     steps = np.linalg.norm(np.diff(centers_of([*path, path[0]]), axis=0), axis=1)
     assert steps[-1] == pytest.approx(steps.mean(), rel=0.2)
@@ -132,7 +132,7 @@ def test_an_orbit_and_a_spiral_return(name):
     ],
 )
 def test_length_rate_and_speed_decide_the_number_of_frames(words, count):
-    views, model = modelled("forward")
+    views, model = modeled("forward")
     config = configured(FramesConfig, words)
     assert len(chosen_path("orbit", views, model, config, are_given=False)) == count
 
@@ -168,7 +168,7 @@ def test_frames_may_be_larger_than_the_photographs():
 
 
 def test_timed_key_frames_are_met_at_their_frames():
-    views, _ = modelled("walk")
+    views, _ = modeled("walk")
     path = TimedPath(poses_of(views[:4]), times_s=(0.0, 0.5, 1.0, 3.0))
     frames = frames_along(path, views[0], TrajectoryConfig(), 24)
     assert len(frames) == 3 * 24 + 1

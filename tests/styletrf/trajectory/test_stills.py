@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_trajectories import modelled
+from test_trajectories import modeled
 
 from styletrf.files.tables import read_summary
 from styletrf.geometry.lenses import focal_from, focal_of
@@ -17,7 +17,7 @@ from styletrf.trajectory.support import Support
 from styletrf.trajectory.supported_path import write_support
 from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
 
-VIEWS, MODEL = modelled("forward")
+VIEWS, MODEL = modeled("forward")
 PHOTOGRAPHS = [replace(view, name=f"IMG_{k}") for k, view in enumerate(VIEWS)]
 CONFIG = FramesConfig(trajectory=TrajectoryConfig(frames=60))
 

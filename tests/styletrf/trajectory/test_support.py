@@ -7,7 +7,7 @@ import pytest
 import torch
 from mini_scene import MINI_FIT as FIT
 from mini_scene import fit, painted_plane
-from test_trajectories import modelled
+from test_trajectories import modeled
 
 from styletrf.files.tables import read_summary
 from styletrf.geometry.cameras import Camera, pixel_centers, points_at_depth, project
@@ -104,7 +104,7 @@ def spread_of(path) -> Support:
 
 
 def test_the_default_path_is_narrowed_until_it_is_supported_and_no_further(tmp_path):
-    views, model = modelled("forward")
+    views, model = modeled("forward")
     config = TrajectoryConfig(frames=12)
     whole = spread_of(fly_through(views, model, config)).share
     untouched = supported_fly_through(views, model, config, spread_of, np.inf)
@@ -128,7 +128,7 @@ def width_of(path) -> Support:
 
 
 def test_where_no_spread_is_enough_the_view_is_narrowed_unless_it_was_asked_for():
-    views, model = modelled("forward")
+    views, model = modeled("forward")
     config = TrajectoryConfig(frames=4)
     whole = width_of(fly_through(views, model, config)).share
     narrowed = supported_fly_through(views, model, config, width_of, 0.7 * whole)
@@ -140,7 +140,7 @@ def test_where_no_spread_is_enough_the_view_is_narrowed_unless_it_was_asked_for(
 
 
 def test_an_unsupported_path_is_warned_of_with_its_share_and_frames(tmp_path, caplog):
-    views, model = modelled("forward")
+    views, model = modeled("forward")
     found = supported_fly_through(views, model, TrajectoryConfig(frames=4), spread_of, np.inf)
     poor = replace(found, support=Support({"0001": 0.1, "0002": 0.3}))
     write_support(tmp_path / "support.json", "orbit", poor, CONFIG)

@@ -33,7 +33,7 @@ CAPTURES = {
 }
 
 
-def modelled(capture: str):
+def modeled(capture: str):
     """The capture's views in the normalized world, and the model."""
     cameras, points = CAPTURES[capture]()
     model = decide_scene_model(cameras, points, SceneModelConfig())
@@ -55,7 +55,7 @@ def in_the_world(model, path, gravity) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("capture", CAPTURES)
 @pytest.mark.parametrize("turns", [1.0, 2.0, 3.0])
 def test_paths_are_closed_and_smooth(capture, turns):
-    views, model = modelled(capture)
+    views, model = modeled(capture)
     path = fly_through(views, model, TrajectoryConfig(frames=72, turns=turns))
     centers = centers_of(path)
     steps = np.linalg.norm(np.roll(centers, -1, axis=0) - centers, axis=1)
@@ -113,7 +113,7 @@ def test_an_orbit_keeps_to_the_photographers_heights_distances_and_tilt(tilt, ex
 
 @pytest.mark.parametrize("path_of", [fly_through, prior_views])
 def test_a_path_looks_out_where_the_photographers_did(path_of):
-    views, model = modelled("room")
+    views, model = modeled("room")
     for camera in path_of(views, model, TrajectoryConfig(frames=12)):
         outwards = camera.center_world - np.array(model.focus)
         assert camera.forward_world @ outwards > 0
@@ -137,7 +137,7 @@ def test_half_an_orbit_is_gone_to_and_fro():
 @pytest.mark.parametrize("capture", CAPTURES)
 def test_no_two_priors_are_alike_and_all_are_within_the_photographs(capture):
     """Two turns of an even number of views were half as many viewpoints."""
-    views, model = modelled(capture)
+    views, model = modeled(capture)
     taken = centers_of(views)
     extent = np.linalg.norm(np.ptp(taken, axis=0))
     for frames in range(1, 41):
@@ -151,7 +151,7 @@ def test_no_two_priors_are_alike_and_all_are_within_the_photographs(capture):
 
 @pytest.mark.parametrize("capture", CAPTURES)
 def test_every_frame_of_the_fly_through_is_near_a_prior(capture):
-    views, model = modelled(capture)
+    views, model = modeled(capture)
     priors = centers_of(prior_views(views, model, TrajectoryConfig(frames=20)))
     frames = centers_of(fly_through(views, model, TrajectoryConfig(frames=60)))
     distances = np.linalg.norm(frames[:, None] - priors[None], axis=-1).min(axis=1)
@@ -159,7 +159,7 @@ def test_every_frame_of_the_fly_through_is_near_a_prior(capture):
 
 
 def test_priors_of_a_forward_facing_scene_see_it_from_within_the_path_too():
-    views, model = modelled("forward")
+    views, model = modeled("forward")
     priors = centers_of(prior_views(views, model, TrajectoryConfig(frames=20)))
     frames = centers_of(fly_through(views, model, TrajectoryConfig(frames=60)))
     radii = np.ptp(frames, axis=0)[:2] / 2

@@ -12,6 +12,7 @@ from test_viewer_page import written
 from styletrf.field.kernels import kernels_for
 from styletrf.field.rendering import render_view
 from styletrf.field.view_rays import ViewRays
+from styletrf.psnr import bounded_psnr
 from styletrf.stylization.mixed_appearance import MixedAppearance
 from styletrf.viewer.viewer_content import RENDER
 
@@ -58,7 +59,7 @@ def case(camera, a: int, b: int, share_b: float, split: float) -> dict:
 
 
 def psnr(one: np.ndarray, other: np.ndarray) -> float:
-    return float(-10 * np.log10(max(np.square(one - other).mean(), 1e-10)))
+    return bounded_psnr(float(np.square(one - other).mean()))
 
 
 @pytest.mark.parametrize("space", ["ndc", "box", "unbounded"])

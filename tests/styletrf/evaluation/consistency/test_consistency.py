@@ -67,8 +67,8 @@ def test_unrelated_pictures_have_a_normalized_error_of_one(measure):
     painted = [texture(10 + k, WIDTH) for k in range(FRAMES)]
     painted = [frame - frame.mean(axis=(0, 1)) + 0.5 for frame in painted]
     for contrast in (1.0, 0.1):
-        grey = [0.5 + contrast * (frame - 0.5) for frame in painted]
-        figures = measure(pan(texture(0)), grey).summary["delta_1"]
+        gray = [0.5 + contrast * (frame - 0.5) for frame in painted]
+        figures = measure(pan(texture(0)), gray).summary["delta_1"]
         assert figures["normalized_error"] == pytest.approx(1, rel=0.1)
 
 
@@ -97,13 +97,13 @@ def test_stylization_that_changes_nothing_is_at_the_floor(measure):
         assert_same(pair["style_distance"], pair["style_distance_unstylized"])
 
 
-def test_a_grey_video_does_not_beat_a_faithful_one(measure):
+def test_a_gray_video_does_not_beat_a_faithful_one(measure):
     """Less contrast lowers the paper's error; not the normalized one."""
     faithful = flickering(pan(texture(1)), 0.02)
-    grey = [np.round((0.5 + 0.05 * (f - 0.5)) * 255) / 255 for f in faithful]
+    gray = [np.round((0.5 + 0.05 * (f - 0.5)) * 255) / 255 for f in faithful]
     kept, washed = (
         measure(pan(texture(0)), f, painting=faithful[0]).summary["delta_1"]
-        for f in (faithful, grey)
+        for f in (faithful, gray)
     )
     assert washed["error"] < 0.1 * kept["error"]
     assert washed["normalized_error"] > kept["normalized_error"]
@@ -119,7 +119,7 @@ def test_fading_never_helps(measure, contrast):
     assert figures[1]["normalized_error"] > figures[0]["normalized_error"]
 
 
-def test_a_grey_object_on_white_does_not_beat_a_faithful_one(measure):
+def test_a_gray_object_on_white_does_not_beat_a_faithful_one(measure):
     """What contrast it has, at its rim, is none of its own."""
     inside = np.zeros((HEIGHT, WIDTH + 2 * FRAMES, 1), np.float32)
     inside[15:-15, 30:-40] = 1
@@ -128,8 +128,8 @@ def test_a_grey_object_on_white_does_not_beat_a_faithful_one(measure):
         return pan(inside * wall[:, : inside.shape[1]] + 1 - inside)
 
     scene, painted = on_white(texture(0)), on_white(texture(1))
-    grey = on_white(np.full_like(texture(1), 0.5))
-    kept, mush = (measure(scene, f).summary["delta_1"] for f in (flickering(painted, 0.02), grey))
+    gray = on_white(np.full_like(texture(1), 0.5))
+    kept, mush = (measure(scene, f).summary["delta_1"] for f in (flickering(painted, 0.02), gray))
     assert mush["normalized_error"] > 2 * kept["normalized_error"]
 
 

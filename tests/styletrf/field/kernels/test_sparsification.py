@@ -50,7 +50,7 @@ def test_without_a_threshold_nothing_is_left_out(sparsification):
     assert torch.equal(sparsified(gradient, sparsification), gradient)
 
 
-@pytest.mark.extremes("Optimiser and gradients")
+@pytest.mark.extremes("Optimizer and gradients")
 @pytest.mark.parametrize("value", [0.0, torch.nan, torch.inf])
 def test_nothing_and_what_is_not_finite_come_back_as_they_are(value):
     gradient = torch.full((4, 2), value)

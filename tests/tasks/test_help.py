@@ -1,0 +1,49 @@
+"""The help of `styletrf` names every command, and needs no project folder."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tasks
+
+ROOT = Path(__file__).parents[2]
+
+
+def answer(folder: Path, *words: str) -> tuple[int, str]:
+    """Returns the status and the output of a command that runs in a folder."""
+    command = [sys.executable, "-m", "tasks", *words]
+    done = subprocess.run(
+        command, cwd=folder, env={"PYTHONPATH": str(ROOT)}, capture_output=True, text=True
+    )
+    return done.returncode, done.stdout
+
+
+def named_tasks(text: str) -> set[str]:
+    """Returns the names in the list of tasks."""
+    listed = text.partition("tasks:\n")[2].partition("\n\n")[0]
+    return {line.split()[0] for line in listed.splitlines()}
+
+
+def requested_tasks() -> set[str]:
+    """Returns the names of the tasks that users request."""
+    modules = {name: getattr(tasks, name).__module__ for name in tasks.__all__}
+    return {name for name, module in modules.items() if module.startswith("tasks.results.")}
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"), [(["--help"], 0), (["-h"], 0), (["help"], 0), ([], 2)]
+)
+def test_the_help_outside_a_project_folder_lists_the_commands(tmp_path, words, expected):
+    status, text = answer(tmp_path, *words)
+    assert status == expected
+    assert "styletrf view" in text
+    assert named_tasks(text) == requested_tasks()
+
+
+def test_the_help_names_documents_that_exist():
+    _, text = answer(ROOT, "--help")
+    pages = [word.strip(".,") for word in text.split() if ".md" in word]
+    assert pages
+    assert [page for page in pages if not (ROOT / page).is_file()] == []
