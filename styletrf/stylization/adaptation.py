@@ -37,6 +37,7 @@ from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
+from styletrf.psnr import bounded_psnr
 
 PARTS = ("factors", "basis", "network", "background")
 """What an appearance consists of."""
@@ -176,7 +177,7 @@ def fit_appearance(
 
 @torch.no_grad()
 def _psnr(batch: RayBatch, appearance: Appearance, kernels: Kernels) -> float:
-    return -10 * math.log10(max(float(batch.error(appearance, kernels)), 1e-10))
+    return bounded_psnr(float(batch.error(appearance, kernels)))
 
 
 def optimizer_of(appearance: Appearance, config: AdaptationConfig) -> torch.optim.Adam:

@@ -33,6 +33,7 @@ from styletrf.finiteness import Named, parameter_stages, require_finite
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
+from styletrf.psnr import bounded_psnr
 from styletrf.style.perceptual.perceptual_loss import relative_difference
 from styletrf.style.perceptual.predictor_features import LEAST_PX
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
@@ -136,7 +137,7 @@ def adapt_to_image_loss(
 
 
 def _psnr(image: Tensor, painted: Tensor) -> float:
-    return -10 * math.log10(max(float((image - painted).square().mean()), 1e-10))
+    return bounded_psnr(float((image - painted).square().mean()))
 
 
 def _at_rate(adaptation: AdaptationConfig, rate: float) -> AdaptationConfig:
