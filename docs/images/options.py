@@ -23,6 +23,7 @@ from styletrf.trajectory.frames import write_pictures
 from tasks.stages.stylization import StylizedFrames
 
 STYLE = "brush"
+COLUMNS = 4
 FRAME = 0.35  # which frame of the fly-through, as a share of it
 OPTIONS: tuple[dict[str, Any], ...] = (
     {},
@@ -90,7 +91,8 @@ def title_of(words: dict[str, Any]) -> str:
 def main() -> None:
     """Write the picture."""
     tiles = [tile(words) for words in OPTIONS]
-    rows = [np.concatenate(tiles[k : k + 3], axis=1) for k in range(0, len(tiles), 3)]
+    tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % COLUMNS)
+    rows = [np.concatenate(tiles[k : k + COLUMNS], 1) for k in range(0, len(tiles), COLUMNS)]
     cv2.imwrite(sys.argv[1], np.concatenate(rows), [cv2.IMWRITE_JPEG_QUALITY, 85])
 
 

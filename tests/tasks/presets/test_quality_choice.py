@@ -183,7 +183,6 @@ def test_other_words_are_no_quality():
         {"budget": "5min", "quality": "within 1 dB"},
         {"budget": "5min", "tuning": {"RadianceField": {"batch": 9}}},
         {"style": "trade-off"},
-        {"json": True},
     ],
 )
 def test_words_that_do_not_go_together_are_refused(words):
