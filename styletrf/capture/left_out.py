@@ -13,16 +13,16 @@ _MOST_NAMES = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Called:
-    """What a photograph is called: its name in the capture, other names, and paths."""
+class PhotographNames:
+    """The names of a photograph: that in the capture, those of its file, and its paths."""
 
     name: str
-    others: frozenset[str] = frozenset()
+    of_file: frozenset[str] = frozenset()
     paths: frozenset[str] = frozenset()
 
     def matches(self, pattern: str) -> bool:
         """Returns whether any of them matches a pattern such as `IMG_00*`."""
-        return any(fnmatchcase(name, pattern) for name in (self.name, *self.others, *self.paths))
+        return any(fnmatchcase(name, pattern) for name in (self.name, *self.of_file, *self.paths))
 
 
 def without(folder: Path, files: Sequence[Path], leave_out: Sequence[str]) -> list[Path]:
@@ -34,31 +34,31 @@ def without(folder: Path, files: Sequence[Path], leave_out: Sequence[str]) -> li
         leave_out: See `left_out`. Names and paths are with the suffix or without.
 
     Raises:
-        InputError: Nothing is called so.
+        InputError: No photograph has such a name.
     """
     names = photograph_names(stored_files(files))
-    known = [_called(folder, file, name) for file, name in zip(files, names, strict=True)]
+    known = [_names_of(folder, file, name) for file, name in zip(files, names, strict=True)]
     indices = left_out(leave_out, known)
     return [file for index, file in enumerate(files) if index not in indices]
 
 
-def left_out(leave_out: Sequence[str], known: Sequence[Called]) -> set[int]:
+def left_out(leave_out: Sequence[str], known: Sequence[PhotographNames]) -> set[int]:
     """Returns the indices of what is left out.
 
     Args:
-        leave_out: Each is a name in the capture; or else another name, of one or several; or else a
-            path; or else a pattern.
-        known: What there is.
+        leave_out: Each is a name in the capture; or else the name of a file, of one or several; or
+            else a path; or else a pattern.
+        known: The names of all photographs, or of all frames.
 
     Raises:
-        InputError: Nothing is called so.
+        InputError: No photograph has such a name.
     """
     return {index for asked in leave_out for index in _indices(asked, known)}
 
 
-def _indices(asked: str, known: Sequence[Called]) -> list[int]:
+def _indices(asked: str, known: Sequence[PhotographNames]) -> list[int]:
     captured = [asked == one.name for one in known]
-    named = [asked in one.others for one in known]
+    named = [asked in one.of_file for one in known]
     placed = [asked in one.paths for one in known]
     alike = [one.matches(asked) for one in known]
     for found in (captured, named, placed, alike):
@@ -70,7 +70,7 @@ def _indices(asked: str, known: Sequence[Called]) -> list[int]:
     raise InputError(f"leave_out {asked!r}", problem, f"The names are {names}")
 
 
-def _called(folder: Path, file: Path, name: str) -> Called:
+def _names_of(folder: Path, file: Path, name: str) -> PhotographNames:
     path = path_below(folder, file)
     paths = frozenset([path.as_posix(), path.with_suffix("").as_posix()])
-    return Called(name, frozenset([file.name, file.stem]), paths)
+    return PhotographNames(name, frozenset([file.name, file.stem]), paths)

@@ -4,7 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from styletrf.colmap import pycolmap
+from styletrf.capture.poses.colmap_model import lens_of
+from styletrf.capture.poses.given_poses import Lens
 from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.mapping import SfmResult, is_explained
 from styletrf.sfm.reconstruction import PlacedPhotograph
@@ -21,12 +22,9 @@ BETTER_PHOTOGRAPHS = (
 
 @dataclass(frozen=True, slots=True)
 class FoundLens:
-    """A lens before undistortion, in COLMAP's terms, and how many photographs it took."""
+    """A lens before undistortion, and how many photographs it took."""
 
-    camera_model: str
-    camera_params: tuple[float, ...]
-    width: int
-    height: int
+    lens: Lens
     photographs: int
 
 
@@ -120,15 +118,8 @@ def poses_report(
 
 
 def _lenses(placed: Sequence[PlacedPhotograph]) -> tuple[FoundLens, ...]:
-    counts = Counter(
-        (str(one.lens.model_name), tuple(map(float, one.lens.params)), *_size(one.lens))
-        for one in placed
-    )
-    return tuple(FoundLens(*lens, count) for lens, count in counts.most_common())
-
-
-def _size(lens: pycolmap.Camera) -> tuple[int, int]:
-    return int(lens.width), int(lens.height)
+    counts = Counter(lens_of(one.lens) for one in placed)
+    return tuple(FoundLens(lens, count) for lens, count in counts.most_common())
 
 
 def _warnings(

@@ -41,7 +41,7 @@ def require_disk(
     pixels = frame_pixels(worst, scenes[worst.scene])
     raise InputError(
         f"{worst.frames} frames of {pixels / 1e6:.1f} megapixels in scene {worst.scene}",
-        f"and all others of the command take about {needed / 1e9:.1f} GB on disk,"
+        f"take about {needed / 1e9:.1f} GB on disk with the other frames of the command,"
         f" and {free_bytes / 1e9:.1f} GB are free",
         "Give a smaller --frame-size or fewer frames, free some space (python -m pipeline gc), or"
         " set STYLETRF_STORE to another disk; --keep-going begins anyway",

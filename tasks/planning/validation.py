@@ -57,11 +57,9 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
         "settings": sorted(settings),
         "paths": sorted({path for stage in stages if (path := _path_of(stage))}),
         "memory": [dataclasses.asdict(demand) for demand in demands],
-        "free_bytes": shutil.disk_usage(current_store().root).free,
+        "free_bytes": shutil.disk_usage(current_store().root).free if demands else 0,
     }
-    if any(value for name, value in request.items() if name != "free_bytes") and (
-        error := _validation_error(request)
-    ):
+    if any(request.values()) and (error := _validation_error(request)):
         raise SystemExit(error)
     return stages
 

@@ -36,7 +36,7 @@ class SceneInStyles(LinkedStage, PathParameters):
         super().validate()
         subject = f"--styles {list(self.styles)}"
         if not all(isinstance(style, str) and style for style in self.styles):
-            problem = "has what is no name of an image in data/styles"
+            problem = "contains an entry that is not the name of an image in data/styles"
             raise InputError(subject, problem, 'Give such as ["mosaic"]')
         if len(set(self.styles)) < len(self.styles):
             raise InputError(subject, "names one twice", "Name each once")

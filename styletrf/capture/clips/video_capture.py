@@ -15,7 +15,7 @@ from styletrf.capture.capture_file import Capture, Photograph, write_capture
 from styletrf.capture.clips.clip_survey import clip_warnings
 from styletrf.capture.clips.frame_choice import chosen_frames
 from styletrf.capture.clips.frame_motion import FrameMotion, frame_motion, joined_motion
-from styletrf.capture.left_out import Called, left_out
+from styletrf.capture.left_out import PhotographNames, left_out
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
 from styletrf.capture.panorama.panoramas import (
@@ -145,7 +145,11 @@ def _not_left_out(
     Raises:
         InputError: There is nothing to leave out by such a name.
     """
-    known = [Called(name, frozenset([f"{name}.png"])) for names in named for name in names.values()]
+    known = [
+        PhotographNames(name, frozenset([f"{name}.png"]))
+        for names in named
+        for name in names.values()
+    ]
     gone = {known[index].name for index in left_out(leave_out, known)}
     return [{i: name for i, name in names.items() if name not in gone} for names in named]
 

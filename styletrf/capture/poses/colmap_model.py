@@ -52,8 +52,12 @@ def colmap_views(source: Path, photographs: Path) -> list[GivenView]:
         raise InputError(str(source), problem, "Export it again, or remove it") from error
 
 
-def _view(folder: Path, image: pycolmap.Image, camera: pycolmap.Camera) -> GivenView:
+def lens_of(camera: pycolmap.Camera) -> Lens:
+    """Returns the lens of one of COLMAP's cameras."""
     params = tuple(float(value) for value in camera.params)
+    return Lens(str(camera.model_name), params, int(camera.width), int(camera.height))
+
+
+def _view(folder: Path, image: pycolmap.Image, camera: pycolmap.Camera) -> GivenView:
     pose = np.asarray(image.cam_from_world().inverse().matrix(), dtype=np.float64)
-    lens = Lens(str(camera.model_name), params, int(camera.width), int(camera.height))
-    return GivenView(folder / image.name, lens, pose)
+    return GivenView(folder / image.name, lens_of(camera), pose)

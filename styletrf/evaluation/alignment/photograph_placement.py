@@ -98,8 +98,7 @@ def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
     missing = set(read_unregistered(poses_dir / "cameras.parquet"))
     if not missing:
         return
-    poses = read_summary(poses_dir / "poses.json")
-    lenses = [_lens(row) for row in poses.get("lenses", [poses])]  # earlier records have one
+    lenses = _lenses(read_summary(poses_dir / "poses.json"))
     for one in read_capture(capture_dir).photographs:
         if one.name not in missing:
             continue
@@ -114,13 +113,13 @@ def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
         yield camera, undistorted_image(image, lens, camera) / 255.0
 
 
-def _lens(row: Mapping[str, Any]) -> pycolmap.Camera:
-    return pycolmap.Camera(
-        model=row["camera_model"],
-        width=row["width"],
-        height=row["height"],
-        params=row["camera_params"],
-    )
+def _lenses(poses: Mapping[str, Any]) -> list[pycolmap.Camera]:
+    """Returns the lenses of a record of camera poses; earlier records have the first one only."""
+    if "lenses" in poses:
+        return [pycolmap.Camera(**found["lens"]) for found in poses["lenses"]]
+    model, params = poses["camera_model"], poses["camera_params"]
+    size = {"width": poses["width"], "height": poses["height"]}
+    return [pycolmap.Camera(model=model, params=params, **size)]
 
 
 def training_views(poses_dir: Path, model: SceneModel) -> list[View]:

@@ -1,11 +1,13 @@
 """Photographs without a camera, as the lens of the scene shows them, and what is written."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 from mini_scene import painted_plane
 
+from styletrf.capture.poses.given_poses import Lens
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.content.procedural_images import procedural_image
 from styletrf.evaluation.alignment.photograph_placement import (
@@ -18,6 +20,7 @@ from styletrf.files.images import write_png
 from styletrf.files.tables import read_summary, write_summary
 from styletrf.geometry.camera_table import write_cameras
 from styletrf.geometry.cameras import Camera
+from styletrf.sfm.poses_report import FoundLens
 
 LENS = {"camera_model": "SIMPLE_RADIAL", "camera_params": [70.0, 32.0, 24.0, 0.0]}
 
@@ -45,8 +48,9 @@ def scene(tmp_path):
 def test_photographs_of_another_size_are_looked_for_with_their_own_lens(scene):
     """Only those of the first photograph's shape were looked for, and nothing said so."""
     _, poses = scene
-    upright = LENS | {"camera_params": [75.0, 24.0, 32.0, 0.0], "width": 48, "height": 64}
-    lenses = [LENS | {"width": 64, "height": 48}, upright]
+    lying = Lens("SIMPLE_RADIAL", (70.0, 32.0, 24.0, 0.0), 64, 48)
+    upright = Lens("SIMPLE_RADIAL", (75.0, 24.0, 32.0, 0.0), 48, 64)
+    lenses = [asdict(FoundLens(lens, photographs=1)) for lens in (lying, upright)]
     write_summary(poses / "poses.json", {"lenses": lenses})
     found = {camera.name: camera for camera, _ in unplaced_photographs(*scene)}
     assert {name: (c.width, c.height, round(c.fx)) for name, c in found.items()} == {

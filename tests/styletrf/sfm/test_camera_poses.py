@@ -199,7 +199,7 @@ def test_photographs_that_lie_stand_and_are_reduced_are_placed_together(tmp_path
     capture, out = captured(tmp_path, photographs)
     report = solve_camera_poses(capture, out, CameraPosesConfig())
     assert (report.registered, report.lens_settings) == (12, 3)
-    found = [(lens.width, lens.height, lens.photographs) for lens in report.lenses]
+    found = [(one.lens.width, one.lens.height, one.photographs) for one in report.lenses]
     assert found == [(180, 240, 6), (240, 180, 3), (192, 144, 3)]
     for i, camera in enumerate(read_cameras(out / "cameras.parquet")):
         height, width = photographs[f"{i}.png"].shape[:2]
