@@ -15,7 +15,15 @@ from styletrf.files.float_images import read_float_image
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera, resized
 from styletrf.geometry.space import Space
-from styletrf.trajectory.coverage import CoverageConfig, covering, places_seen, shown, small_camera
+from styletrf.trajectory.coverage import (
+    CoverageConfig,
+    Depth,
+    covering,
+    covering_once,
+    places_seen,
+    shown,
+    small_camera,
+)
 from styletrf.trajectory.frames import rendered
 from styletrf.trajectory.trajectories import TrajectoryConfig
 
@@ -43,6 +51,15 @@ class PriorsConfig:
             raise ValueError(f"{asked} viewpoints cannot be chosen; raise trajectory.frames")
 
 
+@dataclass(frozen=True, slots=True)
+class _View:
+    """A candidate, its camera at the size that decides visibility, and the depth there."""
+
+    camera: Camera
+    small: Camera
+    depth: Depth
+
+
 def needed_views(
     candidates: Sequence[Camera],
     trajectory: Path,
@@ -54,7 +71,8 @@ def needed_views(
     """Returns the candidates that cover what the renders of a trajectory show.
 
     Where they show too little of it, as of a path that goes elsewhere than they do, views along the
-    trajectory are candidates, too.
+    trajectory are candidates, too. Of these as many are added as it takes for one view at least to
+    show nearly every place, such as a strip at the edge of frames that no candidate shows.
 
     Args:
         candidates: Viewpoints in the normalized world; of the size of the first are those along the
@@ -67,25 +85,46 @@ def needed_views(
     """
     cameras, coverage = read_cameras(trajectory / "cameras.parquet"), config.coverage
     places = _places_along(cameras, trajectory)
-    if config.viewpoints == "path":
-        candidates = views_along(cameras, candidates[0], config.trajectory.frames)
 
-    def seen_from(views: Sequence[Camera]) -> Bool[np.ndarray, "views places"]:
-        """Returns which of the places each view shows."""
-        small = [small_camera(camera, coverage) for camera in views]
+    def rendered_from(viewpoints: Sequence[Camera]) -> list[_View]:
+        """Returns the views with their depths."""
+        small = [small_camera(camera, coverage) for camera in viewpoints]
         renders = rendered(radiance, space, small, RenderConfig(), device)
-        return np.stack([
-            shown(camera, render.depth.numpy(), places, coverage.tolerance)
-            for camera, render in zip(small, renders, strict=True)
-        ])  # fmt: skip
+        depths = (render.depth.numpy() for render in renders)
+        return [_View(*view) for view in zip(viewpoints, small, depths, strict=True)]
 
-    views, seen = list(candidates), seen_from(candidates)
-    hidden = (~seen.any(axis=0)).sum()
-    if config.viewpoints == "spread" and hidden > coverage.most_hidden * len(places):
-        own = views_along(cameras, candidates[0], len(candidates))
-        views, seen = [*views, *own], np.concatenate([seen, seen_from(own)])
-    chosen = covering(seen, coverage)
-    return [replace(views[k], name=f"{i:04d}") for i, k in enumerate(chosen)]
+    def along(count: int) -> list[Camera]:
+        """Returns views along the path."""
+        return views_along(cameras, candidates[0], count)
+
+    on_path = config.viewpoints == "path"
+    views = rendered_from(along(config.trajectory.frames) if on_path else candidates)
+    hidden = _hidden(_seen(views, places, coverage))
+    if not on_path and hidden > coverage.most_hidden * len(places):
+        views += rendered_from(along(len(candidates)))
+    chosen = covering(_seen(views, places, coverage), coverage)
+    hidden = _hidden(_seen([views[k] for k in chosen], places, coverage, reach_px=1))
+    if not coverage.count and hidden > (1 - coverage.once) * len(places):
+        views += rendered_from(along(len(candidates)))
+        chosen = covering_once(_seen(views, places, coverage, reach_px=1), chosen, coverage)
+    return [replace(views[k].camera, name=f"{i:04d}") for i, k in enumerate(chosen)]
+
+
+def _seen(
+    views: Sequence[_View],
+    places: Float[np.ndarray, "places 3"],
+    config: CoverageConfig,
+    reach_px: int = 0,
+) -> Bool[np.ndarray, "views places"]:
+    """Returns which of the places each view shows."""
+    return np.stack([
+        shown(view.small, view.depth, places, config.tolerance, reach_px) for view in views
+    ])  # fmt: skip
+
+
+def _hidden(seen: Bool[np.ndarray, "views places"]) -> int:
+    """Returns how many places no view shows."""
+    return int((~seen.any(axis=0)).sum())
 
 
 def _places_along(cameras: Sequence[Camera], trajectory: Path) -> Float[np.ndarray, "places 3"]:

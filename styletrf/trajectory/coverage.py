@@ -7,6 +7,7 @@ third prior of the same place average out what the painter does differently from
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -28,12 +29,14 @@ class CoverageConfig:
     count: int = 0  # of views; 0: as many as the cover needs
     times: int = 3  # a place is covered that so many views show
     share: float = 0.95  # of the places that any of the candidates shows
+    once: float = 0.998  # of the places, that one view shows at least, give or take a pixel
     depth_px: int = 128  # longer side of the depth that decides visibility
     tolerance: float = 0.1  # of the depth, within which a view shows a place
     most_hidden: float = 0.02  # of the places, that no candidate shows
 
     def __post_init__(self) -> None:
-        if self.count < 0 or self.times < 1 or not 0 < self.share <= 1:
+        shares = 0 < self.share <= 1 and 0 <= self.once <= 1
+        if self.count < 0 or self.times < 1 or not shares:
             raise ValueError(f"no such cover: {self}")
 
 
@@ -56,12 +59,29 @@ def places_seen(
 
 
 def shown(
-    camera: Camera, depth: Depth, places: Float[np.ndarray, "places 3"], tolerance: float
+    camera: Camera,
+    depth: Depth,
+    places: Float[np.ndarray, "places 3"],
+    tolerance: float,
+    reach_px: int = 0,
 ) -> Bool[np.ndarray, " places"]:
-    """Returns which places a view shows: inside of it, and at the depth that it has there."""
-    _, depth_there, found, inside = depth_behind(camera, depth, places)
-    near = np.abs(np.where(np.isfinite(found), found, 0) - depth_there) <= tolerance * depth_there
-    visible: Bool[np.ndarray, " places"] = inside & near
+    """Returns which places a view shows: inside of it, and at a depth that it has there.
+
+    Args:
+        camera: Of the view.
+        depth: Of the view; infinite where it hits nothing.
+        places: In the camera's world.
+        tolerance: Of the depth, as a share of it.
+        reach_px: A place counts as shown if its depth lies within the range of depths up to so many
+            pixels from it, so that the edges of what hides it hide nothing more.
+    """
+    around = np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)
+    _, depth_there, nearest, inside = depth_behind(camera, cv2.erode(depth, around), places)
+    _, _, farthest, _ = depth_behind(camera, cv2.dilate(depth, around), places)
+    most = tolerance * depth_there
+    visible: Bool[np.ndarray, " places"] = (
+        inside & (nearest - depth_there <= most) & (depth_there - farthest <= most)
+    )
     return visible
 
 
@@ -71,18 +91,40 @@ def covering(seen: Bool[np.ndarray, "views places"], config: CoverageConfig) -> 
     Greedy set cover: each place should be visible in `times` views, or in all candidates that
     see it if there are fewer. A `count` above 0 selects exactly so many views.
     """
-    wanted = np.minimum(seen.sum(axis=0), config.times)
-    total, missing = wanted.sum(), wanted.copy()
+    if not config.count:
+        return sorted(_covering(seen, [], config.times, config.share, len(seen)) or [0])
     chosen: list[int] = []
-    most = min(config.count, len(seen)) if config.count else len(seen)
-    while len(chosen) < most:
-        if config.count and missing.sum() <= 0:  # covered: the others cover it once more
-            rest = [k for k in range(len(seen)) if k not in chosen]
-            missing = np.minimum(seen[rest].sum(axis=0), config.times)
-        gains = (seen & (missing > 0)).sum(axis=1)
-        gains[chosen] = -1
-        if not config.count and missing.sum() <= (1 - config.share) * total and chosen:
-            break
-        chosen.append(int(gains.argmax()))
-        missing -= seen[chosen[-1]] & (missing > 0)
+    most = min(config.count, len(seen))
+    while len(chosen) < most:  # covered: the others cover it once more
+        rest = seen.copy()
+        rest[chosen] = False
+        more = _covering(rest, [], config.times, 1.0, most - len(chosen))
+        left = (k for k in range(len(seen)) if k not in chosen)
+        chosen += more or [next(left)]
     return sorted(chosen)
+
+
+def covering_once(
+    seen: Bool[np.ndarray, "views places"], chosen: Sequence[int], config: CoverageConfig
+) -> list[int]:
+    """Returns the chosen views and others, until they show all but a few of the places once."""
+    return sorted(_covering(seen, chosen, 1, config.once, len(seen)))
+
+
+def _covering(
+    seen: Bool[np.ndarray, "views places"],
+    chosen: Sequence[int],
+    times: int,
+    share: float,
+    most: int,
+) -> list[int]:
+    """Returns the chosen views and at most `most` in all that show a share `times` times."""
+    views = list(chosen)
+    wanted = np.minimum(seen.sum(axis=0), times)
+    missing = np.maximum(wanted - seen[views].sum(axis=0), 0)
+    while len(views) < most and missing.sum() > (1 - share) * wanted.sum():
+        gains = (seen & (missing > 0)).sum(axis=1)
+        gains[views] = -1
+        views.append(int(gains.argmax()))
+        missing -= seen[views[-1]] & (missing > 0)
+    return views

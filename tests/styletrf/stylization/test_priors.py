@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from mini_scene import fit, painted_plane
 
 from styletrf.field.rendering import RenderConfig
 from styletrf.stylization.priors import PriorsConfig, needed_views, views_along
-from styletrf.trajectory.coverage import CoverageConfig
+from styletrf.trajectory.coverage import CoverageConfig, places_seen, shown
 from styletrf.trajectory.frames import rendered, write_float_frames
 from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through, prior_views
 
@@ -54,3 +55,30 @@ def test_priors_on_the_path_stand_where_its_cameras_do(tmp_path):
 
     assert standing_on_the_path("path") == 4
     assert standing_on_the_path("spread") < 4
+
+
+def test_nearly_every_place_of_a_path_is_in_a_prior_although_it_leaves_the_candidates(tmp_path):
+    """The demo had a strip at the edge of its frames that no prior showed."""
+    scene = painted_plane()
+    field = fit(scene)
+    path = fly_through(scene.cameras, scene.model, TrajectoryConfig(frames=8, spread=1.2))
+    renders = list(rendered(field, scene.model.space, path, RenderConfig(), CPU))
+    write_float_frames(tmp_path, path, iter(renders))
+    candidates = prior_views(scene.cameras, scene.model, TrajectoryConfig(frames=6, spread=0.6))
+
+    def share_in_a_prior(once):
+        coverage = CoverageConfig(times=1, share=0.9, once=once, most_hidden=0.1)
+        config = PriorsConfig(coverage=coverage)
+        views = needed_views(candidates, tmp_path, field, scene.model.space, config, CPU)
+        places = places_seen(path, [render.depth.numpy() for render in renders])
+        depths = rendered(field, scene.model.space, views, RenderConfig(), CPU)
+        return np.any(
+            [
+                shown(view, render.depth.numpy(), places, coverage.tolerance, 1)
+                for view, render in zip(views, depths, strict=True)
+            ],
+            axis=0,
+        ).mean()
+
+    assert share_in_a_prior(0.0) < 0.98
+    assert share_in_a_prior(0.998) > 0.995

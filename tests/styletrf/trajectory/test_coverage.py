@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from styletrf.geometry.cameras import Camera
-from styletrf.trajectory.coverage import CoverageConfig, covering, places_seen, shown
+from styletrf.trajectory.coverage import CoverageConfig, covering, covering_once, places_seen, shown
 
 
 def camera(x: float = 0.0) -> Camera:
@@ -44,6 +47,27 @@ def test_views_beyond_the_cover_are_spread_by_what_they_show():
     assert sorted((k - 1) // 2 for k in chosen if k) == list(range(7))
 
 
+@pytest.mark.parametrize("share", [0.3, 0.9, 1.0])
+def test_views_are_added_until_one_at_least_shows_nearly_every_place(share):
+    seen = np.random.default_rng(0).random((30, 400)) < 0.1
+    first = covering(seen, CoverageConfig(count=2))
+    chosen = covering_once(seen, first, CoverageConfig(once=share))
+    total = seen.any(axis=0).sum()
+    assert set(first) <= set(chosen)
+    assert seen[chosen].any(axis=0).sum() >= share * total
+    added = [k for k in chosen if k not in first]
+    if added:
+        assert min(seen[[k for k in chosen if k != last]].any(axis=0).sum() for last in added) < (
+            share * total
+        ), "no more views than it takes"
+
+
+def test_no_view_is_added_where_the_chosen_ones_show_what_any_candidate_does():
+    seen = np.zeros((3, 50), dtype=bool)
+    seen[0, :40], seen[1, :30], seen[2, 20:40] = True, True, True
+    assert covering_once(seen, [0], CoverageConfig(once=1.0)) == [0]
+
+
 @pytest.mark.parametrize("places", [0, 10])
 def test_where_nothing_is_seen_one_view_is_left(places):
     assert len(covering(np.zeros((4, places), dtype=bool), CoverageConfig())) == 1
@@ -59,3 +83,27 @@ def test_a_view_shows_what_it_saw_and_not_what_is_behind():
     assert not shown(camera(), nearer, places, 0.01).any(), "a nearer wall hides them"
     assert not shown(camera(9.0), np.full((24, 32), 4.0), places, 0.01).any(), "beside the view"
     assert not shown(camera(), np.full((24, 32), np.inf), places, 0.01).any()
+
+
+def test_the_edge_of_what_hides_a_place_hides_nothing_within_reach():
+    wall, post = np.full((24, 32), 4.0), np.full((24, 32), 4.0)
+    post[:, 10] = 1.0
+    places = places_seen([camera()], [wall])
+    hidden = ~shown(camera(), post, places, 0.01)
+    assert hidden.sum() == 24, "the column behind the post"
+    assert shown(camera(), post, places, 0.01, reach_px=1).all()
+    post[:, 4:20] = 1.0
+    hidden = ~shown(camera(), post, places, 0.01, reach_px=1)
+    assert hidden.sum() == 24 * 14, "all but one column at each side"
+
+
+@given(
+    depth=arrays(np.float32, (6, 8), elements=st.floats(0.5, 9, width=32)),
+    reach=st.integers(0, 3),
+)
+def test_a_wider_reach_shows_no_less(depth, reach):
+    small = camera()
+    small = Camera("c", 8, 6, 8.0, 8.0, 4.0, 3.0, small.world_from_camera)
+    places = places_seen([small], [depth[::-1, ::-1].copy()])
+    narrow = shown(small, depth, places, 0.05, reach)
+    assert (shown(small, depth, places, 0.05, reach + 1) >= narrow).all()
