@@ -110,7 +110,7 @@ def evidence_of(photographs: Photographs) -> tuple[ExposureEvidence, ViewDepende
     return exposure, view_dependence(observed, points, cameras)
 
 
-def steadiness(field: RadianceField, model: SceneModel, cameras: list[Camera]) -> float:
+def frame_rms(field: RadianceField, model: SceneModel, cameras: list[Camera]) -> float:
     """Returns the root mean square difference of neighboring frames along the geometry."""
     path = fly_through(cameras, model, TrajectoryConfig(frames=24))
     frames = list(rendered(field, model.space, path, RenderConfig(), CPU))
@@ -153,7 +153,7 @@ def fit(
         "train_psnr": round(curve[-1].psnr, 2),
         "psnr": round(float(np.mean([psnr(*pair) for pair in pairs])), 2),
         "psnr_exposed": round(float(np.mean([psnr_exposed(*pair) for pair in pairs])), 2),
-        "frame_rms": round(steadiness(field, model, model.normalized(cameras)), 5),
+        "frame_rms": round(frame_rms(field, model, model.normalized(cameras)), 5),
     }
 
 

@@ -6,7 +6,7 @@
 
 Styles and content lie below `STYLETRF_DATA`; every eighth content image is held out. A row of JSON
 is printed a measurement: the style and content terms on the held-out images (256 pixels square),
-and how much the painting changes when the photograph moves (`unsteady`, the mean squared difference
+and how much the painting changes when the photograph moves (`temporal`, the mean squared difference
 by its variance). Seconds are those of training alone.
 """
 
@@ -93,17 +93,17 @@ def held_out(
     network: PaintingNetwork, vgg: VGG16, grams: dict[str, torch.Tensor], images: torch.Tensor,
     config: StyleTrainingConfig,
 ) -> dict[str, float]:  # fmt: skip
-    """Returns the mean terms of the loss, and the unsteadiness against one disturbance."""
+    """Returns the mean terms of the loss, and the temporal loss under one disturbance."""
     rows = []
     for k, image in enumerate(images.split(1)):
         pair = jittered_pair(image, TemporalLossConfig(), torch.Generator().manual_seed(k))
         painted = network(image).clamp(0, 1)
         terms = perceptual_loss(vgg, painted, image, grams, config.loss)
-        unsteady = temporal_loss(painted, network(pair.second).clamp(0, 1), pair)
-        rows.append(torch.stack([terms.style, terms.content, unsteady]))
-    style, content, unsteady = torch.stack(rows).mean(dim=0).tolist()
+        temporal = temporal_loss(painted, network(pair.second).clamp(0, 1), pair)
+        rows.append(torch.stack([terms.style, terms.content, temporal]))
+    style, content, temporal = torch.stack(rows).mean(dim=0).tolist()
     row = {"style": style, "content": content, "style_and_content": style + content}
-    return row | {"unsteady": unsteady}
+    return row | {"temporal": temporal}
 
 
 def trained(

@@ -58,6 +58,6 @@ def trace_warnings(ratio: float) -> list[str]:
         return []
     return [
         f"the painting's fine Gram trace is {ratio:.1f} times that of photographs: expect strokes"
-        " that differ from view to view; a higher steadiness.weight of StyleNetwork, or a larger"
+        " that differ from view to view; a higher temporal_loss.weight of StyleNetwork, or a larger"
         " --stroke-scale, calms them"
     ]

@@ -1,7 +1,7 @@
 """Which power of the weights a style needs, by how crisp its frames are beside its priors.
 
 A higher power keeps strokes crisp where matter is spread along the rays
-(`styletrf.field.weight_sharpening`). It costs steadiness from frame to frame, and it adds grain.
+(`styletrf.field.weight_sharpening`). It costs temporal consistency, and it adds grain.
 Wide soft strokes need none. So the lowest power is taken with which renders at the priors' cameras
 are nearly as sharp as the priors.
 """

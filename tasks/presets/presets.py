@@ -48,7 +48,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "statistics": ("sliced", "sliced", "gram"),
         "predictor_weight": (1.0, 1.0, 0.0),
         "color_weight": (2.0, 2.0, 0.0),
-        "steadiness.weight": (0.0, 0.0, 0.0),
+        "temporal_loss.weight": (0.0, 0.0, 0.0),
         "loss.relative": (
             True,
             True,

@@ -96,7 +96,7 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
             return needed
         needed["content"] = self.upstream(ContentImages)
         needed["perceptual"] = self.upstream(PerceptualWeights)
-        fraction = self.values().get("steadiness.renders", 0)
+        fraction = self.values().get("temporal_loss.renders", 0)
         if isinstance(fraction, int | float) and fraction > 0:
             needed["renders"] = self.upstream(TrajectoryFrames)
         return needed

@@ -66,13 +66,13 @@ class PerceptualTerms:
     content: Float[Tensor, ""]
     style: Float[Tensor, ""]
     tv: Float[Tensor, ""]
-    steadiness: Float[Tensor, ""]  # see `styletrf.style.training.temporal_loss`
+    temporal: Float[Tensor, ""]  # see `styletrf.style.training.temporal_loss`
     color: Float[Tensor, ""]  # see `styletrf.style.training.step`
 
     @property
     def total(self) -> Float[Tensor, ""]:
         """The loss."""
-        return self.content + self.style + self.tv + self.steadiness + self.color
+        return self.content + self.style + self.tv + self.temporal + self.color
 
 
 def mean_terms(parts: Sequence[PerceptualTerms]) -> PerceptualTerms:
@@ -171,7 +171,7 @@ def perceptual_terms(
         content=config.content_weight * _difference(found[layer].float(), target.float(), config),
         style=config.style_weight * style_term(found),
         tv=config.tv_weight * total_variation(output.float()),
-        steadiness=none,
+        temporal=none,
         color=none,
     )
 

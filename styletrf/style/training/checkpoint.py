@@ -29,7 +29,7 @@ class CurveRow:
     content: float
     style: float
     tv: float
-    steadiness: float
+    temporal: float
     color: float
     seconds: float  # of training so far, over all its runs
 

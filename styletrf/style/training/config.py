@@ -23,7 +23,7 @@ class StyleTrainingConfig:
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     statistics: Statistics = "sliced"  # of features, that make the style term
     predictor_weight: float = 1.0  # with a warm start: see `predictor_features`
-    steadiness: TemporalLossConfig = field(default_factory=TemporalLossConfig)
+    temporal_loss: TemporalLossConfig = field(default_factory=TemporalLossConfig)
     iterations: int = 2000
     warm_start: bool = True
     normalization_share: float = 0.2  # of the iterations, in which only normalizations learn

@@ -64,7 +64,7 @@ class RenderPairs:
         if not self._firsts:
             problem = f"leaves no two of its {len(self._cameras)} renders that are not measured"
             remedy = "Render a longer trajectory, or lower `pairs` of ConsistencyMetrics"
-            raise InputError("steadiness.renders", problem, remedy)
+            raise InputError("temporal_loss.renders", problem, remedy)
         smallest = min(min(c.width, c.height) for c in self._cameras)
         self._batch, self._side, self._seed = batch, min(crop_px, smallest), seed
 

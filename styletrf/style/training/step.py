@@ -107,7 +107,7 @@ class StyleStep:
         (As Chen et al. 2018, CartoonGAN, begin.) Such a network would first fall into flat gray,
         where the gradient of a Gram matrix vanishes, and spend hundreds of iterations there.
         """
-        config, content = self._config.steadiness, self._jittered(k, content)
+        config, content = self._config.temporal_loss, self._jittered(k, content)
         if not isinstance(content, ContentPair):
             painted = self._painted(network, content)
             return self._loss(k, painted, content)
@@ -115,12 +115,12 @@ class StyleStep:
         both = self._painted(network, torch.cat([content.first, content.second]))
         first, second = both.chunk(2)
         terms = self._loss(k, first, content.first)
-        unsteady = config.every * config.weight * temporal_loss(first, second, content)
-        return replace(terms, steadiness=unsteady)
+        difference = config.every * config.weight * temporal_loss(first, second, content)
+        return replace(terms, temporal=difference)
 
     def _jittered(self, k: int, content: Tensor | ContentPair) -> Tensor | ContentPair:
-        """Returns the images with moved copies, in iterations that look at steadiness."""
-        config = self._config.steadiness
+        """Returns the images with moved copies, in iterations with a temporal loss."""
+        config = self._config.temporal_loss
         if isinstance(content, ContentPair):
             return content
         content = content.to(self._device)
@@ -150,7 +150,7 @@ class StyleStep:
     def _require_finite(
         self, terms: PerceptualTerms, training: Training, k: int, content: Tensor | ContentPair
     ) -> None:
-        for name in ("content", "style", "tv", "steadiness", "color"):
+        for name in ("content", "style", "tv", "temporal", "color"):
             value = float(getattr(terms, name).detach())
             if math.isfinite(value):
                 continue

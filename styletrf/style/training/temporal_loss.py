@@ -3,7 +3,7 @@
 Of two images that show the same, and of which it is known where each pixel of the first is in the
 second, the painted versions should show the same, too:
 
-    steadiness = mean over valid pixels p of (f(a)(p) - f(b)(p + flow(p)))^2 / variance of f(a)
+    loss = mean over valid pixels p of (f(a)(p) - f(b)(p + flow(p)))^2 / variance of f(a)
 
 (without the variance a network grows steady by growing gray).
 
@@ -24,7 +24,7 @@ _LEAST_VARIANCE = 1e-3  # on [0, 1]: hardly any contrast
 
 @dataclass(frozen=True, slots=True)
 class TemporalLossConfig:
-    """How much steadiness counts, and against what."""
+    """How much the temporal loss counts, and under which disturbances."""
 
     weight: float = 0.5
     every: int = 2  # iterations between looks at it; the weight counts as many times

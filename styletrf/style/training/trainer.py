@@ -68,7 +68,7 @@ def train_style_network(
             network begins from random weights.
         predictor: Looks at styles beside the perceptual network; see `predictor_features`.
         pairs: From the number of an iteration to pairs of renders of the scene, which the share
-            `steadiness.renders` of the iterations that look at steadiness take, not photographs.
+            `temporal_loss.renders` of the iterations with a temporal loss take, not photographs.
         progress: Called with the iteration and the loss.
         checkpoint_s: Seconds between checkpoints.
         ranks: Who shares each batch; the first of them tells, and writes checkpoints.
@@ -89,7 +89,7 @@ def train_style_network(
     begun, saved = time.monotonic() - training.seconds, time.monotonic()
     with closing(batches):
         for k, content in enumerate(islice(batches, config.iterations - start), start):
-            is_paired = _is_paired(k, config.steadiness)
+            is_paired = _is_paired(k, config.temporal_loss)
             terms = step(training, k, pairs(k) if pairs and is_paired else content)
             row = _row(k, terms, time.monotonic() - begun)
             training.curve.append(row)
@@ -147,6 +147,6 @@ def begin(
 
 
 def _row(k: int, terms: PerceptualTerms, seconds: float) -> CurveRow:
-    values = [terms.total, terms.content, terms.style, terms.tv, terms.steadiness, terms.color]
-    loss, content, style, tv, steadiness, color = torch.stack(values).tolist()
-    return CurveRow(k + 1, loss, content, style, tv, steadiness, color, seconds)
+    values = [terms.total, terms.content, terms.style, terms.tv, terms.temporal, terms.color]
+    loss, content, style, tv, temporal, color = torch.stack(values).tolist()
+    return CurveRow(k + 1, loss, content, style, tv, temporal, color, seconds)

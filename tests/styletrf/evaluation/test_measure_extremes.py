@@ -16,7 +16,7 @@ from styletrf.stylization.color_transfer import Colors, in_colors
 
 METRICS = pytest.mark.extremes("PSNR and SSIM")
 COLORS = pytest.mark.extremes("Color transfer")
-STEADINESS = pytest.mark.extremes("Steadiness")
+TEMPORAL = pytest.mark.extremes("Temporal loss")
 FLOW = pytest.mark.extremes("Optical flow and warping")
 FILES = pytest.mark.extremes("Float images")
 DISTORTION = pytest.mark.extremes("Distortion")
@@ -79,7 +79,7 @@ def test_any_painted_view_gets_colors_in_range(colors: Colors, painted, stabilit
         stability(f"{painted}, colors of {colors}", shown, wide, within=1e-4)
 
 
-@STEADINESS
+@TEMPORAL
 @pytest.mark.parametrize("flow_px", [0.0, 1e-6, 1e6, 1e30, float("inf")])
 def test_what_flows_out_of_the_picture_does_not_count(flow_px, stability):
     image = torch.from_numpy(noise()).permute(2, 0, 1)[None]
@@ -95,9 +95,9 @@ def test_what_flows_out_of_the_picture_does_not_count(flow_px, stability):
     stability(f"flow of {flow_px:g} px", found, exact, absolute=True)
 
 
-@STEADINESS
+@TEMPORAL
 @pytest.mark.parametrize("contrast", [0.0, 1e-20, 1e-4, 1.0, 1e10])
-def test_unsteadiness_of_any_contrast_is_finite(contrast, stability):
+def test_temporal_loss_of_any_contrast_is_finite(contrast, stability):
     first, second = (
         (contrast * torch.from_numpy(noise(k)).permute(2, 0, 1)[None]).requires_grad_()
         for k in range(2)

@@ -83,7 +83,7 @@ def test_a_style_that_is_the_content_costs_nothing(vgg):
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("painting", [0.0, 1.0])
 def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painting):
-    config = replace(TINY, steadiness=TemporalLossConfig(every=1), identity_iterations=0)
+    config = replace(TINY, temporal_loss=TemporalLossConfig(every=1), identity_iterations=0)
     training, config = begin(config, torch.device("cpu"))
     step = StyleStep(config, vgg, torch.full((64, 64, 3), painting))
     for k in range(3):
@@ -92,8 +92,8 @@ def test_flat_content_and_a_flat_painting_train_a_finite_step(vgg, level, painti
 
 @pytest.mark.extremes("Style training")
 def test_noise_that_drowns_the_photograph_is_finite(vgg):
-    config = replace(TINY, steadiness=TemporalLossConfig(noise=1e3, shift_px=1e4, every=1))
+    config = replace(TINY, temporal_loss=TemporalLossConfig(noise=1e3, shift_px=1e4, every=1))
     training, config = begin(config, torch.device("cpu"))
     terms = StyleStep(config, vgg, style())(training, 0, torch.rand(1, 3, 32, 32))
     assert torch.isfinite(terms.total)
-    assert terms.steadiness == 0, "nothing of it is seen twice"
+    assert terms.temporal == 0, "nothing of it is seen twice"

@@ -82,9 +82,7 @@ def test_loss_falls_and_the_curve_says_so(vgg: VGG16, content: Path, tmp_path: P
     assert [row.iteration for row in curve] == list(range(1, 41))
     assert sum(row.loss for row in curve[-5:]) < 0.75 * sum(row.loss for row in curve[:5])
     for row in curve:
-        assert row.loss == pytest.approx(
-            row.content + row.style + row.tv + row.steadiness, rel=1e-5
-        )
+        assert row.loss == pytest.approx(row.content + row.style + row.tv + row.temporal, rel=1e-5)
     assert all(a.seconds <= b.seconds for a, b in pairwise(curve))
 
 
@@ -188,7 +186,7 @@ def test_the_network_given_is_left_as_it_was(vgg: VGG16, content: Path, tmp_path
 def test_the_gradient_of_a_batch_is_the_mean_of_its_images(vgg: VGG16, threads: int):
     """Whatever the number of threads, and also of pairs that are held steady."""
     steady = TemporalLossConfig(weight=1.0, every=1)
-    config = replace(TINY, identity_iterations=0, steadiness=steady)
+    config = replace(TINY, identity_iterations=0, temporal_loss=steady)
     images = torch.rand(2, 3, 32, 32, generator=torch.Generator().manual_seed(0))
     pair = jittered_pair(images, steady, torch.Generator().manual_seed(1))
 
@@ -210,7 +208,7 @@ def test_the_gradient_of_a_batch_is_the_mean_of_its_images(vgg: VGG16, threads: 
 
 def test_images_of_a_batch_are_moved_differently(vgg: VGG16):
     steady = TemporalLossConfig(weight=1.0, every=1)
-    config = replace(TINY, identity_iterations=0, steadiness=steady)
+    config = replace(TINY, identity_iterations=0, temporal_loss=steady)
     seen: list[ContentPair] = []
 
     class Watching(StyleStep):

@@ -1,4 +1,4 @@
-"""What is the same thing moved has no unsteadiness; what flickers has."""
+"""What is the same thing moved has no temporal loss; what flickers has."""
 
 import pytest
 import torch

@@ -49,7 +49,7 @@ def asked(stage_of, tmp_path):
 
 def test_a_network_trains_on_no_pair_of_renders_that_this_command_measures(stage_of, build):
     """Here all are measured, so that none is left."""
-    settings = {"steadiness.renders": 1.0, "steadiness.weight": 1.0}
+    settings = {"temporal_loss.renders": 1.0, "temporal_loss.weight": 1.0}
     every = {"ConsistencyMetrics": {"deltas": [1, 2, 3, 4, 5], "pairs": 99}}
     usual, _ = stage_of("StyleNetwork", settings=settings)
     stage, inputs = stage_of("StyleNetwork", settings=settings, tuning=every)

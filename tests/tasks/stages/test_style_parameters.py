@@ -126,7 +126,8 @@ def test_one_network_is_not_for_several_styles():
 
 
 @pytest.mark.parametrize(
-    "settings", [{"style_px": "big"}, {"steadiness.renders": "half"}, {"loss.content_weight": None}]
+    "settings",
+    [{"style_px": "big"}, {"temporal_loss.renders": "half"}, {"loss.content_weight": None}],
 )
 def test_a_setting_of_the_wrong_kind_does_not_break_the_graph(settings):
     tasks.StyleNetwork(settings=settings, stroke_scale=float("inf"), **WORDS).requires()
@@ -191,7 +192,7 @@ def test_a_path_is_known_to_those_alone_that_depend_on_it():
     for family in ("CameraPoses", "SceneModel", "RadianceField", "QualityMetrics", "StyleNetwork"):
         names = set(getattr(tasks, family).get_param_names())
         assert not names & {"path", "seconds", "frame_rate", "frame_size"}, family
-    settings = {"steadiness.renders": 0.5}
+    settings = {"temporal_loss.renders": 0.5}
     network = tasks.StyleNetwork(settings=settings, content="embedded", **WORDS)
     assert network.requires()["renders"].path == "auto"
 
