@@ -17,6 +17,7 @@ import re
 from collections.abc import Iterator, Mapping
 
 from pipeline.canonical import canonical_json
+from pipeline.code.closure_cache import cached_closure
 from pipeline.code.source import (
     Imports,
     Piece,
@@ -57,7 +58,15 @@ def code_closure(task_class: type) -> dict[str, str]:
     Raises:
         StoreError: When it reaches what cannot be followed, such as `eval`.
     """
-    walk = _Walk(task_class.__module__, task_class.__qualname__)
+    module, name = task_class.__module__, task_class.__qualname__
+    follow = functools.partial(_followed, module, name)
+    if module.split(".")[0] not in PROJECT:
+        return follow()
+    return cached_closure(f"{module}:{name}", {*PROJECT, "pipeline"}, follow)
+
+
+def _followed(module: str, class_name: str) -> dict[str, str]:
+    walk = _Walk(module, class_name)
     while walk.pending:
         walk.visit(walk.pending.pop())
     return walk.found

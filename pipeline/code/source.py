@@ -89,15 +89,20 @@ def source_file(module: str) -> Path | None:
     return next((file for file in files if file.suffix == ".py" and file.is_file()), None)
 
 
-def data_files(package: str) -> dict[str, Path]:
-    """The files of a package that are no code, source or compiled, by name."""
+def package_files(package: str) -> dict[str, Path]:
+    """The files of a package by name, but for what Python and numba keep beside them."""
     file = source_file(package)
     if file is None or file.name != "__init__.py":
-        return {}
-    paths = [path for path in file.parent.rglob("*") if path.suffix not in (".py", ".pyc")]
-    names = {path.relative_to(file.parent): path for path in paths if path.is_file()}
-    kept = {name: path for name, path in names.items() if "__pycache__" not in name.parts}
-    return {f"{package}/{name}": path for name, path in kept.items()}
+        return {package: file} if file else {}
+    named = {path.relative_to(file.parent): path for path in file.parent.rglob("*")}
+    kept = {name: path for name, path in named.items() if "__pycache__" not in name.parts}
+    return {f"{package}/{name}": path for name, path in kept.items() if path.is_file()}
+
+
+def data_files(package: str) -> dict[str, Path]:
+    """The files of a package that are no code, source or compiled, by name."""
+    files = package_files(package)
+    return {name: path for name, path in files.items() if path.suffix not in (".py", ".pyc")}
 
 
 def imports_in(node: ast.AST, package: str) -> Imports:

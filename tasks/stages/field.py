@@ -43,7 +43,7 @@ class PathRenders(ShardedStage, PathParameters):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
-    tools: ClassVar[tuple[str, ...]] = ("av", "numba", "torch")
+    tools: ClassVar[tuple[str, ...]] = ("av", "numba", "opencv-contrib-python-headless", "torch")
     uses_device = True
 
     def requires(self) -> Mapping[str, Stage]:

@@ -51,7 +51,8 @@ class Workbench:
             stdout=subprocess.PIPE,
             text=True,
         )
-        self.untouched = {path: path.read_bytes() for path in folder.rglob("*.*") if path.is_file()}
+        files = (path for path in folder.rglob("*.*") if "__pycache__" not in path.parts)
+        self.untouched = {path: path.read_bytes() for path in files if path.is_file()}
         self.before = self.codes()
 
     def pipeline(self, *arguments: str) -> None:
