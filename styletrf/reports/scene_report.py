@@ -20,7 +20,7 @@ class SceneReportContent:
     summary: str
     survey: Survey
     unregistered: Sequence[str]
-    neighbours: Mapping[str, tuple[str, str]]  # of the unregistered, in the order of the capture
+    neighbors: Mapping[str, tuple[str, str]]  # of the unregistered, in the order of the capture
     drawings: str
     model: Mapping[str, object]
     expected: Mapping[str, Expectation]
@@ -31,7 +31,7 @@ def advice(content: SceneReportContent) -> list[str]:
     """Returns what to photograph again and why, nothing where all is well."""
     survey, said = content.survey, []
     for name in content.unregistered:
-        before, after = content.neighbours[name]
+        before, after = content.neighbors[name]
         said.append(
             f"{name} has no camera: it shares too little with the others. Photograph again between "
             f"{before} and {after}, overlapping both by two thirds."

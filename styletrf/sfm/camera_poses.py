@@ -60,10 +60,10 @@ class CameraPosesConfig:
         preemptive_up_to: Up to so many, each is matched with those that share the most matches of
             a few features with it; beyond, sequences are matched along their order and with those
             that look alike, and others with the latter.
-        neighbours: How many others each photograph is matched with: those that share the most
+        neighbors: How many others each photograph is matched with: those that share the most
             matches; or, in a sequence, its successors and as many that look most like it; or else
             twice as many that look most like it.
-        video_neighbours: The same of frames of videos, which are an even travel apart.
+        video_neighbors: The same of frames of videos, which are an even travel apart.
         camera_model: COLMAP's name of the lens model.
         lenses: `one` for all photographs of a size, one for `each`, or (`auto`) one for those of a
             size and of a focal length by their EXIF.
@@ -77,8 +77,8 @@ class CameraPosesConfig:
     tracks: int = 300
     exhaustive_up_to: int = 16
     preemptive_up_to: int = 150
-    neighbours: int = 12
-    video_neighbours: int = 4
+    neighbors: int = 12
+    video_neighbors: int = 4
     camera_model: str = "SIMPLE_RADIAL"
     lenses: Lenses = "auto"
     seed: int = 0
@@ -204,7 +204,7 @@ def _from_matches(
             capture.photographs,
             config.exhaustive_up_to,
             config.preemptive_up_to,
-            config.video_neighbours if is_video else config.neighbours,
+            config.video_neighbors if is_video else config.neighbors,
             config.seed,
             progress,
             config.tracks,

@@ -67,7 +67,7 @@ def map_known_poses(
         model, reason = found.model, found.reason
     _require_fitting(model, database, source)
     explained = explained_share(database, [model])
-    return SfmResult([model], "neighbours", verified, f"{GIVEN_BY}{source}", reason, explained)
+    return SfmResult([model], "neighbors", verified, f"{GIVEN_BY}{source}", reason, explained)
 
 
 def _lens_model(views: Sequence[GivenView], source: str) -> str:

@@ -53,7 +53,7 @@ class MappingTask:
         preemptive_up_to: Up to so many, each is matched with those that share the most matches of
             a few features with it; beyond, along a sequence where their names read like one, else
             with those that look most like it.
-        neighbours: How many others each photograph is matched with.
+        neighbors: How many others each photograph is matched with.
         seed: Of everything random.
         progress: Called for each phase.
         tracks: The global mapper looks at so many of an image only; None for all.
@@ -66,7 +66,7 @@ class MappingTask:
     photographs: Sequence[Photograph]
     exhaustive_up_to: int
     preemptive_up_to: int
-    neighbours: int
+    neighbors: int
     seed: int
     progress: Progress
     tracks: int | None = None
@@ -112,8 +112,8 @@ def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
         return None
     count = len(task.photographs)
     pairs, kind = pairs_with(count, missing), "all"
-    if len(pairs) > task.neighbours * count:
-        wider = replace(task, neighbours=2 * task.neighbours)
+    if len(pairs) > task.neighbors * count:
+        wider = replace(task, neighbors=2 * task.neighbors)
         pairs, kind = pairs_of(_pairs_to_match(wider)[1], missing), "more"
     return _globally(task, f"{best.matcher}, then {kind} pairs of those left out", pairs)
 
@@ -205,10 +205,10 @@ def _pairs_to_match(task: MappingTask) -> tuple[str, Pairs]:
         return "preemptive", _sharing(task)
     if not sequences and is_sequence([photograph.name for photograph in task.photographs]):
         sequences = [list(range(count))]
-    near = [*pairs_within(sequences, 2 * task.neighbours), *panorama_pairs(task.images)]
+    near = [*pairs_within(sequences, 2 * task.neighbors), *panorama_pairs(task.images)]
     if not sequences:
-        return "retrieval", _alike(task, 2 * task.neighbours, near)
-    along, alike = pairs_along(sequences, task.neighbours), _alike(task, task.neighbours, near)
+        return "retrieval", _alike(task, 2 * task.neighbors, near)
+    along, alike = pairs_along(sequences, task.neighbors), _alike(task, task.neighbors, near)
     return "sequential and retrieval", sorted({*along, *alike})
 
 
@@ -217,15 +217,15 @@ def _sharing(task: MappingTask) -> Pairs:
     with closing(pycolmap.Database.open(task.database)) as opened:
         ids = image_ids(opened, task.images)
         largest = [read_largest_descriptors(opened, number, N_LARGEST) for number in ids]
-    return preemptive_pairs(largest, task.neighbours, task.progress, panorama_pairs(task.images))
+    return preemptive_pairs(largest, task.neighbors, task.progress, panorama_pairs(task.images))
 
 
-def _alike(task: MappingTask, neighbours: int, but: Pairs) -> Pairs:
+def _alike(task: MappingTask, neighbors: int, but: Pairs) -> Pairs:
     """Returns pairs that look alike by the features that the database holds."""
     with closing(pycolmap.Database.open(task.database)) as opened:
         ids = image_ids(opened, task.images)
         of = partial(read_descriptors, opened)
-        return similar_pairs(len(ids), lambda k: of(ids[k]), neighbours, task.seed, but)
+        return similar_pairs(len(ids), lambda k: of(ids[k]), neighbors, task.seed, but)
 
 
 def _unplaced(mapping: SfmResult, images: ColmapImages) -> list[int]:

@@ -15,7 +15,7 @@ FLAT = 0.95
 """Share of flat pairs up to which photographs tell depth; others have it where points show it."""
 BETTER_PHOTOGRAPHS = (
     "Take photographs from different places, each sharing most of what it shows with its "
-    "neighbours, of things that have texture and keep still, in focus; 20 or more are better"
+    "neighbors, of things that have texture and keep still, in focus; 20 or more are better"
 )
 """What to do about photographs that tell too little."""
 

@@ -104,7 +104,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "appearance_scale": (1.5, 1.5, 1.0),
         "shading": ("plain", "plain", "network"),
         "weight_power.powers": ([1.0, 1.5, 2.0], [1.0, 1.5, 2.0], [1.0]),
-        "image.iterations": (40, 40, 60),
+        "image.iterations": (60, 60, 60),
         "image.rate": (1.0, 1.0, 0.2),
         "image.rate_decay": (0.3, 0.3, 0.1),
         "image.color_weight": (5.0, 5.0, 20.0),

@@ -88,7 +88,7 @@ class SceneReport(LinkedStage, PresetStage):
             summary=registration_summary(inputs["poses"], inputs["capture"]),
             survey=survey,
             unregistered=unregistered,
-            neighbours=_neighbours(unregistered, [camera.name for camera in cameras]),
+            neighbors=_neighbors(unregistered, [camera.name for camera in cameras]),
             drawings=drawings(normalized, points_normalized, points.rgb, frozenset(flagged)),
             model={
                 "space": model.space.kind,
@@ -148,7 +148,7 @@ class SceneReport(LinkedStage, PresetStage):
         return {name: place(self) / name for name in ("report.html", "summary.json")}
 
 
-def _neighbours(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:
+def _neighbors(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:
     """Returns the photographs with a camera before and after each that has none, by name."""
     ordered = sorted(registered)
     result = {}

@@ -22,16 +22,16 @@ _SAMPLES = 60000  # descriptors from which the words are found
 def similar_pairs(
     count: int,
     descriptors_of: Callable[[int], Descriptors],
-    neighbours: int,
+    neighbors: int,
     seed: int,
     but: Pairs | None = None,
 ) -> Pairs:
-    """Returns pairs i < j of photographs, each with as many `neighbours` as are most like it.
+    """Returns pairs i < j of photographs, each with as many `neighbors` as are most like it.
 
     Args:
         count: Of the photographs.
         descriptors_of: The SIFT descriptors of one, asked for twice.
-        neighbours: Of each; it may be a neighbor of more.
+        neighbors: Of each; it may be a neighbor of more.
         seed: Of the choice of samples, and of the words.
         but: Pairs that are left out, for others that are less alike.
     """
@@ -41,7 +41,7 @@ def similar_pairs(
     np.fill_diagonal(likeness, -np.inf)
     for i, j in but or ():
         likeness[i, j] = likeness[j, i] = -np.inf
-    nearest = np.argsort(-likeness, axis=1, kind="stable")[:, :neighbours]
+    nearest = np.argsort(-likeness, axis=1, kind="stable")[:, :neighbors]
     return sorted(
         {
             (min(i, int(j)), max(i, int(j)))

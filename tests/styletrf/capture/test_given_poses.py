@@ -381,7 +381,7 @@ def test_without_poses_there_are_none(tmp_path):
     assert find_given_poses(tmp_path) is None
 
 
-def test_many_views_are_matched_with_their_neighbours_that_look_the_same_way():
+def test_many_views_are_matched_with_their_neighbors_that_look_the_same_way():
     """A ring of outward views: nobody is matched across it."""
     angles = np.linspace(0, 2 * np.pi, 100, endpoint=False)
     lens, views = Lens("PINHOLE", (1.0, 1.0, 0.5, 0.5), 1, 1), []

@@ -25,7 +25,7 @@ def content(views=(GOOD,), seen_by=5, **more) -> SceneReportContent:
     return SceneReportContent(
         **{
             "scene": "place", "summary": "all of them", "drawings": "", "unregistered": [],
-            "neighbours": {}, "model": {}, "expected": {"draft": EXPECTED},
+            "neighbors": {}, "model": {}, "expected": {"draft": EXPECTED},
             "survey": Survey(views, cells, np.ones((2, 2, 2), bool)), **more,
         }
     )  # fmt: skip
@@ -43,7 +43,7 @@ def test_where_all_is_well_there_is_nothing_to_do(tmp_path):
         (content([replace(GOOD, blurred=True)]), "Blurred, take again or leave out: a."),
         (content([replace(GOOD, off_exposure=True, exposure_ev=-1.0)]), r"a \(-1.0 stops\)"),
         (content(seen_by=2), "100% of the parts"),
-        (content(unregistered=["b"], neighbours={"b": ("a", "c")}), "again between a and c"),
+        (content(unregistered=["b"], neighbors={"b": ("a", "c")}), "again between a and c"),
     ],
 )
 def test_what_is_amiss_is_named_with_what_to_do(spoiled, said):
@@ -76,7 +76,7 @@ def test_one_camera_and_one_point_can_be_drawn():
     assert "nan" not in drawn
 
 
-def test_voxels_about_points_hold_them_and_their_neighbours():
+def test_voxels_about_points_hold_them_and_their_neighbors():
     occupied = voxels_about(np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]), (40, 40, 40))
     assert occupied.shape == (20, 20, 20)
     assert occupied[10, 10, 10] == 1

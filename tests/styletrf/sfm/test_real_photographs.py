@@ -50,8 +50,8 @@ def published_poses(scene: Path) -> tuple[np.ndarray, np.ndarray]:
 def test_every_photograph_is_placed_where_the_data_set_says(scene, solved):
     folder, report = solved
     cameras = sorted(read_cameras(folder / "cameras.parquet"), key=lambda camera: camera.name)
-    rotations, centres = published_poses(scene)
-    assert len(cameras) == len(centres)
+    rotations, centers = published_poses(scene)
+    assert len(cameras) == len(centers)
     assert report.mean_reprojection_error_px < 1
     ours = np.stack([camera.world_from_camera for camera in cameras])
     between = np.einsum("nij,nkj->nik", ours[:, :3, :3], rotations)  # one rotation for all
@@ -60,7 +60,7 @@ def test_every_photograph_is_placed_where_the_data_set_says(scene, solved):
     cosines = (np.einsum("nij,nij->n", aligned, rotations) - 1) / 2
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 0.5
     positions = (ours[:, :3, 3] - ours[:, :3, 3].mean(axis=0)) @ (u @ vt)
-    target = centres - centres.mean(axis=0)
+    target = centers - centers.mean(axis=0)
     scale = (positions * target).sum() / (positions**2).sum()
     residual = np.linalg.norm(scale * positions - target, axis=1)
     assert residual.max() < 0.03 * np.linalg.norm(target, axis=1).max()

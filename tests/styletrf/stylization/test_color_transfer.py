@@ -46,14 +46,14 @@ def test_colors_that_fit_already_stay():
 @pytest.mark.extremes("Color transfer")
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
 def test_a_painting_in_greys_is_not_blown_up(level):
-    grey = [np.full((20, 20, 3), level, dtype=np.float32) for _ in range(2)]
-    grey[0] += np.random.default_rng(0).normal(0, 1e-4, (20, 20, 1)).astype(np.float32)
+    gray = [np.full((20, 20, 3), level, dtype=np.float32) for _ in range(2)]
+    gray[0] += np.random.default_rng(0).normal(0, 1e-4, (20, 20, 1)).astype(np.float32)
     target = views(1)
-    matrix, _ = color_map(all_colors(grey), all_colors(target))
+    matrix, _ = color_map(all_colors(gray), all_colors(target))
     assert np.linalg.norm(matrix, 2) <= MOST_GAIN * 3
-    recolored = in_colors(grey, target, PAINTING, "photograph")
+    recolored = in_colors(gray, target, PAINTING, "photograph")
     assert all(np.isfinite(image).all() for image in recolored)
-    assert np.isfinite(color_map(all_colors(target), all_colors(grey[1:] * 2))[0]).all()
+    assert np.isfinite(color_map(all_colors(target), all_colors(gray[1:] * 2))[0]).all()
 
 
 def test_one_map_for_all_views_keeps_equal_colors_equal():

@@ -14,7 +14,7 @@ def features(place: int, photograph: int, n: int = 300) -> np.ndarray:
     return np.clip(seen, 0, 255).astype(np.uint8)
 
 
-def test_neighbours_are_of_the_same_place():
+def test_neighbors_are_of_the_same_place():
     places = np.random.default_rng(0).permutation(np.repeat(np.arange(12), 5))
     sets = [features(place, k) for k, place in enumerate(places)]
     pairs = similar_pairs(60, lambda k: sets[k], 4, seed=0)
@@ -35,6 +35,6 @@ def test_pairs_that_are_left_out_make_room_for_others():
     assert similar_pairs(40, lambda k: sets[k], 5, seed=0, but=all_pairs(40)) == []
 
 
-def test_photographs_without_features_and_few_of_them_have_neighbours_too():
+def test_photographs_without_features_and_few_of_them_have_neighbors_too():
     empty = np.zeros((0, 128), np.uint8)
     assert similar_pairs(3, lambda _: empty, 5, seed=0) == [(0, 1), (0, 2), (1, 2)]
