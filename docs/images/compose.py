@@ -1,6 +1,6 @@
 """Composes the README's picture from `out/SCENE`: paintings, and frames in the style of each.
 
-python docs/images/compose.py out/courtyard out/orbit out/walk docs/images/courtyard.jpg
+python docs/images/compose.py out/courtyard out/orbit docs/images/courtyard.jpg
 
 The first row has the paintings; a row for each scene has an unstylized frame, then the same frame
 in the style of each painting.
