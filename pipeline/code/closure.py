@@ -62,7 +62,7 @@ def code_closure(task_class: type) -> dict[str, str]:
     follow = functools.partial(_followed, module, name)
     if module.split(".")[0] not in PROJECT:
         return follow()
-    return cached_closure(f"{module}:{name}", {*PROJECT, "pipeline"}, follow)
+    return cached_closure(f"{module}:{name}", PROJECT, follow)
 
 
 def _followed(module: str, class_name: str) -> dict[str, str]:

@@ -94,9 +94,17 @@ def package_files(package: str) -> dict[str, Path]:
     file = source_file(package)
     if file is None or file.name != "__init__.py":
         return {package: file} if file else {}
-    named = {path.relative_to(file.parent): path for path in file.parent.rglob("*")}
-    kept = {name: path for name, path in named.items() if "__pycache__" not in name.parts}
-    return {f"{package}/{name}": path for name, path in kept.items() if path.is_file()}
+    folder = file.parent
+    return {f"{package}/{path.relative_to(folder).as_posix()}": path for path in _files(folder)}
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """The files below a folder, without entering what Python and numba keep there."""
+    for path in folder.iterdir():
+        if path.is_dir() and path.name != "__pycache__":
+            yield from _files(path)
+        elif path.is_file():
+            yield path
 
 
 def data_files(package: str) -> dict[str, Path]:

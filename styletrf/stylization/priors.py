@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -71,8 +72,8 @@ def needed_views(
     """Returns the candidates that cover what the renders of a trajectory show.
 
     Where they show too little of it, as of a path that goes elsewhere than they do, views along the
-    trajectory are candidates, too. Of these as many are added as it takes for one view at least to
-    show nearly every place, such as a strip at the edge of frames that no candidate shows.
+    trajectory are candidates, too. Then views of both kinds are added until at least one shows
+    nearly every place that any shows, such as a strip at the edge of frames.
 
     Args:
         candidates: Viewpoints in the normalized world; of the size of the first are those along the
@@ -85,29 +86,34 @@ def needed_views(
     """
     cameras, coverage = read_cameras(trajectory / "cameras.parquet"), config.coverage
     places = _places_along(cameras, trajectory)
-
-    def rendered_from(viewpoints: Sequence[Camera]) -> list[_View]:
-        """Returns the views with their depths."""
-        small = [small_camera(camera, coverage) for camera in viewpoints]
-        renders = rendered(radiance, space, small, RenderConfig(), device)
-        depths = (render.depth.numpy() for render in renders)
-        return [_View(*view) for view in zip(viewpoints, small, depths, strict=True)]
-
-    def along(count: int) -> list[Camera]:
-        """Returns views along the path."""
-        return views_along(cameras, candidates[0], count)
-
-    on_path = config.viewpoints == "path"
-    views = rendered_from(along(config.trajectory.frames) if on_path else candidates)
-    hidden = _hidden(_seen(views, places, coverage))
-    if not on_path and hidden > coverage.most_hidden * len(places):
-        views += rendered_from(along(len(candidates)))
+    render = partial(_views, radiance, space, coverage, device)
+    if config.viewpoints == "path":
+        candidates, own = views_along(cameras, candidates[0], config.trajectory.frames), []
+    else:
+        own = views_along(cameras, candidates[0], len(candidates))
+    views = render(candidates)
+    if own and _hidden(_seen(views, places, coverage)) > coverage.most_hidden * len(places):
+        views, own = [*views, *render(own)], []
     chosen = covering(_seen(views, places, coverage), coverage)
-    hidden = _hidden(_seen([views[k] for k in chosen], places, coverage, reach_px=1))
-    if not coverage.count and hidden > (1 - coverage.once) * len(places):
-        views += rendered_from(along(len(candidates)))
+    nearly = _seen([views[k] for k in chosen], places, coverage, reach_px=1)
+    if not coverage.count and _hidden(nearly) > (1 - coverage.once) * len(places):
+        views += render(own)
         chosen = covering_once(_seen(views, places, coverage, reach_px=1), chosen, coverage)
     return [replace(views[k].camera, name=f"{i:04d}") for i, k in enumerate(chosen)]
+
+
+def _views(
+    radiance: RadianceField,
+    space: Space,
+    config: CoverageConfig,
+    device: torch.device,
+    cameras: Sequence[Camera],
+) -> list[_View]:
+    """Returns the views of cameras, with the depths that are rendered there."""
+    small = [small_camera(camera, config) for camera in cameras]
+    renders = rendered(radiance, space, small, RenderConfig(), device)
+    depths = (render.depth.numpy() for render in renders)
+    return [_View(*view) for view in zip(cameras, small, depths, strict=True)]
 
 
 def _seen(

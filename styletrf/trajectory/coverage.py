@@ -29,7 +29,7 @@ class CoverageConfig:
     count: int = 0  # of views; 0: as many as the cover needs
     times: int = 3  # a place is covered that so many views show
     share: float = 0.95  # of the places that any of the candidates shows
-    once: float = 0.998  # of the places, that one view shows at least, give or take a pixel
+    once: float = 0.998  # of the places, that at least one view shows; unused with a count
     depth_px: int = 128  # longer side of the depth that decides visibility
     tolerance: float = 0.1  # of the depth, within which a view shows a place
     most_hidden: float = 0.02  # of the places, that no candidate shows

@@ -115,8 +115,8 @@ class StyleStep:
         both = self._painted(network, torch.cat([content.first, content.second]))
         first, second = both.chunk(2)
         terms = self._loss(k, first, content.first)
-        difference = config.every * config.weight * temporal_loss(first, second, content)
-        return replace(terms, temporal=difference)
+        temporal = config.every * config.weight * temporal_loss(first, second, content)
+        return replace(terms, temporal=temporal)
 
     def _jittered(self, k: int, content: Tensor | ContentPair) -> Tensor | ContentPair:
         """Returns the images with moved copies, in iterations with a temporal loss."""

@@ -7,7 +7,7 @@ import shutil
 import pytest
 
 import tasks
-from pipeline.code import source
+from pipeline.code import closure_cache, source
 from pipeline.code.closure import _followed, code_closure
 from pipeline.code.closure_cache import cached_closure, sources_digest
 
@@ -80,13 +80,42 @@ def test_a_file_that_changes_meanwhile_leaves_nothing(closure, package):
     assert closure() == {"code": "2"}
 
 
-@pytest.mark.parametrize("damage", ["", "{", "[]", "{}", '{"name": "other", "closure": {}}'])
+@pytest.mark.parametrize("damage", ["", "{", "[]", "{}", '{"digest": "", "closure": {}}'])
 def test_a_damaged_file_counts_as_absent(closure, tmp_path, damage):
     closure()
     (kept,) = (tmp_path / "cache").rglob("*.json")
     kept.write_text(damage)
     assert closure() == {"code": "2"}
     assert closure() == {"code": "2"}
+
+
+def test_an_altered_closure_counts_as_absent(closure, tmp_path):
+    closure()
+    (kept,) = (tmp_path / "cache").rglob("*.json")
+    kept.write_text(kept.read_text().replace('{"code": "1"}', '{"code": "7"}'))
+    assert closure() == {"code": "2"}
+
+
+def test_a_process_with_older_code_of_the_pipeline_keeps_nothing_for_the_newer(
+    closure, monkeypatch
+):
+    with monkeypatch.context() as patch:
+        patch.setattr(closure_cache, "_FOLLOWED_BY", "older")
+        assert closure() == {"code": "1"}
+    assert closure() == {"code": "2"}
+
+
+def test_a_file_that_cannot_be_read_is_no_reason_to_fail(closure, package, monkeypatch):
+    def fail(_path):
+        raise FileNotFoundError
+
+    monkeypatch.setattr(closure_cache, "file_digest", fail)
+    assert closure() == {"code": "1"}
+
+
+def test_nothing_is_left_beside_the_closures(closure, tmp_path):
+    closure()
+    assert {path.suffix for path in (tmp_path / "cache").rglob("*") if path.is_file()} == {".json"}
 
 
 def test_a_folder_that_cannot_be_written_to_keeps_nothing(closure, tmp_path):

@@ -61,7 +61,7 @@ def test_less_contrast_is_not_steadier():
     torch.testing.assert_close(temporal_loss(*faint, pair), temporal_loss(*strokes, pair))
 
 
-@pytest.mark.extremes("Steadiness")
+@pytest.mark.extremes("Temporal loss")
 @pytest.mark.parametrize("value", [0.0, 0.5])
 def test_a_picture_of_one_color_has_finite_temporal_loss(value):
     pair = jittered_pair(smooth_images(), TemporalLossConfig(), torch.Generator().manual_seed(0))
@@ -70,7 +70,7 @@ def test_a_picture_of_one_color_has_finite_temporal_loss(value):
     assert torch.isfinite(flat.grad).all()
 
 
-@pytest.mark.extremes("Steadiness")
+@pytest.mark.extremes("Temporal loss")
 def test_nothing_valid_is_no_error_and_has_a_gradient_of_zero():
     first = torch.rand(1, 3, 8, 8, requires_grad=True)
     nowhere = ContentPair(

@@ -45,7 +45,7 @@ def test_colors_that_fit_already_stay():
 
 @pytest.mark.extremes("Color transfer")
 @pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
-def test_a_painting_in_greys_is_not_blown_up(level):
+def test_a_painting_in_grays_is_not_blown_up(level):
     gray = [np.full((20, 20, 3), level, dtype=np.float32) for _ in range(2)]
     gray[0] += np.random.default_rng(0).normal(0, 1e-4, (20, 20, 1)).astype(np.float32)
     target = views(1)
