@@ -53,8 +53,10 @@ def sources_digest(packages: Iterable[str]) -> str:
     """Returns a digest of all files of the packages by name, of Python, and of what follows them.
 
     Raises:
-        OSError: A file has vanished, or cannot be read.
+        OSError: A file has vanished, or cannot be read, now or when this module was imported.
     """
+    if not _FOLLOWED_BY:
+        raise FileNotFoundError("a file of the pipeline vanished while it was imported")
     python = sys.version.encode()
     return typed_digest("sources", python, _FOLLOWED_BY.encode(), _listing(packages))
 
@@ -95,5 +97,12 @@ def _digest(name: str, closure: Closure) -> str:
     return typed_digest("closure", name.encode(), canonical_json(closure))
 
 
-_FOLLOWED_BY = typed_digest("follower", _listing(["pipeline"]))
+def _follower() -> str:
+    """Returns a digest of the pipeline's files; empty where one vanishes in this moment."""
+    with contextlib.suppress(OSError):
+        return typed_digest("follower", _listing(["pipeline"]))
+    return ""
+
+
+_FOLLOWED_BY = _follower()
 """The pipeline as this process imported it; its files may change while it runs."""

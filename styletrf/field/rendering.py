@@ -9,7 +9,7 @@ An appearance may ask for sharper weights in the color than those:
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.field.appearance import ColorModel
@@ -117,12 +117,30 @@ def render_rays(
 
 
 def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]:
-    """Returns the depth Z of the sample at which each ray's weights have summed to one half."""
+    """Returns the depth Z at which each ray's transmittance falls to one half; infinite if never.
+
+    The density is constant within a step: between T before it and T' behind it the transmittance
+    falls exponentially, to 1/2 at the share log(1 / 2T) / log(T' / T) of the step.
+    """
     median = samples.reached(torch.full_like(segments.lengths, 0.5))
     ray = (median < samples.offsets[1:]).nonzero()[:, 0]
     depth = torch.full_like(segments.lengths, torch.inf)
-    depth[ray] = segments.depth_along(ray, samples.s[median[ray]])
+    depth[ray] = segments.depth_along(ray, _where_half(segments, samples, ray, median[ray]))
     return depth
+
+
+def _where_half(
+    segments: Segments, samples: Samples, ray: Int64[Tensor, " rays"], at: Int64[Tensor, " rays"]
+) -> Float[Tensor, " rays"]:
+    """Returns the s at which the transmittance of rays is one half, in the steps of samples `at`.
+
+    Samples lie in the middle of their steps.
+    """
+    before = 1 - samples.sums_before(samples.weights)[at]
+    behind = (before - samples.weights[at]).clamp(min=0)
+    share = (torch.log(0.5 / before) / torch.log(behind / before)).clamp(0, 1)
+    s = samples.s[at] + (share - 0.5) / segments.n_steps[ray]
+    return s.clamp(0, 1).to(samples.s.dtype)
 
 
 @torch.no_grad()

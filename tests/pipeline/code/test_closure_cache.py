@@ -145,3 +145,14 @@ def test_a_copy_of_a_package_has_the_digest_of_the_package(package, tmp_path, mo
     shutil.rmtree(package)
     monkeypatch.syspath_prepend(tmp_path / "elsewhere")
     assert sources_digest([package.name]) == before
+
+
+def test_a_file_that_vanishes_while_the_module_is_imported_only_costs_time(closure, monkeypatch):
+    def fail(_path):
+        raise FileNotFoundError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(closure_cache, "file_digest", fail)
+        follower = closure_cache._follower()
+    monkeypatch.setattr(closure_cache, "_FOLLOWED_BY", follower)
+    assert [closure(), closure()] == [{"code": "1"}, {"code": "2"}]

@@ -1,5 +1,6 @@
 """Rendering: tiles do not matter, nothing leaks, depth is where the surface is."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -71,14 +72,42 @@ def test_deferred_shading_of_one_surface_is_near_shading_its_samples(scene, fiel
     torch.testing.assert_close(exact.depth, deferred.depth)
 
 
-def test_the_median_depth_is_where_half_the_light_is_lost():
-    """Two surfaces of weights 0.3 and 0.6, and a ray that never gets dark."""
-    offsets, ray = torch.tensor([0, 2, 3]), torch.tensor([0, 0, 1])
-    s, weights = torch.tensor([0.25, 0.75, 0.5]), torch.tensor([0.3, 0.6, 0.4])
-    samples = Samples(offsets, ray, s, torch.zeros(3, 3), weights)
-    segments = segments_between(torch.ones(2, 3), 2 * torch.ones(2, 3), 4)
-    segments = replace(segments, depth_far=torch.full((2, 1), 5.0))  # affine: depth 1 + 4 s
-    assert median_depth(segments, samples).tolist() == [4.0, torch.inf]
+def packed(*weights_of_rays):
+    """Samples of rays by their weights, in the middle of equal steps from s = 0."""
+    counts = torch.tensor([len(weights) for weights in weights_of_rays])
+    offsets = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
+    s = torch.cat([(torch.arange(n) + 0.5) / n for n in counts])
+    weights = torch.cat([torch.as_tensor(weights) for weights in weights_of_rays]).float()
+    return Samples(offsets, torch.repeat_interleave(counts), s, torch.zeros(len(s), 3), weights)
+
+
+def from_1_to_5(n_rays, n_steps):
+    """Segments whose depth is 1 + 4 s."""
+    segments = segments_between(torch.ones(n_rays, 3), 2 * torch.ones(n_rays, 3), n_steps)
+    return replace(segments, depth_far=torch.full((n_rays, 1), 5.0))
+
+
+@pytest.mark.parametrize("n_steps", [2, 7, 64])
+@pytest.mark.parametrize("thickness", [0.7, 2.0, 10.0])
+def test_the_median_depth_of_a_constant_density_does_not_depend_on_the_steps(n_steps, thickness):
+    """The transmittance exp(-thickness s) is one half at s = log 2 / thickness."""
+    edges = torch.exp(-thickness * torch.linspace(0, 1, n_steps + 1, dtype=torch.float64))
+    depth = median_depth(from_1_to_5(1, n_steps), packed(edges[:-1] - edges[1:]))
+    torch.testing.assert_close(
+        depth, torch.tensor([1 + 4 * math.log(2) / thickness]), rtol=1e-5, atol=0
+    )
+
+
+def test_the_median_depth_of_a_wall_is_where_its_step_begins():
+    depth = median_depth(from_1_to_5(2, 4), packed([0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0]))
+    assert depth.tolist() == [3.0, 1.0]
+
+
+def test_the_median_depth_lies_in_one_of_two_surfaces_and_is_infinite_where_half_the_light_passes():
+    thin, dense = 0.3, 0.6
+    depth = median_depth(from_1_to_5(2, 4), packed([0, thin, 0, dense], [0, thin, 0, 0]))
+    assert 4 < depth[0] < 5
+    assert depth[1] == torch.inf
 
 
 @pytest.mark.parametrize("opacity", [1e-4, 0.05, 0.5, 0.99])

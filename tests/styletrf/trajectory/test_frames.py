@@ -1,0 +1,19 @@
+"""Float frames: what their files say of a render."""
+
+import numpy as np
+import torch
+
+from styletrf.field.rendering import Rendering
+from styletrf.files.float_images import read_float_image
+from styletrf.geometry.cameras import Camera
+from styletrf.trajectory.frames import write_float_frames
+
+
+def test_a_float_frame_has_the_depth_at_which_half_the_light_is_lost(tmp_path):
+    """Not that of the mean position, which lies between two surfaces that share a pixel."""
+    pose = np.eye(4)[:3]
+    camera = Camera("0000", 2, 1, 2.0, 2.0, 1.0, 0.5, pose)
+    mean, median = torch.tensor([[4.0, 5.0]]), torch.tensor([[2.0, torch.inf]])
+    render = Rendering(torch.rand(1, 2, 3), torch.ones(1, 2), mean, median)
+    write_float_frames(tmp_path, [camera], iter([render]))
+    assert read_float_image(tmp_path / "frames" / "0000.exr").depth.tolist() == median.tolist()
