@@ -1,13 +1,16 @@
 """Distortion: the closed form of the double sum, and its extremes."""
 
 import itertools
+from dataclasses import replace
 
 import pytest
 import torch
 from kernel_cases import segments_between, with_steps
+from mini_scene import KERNELS, MINI_FIT, fit
 
 from styletrf.field.kernels import Samples
-from styletrf.field.training.distortion import distortion
+from styletrf.field.training.distortion import distortion, distortion_weight
+from styletrf.field.view_rays import ViewRays
 
 
 def packed(weights: list[list[float]], s: list[list[float]], n_steps: int = 10):
@@ -50,3 +53,25 @@ def test_its_gradient_is_that_of_the_double_sum():
     w, s = samples.weights.detach(), samples.s
     expected = 2 * (w[None] * (s[:, None] - s[None]).abs()).sum(1) + 2 * w / 30
     torch.testing.assert_close(samples.weights.grad, expected)
+
+
+@torch.no_grad()
+def distortion_of(field, scene):
+    """The mean distortion of the rays of the first view."""
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, torch.device("cpu"))
+    height, width = scene.images.shape[1:3]
+    rows, columns = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    segments = rays.segments(0, torch.stack([columns, rows], dim=-1).reshape(-1, 2) + 0.5)
+    jitter = torch.full((len(segments),), 0.5)
+    march = field.density.march(1e-4)
+    return float(distortion(KERNELS.trace(field.density.factors, segments, jitter, march), segments))
+
+
+def test_the_weights_of_a_fit_with_it_are_gathered(scene):
+    without, with_it = (fit(scene, replace(MINI_FIT, distortion_weight=w)) for w in (0.0, 0.1))
+    assert distortion_of(with_it, scene) < 0.5 * distortion_of(without, scene)
+
+
+def test_ndc_alone_has_none_of_its_own_accord():
+    assert distortion_weight("ndc") == 0
+    assert distortion_weight("box") == distortion_weight("unbounded") > 0
