@@ -64,7 +64,9 @@ def distortion_of(field, scene):
     segments = rays.segments(0, torch.stack([columns, rows], dim=-1).reshape(-1, 2) + 0.5)
     jitter = torch.full((len(segments),), 0.5)
     march = field.density.march(1e-4)
-    return float(distortion(KERNELS.trace(field.density.factors, segments, jitter, march), segments))
+    return float(
+        distortion(KERNELS.trace(field.density.factors, segments, jitter, march), segments)
+    )
 
 
 def test_the_weights_of_a_fit_with_it_are_gathered(scene):
