@@ -31,6 +31,7 @@ from styletrf.style.transfer.weights import load_style_transfer
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
 from styletrf.stylization.background import EmptyBackground, empty_background
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
+from styletrf.stylization.held_content import HeldContent, HeldContentConfig
 from styletrf.stylization.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
 from styletrf.stylization.power_choice import PowerChoiceConfig, choose_weight_power
 from styletrf.stylization.surface_ownership import OwnershipConfig, owned_pixels
@@ -53,6 +54,7 @@ class StylizationConfig:
     weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
+    content: HeldContentConfig = field(default_factory=HeldContentConfig)  # in that loss
     image_bfloat16: bool = True  # the perceptual network in bfloat16 where the hardware computes so
     style_px: int = 420  # of the painting, in the loss of renders
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
@@ -68,8 +70,9 @@ class StylizationConfig:
         loss = replace(
             self.image_loss, content_weight=content_weight * self.image_loss.content_weight
         )
+        content = replace(self.content, level=self.content.level / content_weight)
         style_px = max(1, round(stroke_scale * self.style_px))
-        return replace(self, style_px=style_px, image_loss=loss)
+        return replace(self, style_px=style_px, image_loss=loss, content=content)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,19 +202,4 @@ def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
         "sliced" if job.match == "distributions" else "gram",
         predictor,
     )
-    return _TotalLoss(loss)
-
-
-@dataclass(frozen=True, slots=True)
-class _TotalLoss:
-    """The sum of the terms of a style loss."""
-
-    terms: StyleLoss
-
-    def content_features(self, plain: Tensor) -> Tensor:
-        """Returns the features that a render is to share with the plain one."""
-        return self.terms.content_features(plain)
-
-    def __call__(self, image: Tensor, features: Tensor, generator: torch.Generator) -> Tensor:
-        """Returns the loss of a render."""
-        return self.terms(image, features, generator).total
+    return HeldContent(loss, config.image_loss, config.content)

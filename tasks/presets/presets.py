@@ -112,6 +112,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "fit_fraction": (0.4, 0.4, 1.0),
         "image.min_weight": (5e-2, 1e-2, 1e-3),
         "image.termination": (5e-2, 1e-2, 1e-3),
+        "content.rate": (0.8, 0.8, 0.0),
         "image_bfloat16": (True, True, False),
         "image_loss.content_layer": ("relu3_3", "relu3_3", "relu2_2"),
         "image_loss.content_weight": (0.8, 0.8, 3.0),

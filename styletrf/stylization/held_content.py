@@ -1,0 +1,89 @@
+"""A loss of renders whose content term is held at a level, by the weight of that term.
+
+At one weight much of the scene is left under one painting, and little under another: broad soft
+forms cost little content, hard lines cost much. So the weight follows the term x that each render
+has, as the multiplier of the constraint x = level does (dual ascent, in its logarithm):
+
+    weight <- weight exp(rate (x - level)),   within a factor of `most` of where it began.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import torch
+from torch import Tensor
+
+from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, PerceptualTerms
+
+_MOST_AT_ONCE = 1.0  # of the logarithm: a factor of e
+
+
+@dataclass(frozen=True, slots=True)
+class HeldContentConfig:
+    """At which level the content term is held, and how fast its weight follows (0: not at all).
+
+    The term is log(1 + d / t), `d` the mean squared difference between the features of a render and
+    of the plain one, `t` the mean square of the latter's.
+    """
+
+    level: float = 0.63
+    rate: float = 0.8
+    most: float = 8.0
+
+    def __post_init__(self) -> None:
+        if self.level <= 0 or self.rate < 0 or self.most < 1:
+            raise ValueError(f"level is above 0, rate at least 0 and most at least 1, not {self}")
+
+
+@runtime_checkable
+class TermsOfLoss(Protocol):
+    """The weighted terms of a loss, as `StyleLoss` has them."""
+
+    def content_features(self, shown: Tensor) -> Tensor:
+        """Returns the features that an output is to share with what it shows."""
+
+    def __call__(
+        self, output: Tensor, content: Tensor, generator: torch.Generator
+    ) -> PerceptualTerms:
+        """Returns the terms, differentiable in the output."""
+
+
+class HeldContent:
+    """The sum of the terms of a loss; to be called once for each iteration.
+
+    The weight stays where the loss has no content term, or one that is not relative.
+    """
+
+    def __init__(
+        self, terms: TermsOfLoss, loss: PerceptualLossConfig, config: HeldContentConfig
+    ) -> None:
+        """Begins with the weight of the loss.
+
+        Args:
+            terms: Of the loss.
+            loss: The weights in these terms.
+            config: The level, and how fast the weight follows.
+        """
+        self._terms, self._begun_with, self._config = terms, loss.content_weight, config
+        self._follows = loss.relative and loss.content_weight > 0
+        self.factor = 1.0
+        """Of the weight that it began with."""
+
+    def content_features(self, plain: Tensor) -> Tensor:
+        """Returns the features that a render is to share with the plain one."""
+        return self._terms.content_features(plain)
+
+    def __call__(self, image: Tensor, features: Tensor, generator: torch.Generator) -> Tensor:
+        """Returns the loss of a render, and moves the weight of the content for the next."""
+        terms = self._terms(image, features, generator)
+        total = terms.total + (self.factor - 1) * terms.content
+        if self._follows:
+            self._follow(float(terms.content.detach()) / self._begun_with)
+        return total
+
+    def _follow(self, found: float) -> None:
+        config = self._config
+        step = config.rate * (found - config.level)
+        moved = self.factor * math.exp(max(-_MOST_AT_ONCE, min(step, _MOST_AT_ONCE)))
+        self.factor = max(1 / config.most, min(moved, config.most))

@@ -1,0 +1,88 @@
+"""The weight of the content follows the content term."""
+
+import math
+
+import pytest
+import torch
+
+from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, PerceptualTerms
+from styletrf.stylization.held_content import HeldContent, HeldContentConfig
+
+CONFIG = HeldContentConfig(level=0.5, rate=0.8, most=8.0)
+GENERATOR = torch.Generator()
+IMAGE = torch.zeros(1, 3, 4, 4)
+
+
+class Terms:
+    """A loss whose unweighted content term is given; style and total variation are 2 and 3."""
+
+    def __init__(self, found, weight=1.5):
+        self.found, self.weight = found, weight
+
+    def content_features(self, shown):
+        return shown
+
+    def __call__(self, output, content, generator):
+        content, style, tv = (torch.tensor(x) for x in (self.weight * self.found, 2.0, 3.0))
+        return PerceptualTerms(content, style, tv, torch.tensor(0.0), torch.tensor(0.0))
+
+
+def held(terms, config=CONFIG, *, relative=True):
+    return HeldContent(
+        terms, PerceptualLossConfig(content_weight=terms.weight, relative=relative), config
+    )
+
+
+def factors_of(loss, calls):
+    found = []
+    for _ in range(calls):
+        loss(IMAGE, IMAGE, GENERATOR)
+        found.append(loss.factor)
+    return found
+
+
+def test_more_content_lost_than_the_level_makes_it_heavier_and_less_makes_it_lighter():
+    assert factors_of(held(Terms(0.7)), 1) == [pytest.approx(math.exp(0.8 * 0.2))]
+    assert factors_of(held(Terms(0.3)), 1) == [pytest.approx(math.exp(-0.8 * 0.2))]
+    assert factors_of(held(Terms(0.5)), 3) == [1, 1, 1]
+
+
+@pytest.mark.parametrize("found", [0.0, 60.0, 1e30])
+def test_it_stays_within_its_factor_of_where_it_began(found):
+    last = factors_of(held(Terms(found)), 40)[-1]
+    assert last == pytest.approx(8 if found > 0.5 else 1 / 8)
+
+
+def test_the_total_has_the_content_by_the_weight_of_now():
+    loss = held(Terms(0.7))
+    assert float(loss(IMAGE, IMAGE, GENERATOR)) == pytest.approx(1.5 * 0.7 + 5)
+    factor = loss.factor
+    assert float(loss(IMAGE, IMAGE, GENERATOR)) == pytest.approx(factor * 1.5 * 0.7 + 5)
+
+
+def test_a_term_that_yields_to_its_weight_comes_to_the_level():
+    terms = Terms(1.0)
+    loss = held(terms)
+    for _ in range(200):
+        loss(IMAGE, IMAGE, GENERATOR)
+        terms.found = 1 / (1 + loss.factor**0.5)
+    assert terms.found == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "loss",
+    [
+        held(Terms(0.9), HeldContentConfig(level=0.5, rate=0.0)),
+        held(Terms(0.9, weight=0.0)),
+        held(Terms(0.9), relative=False),
+    ],
+    ids=["rate of 0", "no content", "not relative"],
+)
+def test_the_weight_stays_where_it_cannot_follow(loss):
+    assert factors_of(loss, 3) == [1, 1, 1]
+
+
+@pytest.mark.parametrize("wrong", [{"level": 0.0}, {"rate": -1.0}, {"most": 0.5}])
+def test_a_wrong_setting_is_refused(wrong):
+    with pytest.raises(ValueError, match="level is above 0"):
+        HeldContentConfig(**wrong)
