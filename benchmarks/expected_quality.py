@@ -29,7 +29,6 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.scene.scene_model import SceneModelConfig
 from styletrf.scene.training_photographs import model_of_photographs, read_training_photographs
-from styletrf.steps.radiance_field import required_settings
 from tasks import CameraPoses, QualityMetrics
 from tasks.presets.presets import settings_for
 
@@ -46,7 +45,7 @@ def measured(scene: str, quality: str, shares: Sequence[float]) -> dict[str, obj
     photographs = read_training_photographs(artifact(tasks[0]))
     config = configured(SceneModelConfig, settings_for("SceneModel", quality))
     model = model_of_photographs(photographs, config)
-    settings = required_settings(model) | settings_for("RadianceField", quality)
+    settings = {"field.shading": model.shading, **settings_for("RadianceField", quality)}
     fit, cpu = configured(FieldTrainingConfig, settings), torch.device("cpu")
     started = time.monotonic()
     fits = brief_fits(photographs, model, fit, kernels_for(cpu), cpu, shares)

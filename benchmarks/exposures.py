@@ -116,7 +116,7 @@ def frame_rms(field: RadianceField, model: SceneModel, cameras: list[Camera]) ->
     frames = list(rendered(field, model.space, path, RenderConfig(), CPU))
     errors = []
     for (a, of_a), (b, of_b) in pairwise(zip(path, frames, strict=True)):
-        depths = of_a.depth.numpy(), of_b.depth.numpy()
+        depths = of_a.surface_depth.numpy(), of_b.surface_depth.numpy()
         seen = corresponding((a, b), depths, of_b.color.numpy(), of_b.color.numpy(), 0.02)
         errors.append(
             geometric_errors(of_a.color.numpy(), of_a.color.numpy(), seen).geometric_floor

@@ -144,7 +144,11 @@ def flow(options: argparse.Namespace) -> None:
         world = [fitted_to(c, max(views[0].width, views[0].height)) for c in pair]
         true = [photographed(c, config)[1] for c in world]
         found, seen = exact_flow(
-            views[0], renders[0].depth.numpy(), views[1], renders[1].depth.numpy(), 0.02
+            views[0],
+            renders[0].surface_depth.numpy(),
+            views[1],
+            renders[1].surface_depth.numpy(),
+            0.02,
         )
         exact, visible = exact_flow(world[0], true[0], world[1], true[1])
         both = seen & visible & np.isfinite(true[0])

@@ -46,13 +46,19 @@ class Rendering:
     a little haze before infinity does not spoil it.
     Where nothing is hit (an opacity below 1e-3) it is infinite. The median depth is where the
     transmittance falls to one half, infinite where it never does: it lies on one of two surfaces
-    that share a pixel, where the mean lies between them.
+    that share a pixel, where the mean lies between them. The surface depth is the median depth, and
+    the depth where less than half of the light is lost.
     """
 
     color: Float[Tensor, "*rays 3"]
     opacity: Float[Tensor, "*rays"]
     depth: Float[Tensor, "*rays"]
     median_depth: Float[Tensor, "*rays"]
+
+    @property
+    def surface_depth(self) -> Float[Tensor, "*rays"]:
+        """The depth Z of what a pixel shows; infinite where nothing is hit."""
+        return torch.where(torch.isfinite(self.median_depth), self.median_depth, self.depth)
 
 
 def render_color(
@@ -138,7 +144,8 @@ def _where_half(
     """
     before = 1 - samples.sums_before(samples.weights)[at]
     behind = (before - samples.weights[at]).clamp(min=0)
-    share = (torch.log(0.5 / before) / torch.log(behind / before)).clamp(0, 1)
+    share = torch.log(0.5 / before) / torch.log(behind / before)
+    share = torch.nan_to_num(share, nan=0.5).clamp(0, 1)  # of a sum that rounding has moved
     s = samples.s[at] + (share - 0.5) / segments.n_steps[ray]
     return s.clamp(0, 1).to(samples.s.dtype)
 

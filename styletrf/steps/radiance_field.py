@@ -12,14 +12,13 @@ from styletrf.devices import device_named
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import save_field
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.distortion import distortion_weight
 from styletrf.field.training.sparse_depth import sparse_depths
 from styletrf.field.training.trainer import train_field
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.files.tables import write_curve
 from styletrf.progress import Progress
 from styletrf.scene.free_space import free_space
-from styletrf.scene.scene_model import SceneModel, read_scene_model
+from styletrf.scene.scene_model import read_scene_model
 from styletrf.scene.training_photographs import read_training_photographs
 
 
@@ -51,7 +50,7 @@ def fit_field(
         load_views(photographs.folder, cameras, device),
         model.space,
         model.resolution,
-        configured(FieldTrainingConfig, required_settings(model) | dict(settings)),
+        configured(FieldTrainingConfig, {"field.shading": model.shading, **settings}),
         kernels_for(device),
         progress,
         checkpoints,
@@ -61,11 +60,3 @@ def fit_field(
     )
     save_field(out, field)
     write_curve(out / "curve.parquet", curve)
-
-
-def required_settings(model: SceneModel) -> dict[str, Any]:
-    """Returns what a scene requires of `FieldTrainingConfig`; given settings replace it."""
-    return {
-        "field.shading": model.shading,
-        "distortion_weight": distortion_weight(model.space.kind),
-    }

@@ -181,7 +181,7 @@ def _frames_of_field(
     blended = None if blend.is_plain else _blended(blend, inputs, field, space)
     views = rendered(field, space, cameras, config, device, progress, blended)
     for camera, view in zip(cameras, views, strict=True):
-        color, opacity, depth = (p.numpy() for p in (view.color, view.opacity, view.median_depth))
+        color, opacity, depth = (p.numpy() for p in (view.color, view.opacity, view.surface_depth))
         if depths is not None:
             write_float_image(depths / f"{camera.name}.exr", color, opacity, depth)
         yield color

@@ -1,10 +1,12 @@
-"""A loss of renders whose content term is held at a level, by the weight of that term.
+"""A loss of renders whose content term is led to a level, by the weight of that term.
 
 At one weight much of the scene is left under one painting, and little under another: broad soft
 forms cost little content, hard lines cost much. So the weight follows the term x that each render
-has, as the multiplier of the constraint x = level does (dual ascent, in its logarithm):
+has, as a multiplier of the constraint x = log(1 + level) does (dual ascent, in its logarithm):
 
-    weight <- weight exp(rate (x - level)),   within a factor of `most` of where it began.
+    weight <- weight exp(rate (x - log(1 + level))),
+
+within `most_factor` of where it began: a style that costs little content does not reach the level.
 """
 
 import math
@@ -21,19 +23,21 @@ _MOST_AT_ONCE = 1.0  # of the logarithm: a factor of e
 
 @dataclass(frozen=True, slots=True)
 class HeldContentConfig:
-    """At which level the content term is held, and how fast its weight follows (0: not at all).
+    """To which level the content term is led, and how fast its weight follows (0: not at all).
 
     The term is log(1 + d / t), `d` the mean squared difference between the features of a render and
-    of the plain one, `t` the mean square of the latter's.
+    of the plain one, `t` the mean square of the latter's; the level is one of d / t.
     """
 
-    level: float = 0.63
+    level: float = 0.88
     rate: float = 0.8
-    most: float = 8.0
+    most_factor: float = 8.0
 
     def __post_init__(self) -> None:
-        if self.level <= 0 or self.rate < 0 or self.most < 1:
-            raise ValueError(f"level is above 0, rate at least 0 and most at least 1, not {self}")
+        if self.level <= 0 or self.rate < 0 or self.most_factor < 1:
+            raise ValueError(
+                f"level is above 0, rate at least 0, most_factor at least 1, not {self}"
+            )
 
 
 @runtime_checkable
@@ -50,7 +54,7 @@ class TermsOfLoss(Protocol):
 
 
 class HeldContent:
-    """The sum of the terms of a loss; to be called once for each iteration.
+    """The sum of the terms of a loss; to be called once for each iteration, since calls count.
 
     The weight stays where the loss has no content term, or one that is not relative.
     """
@@ -65,7 +69,7 @@ class HeldContent:
             loss: The weights in these terms.
             config: The level, and how fast the weight follows.
         """
-        self._terms, self._begun_with, self._config = terms, loss.content_weight, config
+        self._terms, self._initial_weight, self._config = terms, loss.content_weight, config
         self._follows = loss.relative and loss.content_weight > 0
         self.factor = 1.0
         """Of the weight that it began with."""
@@ -79,11 +83,11 @@ class HeldContent:
         terms = self._terms(image, features, generator)
         total = terms.total + (self.factor - 1) * terms.content
         if self._follows:
-            self._follow(float(terms.content.detach()) / self._begun_with)
+            self._follow(float(terms.content.detach()) / self._initial_weight)
         return total
 
     def _follow(self, found: float) -> None:
         config = self._config
-        step = config.rate * (found - config.level)
+        step = config.rate * (found - math.log1p(config.level))
         moved = self.factor * math.exp(max(-_MOST_AT_ONCE, min(step, _MOST_AT_ONCE)))
-        self.factor = max(1 / config.most, min(moved, config.most))
+        self.factor = max(1 / config.most_factor, min(moved, config.most_factor))

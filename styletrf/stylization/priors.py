@@ -112,7 +112,7 @@ def _views(
     """Returns the views of cameras, with the depths that are rendered there."""
     small = [small_camera(camera, config) for camera in cameras]
     renders = rendered(radiance, space, small, RenderConfig(), device)
-    depths = (render.median_depth.numpy() for render in renders)
+    depths = (render.surface_depth.numpy() for render in renders)
     return [_View(*view) for view in zip(cameras, small, depths, strict=True)]
 
 

@@ -28,7 +28,7 @@ class ImageLoss(Protocol):
         """Returns the features of a plain render that the loss compares with."""
 
     def __call__(self, image: Tensor, features: Tensor, generator: torch.Generator) -> Tensor:
-        """Returns the loss, differentiable in the image."""
+        """Returns the loss, differentiable in the image; called once for each iteration."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,7 +93,7 @@ def write_float_frames(
     renders: Iterator[Rendering],
     path: Sequence[Camera] | None = None,
 ) -> None:
-    """Writes `frames/NAME.exr` (R G B A half, Z float, the median depth) and `cameras.parquet`.
+    """Writes `frames/NAME.exr` (R G B A half, Z float, the surface depth) and `cameras.parquet`.
 
     Args:
         folder: To be filled.
@@ -105,7 +105,7 @@ def write_float_frames(
     for camera, render in zip(cameras, renders, strict=True):
         write_float_image(
             folder / "frames" / f"{camera.name}.exr",
-            render.color.numpy(), render.opacity.numpy(), render.median_depth.numpy(),
+            render.color.numpy(), render.opacity.numpy(), render.surface_depth.numpy(),
         )  # fmt: skip
     write_cameras(folder / "cameras.parquet", cameras if path is None else path)
 

@@ -130,12 +130,11 @@ class SceneReport(LinkedStage, PresetStage):
         from styletrf.configuration import configured
         from styletrf.field.training.config import FieldTrainingConfig
         from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
-        from styletrf.steps.radiance_field import required_settings
 
         settings = {**self.tuned("SceneModel", quality), "space": decided.space.kind}
         config = configured(SceneModelConfig, settings)
         model = decide_scene_model(photographs.cameras, photographs.points.xyz_world, config)
-        settings = required_settings(decided) | self.tuned("RadianceField", quality)
+        settings = {"field.shading": decided.shading, **self.tuned("RadianceField", quality)}
         fit = configured(FieldTrainingConfig, settings)
         return replace(model, exposures=decided.exposures), fit
 

@@ -76,7 +76,8 @@ class Segments:
             for values in (self.depth_near, self.depth_far, self.depth_bend, self.ends)
         )
         starts = torch.where(piece > 0, self.ends.reshape(-1)[at - 1], 0.0)
-        u = (s - starts) / (ends - starts)
+        share = ends - starts
+        u = torch.where(share > 0, (s - starts) / share, 0.0)
         t = u / (u + (1 - u) * bend)
         return near + t * (far - near)
 

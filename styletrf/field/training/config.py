@@ -24,7 +24,7 @@ class FieldTrainingConfig:
     tv_appearance: float = 0.003  # [TV_weight_app]
     tv_views: int = 100  # so many views have these two weights; fewer have more, in proportion
     tv_every: int = 4  # iterations between steps of L1 and total variation, weighted up to match
-    distortion_weight: float = 0.0  # chosen by the space where not given, see `distortion`
+    distortion_weight: float | None = None  # by the space where not given, see `distortion`
     depth_weight: float = 0.1  # for every iteration, see `styletrf.field.training.sparse_depth`
     depth_rays: int = 1024  # through sparse points, every `depth_every` iterations
     depth_every: int = 4

@@ -10,6 +10,7 @@ from mini_scene import KERNELS, MINI_FIT, fit
 
 from styletrf.field.kernels import Samples
 from styletrf.field.training.distortion import distortion, distortion_weight
+from styletrf.field.training.trainer import FieldTrainer
 from styletrf.field.view_rays import ViewRays
 
 
@@ -72,6 +73,16 @@ def distortion_of(field, scene):
 def test_the_weights_of_a_fit_with_it_are_gathered(scene):
     without, with_it = (fit(scene, replace(MINI_FIT, distortion_weight=w)) for w in (0.0, 0.1))
     assert distortion_of(with_it, scene) < 0.5 * distortion_of(without, scene)
+
+
+@pytest.mark.parametrize(
+    ("given", "used"), [(None, distortion_weight("ndc")), (0.3, 0.3), (0.0, 0.0)]
+)
+def test_the_space_decides_where_no_weight_is_given(scene, given, used):
+    config, model = replace(MINI_FIT, distortion_weight=given), scene.model
+    fit = FieldTrainer(scene.cameras, scene.images, model.space, model.resolution, config, KERNELS)
+    assert model.space.kind == "ndc"
+    assert fit.config.distortion_weight == used
 
 
 def test_ndc_alone_has_none_of_its_own_accord():

@@ -29,6 +29,7 @@ from styletrf.stylization.image_adaptation import (
 from styletrf.stylization.strategies import StylizationConfig
 from styletrf.stylization.view_windows import as_picture
 from styletrf.trajectory.frames import rendered
+from tasks.presets.presets import settings_for
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -283,4 +284,9 @@ def test_the_factors_of_the_controls_steer_the_loss_of_renders():
     with_style_parameters = usual.with_style_parameters(stroke_scale=2.0, content_weight=0.5)
     assert with_style_parameters.style_px == 2 * usual.style_px
     assert with_style_parameters.image_loss.content_weight == 0.5 * usual.image_loss.content_weight
+    assert with_style_parameters.content.level == usual.content.level / 0.5
     assert usual.with_style_parameters(1.0, 1.0) == usual
+
+
+def test_the_published_preset_holds_no_content():
+    assert settings_for("StylizedField", "paper")["content.rate"] == 0

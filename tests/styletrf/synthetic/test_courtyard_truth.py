@@ -61,6 +61,6 @@ def test_depth_of_a_field_is_that_of_the_surfaces():
     meters = np.linalg.norm(model.normalized_from_world[:3, 0])
     truth = capture.depths[0]
     surface = np.isfinite(truth)
-    error = np.abs(render.depth.numpy()[surface] / meters / truth[surface] - 1)
+    error = np.abs(render.surface_depth.numpy()[surface] / meters / truth[surface] - 1)
     assert np.median(error) < 0.08  # of a fit of seconds; a wrong convention is off by far more
     assert render.opacity.numpy()[surface].mean() > 0.95
