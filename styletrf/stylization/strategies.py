@@ -30,8 +30,8 @@ from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.style.transfer.weights import load_style_transfer
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
 from styletrf.stylization.background import EmptyBackground, empty_background
+from styletrf.stylization.content_constraint import ConstrainedContentLoss, ContentConstraintConfig
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
-from styletrf.stylization.held_content import HeldContent, HeldContentConfig
 from styletrf.stylization.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
 from styletrf.stylization.power_choice import PowerChoiceConfig, choose_weight_power
 from styletrf.stylization.surface_ownership import OwnershipConfig, owned_pixels
@@ -54,7 +54,9 @@ class StylizationConfig:
     weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
     image: ImageAdaptationConfig = field(default_factory=ImageAdaptationConfig)
     image_loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
-    content: HeldContentConfig = field(default_factory=HeldContentConfig)  # in that loss
+    content: ContentConstraintConfig = field(
+        default_factory=ContentConstraintConfig
+    )  # in that loss
     image_bfloat16: bool = True  # the perceptual network in bfloat16 where the hardware computes so
     style_px: int = 420  # of the painting, in the loss of renders
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
@@ -202,4 +204,4 @@ def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
         "sliced" if job.match == "distributions" else "gram",
         predictor,
     )
-    return HeldContent(loss, config.image_loss, config.content)
+    return ConstrainedContentLoss(loss, config.image_loss, config.content)

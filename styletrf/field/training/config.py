@@ -1,6 +1,6 @@
 """The settings of a fit, named as TensoRF names them where it has them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from styletrf.field.field_config import FieldConfig
 
@@ -24,7 +24,7 @@ class FieldTrainingConfig:
     tv_appearance: float = 0.003  # [TV_weight_app]
     tv_views: int = 100  # so many views have these two weights; fewer have more, in proportion
     tv_every: int = 4  # iterations between steps of L1 and total variation, weighted up to match
-    distortion_weight: float | None = None  # by the space where not given, see `distortion`
+    distortion_weight: float | None = None  # where not given, the space decides: see `in_space`
     depth_weight: float = 0.1  # for every iteration, see `styletrf.field.training.sparse_depth`
     depth_rays: int = 1024  # through sparse points, every `depth_every` iterations
     depth_every: int = 4
@@ -42,6 +42,18 @@ class FieldTrainingConfig:
     def __post_init__(self) -> None:
         if not all(0 < share < 1 for share in self.upsample_at):
             raise ValueError(f"upsample_at is {self.upsample_at}, not shares of the iterations")
+
+    def in_space(self, kind: str) -> "FieldTrainingConfig":
+        """Returns the settings with what the space decides: ranks, and the weight of distortion.
+
+        Photographs from all around say where a surface is, and gathered weights draw strokes on it
+        crisply. Those of NDC hardly say where leaves lie along their rays: matter that is spread
+        there fits them better (decision 43).
+        """
+        weight = self.distortion_weight
+        if weight is None:
+            weight = 0.0 if kind == "ndc" else 0.02
+        return replace(self, field=self.field.in_space(kind), distortion_weight=weight)
 
     @property
     def upsample_steps(self) -> tuple[int, ...]:

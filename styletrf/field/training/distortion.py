@@ -11,16 +11,6 @@ from torch import Tensor
 from styletrf.field.kernels import Samples, Segments
 
 
-def distortion_weight(space: str) -> float:
-    """Returns the weight of the distortion in a space, by its name.
-
-    Photographs from all around say where a surface is, and the gathered weights draw strokes on it
-    crisply. Those of NDC hardly say where leaves lie along their rays, which are fitted better by
-    matter that is spread there: see decision 43.
-    """
-    return 0.0 if space == "ndc" else 0.02
-
-
 def distortion(samples: Samples, segments: Segments) -> Float[Tensor, ""]:
     """Returns the mean distortion of the rays, in segment lengths, differentiable in the weights.
 

@@ -9,7 +9,6 @@ import logging
 import math
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -27,7 +26,7 @@ from styletrf.field.rendering import RenderConfig, render_color, render_rays
 from styletrf.field.training.checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
-from styletrf.field.training.distortion import distortion, distortion_weight
+from styletrf.field.training.distortion import distortion
 from styletrf.field.training.optimizer import optimizer_of, take_step
 from styletrf.field.training.regularization import add_regularization_gradient
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
@@ -107,12 +106,7 @@ class FieldTrainer:
         depths: SparseDepths | None = None,
         exposures: ViewExposures | None = None,
     ) -> None:
-        gathering = config.distortion_weight
-        if gathering is None:
-            gathering = distortion_weight(space.kind)
-        config = replace(
-            config, field=config.field.in_space(space.kind), distortion_weight=gathering
-        )
+        config = config.in_space(space.kind)
         self.config, self.kernels, self.images = config, kernels, view_images(images)
         device = self.images.device
         self.checkpoint_dir, self.iteration = checkpoint_dir, 0

@@ -9,7 +9,7 @@ from kernel_cases import segments_between, with_steps
 from mini_scene import KERNELS, MINI_FIT, fit
 
 from styletrf.field.kernels import Samples
-from styletrf.field.training.distortion import distortion, distortion_weight
+from styletrf.field.training.distortion import distortion
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.field.view_rays import ViewRays
 
@@ -75,9 +75,7 @@ def test_the_weights_of_a_fit_with_it_are_gathered(scene):
     assert distortion_of(with_it, scene) < 0.5 * distortion_of(without, scene)
 
 
-@pytest.mark.parametrize(
-    ("given", "used"), [(None, distortion_weight("ndc")), (0.3, 0.3), (0.0, 0.0)]
-)
+@pytest.mark.parametrize(("given", "used"), [(None, 0.0), (0.3, 0.3), (0.0, 0.0)])
 def test_the_space_decides_where_no_weight_is_given(scene, given, used):
     config, model = replace(MINI_FIT, distortion_weight=given), scene.model
     fit = FieldTrainer(scene.cameras, scene.images, model.space, model.resolution, config, KERNELS)
@@ -86,5 +84,7 @@ def test_the_space_decides_where_no_weight_is_given(scene, given, used):
 
 
 def test_ndc_alone_has_none_of_its_own_accord():
-    assert distortion_weight("ndc") == 0
-    assert distortion_weight("box") == distortion_weight("unbounded") > 0
+    ndc, box, unbounded = (MINI_FIT.in_space(kind) for kind in ("ndc", "box", "unbounded"))
+    assert ndc.distortion_weight == 0
+    assert box.distortion_weight == unbounded.distortion_weight
+    assert box.distortion_weight > 0

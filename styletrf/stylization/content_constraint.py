@@ -6,7 +6,7 @@ has, as a multiplier of the constraint x = log(1 + level) does (dual ascent, in 
 
     weight <- weight exp(rate (x - log(1 + level))),
 
-within `most_factor` of where it began: a style that costs little content does not reach the level.
+within `max_factor` of where it began: a style that costs little content does not reach the level.
 """
 
 import math
@@ -18,11 +18,11 @@ from torch import Tensor
 
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, PerceptualTerms
 
-_MOST_AT_ONCE = 1.0  # of the logarithm: a factor of e
+_MAX_LOG_STEP = 1.0  # an iteration multiplies the weight by e at most
 
 
 @dataclass(frozen=True, slots=True)
-class HeldContentConfig:
+class ContentConstraintConfig:
     """To which level the content term is led, and how fast its weight follows (0: not at all).
 
     The term is log(1 + d / t), `d` the mean squared difference between the features of a render and
@@ -31,12 +31,12 @@ class HeldContentConfig:
 
     level: float = 0.88
     rate: float = 0.8
-    most_factor: float = 8.0
+    max_factor: float = 8.0
 
     def __post_init__(self) -> None:
-        if self.level <= 0 or self.rate < 0 or self.most_factor < 1:
+        if self.level <= 0 or self.rate < 0 or self.max_factor < 1:
             raise ValueError(
-                f"level is above 0, rate at least 0, most_factor at least 1, not {self}"
+                f"level is above 0, rate at least 0, max_factor at least 1, not {self}"
             )
 
 
@@ -53,14 +53,14 @@ class TermsOfLoss(Protocol):
         """Returns the terms, differentiable in the output."""
 
 
-class HeldContent:
+class ConstrainedContentLoss:
     """The sum of the terms of a loss; to be called once for each iteration, since calls count.
 
     The weight stays where the loss has no content term, or one that is not relative.
     """
 
     def __init__(
-        self, terms: TermsOfLoss, loss: PerceptualLossConfig, config: HeldContentConfig
+        self, terms: TermsOfLoss, loss: PerceptualLossConfig, config: ContentConstraintConfig
     ) -> None:
         """Begins with the weight of the loss.
 
@@ -89,5 +89,5 @@ class HeldContent:
     def _follow(self, found: float) -> None:
         config = self._config
         step = config.rate * (found - math.log1p(config.level))
-        moved = self.factor * math.exp(max(-_MOST_AT_ONCE, min(step, _MOST_AT_ONCE)))
-        self.factor = max(1 / config.most_factor, min(moved, config.most_factor))
+        moved = self.factor * math.exp(max(-_MAX_LOG_STEP, min(step, _MAX_LOG_STEP)))
+        self.factor = max(1 / config.max_factor, min(moved, config.max_factor))

@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, PerceptualTerms
-from styletrf.stylization.held_content import HeldContent, HeldContentConfig
+from styletrf.stylization.content_constraint import ConstrainedContentLoss, ContentConstraintConfig
 
-CONFIG = HeldContentConfig(level=math.expm1(0.5), rate=0.8, most_factor=8.0)
+CONFIG = ContentConstraintConfig(level=math.expm1(0.5), rate=0.8, max_factor=8.0)
 GENERATOR = torch.Generator()
 IMAGE = torch.zeros(1, 3, 4, 4)
 
@@ -28,7 +28,7 @@ class Terms:
 
 
 def held(terms, config=CONFIG, *, relative=True):
-    return HeldContent(
+    return ConstrainedContentLoss(
         terms, PerceptualLossConfig(content_weight=terms.weight, relative=relative), config
     )
 
@@ -72,7 +72,7 @@ def test_a_term_that_yields_to_its_weight_comes_to_the_level():
 @pytest.mark.parametrize(
     "loss",
     [
-        held(Terms(0.9), HeldContentConfig(rate=0.0)),
+        held(Terms(0.9), ContentConstraintConfig(rate=0.0)),
         held(Terms(0.9, weight=0.0)),
         held(Terms(0.9), relative=False),
     ],
@@ -82,7 +82,7 @@ def test_the_weight_stays_where_it_cannot_follow(loss):
     assert factors_of(loss, 3) == [1, 1, 1]
 
 
-@pytest.mark.parametrize("wrong", [{"level": 0.0}, {"rate": -1.0}, {"most_factor": 0.5}])
+@pytest.mark.parametrize("wrong", [{"level": 0.0}, {"rate": -1.0}, {"max_factor": 0.5}])
 def test_a_wrong_setting_is_refused(wrong):
     with pytest.raises(ValueError, match="level is above 0"):
-        HeldContentConfig(**wrong)
+        ContentConstraintConfig(**wrong)
