@@ -1,12 +1,13 @@
-"""A loss of renders whose content term is led to a level, by the weight of that term.
+"""A loss of renders that may lose the content up to a level.
 
-At one weight much of the scene is left under one painting, and little under another: broad soft
-forms cost little content, hard lines cost much. So the weight follows the term x that each render
-has, as a multiplier of the constraint x = log(1 + level) does (dual ascent, in its logarithm):
+At one weight of the content term much of the scene is left under some paintings: broad soft forms
+cost little content, hard lines cost much. So the weight falls while a render keeps more than it
+has to, and rises again to where it began, as the multiplier of the constraint x <= log(1 + level)
+does (dual ascent, in its logarithm), x the term that each render has:
 
     weight <- weight exp(rate (x - log(1 + level))),
 
-within `max_factor` of where it began: a style that costs little content does not reach the level.
+from `least_factor` times to once where it began. Above that it would take strokes away again.
 """
 
 import math
@@ -23,7 +24,7 @@ _MAX_LOG_STEP = 1.0  # an iteration multiplies the weight by e at most
 
 @dataclass(frozen=True, slots=True)
 class ContentConstraintConfig:
-    """To which level the content term is led, and how fast its weight follows (0: not at all).
+    """To which level the content may be lost, and how fast its weight follows (0: not at all).
 
     The term is log(1 + d / t), `d` the mean squared difference between the features of a render and
     of the plain one, `t` the mean square of the latter's; the level is one of d / t.
@@ -31,12 +32,12 @@ class ContentConstraintConfig:
 
     level: float = 0.88
     rate: float = 0.8
-    max_factor: float = 8.0
+    least_factor: float = 1 / 8
 
     def __post_init__(self) -> None:
-        if self.level <= 0 or self.rate < 0 or self.max_factor < 1:
+        if self.level <= 0 or self.rate < 0 or not 0 < self.least_factor <= 1:
             raise ValueError(
-                f"level is above 0, rate at least 0, max_factor at least 1, not {self}"
+                f"level is above 0, rate at least 0, least_factor in (0, 1], not {self}"
             )
 
 
@@ -90,4 +91,4 @@ class ConstrainedContentLoss:
         config = self._config
         step = config.rate * (found - math.log1p(config.level))
         moved = self.factor * math.exp(max(-_MAX_LOG_STEP, min(step, _MAX_LOG_STEP)))
-        self.factor = max(1 / config.max_factor, min(moved, config.max_factor))
+        self.factor = max(config.least_factor, min(moved, 1.0))
