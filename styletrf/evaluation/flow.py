@@ -20,6 +20,9 @@ Mask = Bool[np.ndarray, "height width"]
 Method = Literal["dis", "farneback", "deepflow", "raft"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
+Interpolation = Literal["linear", "cubic"]
+_INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
+
 
 @final
 class FlowEstimator:
@@ -75,21 +78,28 @@ def _of_luminance(method: str) -> Callable[[Image, Image], Flow]:
 
 
 def warp_to_a(
-    b_image: Float[np.ndarray, "height width channels"], flow_a_to_b: Flow
+    b_image: Float[np.ndarray, "height width channels"],
+    flow_a_to_b: Flow,
+    interpolation: Interpolation = "linear",
 ) -> tuple[Float[np.ndarray, "height width channels"], Mask]:
     """Returns `b_image` seen from frame a, and where that lies inside `b_image`.
 
-    Backward warp: the value at pixel p is `b_image(p + flow(p))`, bilinear. Outside the image it is
-    that of the nearest border pixel, and the mask is false.
+    Backward warp: the value at pixel p is `b_image(p + flow(p))`. Outside the image it is that of
+    the nearest border pixel, and the mask is false.
+
+    Args:
+        b_image: The frame that is brought back.
+        flow_a_to_b: From each pixel of a to its place in b, in pixels.
+        interpolation: Between pixels, in both directions: `linear`, or `cubic` (Keys 1981), which
+            keeps detail as narrow as a pixel, and goes beyond the range of the image at edges.
     """
     height, width = b_image.shape[:2]
     rows, columns = np.indices((height, width), dtype=np.float32)
     # beyond the border all is alike; OpenCV's integers overflow on what is far beyond
     x = np.clip(columns + flow_a_to_b[..., 0], -1, width)
     y = np.clip(rows + flow_a_to_b[..., 1], -1, height)
-    warped = cv2.remap(
-        b_image, x, y, interpolation=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
+    between = _INTERPOLATIONS[interpolation]
+    warped = cv2.remap(b_image, x, y, interpolation=between, borderMode=cv2.BORDER_REPLICATE)
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     return np.asarray(warped), inside
 

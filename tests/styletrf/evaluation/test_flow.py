@@ -46,6 +46,28 @@ def test_whole_pixels_are_moved_exactly(x, y):
     assert inside.sum() == (40 - abs(y)) * (50 - abs(x))
 
 
+@pytest.mark.parametrize(("interpolation", "share"), [("linear", 4 / 9), ("cubic", (6 / 7) ** 2)])
+def test_a_warp_keeps_this_share_of_the_variance_of_noise(interpolation, share):
+    """The mean, over places between pixels, of the sum of the squared weights."""
+    random = np.random.default_rng(0)
+    noise = random.normal(size=(400, 400, 3)).astype(np.float32)
+    flow = random.uniform(-2, 2, (400, 400, 2)).astype(np.float32)
+    warped, inside = warp_to_a(noise, flow, interpolation)
+    assert warped[inside].var() == pytest.approx(share, rel=0.02)
+
+
+def test_detail_of_four_pixels_survives_a_cubic_warp():
+    columns = np.indices((30, 80, 3), dtype=np.float32)[1]
+    stripes = np.sin(np.pi / 2 * columns).astype(np.float32)
+    flow = np.random.default_rng(0).uniform(-4, 4, (30, 80, 2)).astype(np.float32)
+    flow[..., 1] = 0
+    expected = np.sin(np.pi / 2 * (columns + flow[..., :1]))
+    for interpolation, least, most in (("linear", 0.2, 1.0), ("cubic", 0.0, 0.03)):
+        warped, _ = warp_to_a(stripes, flow, interpolation)
+        error = np.abs(warped - expected)[:, 8:-8].max()
+        assert least < error < most
+
+
 def test_a_linear_image_is_warped_exactly_between_pixels():
     y, x = np.indices((30, 40), dtype=np.float32)
     ramp = np.stack([x, y, x - 2 * y], axis=-1)

@@ -84,6 +84,18 @@ def test_flicker_is_measured_as_twice_its_variance(measure, sigma):
             assert figures[f"{kind}floor"] < 1e-9
 
 
+def test_detail_of_four_pixels_is_no_error_half_a_pixel_further(measure):
+    """Linear interpolation would blur one frame of each pair: an error of 0.04."""
+    cameras = [camera(k / (2 * STEP)) for k in range(FRAMES)]
+    columns = np.arange(WIDTH)[None, :, None] + np.arange(3)
+    stripes = [
+        np.tile(0.5 + 0.4 * np.sin(np.pi / 2 * (columns + k / 2)), (HEIGHT, 1, 1))
+        for k in range(FRAMES)
+    ]
+    frames = [stripe.astype(np.float32) for stripe in stripes]
+    assert measure(frames, frames, cameras=cameras).summary["delta_1"]["normalized_error"] < 0.002
+
+
 def assert_same(value, other):
     """Equal, or not compared."""
     assert value == other or math.isnan(value) is math.isnan(other) is True
