@@ -29,6 +29,10 @@ from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.style.transfer.weights import load_style_transfer
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
+from styletrf.stylization.appearance_resolution import (
+    AppearanceResolutionConfig,
+    appearance_scale,
+)
 from styletrf.stylization.background import EmptyBackground, empty_background
 from styletrf.stylization.content_constraint import ConstrainedContentLoss, ContentConstraintConfig
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
@@ -48,7 +52,10 @@ class StylizationConfig:
     adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
     single_owner: bool = True  # every surface point learns from one prior, else from all
     ownership: OwnershipConfig = field(default_factory=OwnershipConfig)
-    appearance_scale: float = 1.5  # of the style's lattice, times that of the field's
+    appearance_scale: float | None = None  # of the style's lattice, or as the priors require
+    appearance_resolution: AppearanceResolutionConfig = field(
+        default_factory=AppearanceResolutionConfig
+    )
     shading: ShadingKind = "plain"  # of the style
     fit_fraction: float = 0.4  # of the adaptation's iterations, where renders are matched after
     weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
@@ -129,7 +136,7 @@ def stylized(
 ) -> tuple[RadianceField, list[AdaptationPoint], float]:
     """Returns the field with its appearance adapted (S3), the curve, and the mass left out."""
     generator = torch.Generator().manual_seed(config.adaptation.seed)
-    refine_appearance(job.field, config.appearance_scale, config.shading, generator)
+    refine_appearance(job.field, _scale(job, config), config.shading, generator)
     job.field.appearance.weight_power = config.weight_power.powers[-1]  # fits what it shows best
     first = config.adaptation
     if job.match != "pixels":
@@ -174,6 +181,14 @@ def stylized_with_own_density(
     rays = config.adaptation.iterations * config.adaptation.batch
     training = replace(training, iterations=max(1, rays // training.batch), batch_samples=0)
     return finetune_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
+
+
+def _scale(job: Stylization, config: StylizationConfig) -> float:
+    if config.appearance_scale is not None:
+        return config.appearance_scale
+    space, resolution = job.model.space.within(job.field.bounds), job.field.appearance.factors
+    views = job.cameras, job.depths
+    return appearance_scale(space, resolution.resolution, *views, config.appearance_resolution)
 
 
 def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None:

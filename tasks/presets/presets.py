@@ -101,7 +101,6 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "adaptation.sees_view": (False, False, True),
         "adaptation.tv_weight": (1e-4, 1e-4, 1e-3),
         "single_owner": (True, True, False),
-        "appearance_scale": (1.5, 1.5, 1.0),
         "shading": ("plain", "plain", "network"),
         "weight_power.powers": ([1.0, 1.5, 2.0], [1.0, 1.5, 2.0], [1.0]),
         "image.iterations": (60, 60, 60),
@@ -131,6 +130,7 @@ _PAPER: dict[str, dict[str, Any]] = {  # only `paper` sets these
     "RadianceField": {"tv_density": 0.01, "tv_appearance": 0.001, "distortion_weight": 0.0},
     "PriorRenders": {"viewpoints": "path"},
     "StylizedPriors": {"start": "noise", "iterations": [300, 100]},
+    "StylizedField": {"appearance_scale": 1.0},
 }
 
 

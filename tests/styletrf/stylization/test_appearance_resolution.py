@@ -1,0 +1,76 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from styletrf.geometry.cameras import Camera, resized
+from styletrf.geometry.space import Space
+from styletrf.stylization.appearance_resolution import (
+    AppearanceResolutionConfig,
+    appearance_scale,
+    points_per_pixel,
+)
+
+FOCAL_PX, POINTS = 80.0, 101
+BOX = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), 0.01)
+WANTED = AppearanceResolutionConfig(points_per_px=0.6, max_scale=4.0)
+
+
+def camera_at(distance):
+    """A camera that looks along +z at the middle of the box."""
+    pose = np.column_stack([np.eye(3), [0.0, 0.0, -distance]])
+    return Camera("0", 64, 48, FOCAL_PX, FOCAL_PX, 32.0, 24.0, pose)
+
+
+def wall(depth):
+    return np.full((48, 64), depth, np.float32)
+
+
+@pytest.mark.parametrize("distance", [0.5, 1.0, 3.0])
+def test_a_wall_across_the_view_has_the_points_of_a_pixels_footprint(distance):
+    found = points_per_pixel(BOX, (POINTS,) * 3, camera_at(distance), wall(distance))
+    assert found == pytest.approx(distance / FOCAL_PX * (POINTS - 1) / 2, rel=1e-6)
+
+
+def test_the_coarsest_direction_along_the_surface_counts():
+    found = points_per_pixel(BOX, (POINTS, 11, POINTS), camera_at(1.0), wall(1.0))
+    assert found == pytest.approx(10 / 2 / FOCAL_PX, rel=1e-6)
+
+
+def scale(camera, depth, config=WANTED, points=POINTS):
+    return appearance_scale(BOX, (points,) * 3, [camera], [depth], config)
+
+
+def test_twice_the_pixels_need_twice_the_points():
+    camera = camera_at(1.2)
+    twice = resized(camera, 128, 96)
+    fine = scale(twice, np.full((96, 128), 1.2, np.float32))
+    assert fine == pytest.approx(2 * scale(camera, wall(1.2)))
+
+
+def test_a_lattice_twice_as_fine_needs_half_the_scale():
+    fine = scale(camera_at(0.5), wall(0.5), points=2 * POINTS - 1)
+    assert fine == pytest.approx(scale(camera_at(0.5), wall(0.5)) / 2)
+
+
+def test_the_scale_stays_in_its_range():
+    assert scale(camera_at(5.0), wall(5.0)) == 1  # far away the lattice is fine enough
+    assert scale(camera_at(1.0), wall(0.001)) == WANTED.max_scale
+
+
+def test_a_quarter_of_the_surface_may_be_nearer():
+    mostly_far = wall(1.2)
+    mostly_far[:8] = 0.1
+    assert scale(camera_at(1.2), mostly_far) == pytest.approx(scale(camera_at(1.2), wall(1.2)))
+    every = replace(WANTED, share=0.0)
+    assert scale(camera_at(1.2), mostly_far, every) == WANTED.max_scale
+
+
+def test_views_of_nothing_leave_the_lattice_as_it_is():
+    assert scale(camera_at(1.0), wall(np.inf)) == 1
+
+
+@pytest.mark.parametrize("wrong", [{"points_per_px": 0.0}, {"share": 2.0}, {"max_scale": 0.5}])
+def test_settings_that_mean_nothing_are_refused(wrong):
+    with pytest.raises(ValueError, match="points_per_px is above 0"):
+        AppearanceResolutionConfig(**wrong)
