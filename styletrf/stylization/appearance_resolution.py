@@ -87,5 +87,5 @@ def points_per_pixel(
     along_x = lattice((0.5, 0.0)) - lattice((-0.5, 0.0))
     along_y = lattice((0.0, 0.5)) - lattice((0.0, -0.5))
     steps = np.linalg.svd(np.stack([along_x, along_y], axis=-1), compute_uv=False)
-    smallest: Float[np.ndarray, " surface_pixels"] = steps[:, 1]
-    return smallest[np.isfinite(smallest)]
+    smallest: Float[np.ndarray, " surface_pixels"] = steps[np.isfinite(steps).all(axis=1), 1]
+    return smallest

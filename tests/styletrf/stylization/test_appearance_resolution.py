@@ -42,15 +42,15 @@ def scale(camera, depth, config=WANTED, points=POINTS):
 
 
 def test_twice_the_pixels_need_twice_the_points():
-    camera = camera_at(1.2)
+    camera = camera_at(0.6)
     twice = resized(camera, 128, 96)
-    fine = scale(twice, np.full((96, 128), 1.2, np.float32))
-    assert fine == pytest.approx(2 * scale(camera, wall(1.2)))
+    fine = scale(twice, np.full((96, 128), 0.6, np.float32))
+    assert fine == pytest.approx(2 * scale(camera, wall(0.6)))
 
 
 def test_a_lattice_twice_as_fine_needs_half_the_scale():
-    fine = scale(camera_at(0.5), wall(0.5), points=2 * POINTS - 1)
-    assert fine == pytest.approx(scale(camera_at(0.5), wall(0.5)) / 2)
+    fine = scale(camera_at(0.4), wall(0.4), points=2 * POINTS - 1)
+    assert fine == pytest.approx(scale(camera_at(0.4), wall(0.4)) / 2)
 
 
 def test_the_scale_stays_in_its_range():
@@ -59,11 +59,11 @@ def test_the_scale_stays_in_its_range():
 
 
 def test_a_quarter_of_the_surface_may_be_nearer():
-    mostly_far = wall(1.2)
+    mostly_far = wall(0.6)
     mostly_far[:8] = 0.1
-    assert scale(camera_at(1.2), mostly_far) == pytest.approx(scale(camera_at(1.2), wall(1.2)))
+    assert scale(camera_at(0.6), mostly_far) == pytest.approx(scale(camera_at(0.6), wall(0.6)))
     every = replace(WANTED, share=0.0)
-    assert scale(camera_at(1.2), mostly_far, every) == WANTED.max_scale
+    assert scale(camera_at(0.6), mostly_far, every) == WANTED.max_scale
 
 
 def test_views_of_nothing_leave_the_lattice_as_it_is():
