@@ -47,7 +47,7 @@ from styletrf.stylization.view_windows import (
     drawn_window,
 )
 
-_TILE = 1 << 14
+_TILE = 1 << 15
 _PARTS = 24
 """The number of blocks along the longer side of a view whose mean colors are held."""
 

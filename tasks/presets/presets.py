@@ -103,7 +103,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "single_owner": (True, True, False),
         "shading": ("plain", "plain", "network"),
         "weight_power.powers": ([1.0, 1.5, 2.0], [1.0, 1.5, 2.0], [1.0]),
-        "image.iterations": (90, 90, 60),
+        "image.iterations": (75, 75, 60),
         "image.rate": (1.0, 1.0, 0.2),
         "image.rate_decay": (0.3, 0.3, 0.1),
         "image.color_weight": (3.0, 3.0, 20.0),
