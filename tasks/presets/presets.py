@@ -107,7 +107,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "image.rate": (1.0, 1.0, 0.2),
         "image.rate_decay": (0.3, 0.3, 0.1),
         "image.color_weight": (3.0, 3.0, 20.0),
-        "image.variance_weight": (22.0, 22.0, 0.0),
+        "image.variance_weight": (30.0, 30.0, 0.0),
         "fit_fraction": (0.4, 0.4, 1.0),
         "image.min_weight": (5e-2, 1e-2, 1e-3),
         "image.termination": (5e-2, 1e-2, 1e-3),
