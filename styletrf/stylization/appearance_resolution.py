@@ -29,7 +29,7 @@ class AppearanceResolutionConfig:
 
     points_per_px: float = 0.65
     share: float = 0.25
-    max_scale: float = 2.5
+    max_scale: float = 2.0
 
     def __post_init__(self) -> None:
         if self.points_per_px <= 0 or not 0 <= self.share <= 1 or self.max_scale < 1:

@@ -66,7 +66,7 @@ class ImageAdaptationConfig:
     rate: float = 1.0  # times those of the adaptation
     rate_decay: float = 0.3  # over all iterations
     color_weight: float = 5.0
-    variance_weight: float = 22.0
+    variance_weight: float = 30.0
     min_weight: float = 5e-2  # samples lighter than this are not rendered
     termination: float = 5e-2  # see `RenderConfig`
 
