@@ -84,14 +84,15 @@ def warp_to_a(
 ) -> tuple[Float[np.ndarray, "height width channels"], Mask]:
     """Returns `b_image` seen from frame a, and where that lies inside `b_image`.
 
-    Backward warp: the value at pixel p is `b_image(p + flow(p))`. Outside the image it is that of
-    the nearest border pixel, and the mask is false.
+    Backward warp: the value at pixel p is `b_image(p + flow(p))`. Far outside the image it is that
+    of the nearest border pixel, which is repeated there; the mask is false outside.
 
     Args:
         b_image: The frame that is brought back.
         flow_a_to_b: From each pixel of a to its place in b, in pixels.
-        interpolation: Between pixels, in both directions: `linear`, or `cubic` (Keys 1981), which
-            keeps detail as narrow as a pixel, and goes beyond the range of the image at edges.
+        interpolation: Between pixels, in both directions: `linear`, or `cubic` (Keys 1981, with
+            OpenCV's -0.75), which keeps 97 % and not 71 % of stripes of four pixels half a pixel
+            further, and goes beyond the range of the image at edges.
     """
     height, width = b_image.shape[:2]
     rows, columns = np.indices((height, width), dtype=np.float32)

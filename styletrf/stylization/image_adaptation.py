@@ -47,7 +47,7 @@ from styletrf.stylization.view_windows import (
     drawn_window,
 )
 
-_TILE = 1 << 15
+_TILE = 1 << 15  # rays; each tile fills gradients of all planes once, so small ones take time
 _PARTS = 24
 """The number of blocks along the longer side of a view whose mean colors are held."""
 
@@ -61,11 +61,11 @@ class ImageAdaptationConfig:
     variance of the color along a ray.
     """
 
-    iterations: int = 40  # a view each
+    iterations: int = 75  # a view each
     window_px: int = 1024  # of a view with longer sides only a window is looked at
     rate: float = 1.0  # times those of the adaptation
     rate_decay: float = 0.3  # over all iterations
-    color_weight: float = 5.0
+    color_weight: float = 3.0
     variance_weight: float = 30.0
     min_weight: float = 5e-2  # samples lighter than this are not rendered
     termination: float = 5e-2  # see `RenderConfig`

@@ -29,15 +29,12 @@ from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.style.transfer.weights import load_style_transfer
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
-from styletrf.stylization.appearance_resolution import (
-    AppearanceResolutionConfig,
-    appearance_scale,
-)
 from styletrf.stylization.background import EmptyBackground, empty_background
 from styletrf.stylization.content_constraint import ConstrainedContentLoss, ContentConstraintConfig
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
 from styletrf.stylization.image_adaptation import ImageAdaptationConfig, adapt_to_image_loss
 from styletrf.stylization.power_choice import PowerChoiceConfig, choose_weight_power
+from styletrf.stylization.style_lattice import StyleLatticeConfig, lattice_scale
 from styletrf.stylization.surface_ownership import OwnershipConfig, owned_pixels
 from styletrf.stylization.view_windows import ImageLoss
 from styletrf.trajectory.frames import float_images
@@ -52,10 +49,8 @@ class StylizationConfig:
     adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
     single_owner: bool = True  # every surface point learns from one prior, else from all
     ownership: OwnershipConfig = field(default_factory=OwnershipConfig)
-    appearance_scale: float | None = None  # of the style's lattice, or as the priors require
-    appearance_resolution: AppearanceResolutionConfig = field(
-        default_factory=AppearanceResolutionConfig
-    )
+    appearance_scale: float = 0.0  # of the style's lattice; 0: as the priors require
+    style_lattice: StyleLatticeConfig = field(default_factory=StyleLatticeConfig)
     shading: ShadingKind = "plain"  # of the style
     fit_fraction: float = 0.4  # of the adaptation's iterations, where renders are matched after
     weight_power: PowerChoiceConfig = field(default_factory=PowerChoiceConfig)  # of the style
@@ -71,6 +66,8 @@ class StylizationConfig:
     def __post_init__(self) -> None:
         if not 0 < self.fit_fraction <= 1:
             raise ValueError(f"fit_fraction is {self.fit_fraction}, not above 0 and at most 1")
+        if not 0 <= self.appearance_scale < math.inf:
+            raise ValueError(f"appearance_scale is {self.appearance_scale}, not 0 or above")
 
     def with_style_parameters(
         self, stroke_scale: float, content_weight: float
@@ -136,7 +133,7 @@ def stylized(
 ) -> tuple[RadianceField, list[AdaptationPoint], float]:
     """Returns the field with its appearance adapted (S3), the curve, and the mass left out."""
     generator = torch.Generator().manual_seed(config.adaptation.seed)
-    refine_appearance(job.field, _scale(job, config), config.shading, generator)
+    refine_appearance(job.field, _lattice_scale(job, config), config.shading, generator)
     job.field.appearance.weight_power = config.weight_power.powers[-1]  # fits what it shows best
     first = config.adaptation
     if job.match != "pixels":
@@ -183,12 +180,12 @@ def stylized_with_own_density(
     return finetune_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
 
 
-def _scale(job: Stylization, config: StylizationConfig) -> float:
-    if config.appearance_scale is not None:
+def _lattice_scale(job: Stylization, config: StylizationConfig) -> float:
+    """Returns the scale of the style's lattice that is set, or else that the priors require."""
+    if config.appearance_scale > 0:
         return config.appearance_scale
-    space, resolution = job.model.space.within(job.field.bounds), job.field.appearance.factors
-    views = job.cameras, job.depths
-    return appearance_scale(space, resolution.resolution, *views, config.appearance_resolution)
+    space, factors = job.model.space.within(job.field.bounds), job.field.appearance.factors
+    return lattice_scale(space, factors.resolution, job.cameras, job.depths, config.style_lattice)
 
 
 def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None:

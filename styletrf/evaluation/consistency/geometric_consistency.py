@@ -89,14 +89,16 @@ def corresponding(
     """Returns the second frame warped into the first by both depths.
 
     Depths lie along the cameras' axes, infinite in the sky; they agree within a fraction
-    `tolerance`, beyond which the place counts as hidden. Frames are in [0, 1]. Between their pixels
-    they are interpolated by cubics: linear interpolation would blur one frame of a pair alone, and
-    charge sharp frames for that (decision 45).
+    `tolerance`, beyond which the place counts as hidden. Frames are in [0, 1], and so is what is
+    returned. Between pixels they are interpolated by cubics: linear interpolation would blur one
+    frame of a pair more, and charge sharp frames for that (decision 45).
     """
     flow, seen = exact_flow(cameras[0], depths[0], cameras[1], depths[1], tolerance)
     there = flow.astype(np.float32)
-    brought = (warp_to_a(b, there, "cubic")[0].clip(0, 1) for b in (unstylized_b, stylized_b))
-    return Correspondence(*brought, seen)
+    unstylized, stylized = (
+        warp_to_a(b, there, "cubic")[0].clip(0, 1) for b in (unstylized_b, stylized_b)
+    )
+    return Correspondence(unstylized, stylized, seen)
 
 
 def geometric_errors(unstylized_a: Image, stylized_a: Image, b: Correspondence) -> GeometricErrors:

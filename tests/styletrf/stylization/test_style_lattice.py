@@ -5,15 +5,13 @@ import pytest
 
 from styletrf.geometry.cameras import Camera, resized
 from styletrf.geometry.space import Space
-from styletrf.stylization.appearance_resolution import (
-    AppearanceResolutionConfig,
-    appearance_scale,
-    points_per_pixel,
-)
+from styletrf.scene.contraction import contraction
+from styletrf.stylization.strategies import StylizationConfig
+from styletrf.stylization.style_lattice import StyleLatticeConfig, lattice_scale, points_per_pixel
 
 FOCAL_PX, POINTS = 80.0, 101
 BOX = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), 0.01)
-WANTED = AppearanceResolutionConfig(points_per_px=0.6, max_scale=4.0)
+WANTED = StyleLatticeConfig(points_per_px=0.6, max_scale=4.0)
 
 
 def camera_at(distance):
@@ -32,13 +30,19 @@ def test_a_wall_across_the_view_has_the_points_of_a_pixels_footprint(distance):
     assert found == pytest.approx(distance / FOCAL_PX * (POINTS - 1) / 2, rel=1e-6)
 
 
-def test_the_coarsest_direction_along_the_surface_counts():
+def test_the_coarsest_direction_across_the_view_counts():
     found = points_per_pixel(BOX, (POINTS, 11, POINTS), camera_at(1.0), wall(1.0))
     assert found == pytest.approx(10 / 2 / FOCAL_PX, rel=1e-6)
 
 
+def test_far_away_in_unbounded_space_a_pixel_has_the_same_points_at_every_depth():
+    space = replace(BOX, kind="unbounded", grid_from_world=contraction(200.0))
+    near, far = (points_per_pixel(space, (POINTS,) * 3, camera_at(0.0), wall(d)) for d in (40, 80))
+    assert far == pytest.approx(near, rel=0.05)
+
+
 def scale(camera, depth, config=WANTED, points=POINTS):
-    return appearance_scale(BOX, (points,) * 3, [camera], [depth], config)
+    return lattice_scale(BOX, (points,) * 3, [camera], [depth], config)
 
 
 def test_twice_the_pixels_need_twice_the_points():
@@ -70,7 +74,15 @@ def test_views_of_nothing_leave_the_lattice_as_it_is():
     assert scale(camera_at(1.0), wall(np.inf)) == 1
 
 
-@pytest.mark.parametrize("wrong", [{"points_per_px": 0.0}, {"share": 2.0}, {"max_scale": 0.5}])
+@pytest.mark.parametrize(
+    "wrong", [{"points_per_px": 0.0}, {"points_per_px": np.nan}, {"share": 2.0}, {"max_scale": 0.5}]
+)
 def test_settings_that_mean_nothing_are_refused(wrong):
     with pytest.raises(ValueError, match="points_per_px is above 0"):
-        AppearanceResolutionConfig(**wrong)
+        StyleLatticeConfig(**wrong)
+
+
+@pytest.mark.parametrize("wrong", [-1.0, np.inf, np.nan])
+def test_a_scale_that_no_lattice_has_is_refused(wrong):
+    with pytest.raises(ValueError, match="appearance_scale"):
+        StylizationConfig(appearance_scale=wrong)

@@ -1,4 +1,4 @@
-"""How fine a style's appearance has to be, decided from how the priors sample the surfaces.
+"""How fine the lattice of a style has to be, decided from how the priors sample the surfaces.
 
 Strokes are as fine as the pixels of the priors. A lattice that suffices for the photographs'
 colors shows them blurred where a camera is near: in a box the lattice is as fine everywhere, and
@@ -18,12 +18,12 @@ _STRIDE_PX = 8  # of the pixels that are looked at, in both directions
 
 
 @dataclass(frozen=True, slots=True)
-class AppearanceResolutionConfig:
+class StyleLatticeConfig:
     """The lattice points for each pixel of the priors, and what the lattice may grow to.
 
     Attributes:
-        points_per_px: Along a line of the image, on a surface that the priors show.
-        share: Of the surface, at most this part has fewer.
+        points_per_px: Along a line of the image, at the depth of what a prior shows.
+        share: The largest share of the places looked at that may have fewer.
         max_scale: Of the style's lattice, times that of the field's.
     """
 
@@ -32,24 +32,26 @@ class AppearanceResolutionConfig:
     max_scale: float = 2.0
 
     def __post_init__(self) -> None:
-        if self.points_per_px <= 0 or not 0 <= self.share <= 1 or self.max_scale < 1:
+        if not (self.points_per_px > 0 and 0 <= self.share <= 1 and self.max_scale >= 1):
             raise ValueError(
                 f"points_per_px is above 0, share in [0, 1], max_scale at least 1, not {self}"
             )
 
 
-def appearance_scale(
+def lattice_scale(
     space: Space,
     resolution: Sequence[int],
     cameras: Sequence[Camera],
     depths: Sequence[Float[np.ndarray, "height width"]],
-    config: AppearanceResolutionConfig,
+    config: StyleLatticeConfig,
 ) -> float:
-    """Returns how many times finer than `resolution` the lattice of a style is, from 1 up.
+    """Returns how many times finer than `resolution` the lattice of a style is.
+
+    It is between 1 and `config.max_scale`, and 1 where no prior shows anything.
 
     Args:
-        space: Of the lattice.
-        resolution: Lattice points along the axes of its grid.
+        space: Of the part of the grid that the lattice fills (`Space.within`).
+        resolution: Lattice points along the axes of that part.
         cameras: Of the priors, in the normalized world.
         depths: Theirs along the cameras' axes; infinite where nothing is hit.
         config: What is wanted.
@@ -67,14 +69,17 @@ def points_per_pixel(
     resolution: Sequence[int],
     camera: Camera,
     depth: Float[np.ndarray, "height width"],
-) -> Float[np.ndarray, " surface_pixels"]:
-    """Returns the lattice points that a pixel's width covers, for every eighth pixel each way.
+) -> Float[np.ndarray, " places"]:
+    """Returns the lattice points in the width of a pixel, for every eighth pixel each way.
 
     The smallest singular value of the derivative of the lattice coordinates by the position in the
-    image, at the depth of the pixel: of the direction in which the lattice is coarsest.
+    image, on a plane across the view at the depth of the pixel: along the direction in which the
+    lattice is coarsest. On a slanted surface there are more. Pixels of infinite depth, in which
+    nothing is hit, are left out.
     """
     rows, columns = np.indices(depth.shape)
-    looked_at = (rows % _STRIDE_PX == 0) & (columns % _STRIDE_PX == 0) & np.isfinite(depth)
+    looked_at = (rows % _STRIDE_PX == 0) & (columns % _STRIDE_PX == 0)
+    looked_at &= np.isfinite(depth) & (depth > 0)
     pixels = pixel_centers(camera.width, camera.height)[looked_at.reshape(-1)]
     depths = depth[looked_at].astype(np.float64)
     cells = (np.asarray(resolution) - 1) / 2  # the grid reaches from -1 to 1
@@ -86,6 +91,7 @@ def points_per_pixel(
 
     along_x = lattice((0.5, 0.0)) - lattice((-0.5, 0.0))
     along_y = lattice((0.0, 0.5)) - lattice((0.0, -0.5))
-    steps = np.linalg.svd(np.stack([along_x, along_y], axis=-1), compute_uv=False)
-    smallest: Float[np.ndarray, " surface_pixels"] = steps[np.isfinite(steps).all(axis=1), 1]
+    derivatives = np.stack([along_x, along_y], axis=-1)
+    derivatives = derivatives[np.isfinite(derivatives).all(axis=(1, 2))]
+    smallest: Float[np.ndarray, " places"] = np.linalg.svd(derivatives, compute_uv=False)[:, 1]
     return smallest
