@@ -24,17 +24,21 @@ class StyleLatticeConfig:
     Attributes:
         points_per_px: Along a line of the image, at the depth of what a prior shows.
         share: The largest share of the places looked at that may have fewer.
-        max_scale: Of the style's lattice, times that of the field's.
+        min_scale: Of the style's lattice, times that of the field's, however far cameras are.
+        max_scale: The same, however near they are.
     """
 
     points_per_px: float = 0.65
     share: float = 0.25
+    min_scale: float = 1.5
     max_scale: float = 2.0
 
     def __post_init__(self) -> None:
-        if not (self.points_per_px > 0 and 0 <= self.share <= 1 and self.max_scale >= 1):
+        ordered = 0 < self.min_scale <= self.max_scale
+        if not (self.points_per_px > 0 and 0 <= self.share <= 1 and ordered):
             raise ValueError(
-                f"points_per_px is above 0, share in [0, 1], max_scale at least 1, not {self}"
+                "points_per_px is above 0, share in [0, 1], min_scale above 0 and at most"
+                f" max_scale, not {self}"
             )
 
 
@@ -47,7 +51,7 @@ def lattice_scale(
 ) -> float:
     """Returns how many times finer than `resolution` the lattice of a style is.
 
-    It is between 1 and `config.max_scale`, and 1 where no prior shows anything.
+    It is between the scales of `config`, and the smaller one where no prior shows anything.
 
     Args:
         space: Of the part of the grid that the lattice fills (`Space.within`).
@@ -59,9 +63,9 @@ def lattice_scale(
     views = zip(cameras, depths, strict=True)
     found = np.concatenate([points_per_pixel(space, resolution, *view) for view in views])
     if len(found) == 0:
-        return 1.0
-    sampled = float(np.quantile(found, config.share))
-    return float(np.clip(config.points_per_px / max(sampled, 1e-9), 1.0, config.max_scale))
+        return config.min_scale
+    sampled = max(float(np.quantile(found, config.share)), 1e-9)
+    return float(np.clip(config.points_per_px / sampled, config.min_scale, config.max_scale))
 
 
 def points_per_pixel(

@@ -11,7 +11,7 @@ from styletrf.stylization.style_lattice import StyleLatticeConfig, lattice_scale
 
 FOCAL_PX, POINTS = 80.0, 101
 BOX = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), 0.01)
-WANTED = StyleLatticeConfig(points_per_px=0.6, max_scale=4.0)
+WANTED = StyleLatticeConfig(points_per_px=0.6, min_scale=0.9, max_scale=4.0)
 
 
 def camera_at(distance):
@@ -58,7 +58,7 @@ def test_a_lattice_twice_as_fine_needs_half_the_scale():
 
 
 def test_the_scale_stays_in_its_range():
-    assert scale(camera_at(5.0), wall(5.0)) == 1  # far away the lattice is fine enough
+    assert scale(camera_at(5.0), wall(5.0)) == WANTED.min_scale
     assert scale(camera_at(1.0), wall(0.001)) == WANTED.max_scale
 
 
@@ -70,12 +70,19 @@ def test_a_quarter_of_the_surface_may_be_nearer():
     assert scale(camera_at(0.6), mostly_far, every) == WANTED.max_scale
 
 
-def test_views_of_nothing_leave_the_lattice_as_it_is():
-    assert scale(camera_at(1.0), wall(np.inf)) == 1
+def test_views_of_nothing_get_the_smallest_scale():
+    assert scale(camera_at(1.0), wall(np.inf)) == WANTED.min_scale
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"points_per_px": 0.0}, {"points_per_px": np.nan}, {"share": 2.0}, {"max_scale": 0.5}]
+    "wrong",
+    [
+        {"points_per_px": 0.0},
+        {"points_per_px": np.nan},
+        {"share": 2.0},
+        {"max_scale": 0.5},
+        {"min_scale": 0.0},
+    ],
 )
 def test_settings_that_mean_nothing_are_refused(wrong):
     with pytest.raises(ValueError, match="points_per_px is above 0"):
