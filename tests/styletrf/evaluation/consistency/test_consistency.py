@@ -85,7 +85,7 @@ def test_flicker_is_measured_as_twice_its_variance(measure, sigma):
 
 
 def test_detail_of_four_pixels_is_no_error_half_a_pixel_further(measure):
-    """Linear interpolation would blur one frame of each pair: an error of 0.04."""
+    """Linear interpolation would blur one frame of each pair: an error of 0.06."""
     cameras = [camera(k / (2 * STEP)) for k in range(FRAMES)]
     columns = np.arange(WIDTH)[None, :, None] + np.arange(3)
     stripes = [
