@@ -62,7 +62,7 @@ def finetune_all(
     while trainer.iteration < config.iterations:
         psnr = trainer.step()
         progress(trainer.iteration, config.iterations, psnr=psnr)
-    trainer.refresh_occupancy(settled=True)
+    trainer.finish()
     trainer.field.bounds = field.bounds
     curve = [AdaptationPoint(p.iteration, p.seconds, p.psnr) for p in trainer.curve]
     return trainer.field, curve

@@ -127,7 +127,13 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
 
 _PAPER: dict[str, dict[str, Any]] = {  # only `paper` sets these
     "SceneModel": {"max_box_voxels": 300**3},
-    "RadianceField": {"tv_density": 0.01, "tv_appearance": 0.001, "distortion_weight": 0.0},
+    "RadianceField": {
+        "tv_density": 0.01,
+        "tv_appearance": 0.001,
+        "distortion_weight": 0.0,
+        "average_share": 0.0,
+        "rate_decay": 0.1,
+    },
     "PriorRenders": {"viewpoints": "path"},
     "StylizedPriors": {"start": "noise", "iterations": [300, 100]},
     "StylizedField": {"appearance_scale": 1.0},

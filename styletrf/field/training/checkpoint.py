@@ -33,11 +33,13 @@ class CurvePoint:
 def save_fit(folder: Path, trainer: "FieldTrainer") -> None:
     """Writes a checkpoint."""
     tensors = {f"field.{name}": value for name, value in trainer.field.state_dict().items()}
+    tensors |= {f"average.{name}": value for name, value in trainer.average.mean.items()}
     tensors |= optimizer_tensors(trainer.optimizer)
     tensors["generator"] = trainer.generator.get_state()
     state = {name: getattr(trainer, name) for name in _COUNTERS}
     curve = [asdict(point) for point in trainer.curve]
-    save_checkpoint(folder, tensors, {**state, "curve": curve})
+    state |= {"averaged": trainer.average.count, "curve": curve}
+    save_checkpoint(folder, tensors, state)
 
 
 def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
@@ -55,6 +57,9 @@ def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
     set_occupancy(trainer.field.density, field["density.occupancy"])
     trainer.field.load_state_dict(field)
     restore_optimizer(trainer.optimizer, tensors)
+    for name, mean in trainer.average.mean.items():
+        mean.copy_(tensors[f"average.{name}"])
+    trainer.average.count = state["averaged"]
     trainer.generator.set_state(tensors["generator"].cpu())
     for name in _COUNTERS:
         setattr(trainer, name, state[name])

@@ -18,7 +18,8 @@ class FieldTrainingConfig:
     steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
     factor_rate: float = 0.03  # [lr_init]
     network_rate: float = 3e-3  # [lr_basis]
-    rate_decay: float = 0.1  # over all iterations [lr_decay_target_ratio]
+    rate_decay: float = 0.05  # over all iterations [lr_decay_target_ratio]
+    average_share: float = 0.1  # of the iterations: window of the average of parameters; 0: none
     l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
     tv_density: float = 0.01  # [TV_weight_density]
     tv_appearance: float = 0.003  # [TV_weight_app]
@@ -42,6 +43,8 @@ class FieldTrainingConfig:
     def __post_init__(self) -> None:
         if not all(0 < share < 1 for share in self.upsample_at):
             raise ValueError(f"upsample_at is {self.upsample_at}, not shares of the iterations")
+        if not 0 <= self.average_share <= 1:
+            raise ValueError(f"average_share is {self.average_share}, not between 0 and 1")
 
     def in_space(self, kind: str) -> "FieldTrainingConfig":
         """Returns the settings with what the space decides: ranks, and the weight of distortion.
@@ -54,6 +57,16 @@ class FieldTrainingConfig:
         if weight is None:
             weight = 0.0 if kind == "ndc" else 0.02
         return replace(self, field=self.field.in_space(kind), distortion_weight=weight)
+
+    @property
+    def average_every(self) -> int:
+        """Iterations between parameters that are averaged: few enough for ten in a window."""
+        return min(10, max(1, int(self.average_share * self.iterations / 10)))
+
+    @property
+    def average_window(self) -> float:
+        """How many of these the average is of."""
+        return self.average_share * self.iterations / self.average_every
 
     @property
     def upsample_steps(self) -> tuple[int, ...]:

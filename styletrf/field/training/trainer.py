@@ -3,6 +3,7 @@
 Rays are drawn from (view, pixel) and never stored. The grid grows geometrically from
 `initial_voxels` to the scene's resolution, at the shares of the iterations in `upsample_at`. The
 learning rates restart each time. The occupancy grid is recomputed from the density regularly.
+What is kept is the mean of the last parameters (`styletrf.field.training.parameter_average`).
 """
 
 import logging
@@ -28,6 +29,7 @@ from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
 from styletrf.field.training.distortion import distortion
 from styletrf.field.training.optimizer import optimizer_of, take_step
+from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.regularization import add_regularization_gradient
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
 from styletrf.field.training.sparse_depth import SparseDepths, depth_loss
@@ -78,7 +80,7 @@ def train_field(
             save_fit(checkpoint_dir, trainer)
             saved = time.monotonic()
         progress(trainer.iteration, config.iterations, psnr=psnr)
-    trainer.refresh_occupancy(settled=True)
+    trainer.finish()
     if config.shrink_rise > 0:
         compression = compress(trainer.field, trainer.loss, config.shrink_rise)
         _LOGGER.info("compressed: %s", compression)
@@ -144,6 +146,8 @@ class FieldTrainer:
         rate = decay(self.config.rate_decay, since_growth, self.config.iterations)
         take_step(self.optimizer, rate)
         self.iteration += 1
+        if self.config.average_share and self.iteration % self.config.average_every == 0:
+            self.average.add(self.field)
         keep = 0.98 if self.iteration > 1 else 0.0
         self.smooth_mse = keep * self.smooth_mse + (1 - keep) * mse
         self.seconds += time.monotonic() - started
@@ -151,6 +155,11 @@ class FieldTrainer:
             self.curve.append(self._curve_point(samples))
             self.batch = self._batch_of(len(samples.ray) / self.batch)
         return self.psnr()
+
+    def finish(self) -> None:
+        """Sets the field to the average of its last parameters, and its occupancy to match."""
+        self.average.copy_to(self.field)
+        self.refresh_occupancy(settled=True)
 
     @torch.no_grad()
     def loss(self, field: RadianceField) -> float:
@@ -240,11 +249,12 @@ class FieldTrainer:
         return stage_resolution(self.final_resolution, initial, stage, stages)
 
     def begin_stage(self) -> None:
-        """Sets the step length and a new optimizer for the present resolution."""
+        """Sets the step length, a new optimizer and a new average for the present resolution."""
         self.stage_start, steps_per_voxel = self.iteration, self.config.steps_per_voxel
         self.field.step_length = march_step(self.space, self.field.resolution, steps_per_voxel)
         self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)
         self.optimizer = optimizer_of(self.field, self.config)
+        self.average = ParameterAverage(self.field, self.config.average_window)
 
     def refresh_occupancy(self, *, settled: bool = False) -> None:
         """Recomputes the occupancy grid; stops at NaN, which would count as no density.

@@ -16,6 +16,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, save_field, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_view
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.schedule import stage_resolution
 from styletrf.field.training.sparse_depth import SparseDepths, depth_loss
 from styletrf.field.training.trainer import FieldTrainer, train_field
@@ -128,6 +129,20 @@ def test_a_killed_run_resumes_to_the_same_parameters(scene, tmp_path: Path, kill
     resumed = fit(scene, every_step, checkpoint_dir=tmp_path)
     for name, tensor in parameters(whole).items():
         assert torch.equal(tensor, parameters(resumed)[name]), name
+
+
+def test_a_finished_field_has_the_average_of_its_last_parameters(scene):
+    config = replace(CONFIG, iterations=30, upsample_at=(), average_share=0.5, shrink_rise=0.0)
+    model = scene.model
+    trainer = FieldTrainer(
+        scene.cameras, scene.images, model.space, model.resolution, config, KERNELS
+    )
+    average = ParameterAverage(trainer.field, 15.0)
+    while trainer.iteration < config.iterations:
+        trainer.step()
+        average.add(trainer.field)
+    for name, value in fit(scene, config).named_parameters():
+        assert torch.equal(value, average.mean[name]), name
 
 
 def test_a_damaged_checkpoint_counts_as_none(scene, tmp_path: Path):
