@@ -4,6 +4,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from torch import Tensor
+
 from styletrf.field.radiance_field import set_occupancy
 from styletrf.files.checkpoints import (
     load_checkpoint,
@@ -53,14 +55,18 @@ def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
         [tensors[f"field.density.factors.lines.{k}"].shape[0] for k in (2, 1, 0)]
     )
     trainer.begin_stage()
-    field = {k.removeprefix("field."): v for k, v in tensors.items() if k.startswith("field.")}
+    field = _without_prefix("field.", tensors)
     set_occupancy(trainer.field.density, field["density.occupancy"])
     trainer.field.load_state_dict(field)
     restore_optimizer(trainer.optimizer, tensors)
-    for name, mean in trainer.average.mean.items():
-        mean.copy_(tensors[f"average.{name}"])
+    trainer.average.mean = _without_prefix("average.", tensors)
     trainer.average.count = state["averaged"]
     trainer.generator.set_state(tensors["generator"].cpu())
     for name in _COUNTERS:
         setattr(trainer, name, state[name])
     trainer.curve = [CurvePoint(**point) for point in state["curve"]]
+
+
+def _without_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Returns the tensors whose names begin with it."""
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}

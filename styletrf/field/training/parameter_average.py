@@ -16,15 +16,13 @@ class ParameterAverage:
 
     Attributes:
         count: How many values it is of.
-        mean: Of each parameter; before the first value, what the parameter was at the beginning.
+        mean: Of each parameter; empty before the first value.
     """
 
-    def __init__(self, module: nn.Module, window: float) -> None:
+    def __init__(self, window: float) -> None:
         self._least_share = 1 / max(window, 1.0)
         self.count = 0
-        self.mean: dict[str, Tensor] = {
-            name: value.detach().clone() for name, value in module.named_parameters()
-        }
+        self.mean: dict[str, Tensor] = {}
 
     @torch.no_grad()
     def add(self, module: nn.Module) -> None:
@@ -32,11 +30,13 @@ class ParameterAverage:
         self.count += 1
         share = max(1 / self.count, self._least_share)
         for name, value in module.named_parameters():
-            self.mean[name].lerp_(value, share)
+            if name in self.mean:
+                self.mean[name].lerp_(value, share)
+            else:
+                self.mean[name] = value.clone()
 
     @torch.no_grad()
     def copy_to(self, module: nn.Module) -> None:
         """Sets the module's parameters to their means; without any values they stay."""
-        if self.count:
-            for name, value in module.named_parameters():
-                value.copy_(self.mean[name])
+        for name, value in module.named_parameters():
+            value.copy_(self.mean.get(name, value))

@@ -254,7 +254,7 @@ class FieldTrainer:
         self.field.step_length = march_step(self.space, self.field.resolution, steps_per_voxel)
         self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)
         self.optimizer = optimizer_of(self.field, self.config)
-        self.average = ParameterAverage(self.field, self.config.average_window)
+        self.average = ParameterAverage(self.config.average_window)
 
     def refresh_occupancy(self, *, settled: bool = False) -> None:
         """Recomputes the occupancy grid; stops at NaN, which would count as no density.

@@ -137,7 +137,7 @@ def test_a_finished_field_has_the_average_of_its_last_parameters(scene):
     trainer = FieldTrainer(
         scene.cameras, scene.images, model.space, model.resolution, config, KERNELS
     )
-    average = ParameterAverage(trainer.field, 15.0)
+    average = ParameterAverage(15.0)
     while trainer.iteration < config.iterations:
         trainer.step()
         average.add(trainer.field)

@@ -10,8 +10,8 @@ from styletrf.field.training.parameter_average import ParameterAverage
 
 def averaged(values: list[torch.Tensor], window: float) -> torch.Tensor:
     """Returns the average after all values of one parameter."""
-    module = nn.ParameterDict({"p": nn.Parameter(torch.full_like(values[0], 1e3))})
-    average = ParameterAverage(module, float(window))
+    module = nn.ParameterDict({"p": nn.Parameter(torch.full_like(values[0], torch.nan))})
+    average = ParameterAverage(float(window))
     for value in values:
         module["p"].data.copy_(value)
         average.add(module)
@@ -46,7 +46,7 @@ def test_a_window_of_at_most_one_keeps_the_last_value(window):
 def test_without_values_the_parameters_stay():
     module = nn.Linear(2, 2)
     before = {name: value.detach().clone() for name, value in module.named_parameters()}
-    ParameterAverage(module, 3.0).copy_to(module)
+    ParameterAverage(3.0).copy_to(module)
     for name, value in module.named_parameters():
         assert torch.equal(value, before[name])
 
