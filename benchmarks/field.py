@@ -72,6 +72,8 @@ def measurements(
         at_end = trainer.iteration == settings.training.iterations
         if trainer.curve and (at_end or (waiting and trainer.seconds >= waiting[0])):
             waiting = [seconds for seconds in waiting if seconds > trainer.seconds]
+            if at_end:
+                trainer.finish()
             before += time.process_time() - started
             cpu = {
                 "cpu_seconds": before,
@@ -79,7 +81,6 @@ def measurements(
             }
             yield _reached(trainer) | cpu | held_out(scene, trainer, settings)
             started = time.process_time()
-    trainer.refresh_occupancy(settled=True)
     if settings.training.shrink_rise > 0:
         compression = compress(trainer.field, trainer.loss, settings.training.shrink_rise)
         yield {"shrunk": asdict(compression)} | held_out(scene, trainer, settings)

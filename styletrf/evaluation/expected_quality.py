@@ -7,7 +7,8 @@ by a constant ratio r:
 
 Learning curves are commonly taken to be power laws (Hestness et al. 2017), whose gains by doublings
 fall so. On horns, fern and lego at `draft`, whole fits of twice the iterations gained 0.40 to 0.84
-of what the doubling before had (`benchmarks/history.md`, "Time against accuracy"); r lies between.
+of what the doubling before had (`benchmarks/history.md`, "Time against accuracy", before fields had
+averaged parameters); r lies between.
 How far off predictions are has still to be measured: `benchmarks/expected_quality.py`.
 """
 

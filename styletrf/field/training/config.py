@@ -18,7 +18,7 @@ class FieldTrainingConfig:
     steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
     factor_rate: float = 0.03  # [lr_init]
     network_rate: float = 3e-3  # [lr_basis]
-    rate_decay: float = 0.05  # over all iterations [lr_decay_target_ratio]
+    rate_decay: float = 0.05  # over all iterations, as of the TV weights [lr_decay_target_ratio]
     average_share: float = 0.1  # of the iterations: window of the average of parameters; 0: none
     l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
     tv_density: float = 0.01  # [TV_weight_density]
@@ -60,12 +60,12 @@ class FieldTrainingConfig:
 
     @property
     def average_every(self) -> int:
-        """Iterations between parameters that are averaged: few enough for ten in a window."""
+        """Iterations from one averaged value to the next: at most 10, and ten values a window."""
         return min(10, max(1, int(self.average_share * self.iterations / 10)))
 
     @property
     def average_window(self) -> float:
-        """How many of these the average is of."""
+        """The length of the window, in averaged values."""
         return self.average_share * self.iterations / self.average_every
 
     @property

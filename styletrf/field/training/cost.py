@@ -46,7 +46,7 @@ def field_cost(
     device: torch.device,
 ) -> FieldCost:
     """Returns what fitting the model costs; the iterations are thrown away."""
-    brief = replace(config, upsample_at=(), iterations=_ITERATIONS + 1, occupancy_every=1 << 30)
+    brief = replace(config, upsample_at=(), occupancy_every=1 << 30)
     cameras = model.normalized(photographs.cameras)
     images = load_views(photographs.folder, cameras, device)
     trainer = FieldTrainer(cameras, images, model.space, model.resolution, brief, kernels)
@@ -54,6 +54,8 @@ def field_cost(
     occupied = voxels_about(model.space.to_grid(points), model.resolution)
     trainer.field.density.occupancy = occupied.to(trainer.images.device)
     trainer.step()  # compiles
+    if config.average_share:
+        trainer.average.add(trainer.field)  # takes its memory
     seconds = []
     for _ in range(_ITERATIONS):
         started = time.monotonic()

@@ -131,18 +131,22 @@ def test_a_killed_run_resumes_to_the_same_parameters(scene, tmp_path: Path, kill
         assert torch.equal(tensor, parameters(resumed)[name]), name
 
 
-def test_a_finished_field_has_the_average_of_its_last_parameters(scene):
-    config = replace(CONFIG, iterations=30, upsample_at=(), average_share=0.5, shrink_rise=0.0)
+@pytest.mark.parametrize(("share", "every", "window"), [(0.5, 1, 15.0), (1.0, 3, 10.0)])
+def test_a_finished_field_is_the_average_with_an_occupancy_of_its_own(scene, share, every, window):
+    config = replace(CONFIG, iterations=30, upsample_at=(), average_share=share, shrink_rise=0.0)
     model = scene.model
     trainer = FieldTrainer(
         scene.cameras, scene.images, model.space, model.resolution, config, KERNELS
     )
-    average = ParameterAverage(15.0)
+    average = ParameterAverage(window)
     while trainer.iteration < config.iterations:
         trainer.step()
-        average.add(trainer.field)
-    for name, value in fit(scene, config).named_parameters():
-        assert torch.equal(value, average.mean[name]), name
+        if trainer.iteration % every == 0:
+            average.add(trainer.field)
+    average.copy_to(trainer.field)
+    trainer.refresh_occupancy(settled=True)
+    for name, value in fit(scene, config).state_dict().items():
+        assert torch.equal(value, trainer.field.state_dict()[name]), name
 
 
 def test_a_damaged_checkpoint_counts_as_none(scene, tmp_path: Path):

@@ -243,10 +243,21 @@ def test_blocks_of_held_colors_fit_small_pictures():
     assert color_drift(edge, image, block_px=5) > 0
 
 
+def test_a_field_with_its_density_free_has_the_average_of_its_last_parameters(scene, field):
+    last, averaged = (
+        finetune_all(
+            field, scene.cameras, scene.images, scene.model.space,
+            replace(CONFIG, iterations=20, average_share=share), KERNELS,
+        )[0]
+        for share in (0.0, 0.5)
+    )  # fmt: skip
+    assert not torch.equal(last.density.factors.planes[0], averaged.density.factors.planes[0])
+
+
 def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, field):
     painted = 255 - scene.images
     before = {name: tensor.clone() for name, tensor in field.state_dict().items()}
-    config = replace(CONFIG, iterations=400)
+    config = replace(CONFIG, iterations=400, rate_decay=0.3)  # so few take large steps
     adapted, curve = finetune_all(field, scene.cameras, painted, scene.model.space, config, KERNELS)
     assert curve[-1].psnr > curve[0].psnr + 3
     assert all(torch.equal(t, before[name]) for name, t in field.state_dict().items())

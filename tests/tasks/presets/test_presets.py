@@ -28,6 +28,11 @@ def test_the_publications_lattice_grows_every_thousand_iterations():
     assert config.upsample_steps == (2000, 3000, 4000, 5000)
 
 
+def test_the_publications_field_has_its_last_parameters_at_a_tenth_of_the_first_rate():
+    config = configured(FieldTrainingConfig, settings_for("RadianceField", "paper"))
+    assert (config.average_share, config.rate_decay) == (0.0, 0.1)
+
+
 def test_a_box_of_the_publication_has_a_bound_of_its_own():
     config = configured(SceneModelConfig, settings_for("SceneModel", "paper"))
     assert config.bound("box") == 300**3
