@@ -170,7 +170,12 @@ def test_drawn_samples_err_at_least_as_much_as_their_rays(field, batch):
     def error(rays):
         return rays.error(field.appearance, KERNELS)
 
-    opaque = replace(batch, opacity=torch.ones_like(batch.opacity))
+    shares = batch.samples.weights / batch.opacity[batch.samples.ray]
+    opaque = replace(
+        batch,
+        samples=replace(batch.samples, weights=shares),
+        opacity=torch.ones_like(batch.opacity),
+    )
     assert float(error(opaque).detach()) <= float(drawn(opaque, error, 50).mean()) + 1e-4
 
 
