@@ -70,10 +70,10 @@ def measurements(
     while trainer.iteration < settings.training.iterations:
         trainer.step()
         at_end = trainer.iteration == settings.training.iterations
+        if at_end:
+            trainer.finish()
         if trainer.curve and (at_end or (waiting and trainer.seconds >= waiting[0])):
             waiting = [seconds for seconds in waiting if seconds > trainer.seconds]
-            if at_end:
-                trainer.finish()
             before += time.process_time() - started
             cpu = {
                 "cpu_seconds": before,

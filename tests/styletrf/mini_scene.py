@@ -25,6 +25,7 @@ MINI_FIT = FieldTrainingConfig(
     tv_views=1,
     field=FieldConfig((4, 2, 2), (4, 2, 2), features=8, hidden=16),
     iterations=120,
+    rate_decay=0.1,  # so few iterations take larger steps
     batch=256,
     initial_voxels=10**3,
     upsample_at=(1 / 3, 2 / 3),

@@ -20,6 +20,7 @@ from tasks.command_line import LIBRARIES
 SETTINGS: dict[str, dict[str, Any]] = {
     "SceneModel": {"image_long_side": 16, "max_voxels": 16**3},
     "RadianceField": {
+        "rate_decay": 0.1,  # so few iterations take larger steps
         "tv_views": 1,
         "iterations": 30,
         "batch": 64,

@@ -257,7 +257,7 @@ def test_a_field_with_its_density_free_has_the_average_of_its_last_parameters(sc
 def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, field):
     painted = 255 - scene.images
     before = {name: tensor.clone() for name, tensor in field.state_dict().items()}
-    config = replace(CONFIG, iterations=400, rate_decay=0.3)  # so few take large steps
+    config = replace(CONFIG, iterations=400)
     adapted, curve = finetune_all(field, scene.cameras, painted, scene.model.space, config, KERNELS)
     assert curve[-1].psnr > curve[0].psnr + 3
     assert all(torch.equal(t, before[name]) for name, t in field.state_dict().items())
