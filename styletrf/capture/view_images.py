@@ -4,12 +4,15 @@ Pixels have numbers: row by row, view after view. Rays are drawn by these number
 pixel of every photograph is drawn alike, whatever the sizes of the photographs.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float, Int64, UInt8
 from torch import Tensor
+
+_GOLDEN = (math.sqrt(5) - 1) / 2
 
 Image = UInt8[Tensor, "_ _ _"]
 """Height, width and channels: RGB, or RGBA where the pixels of alpha 0 do not count.
@@ -48,6 +51,25 @@ class ViewImages:
         """
         among = len(self) if self.counted is None else len(self.counted)
         index = torch.randint(among, (count,), generator=generator).to(self.device)
+        return index if self.counted is None else self.counted[index]
+
+    def spread(self, first: int, count: int) -> Int64[Tensor, " rays"]:
+        """Returns pixels that count, spread evenly over all views, on the images' device.
+
+        They are the members `first` to `first + count - 1` of a Weyl sequence: the k-th is pixel
+        k s mod n of the n that count, s being next to n / golden ratio and coprime to n. So any n
+        members in a row have each pixel once, and fewer lie in all views and rows alike.
+
+        Args:
+            first: Member, at least 0.
+            count: Of the pixels.
+        """
+        n = len(self) if self.counted is None else len(self.counted)
+        stride = round(n * _GOLDEN)
+        while math.gcd(stride, n) > 1:
+            stride += 1
+        members = torch.arange(count, device=self.device) * stride
+        index = (members + first * stride % n) % n  # no product of two numbers near n: it overflows
         return index if self.counted is None else self.counted[index]
 
     def of_view(self, view: int) -> Int64[Tensor, " pixels"]:

@@ -115,9 +115,10 @@ def brief_fits(
 
 
 def shortened(config: FieldTrainingConfig, iterations: int) -> FieldTrainingConfig:
-    """Returns the settings of the fit with fewer iterations, of which nothing else is kept."""
+    """Returns the settings of a fit that has so few iterations in any case."""
     refresh = min(config.occupancy_every, max(iterations // _LEAST_REFRESHES, 1))
-    return replace(config, iterations=iterations, occupancy_every=refresh, shrink_rise=0.0)
+    whole = replace(config, early_gain_db=0.0, shrink_rise=0.0)
+    return replace(whole, iterations=iterations, occupancy_every=refresh)
 
 
 def _fitted(

@@ -132,6 +132,7 @@ _PAPER: dict[str, dict[str, Any]] = {  # only `paper` sets these
         "tv_appearance": 0.001,
         "distortion_weight": 0.0,
         "average_share": 0.0,
+        "early_gain_db": 0.0,
         "rate_decay": 0.1,
     },
     "PriorRenders": {"viewpoints": "path"},

@@ -141,5 +141,5 @@ def test_a_finished_field_whose_loss_is_not_finite_stops(scene):
     )
     with torch.no_grad():
         trainer.field.appearance.background.fill_(torch.nan)
-    with stops("field training", "loss of the finished field", "at iteration 0"):
+    with stops("field training", "loss of the field", "at iteration 0"):
         trainer.loss(trainer.field)

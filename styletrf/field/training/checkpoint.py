@@ -17,7 +17,10 @@ from styletrf.files.checkpoints import (
 if TYPE_CHECKING:
     from styletrf.field.training.trainer import FieldTrainer
 
-_COUNTERS = ("iteration", "batch", "seconds", "smooth_mse", "stage_start")
+_COUNTERS = (
+    "iteration", "iterations", "batch", "rays_drawn", "seconds", "smooth_mse", "stage_start",
+    "aside_psnr",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

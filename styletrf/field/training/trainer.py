@@ -1,11 +1,13 @@
 """The fit of a radiance field to photographs, coarse to fine (TensoRF section 4).
 
-Rays are drawn from (view, pixel) and never stored. The grid grows geometrically from
-`initial_voxels` to the scene's resolution, at the shares of the iterations in `upsample_at`. The
-learning rates restart each time. The occupancy grid is recomputed from the density regularly.
+Rays are made from pixels and never stored. Every pixel is used once before any is used again, in
+an order that spreads each batch over all views (`styletrf.capture.view_images`). The grid grows
+geometrically from `initial_voxels` to the scene's resolution, at the shares of the iterations in
+`upsample_at`. The learning rates restart each time. The occupancy grid is recomputed from the density regularly.
 What is kept is the mean of the last parameters (`styletrf.field.training.parameter_average`).
 """
 
+import copy
 import logging
 import math
 import time
@@ -13,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from styletrf.capture.view_images import Image, view_images
@@ -28,6 +30,7 @@ from styletrf.field.training.checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
 from styletrf.field.training.distortion import distortion
+from styletrf.field.training.early_end import views_aside
 from styletrf.field.training.optimizer import optimizer_of, take_step
 from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.regularization import add_regularization_gradient
@@ -61,7 +64,8 @@ def train_field(
 
     With a `checkpoint_dir`, the state is saved there about once a minute. A later call with the
     same arguments continues from it, to the same parameters up to the rounding of sums.
-    The cells of the grid that are `free` get no density (`styletrf.scene.free_space`). Rays through
+    The fit ends early where views that are set aside for a while no longer improve
+    (`styletrf.field.training.early_end`). The cells of the grid that are `free` get no density (`styletrf.scene.free_space`). Rays through
     sparse points end at their `depths` (`styletrf.field.training.sparse_depth`). Views may have
     `exposures` of their own (`styletrf.field.training.view_exposures`).
 
@@ -73,13 +77,13 @@ def train_field(
         cameras, images, space, resolution, config, kernels, checkpoint_dir, free, depths, exposures
     )
     saved = time.monotonic()
-    while trainer.iteration < config.iterations:
+    while trainer.iteration < trainer.iterations:
         psnr = trainer.step()
         if checkpoint_dir is not None and time.monotonic() - saved > config.checkpoint_seconds:
             trainer.require_finite(parameter_stages(trainer.field, trainer.optimizer))
             save_fit(checkpoint_dir, trainer)
             saved = time.monotonic()
-        progress(trainer.iteration, config.iterations, psnr=psnr)
+        progress(trainer.iteration, trainer.iterations, psnr=psnr)
     trainer.finish()
     if config.shrink_rise > 0:
         compression = compress(trainer.field, trainer.loss, config.shrink_rise)
@@ -112,9 +116,12 @@ class FieldTrainer:
         self.config, self.kernels, self.images = config, kernels, view_images(images)
         device = self.images.device
         self.checkpoint_dir, self.iteration = checkpoint_dir, 0
+        self.iterations = config.iterations  # fewer, once views set aside no longer improve
+        self.aside, self.aside_psnr = views_aside(self.images, config), 0.0
         self.cameras, self.space, self.final_resolution = cameras, space, resolution
         self.generator = torch.Generator().manual_seed(config.seed)
         self.field = RadianceField(config.field, self._resolution(0), self.generator).to(device)
+        self.rays_drawn = int(torch.randint(1 << 31, (), generator=self.generator))
         self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
         self.curve: list[CurvePoint] = []
         self.begin_stage()
@@ -129,7 +136,7 @@ class FieldTrainer:
         """Runs one iteration and returns the smoothed PSNR of the training rays."""
         started = time.monotonic()
         self._grow_and_refresh()
-        pixels = self.images.drawn(self.batch, self.generator)
+        pixels = self._next_pixels()
         segments, target = pixel_rays(self.rays, self.images, pixels)
         samples, color = self._render(segments)
         loss = self._error(color, target, pixels)
@@ -143,17 +150,18 @@ class FieldTrainer:
         self._add_depth_gradient()
         add_regularization_gradient(self.field, self.config, self.iteration, len(self.cameras))
         since_growth = self.iteration - self.stage_start
-        rate = decay(self.config.rate_decay, since_growth, self.config.iterations)
+        rate = decay(self.config.rate_decay, since_growth, self.iterations)
         take_step(self.optimizer, rate)
         self.iteration += 1
         if self.config.average_share and self.iteration % self.config.average_every == 0:
             self.average.add(self.field)
+        self._end_early_without_gain()
         keep = 0.98 if self.iteration > 1 else 0.0
         self.smooth_mse = keep * self.smooth_mse + (1 - keep) * mse
         self.seconds += time.monotonic() - started
         if self.iteration % CURVE_EVERY == 0:
-            self.curve.append(self._curve_point(samples))
-            self.batch = self._batch_of(len(samples.ray) / self.batch)
+            self.curve.append(self._curve_point(samples, len(segments)))
+            self.batch = self._batch_of(len(samples.ray) / len(segments))
         return self.psnr()
 
     def finish(self) -> None:
@@ -161,11 +169,14 @@ class FieldTrainer:
         self.average.copy_to(self.field)
         self.refresh_occupancy(settled=True)
 
-    @torch.no_grad()
     def loss(self, field: RadianceField) -> float:
         """Returns the mean squared error of a field at pixels that are always the same."""
         generator = torch.Generator().manual_seed(self.config.seed)
-        pixels = self.images.drawn(LOSS_RAYS, generator)
+        return self.loss_at(field, self.images.drawn(LOSS_RAYS, generator))
+
+    @torch.no_grad()
+    def loss_at(self, field: RadianceField, pixels: Tensor) -> float:
+        """Returns the mean squared error of a field at pixels."""
         rays = ViewRays(
             self.cameras, self.space.within(field.bounds), field.step_length, self.images.device
         )
@@ -173,17 +184,37 @@ class FieldTrainer:
         segments, target = pixel_rays(rays, self.images, pixels)
         color = render_rays(field, self.kernels, segments, config).color
         loss = self._error(color, target, pixels)
-        self.require_finite([("loss of the finished field", loss)])
+        self.require_finite([("loss of the field", loss)])
         return float(loss)
 
     def psnr(self) -> float:
         """Returns the smoothed PSNR of the training rays."""
         return bounded_psnr(self.smooth_mse)
 
-    def _curve_point(self, samples: Samples) -> CurvePoint:
+    def _next_pixels(self) -> Int64[Tensor, " rays"]:
+        pixels = self.images.spread(self.rays_drawn, self.batch)
+        self.rays_drawn += self.batch
+        if self.aside is not None and self.iteration < self.aside.after:
+            pixels = self.aside.without(self.images, pixels)
+        return pixels
+
+    def _end_early_without_gain(self) -> None:
+        """Measures the views set aside, twice; without a gain, brings the end forward."""
+        aside = self.aside
+        if aside is None or self.iteration not in (aside.before, aside.after):
+            return
+        averaged = copy.deepcopy(self.field)
+        self.average.copy_to(averaged)
+        psnr = bounded_psnr(self.loss_at(averaged, aside.pixels))
+        gain, self.aside_psnr = psnr - self.aside_psnr, psnr
+        if self.iteration == aside.after and gain < self.config.early_gain_db:
+            self.iterations = aside.early
+            _LOGGER.info("views set aside gained %.2f dB: the fit ends early", gain)
+
+    def _curve_point(self, samples: Samples, rays: int) -> CurvePoint:
         colored = int((samples.weights > self.config.min_weight).sum())
         voxels, counts = math.prod(self.field.resolution), (len(samples.ray), colored)
-        means = (count / self.batch for count in counts)
+        means = (count / rays for count in counts)
         return CurvePoint(self.iteration, self.seconds, self.psnr(), voxels, *means)
 
     def _batch_of(self, samples_a_ray: float) -> int:

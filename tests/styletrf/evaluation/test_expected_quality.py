@@ -43,7 +43,9 @@ def test_more_iterations_are_better_and_bounded(brief, gain, ratio):
 def test_a_shortened_fit_still_looks_for_what_is_empty_several_times():
     brief = shortened(FIT, 16)
     assert brief.iterations // brief.occupancy_every >= 8
-    assert replace(brief, iterations=FIT.iterations, occupancy_every=FIT.occupancy_every) == FIT
+    assert brief.early_gain_db == 0, "a brief fit does not end early"
+    kept = {name: getattr(FIT, name) for name in ("iterations", "occupancy_every", "early_gain_db")}
+    assert replace(brief, **kept) == FIT
 
 
 def test_a_fit_of_a_plane_is_expected_to_get_better_with_its_iterations(tmp_path):

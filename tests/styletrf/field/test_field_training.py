@@ -69,7 +69,9 @@ def test_the_field_shows_what_it_was_shown(scene):
 
 
 def test_thinned_gradients_fit_about_as_well(scene):
-    """On a real scene within 0.03 dB (decision 6); here, where seeds differ by 3 dB, within 1 dB.
+    """On a real scene within 0.03 dB (decision 6); here the median of three seeds within 1 dB.
+
+    Seeds differ by several decibels, and one seed in six loses 4 dB by chance.
 
     Rows that are always left out cost 14 dB here, and rows not made larger for the others 10 dB.
     That the mean of sparsified gradients is the gradient, `test_sparsification` checks exactly.
@@ -77,8 +79,8 @@ def test_thinned_gradients_fit_about_as_well(scene):
     rays = ViewRays(scene.cameras, scene.model.space, 0.01, CPU)
     truths = (scene.images.float() / 255).numpy()
 
-    def reached(threshold: float) -> float:
-        config = replace(CONFIG, gradient_threshold=threshold, color_threshold=threshold)
+    def reached(threshold: float, seed: int) -> float:
+        config = replace(CONFIG, gradient_threshold=threshold, color_threshold=threshold, seed=seed)
         field = fit(scene, config)
         renders = [
             render_view(field, KERNELS, rays, k, camera, RenderConfig()).color.numpy()
@@ -86,7 +88,8 @@ def test_thinned_gradients_fit_about_as_well(scene):
         ]
         return float(np.mean([psnr(*pair) for pair in zip(renders, truths, strict=True)]))
 
-    assert reached(2.0) > reached(0.0) - 1.0
+    gains = [reached(2.0, seed) - reached(0.0, seed) for seed in range(3)]
+    assert np.median(gains) > -1.0, gains
 
 
 @pytest.mark.parametrize(("kind", "ranks"), [("ndc", (16, 4, 4)), ("box", (16, 16, 16))])

@@ -1,0 +1,53 @@
+"""Views set aside for a while, to see whether a fit still improves what it does not see.
+
+After the last growth of the lattice, the PSNR of these views is measured twice, a tenth of the
+iterations apart. Where it rose by less than `early_gain_db`, more iterations fit the field to the
+noise and the gaps of its photographs, and the fit ends a tenth later. Elsewhere it has all of its
+iterations. From the second measurement on, the fit sees all views.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Int64
+from torch import Tensor
+
+from styletrf.capture.view_images import ViewImages
+from styletrf.field.training.config import FieldTrainingConfig
+
+_EVERY = 10  # views, of which one is set aside
+_LEAST = 2  # views to measure by
+_SPACING = 0.1  # of the iterations, from the last growth to each measurement and to the end
+_PIXELS = 1 << 14  # to measure by
+
+
+@dataclass(frozen=True, slots=True)
+class ViewsAside:
+    """Which views are set aside, pixels of theirs, and the iterations that matter.
+
+    `before` and `after` are those at which PSNR is measured; `early` is where a fit ends that did
+    not improve it in between.
+    """
+
+    views: Bool[Tensor, " views"]
+    pixels: Int64[Tensor, " pixels"]
+    before: int
+    after: int
+    early: int
+
+    def without(self, images: ViewImages, pixels: Int64[Tensor, " rays"]) -> Int64[Tensor, " kept"]:
+        """Returns the pixels that are of other views."""
+        return pixels[~self.views[images.places(pixels)[0]]]
+
+
+def views_aside(images: ViewImages, config: FieldTrainingConfig) -> ViewsAside | None:
+    """Returns every tenth view; None where they are too few, or the fit too short, to tell."""
+    shares = [max((0.0, *config.upsample_at)) + k * _SPACING for k in (1, 2, 3)]
+    before, after, early = (round(share * config.iterations) for share in shares)
+    views = torch.arange(len(images.ends), device=images.device) % _EVERY == _EVERY // 2
+    too_short = not 0 < before < after < early < config.iterations
+    if config.early_gain_db == 0 or too_short or int(views.sum()) < _LEAST:
+        return None
+    drawn = images.spread(0, _PIXELS * _EVERY)
+    pixels = drawn[views[images.places(drawn)[0]]]
+    return ViewsAside(views, pixels, before, after, early)

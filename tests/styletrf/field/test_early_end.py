@@ -1,0 +1,95 @@
+"""Views set aside: none of their pixels is fitted to, and a fit that no longer helps them ends."""
+
+import logging
+from dataclasses import replace
+
+import pytest
+import torch
+from mini_scene import KERNELS, MINI_FIT, MiniScene, painted_plane
+
+from styletrf.field.training.checkpoint import save_fit
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.trainer import FieldTrainer, train_field
+
+CONFIG = replace(MINI_FIT, iterations=60, upsample_at=(0.1, 0.3))
+AFTER, EARLY = 30, 36  # iterations, two and three tenths after the last growth
+
+
+@pytest.fixture(scope="module")
+def many() -> MiniScene:
+    return painted_plane(20)
+
+
+def trainer_of(scene: MiniScene, config: FieldTrainingConfig, **more) -> FieldTrainer:
+    model = scene.model
+    return FieldTrainer(
+        scene.cameras, scene.images, model.space, model.resolution, config, KERNELS, **more
+    )
+
+
+def fitted(scene: MiniScene, config: FieldTrainingConfig):
+    model = scene.model
+    return train_field(scene.cameras, scene.images, model.space, model.resolution, config, KERNELS)
+
+
+def spoilt(scene: MiniScene) -> MiniScene:
+    """The scene with noise in place of the views that are set aside."""
+    images = scene.images.clone()
+    noise = torch.randint(0, 256, images[5::10].shape, generator=torch.Generator().manual_seed(0))
+    images[5::10] = noise.byte()
+    return replace(scene, images=images)
+
+
+def test_views_set_aside_have_no_part_in_the_fit_before_they_are_measured(many):
+    parts = [trainer_of(scene, CONFIG) for scene in (many, spoilt(many))]
+    for trainer in parts:
+        trainer.field.appearance.background.data.zero_()  # the mean of what misses the grid
+    for _ in range(AFTER - 1):
+        parts[0].step(), parts[1].step()
+    found, expected = (trainer.field.state_dict() for trainer in parts)
+    torch.testing.assert_close(found, expected, rtol=0, atol=0)
+    for _ in range(2):
+        parts[0].step(), parts[1].step()
+    assert (
+        not parts[0]
+        .field.appearance.factors.planes[0]
+        .equal(parts[1].field.appearance.factors.planes[0])
+    ), "from then on they have"
+
+
+def test_a_fit_ends_early_without_gain_and_only_then(many, caplog):
+    with caplog.at_level(logging.INFO):
+        for least_db, iterations in ((1e3, EARLY), (-1e3, 60), (0.0, 60)):
+            trainer = trainer_of(many, replace(CONFIG, early_gain_db=least_db))
+            while trainer.iteration < trainer.iterations:
+                trainer.step()
+            assert trainer.iteration == iterations
+    assert caplog.text.count("ends early") == 1
+
+
+def test_noise_that_no_field_explains_ends_a_fit(many):
+    """What is learned of the other views does not help to see noise."""
+    trainer = trainer_of(spoilt(many), CONFIG)
+    while trainer.iteration < trainer.iterations:
+        trainer.step()
+    assert trainer.iteration == EARLY
+
+
+def test_few_views_are_all_fitted_to():
+    assert trainer_of(painted_plane(14), CONFIG).aside is None
+    assert trainer_of(painted_plane(16), CONFIG).aside is not None
+
+
+def test_a_fit_that_ends_early_resumes_to_the_same_parameters(many, tmp_path):
+    config = replace(CONFIG, early_gain_db=1e3, checkpoint_seconds=0.0)
+    whole, _ = fitted(many, config)
+    killed = trainer_of(many, config, checkpoint_dir=tmp_path)
+    for _ in range(AFTER + 2):
+        killed.step()
+    save_fit(tmp_path, killed)
+    resumed = trainer_of(many, config, checkpoint_dir=tmp_path)
+    assert (resumed.iteration, resumed.iterations) == (AFTER + 2, EARLY)
+    while resumed.iteration < resumed.iterations:
+        resumed.step()
+    resumed.finish()
+    torch.testing.assert_close(resumed.field.state_dict(), whole.state_dict(), rtol=1e-4, atol=1e-6)
