@@ -3,8 +3,9 @@
 Rays are made from pixels and never stored. Every pixel is used once before any is used again, in
 an order that spreads each batch over all views (`styletrf.capture.view_images`). The grid grows
 geometrically from `initial_voxels` to the scene's resolution, at the shares of the iterations in
-`upsample_at`. The learning rates restart each time. The occupancy grid is recomputed from the density regularly.
-What is kept is the mean of the last parameters (`styletrf.field.training.parameter_average`).
+`upsample_at`. The learning rates restart each time. The occupancy grid is recomputed from the
+density regularly. What is kept is the mean of the last parameters
+(`styletrf.field.training.parameter_average`).
 """
 
 import copy
@@ -26,6 +27,7 @@ from styletrf.field.occupancy import initial_occupancy, non_empty, occupied_voxe
 from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_color, render_rays
+from styletrf.field.training.background import begin_with_background
 from styletrf.field.training.checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
@@ -65,9 +67,10 @@ def train_field(
     With a `checkpoint_dir`, the state is saved there about once a minute. A later call with the
     same arguments continues from it, to the same parameters up to the rounding of sums.
     The fit ends early where views that are set aside for a while no longer improve
-    (`styletrf.field.training.early_end`). The cells of the grid that are `free` get no density (`styletrf.scene.free_space`). Rays through
-    sparse points end at their `depths` (`styletrf.field.training.sparse_depth`). Views may have
-    `exposures` of their own (`styletrf.field.training.view_exposures`).
+    (`styletrf.field.training.early_end`). The cells of the grid that are `free` get no density
+    (`styletrf.scene.free_space`). Rays through sparse points end at their `depths`
+    (`styletrf.field.training.sparse_depth`). Views may have `exposures` of their own
+    (`styletrf.field.training.view_exposures`).
 
     Raises:
         NotFiniteError: A tensor is not finite; the error names the first one. The state is then
@@ -92,7 +95,6 @@ def train_field(
 
 
 CURVE_EVERY = 50  # iterations between points of the curve
-LEAST_MISSED = 64  # rays that show the background
 LOSS_RAYS = 1 << 14
 
 
@@ -128,7 +130,7 @@ class FieldTrainer:
         self.free = None if free is None else free.to(device)
         self.depths, self.exposures = None if depths is None else depths.to(device), exposures
         set_occupancy(self.field.density, initial_occupancy(self.free).to(device))
-        self._begin_with_background()
+        begin_with_background(self.field, self.rays, self.images, self.generator)
         if checkpoint_dir is not None:
             restore_fit(checkpoint_dir, self)
 
@@ -220,19 +222,6 @@ class FieldTrainer:
     def _batch_of(self, samples_a_ray: float) -> int:
         least, wanted = self.config.batch, self.config.batch_samples / max(samples_a_ray, 1.0)
         return min(max(int(wanted), least), 8 * least)
-
-    @torch.no_grad()
-    def _begin_with_background(self) -> None:
-        """Sets the background to the mean color of rays that miss the grid, if there are any.
-
-        Learning it takes a thousand iterations, long enough for walls of its color to grow.
-        """
-        pixels = self.images.drawn(1 << 14, self.generator)
-        segments, target = pixel_rays(self.rays, self.images, pixels)
-        missed = target[segments.n_steps == 0]
-        if len(missed) >= LEAST_MISSED:
-            color = missed.mean(dim=0).clamp(1 / 512, 1 - 1 / 512)
-            self.field.appearance.background.copy_(torch.logit(color))
 
     def _error(self, color: Tensor, target: Tensor, pixels: Tensor) -> Float[Tensor, ""]:
         if self.exposures is not None:
