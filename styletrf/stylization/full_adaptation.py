@@ -32,10 +32,12 @@ def fit_new_field(
 ) -> tuple[RadianceField, list[AdaptationPoint]]:
     """Returns a field fitted to the stylized views alone (S1), and its curve.
 
-    Its density stays out of the cells that are `free`, as that of the photographs' field does.
+    Its density stays out of the cells that are `free`, as that of the photographs' field does. It
+    has all of its iterations: painted views disagree, so that one set aside says little.
     """
+    whole = replace(config, early_gain_db=0.0)
     field, curve = train_field(
-        cameras, stylized, space, resolution, config, kernels, progress, free=free
+        cameras, stylized, space, resolution, whole, kernels, progress, free=free
     )
     return field, [AdaptationPoint(p.iteration, p.seconds, p.psnr) for p in curve]
 
@@ -53,7 +55,7 @@ def finetune_all(
 
     The given field stays as it is. `config` is that of a fit; its lattice does not grow.
     """
-    config = replace(config, field=field.config, upsample_at=(), shrink_rise=0.0)
+    config = replace(config, field=field.config, upsample_at=(), shrink_rise=0.0, early_gain_db=0.0)
     trainer = FieldTrainer(
         cameras, stylized, space.within(field.bounds), field.resolution, config, kernels
     )

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ def report_content(
         poster=poster,
         style_image=inputs["style"] / "style.png",
         priors=_priors(inputs),
-        curves=_curves(inputs),
+        curves=_curves(inputs, lineage),
         metrics=metric_tables(summary_of(words, inputs, lineage)),
         error_curves=_error_curves(read_rows(inputs["consistency"] / "pairs.parquet")),
         stages=[_cost(record) for record in lineage],
@@ -177,22 +178,44 @@ def _priors(inputs: Mapping[str, Path]) -> list[Path]:
     return sorted((inputs["priors"] / "frames").iterdir()) if "priors" in inputs else []
 
 
-def _curves(inputs: Mapping[str, Path]) -> list[Curve]:
+def _curves(inputs: Mapping[str, Path], lineage: Sequence[ActionRecord]) -> list[Curve]:
     shown = {
         "field": ("Radiance field", "PSNR of training rays, dB", "psnr"),
         "network": ("Style network", "perceptual loss", "loss"),
         "adaptation": ("Adaptation to the style", "PSNR against the priors, dB", "psnr"),
     }
-    return [
-        _curve(title, quantity, read_rows(inputs[name] / "curve.parquet"), column)
-        for name, (title, quantity, column) in shown.items()
+    curves = {
+        name: training_curve(*labels, read_rows(inputs[name] / "curve.parquet"))
+        for name, labels in shown.items()
         if name in inputs and (inputs[name] / "curve.parquet").exists()
-    ]
+    }
+    fits = (_parameters(one) for one in lineage if one.action.family == "RadianceField")
+    planned = max((fit["settings"]["iterations"] for fit in fits), default=0)
+    if "field" in curves:
+        curves["field"] = with_early_end(curves["field"], planned)
+    return list(curves.values())
 
 
-def _curve(title: str, quantity: str, rows: list[dict[str, Any]], column: str) -> Curve:
+def training_curve(
+    title: str, quantity: str, column: str, rows: Sequence[Mapping[str, Any]]
+) -> Curve:
+    """Returns a column of a training's rows against the iterations."""
     at, values = ([row[name] for row in rows] for name in ("iteration", column))
     return Curve(title, quantity, at, values)
+
+
+def with_early_end(curve: Curve, planned: int) -> Curve:
+    """Returns the curve of a fit, and says so where the fit ended before its planned iterations.
+
+    A curve has points at equal distances, and ends less than one distance before its fit.
+    """
+    if len(curve.at) < 2 or curve.at[-1] + curve.at[1] - curve.at[0] > planned:
+        return curve
+    text = (
+        f"{curve.quantity}. The fit ended early, at iteration {curve.at[-1]:,} of {planned:,}:"
+        " photographs set aside no longer improved"
+    )
+    return replace(curve, quantity=text)
 
 
 def _error_curves(pairs: Sequence[Mapping[str, Any]]) -> list[Curve]:
