@@ -18,7 +18,7 @@ from safetensors import SafetensorError
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from styletrf.devices import computes_in_bfloat16
+from styletrf.devices import is_faster_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.finiteness import load_finite, parameter_stages, require_finite
 from styletrf.style.residual_network import ResidualBlock, draw_convolutions, padded_to_quarters
@@ -113,7 +113,7 @@ def stylize(
 ) -> Float[Tensor, "height width 3"]:
     """Returns the painted image, clamped to [0, 1]; no gradient.
 
-    Convolutions are in bfloat16 where the hardware computes in it: half the time, and less than two
+    Convolutions are in bfloat16 where that is faster: down to half the time, and less than two
     levels of 255 from float32.
 
     Args:
@@ -123,7 +123,7 @@ def stylize(
     Raises:
         NotFiniteError: What was painted is not; it names the image, or a parameter, if that is not.
     """
-    fast = computes_in_bfloat16(image.device)
+    fast = is_faster_in_bfloat16(image.device)
     with torch.inference_mode(), torch.autocast(image.device.type, torch.bfloat16, enabled=fast):
         painted: Tensor = network(image.permute(2, 0, 1)[None])[0]
         if not torch.isfinite(painted).all():  # which clamping would hide

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from styletrf.capture.views import load_views
-from styletrf.devices import computes_in_bfloat16
+from styletrf.devices import is_faster_in_bfloat16
 from styletrf.field.kernels import Kernels, kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, refine_appearance
 from styletrf.field.shading import ShadingKind
@@ -59,7 +59,7 @@ class StylizationConfig:
     content: ContentConstraintConfig = field(
         default_factory=ContentConstraintConfig
     )  # in that loss
-    image_bfloat16: bool = True  # the perceptual network in bfloat16 where the hardware computes so
+    image_bfloat16: bool = True  # the perceptual network in bfloat16 where it is faster
     style_px: int = 420  # of the painting, in the loss of renders
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
 
@@ -202,7 +202,7 @@ def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
         raise ValueError("no style to match")
     device = job.plain.device
     vgg = load_vgg(job.style["perceptual"] / "vgg16.safetensors", device)
-    if config.image_bfloat16 and computes_in_bfloat16(device):
+    if config.image_bfloat16 and is_faster_in_bfloat16(device):
         vgg = vgg.to(torch.bfloat16)
     painting = torch.from_numpy(read_rgb(job.style["style"] / "style.png")).to(device)
     predictor = None

@@ -60,7 +60,7 @@ class VGG16(nn.Module):
         """Returns the named activations, computed no deeper than the deepest of them.
 
         They are of the dtype of the weights: `network.to(torch.bfloat16)` halves the time where the
-        hardware computes in it, for features good to three digits.
+        hardware is made for it, for features good to three digits.
 
         Args:
             images: RGB in [0, 1], at least 8x8.

@@ -35,7 +35,7 @@ class StyleTrainingConfig:
     style_px: int = 288  # shorter side of the style image: the smaller, the finer the strokes
     learning_rate: float = 2e-3  # Adam's
     final_learning_rate: float = 3e-4  # reached geometrically
-    bfloat16: bool = True  # convolutions in bfloat16 where the hardware computes in it
+    bfloat16: bool = True  # convolutions in bfloat16 where it is faster
     seed: int = 0
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.devices import computes_in_bfloat16
+from styletrf.devices import is_faster_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.style.perceptual.perceptual_loss import (
@@ -56,7 +56,7 @@ class StyleStep:
         """
         self._ranks = ranks or Ranks()
         self._device = vgg.mean.device
-        self._fast = config.bfloat16 and computes_in_bfloat16(self._device)
+        self._fast = config.bfloat16 and is_faster_in_bfloat16(self._device)
         self._config = config
         self._initial = initial.to(self._device).eval() if initial else None
         if predictor is not None:

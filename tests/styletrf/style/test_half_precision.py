@@ -72,7 +72,7 @@ def test_a_painted_picture_is_within_two_levels_on_average(dtype, picture, stabi
     """Of float64, in the mean of its pixels; bfloat16 is chosen here whatever the hardware."""
     image, generator = pictures()[picture], torch.Generator().manual_seed(0)
     network = StyleNetwork(StyleNetworkConfig(24, 3), generator)
-    with patch.object(style_network, "computes_in_bfloat16", lambda _: dtype == torch.bfloat16):
+    with patch.object(style_network, "is_faster_in_bfloat16", lambda _: dtype == torch.bfloat16):
         found = stylize(network, image)
     with torch.no_grad():
         exact = copy.deepcopy(network).double()(image.double().permute(2, 0, 1)[None])[0]

@@ -118,7 +118,7 @@ def paintings() -> dict[str, torch.Tensor]:
 @pytest.mark.parametrize("content", ["black", "white", "noise"])
 def test_extreme_paintings_and_contents_stay_finite(transfer, painting, content, dtype):
     network = transfer.network_for(paintings()[painting])
-    with patch.object(style_network, "computes_in_bfloat16", lambda _: dtype == torch.bfloat16):
+    with patch.object(style_network, "is_faster_in_bfloat16", lambda _: dtype == torch.bfloat16):
         painted = stylize(network, paintings()[content])
     assert all(parameter.isfinite().all() for parameter in network.parameters())
     assert painted.isfinite().all()
@@ -128,7 +128,7 @@ def test_extreme_paintings_and_contents_stay_finite(transfer, painting, content,
 @pytest.mark.parametrize("picture", ["black", "white", "noise"])
 def test_bfloat16_is_within_two_levels_on_average(transfer, picture, stability):
     network, image = transfer.network_for(paintings()["noise"]), paintings()[picture]
-    with patch.object(style_network, "computes_in_bfloat16", lambda _: True):
+    with patch.object(style_network, "is_faster_in_bfloat16", lambda _: True):
         found = stylize(network, image)
     with torch.no_grad():
         exact = copy.deepcopy(network).double()(image.double().permute(2, 0, 1)[None])[0]
