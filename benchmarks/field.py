@@ -67,9 +67,9 @@ def measurements(
     trainer = trainer_of(scene, settings, kernels)
     trainer.step()  # compiles
     started, before, waiting = time.process_time(), 0.0, sorted(at)
-    while trainer.iteration < settings.training.iterations:
+    while trainer.iteration < trainer.iterations:
         trainer.step()
-        at_end = trainer.iteration == settings.training.iterations
+        at_end = trainer.iteration == trainer.iterations
         if at_end:
             trainer.finish()
         if trainer.curve and (at_end or (waiting and trainer.seconds >= waiting[0])):

@@ -31,7 +31,7 @@ def is_faster_in_bfloat16(device: torch.device) -> bool:
 
     A processor's features do not tell: with AVX512-BF16 alone, some processors need half of
     float32's time and others nearly twice as much. So the CPU computes one small convolution in
-    both, once in a process, which takes some 30 ms. Emulation counts as slower.
+    both, once in a process, which takes some 40 ms. Emulation counts as slower.
     """
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))

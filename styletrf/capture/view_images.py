@@ -1,6 +1,6 @@
 """The images of a set of views, each of its own size, as one list of pixels.
 
-Pixels have numbers: row by row, view after view. Rays are drawn by these numbers, so that every
+Pixels have numbers: row by row, view after view. Rays are chosen by these numbers, so that every
 pixel of every photograph is drawn alike, whatever the sizes of the photographs.
 """
 

@@ -23,6 +23,7 @@ class Curve:
         values: Drawn where finite.
         floor: What the values would be at best, at the same places; none where not known.
         along: What `at` counts.
+        note: What the reader has to know of it; none if empty.
     """
 
     title: str
@@ -31,6 +32,7 @@ class Curve:
     values: Sequence[float | int]
     floor: Sequence[float | int] = ()
     along: str = "iteration"
+    note: str = ""
 
 
 def curve_svg(curve: Curve) -> str:

@@ -133,7 +133,8 @@ def _metrics(tables: Sequence[MetricTable]) -> str:
 def _curves(curves: Sequence[Curve]) -> str:
     figures = "".join(
         f"<figure><h3>{html.escape(curve.title)}</h3>"
-        f'<span class="quiet small">{html.escape(curve.quantity)}</span>{svg}</figure>'
+        f'<span class="quiet small">{html.escape(curve.quantity)}</span>{svg}'
+        f'<span class="quiet small">{html.escape(curve.note)}</span></figure>'
         for curve in curves
         if (svg := curve_svg(curve))
     )

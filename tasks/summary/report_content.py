@@ -211,11 +211,11 @@ def with_early_end(curve: Curve, planned: int) -> Curve:
     """
     if len(curve.at) < 2 or curve.at[-1] + curve.at[1] - curve.at[0] > planned:
         return curve
-    text = (
-        f"{curve.quantity}. The fit ended early, at iteration {curve.at[-1]:,} of {planned:,}:"
-        " photographs set aside no longer improved"
+    note = (
+        f"The fit ended early, after about {curve.at[-1]:,} of {planned:,} iterations:"
+        " photographs set aside no longer improved."
     )
-    return replace(curve, quantity=text)
+    return replace(curve, note=note)
 
 
 def _error_curves(pairs: Sequence[Mapping[str, Any]]) -> list[Curve]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from styletrf.field.training.trainer import FieldTrainer
 
 _COUNTERS = (
-    "iteration", "iterations", "batch", "rays_drawn", "seconds", "smooth_mse", "stage_start",
+    "iteration", "iterations", "batch", "next_member", "seconds", "smooth_mse", "stage_start",
     "aside_psnr",
 )  # fmt: skip
 

@@ -31,7 +31,7 @@ _NEIGHBORHOOD = 7  # voxels about a point that may be occupied
 
 @dataclass(frozen=True, slots=True)
 class FieldCost:
-    """Seconds of a whole fit, and the largest memory of this process so far."""
+    """Seconds of a fit that does not end early, and the largest memory of this process so far."""
 
     seconds: float
     peak_memory_bytes: int
@@ -46,7 +46,7 @@ def field_cost(
     device: torch.device,
 ) -> FieldCost:
     """Returns what fitting the model costs; the iterations are thrown away."""
-    brief = replace(config, upsample_at=(), occupancy_every=1 << 30)
+    brief = replace(config, upsample_at=(), occupancy_every=1 << 30, early_gain_db=0.0)
     cameras = model.normalized(photographs.cameras)
     images = load_views(photographs.folder, cameras, device)
     trainer = FieldTrainer(cameras, images, model.space, model.resolution, brief, kernels)

@@ -1,9 +1,11 @@
-"""Views set aside for a while, to see whether a fit still improves what it does not see.
+"""Views set aside for a while, to see whether a fit still improves views that it is not fitted to.
 
 After the last growth of the lattice, the PSNR of these views is measured twice, a tenth of the
 iterations apart. Where it rose by less than `early_gain_db`, more iterations fit the field to the
 noise and the gaps of its photographs, and the fit ends a tenth later. Elsewhere it has all of its
-iterations. From the second measurement on, the fit sees all views.
+iterations. From the second measurement on, it is fitted to all views. Learning rates fall as in a
+whole fit, whose end the average of the last parameters stands for. The first background, free space
+and sparse depths are those of all views throughout.
 """
 
 from dataclasses import dataclass
@@ -41,7 +43,7 @@ class ViewsAside:
 
 
 def views_aside(images: ViewImages, config: FieldTrainingConfig) -> ViewsAside | None:
-    """Returns every tenth view; None where they are too few, or the fit too short, to tell."""
+    """Returns every tenth view; None where they, their pixels or the iterations are too few."""
     shares = [max((0.0, *config.upsample_at)) + k * _SPACING for k in (1, 2, 3)]
     before, after, early = (round(share * config.iterations) for share in shares)
     views = torch.arange(len(images.ends), device=images.device) % _EVERY == _EVERY // 2
@@ -50,4 +52,4 @@ def views_aside(images: ViewImages, config: FieldTrainingConfig) -> ViewsAside |
         return None
     drawn = images.spread(0, _PIXELS * _EVERY)
     pixels = drawn[views[images.places(drawn)[0]]]
-    return ViewsAside(views, pixels, before, after, early)
+    return ViewsAside(views, pixels, before, after, early) if len(pixels) else None

@@ -1,7 +1,7 @@
 """The fit of a radiance field to photographs, coarse to fine (TensoRF section 4).
 
-Rays are made from pixels and never stored. Every pixel is used once before any is used again, in
-an order that spreads each batch over all views (`styletrf.capture.view_images`). The grid grows
+Rays are made from pixels and never stored. No pixel comes twice before every other had its turn,
+in an order that spreads each batch over all views (`styletrf.capture.view_images`). The grid grows
 geometrically from `initial_voxels` to the scene's resolution, at the shares of the iterations in
 `upsample_at`. The learning rates restart each time. The occupancy grid is recomputed from the
 density regularly. What is kept is the mean of the last parameters
@@ -123,7 +123,7 @@ class FieldTrainer:
         self.cameras, self.space, self.final_resolution = cameras, space, resolution
         self.generator = torch.Generator().manual_seed(config.seed)
         self.field = RadianceField(config.field, self._resolution(0), self.generator).to(device)
-        self.rays_drawn = int(torch.randint(1 << 31, (), generator=self.generator))
+        self.next_member = int(torch.randint(1 << 31, (), generator=self.generator))
         self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
         self.curve: list[CurvePoint] = []
         self.begin_stage()
@@ -152,7 +152,7 @@ class FieldTrainer:
         self._add_depth_gradient()
         add_regularization_gradient(self.field, self.config, self.iteration, len(self.cameras))
         since_growth = self.iteration - self.stage_start
-        rate = decay(self.config.rate_decay, since_growth, self.iterations)
+        rate = decay(self.config.rate_decay, since_growth, self.config.iterations)
         take_step(self.optimizer, rate)
         self.iteration += 1
         if self.config.average_share and self.iteration % self.config.average_every == 0:
@@ -194,8 +194,8 @@ class FieldTrainer:
         return bounded_psnr(self.smooth_mse)
 
     def _next_pixels(self) -> Int64[Tensor, " rays"]:
-        pixels = self.images.spread(self.rays_drawn, self.batch)
-        self.rays_drawn += self.batch
+        pixels = self.images.spread(self.next_member, self.batch)
+        self.next_member += self.batch
         if self.aside is not None and self.iteration < self.aside.after:
             pixels = self.aside.without(self.images, pixels)
         return pixels

@@ -43,7 +43,7 @@ def test_each_batch_is_spread_evenly_over_views(first):
     images = images_of(40 * [(60, 80)])
     view, _ = images.places(images.spread(first, 1600))
     counts = torch.bincount(view, minlength=40)
-    assert (counts - 40).abs().max() <= 3, "at random, they would differ by about 20"
+    assert (counts - 40).abs().max() <= 3, "at random, they would differ by about 15"
 
 
 def test_numbers_of_many_large_photographs_do_not_overflow():
@@ -55,7 +55,6 @@ def test_numbers_of_many_large_photographs_do_not_overflow():
 
     few = images_of([(1, 1)])
     found = Many(few.pixels, few.ends, few.widths).spread(n - 1, 1000)
-    assert ((found >= 0) & (found < n)).all()
-    assert len(found.unique()) == 1000
     stride = int(found[2] - found[1]) % n
     assert math.gcd(stride, n) == 1
+    assert found.tolist() == [(n - 1 + k) * stride % n for k in range(1000)]

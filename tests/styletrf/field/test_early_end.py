@@ -12,7 +12,7 @@ from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.trainer import FieldTrainer, train_field
 
 CONFIG = replace(MINI_FIT, iterations=60, upsample_at=(0.1, 0.3))
-AFTER, EARLY = 30, 36  # iterations, two and three tenths after the last growth
+BEFORE, AFTER, EARLY = 24, 30, 36  # iterations, one to three tenths after the last growth
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,8 @@ def spoilt(scene: MiniScene) -> MiniScene:
 
 
 def test_views_set_aside_have_no_part_in_the_fit_before_they_are_measured(many):
-    parts = [trainer_of(scene, CONFIG) for scene in (many, spoilt(many))]
+    whole = replace(CONFIG, early_gain_db=-1e3)  # both have the same learning rates
+    parts = [trainer_of(scene, whole) for scene in (many, spoilt(many))]
     for trainer in parts:
         trainer.field.appearance.background.data.zero_()  # the mean of what misses the grid
     for _ in range(AFTER - 1):
@@ -80,16 +81,27 @@ def test_few_views_are_all_fitted_to():
     assert trainer_of(painted_plane(16), CONFIG).aside is not None
 
 
-def test_a_fit_that_ends_early_resumes_to_the_same_parameters(many, tmp_path):
-    config = replace(CONFIG, early_gain_db=1e3, checkpoint_seconds=0.0)
-    whole, _ = fitted(many, config)
-    killed = trainer_of(many, config, checkpoint_dir=tmp_path)
-    for _ in range(AFTER + 2):
+@pytest.mark.parametrize("killed_at", [BEFORE + 3, AFTER + 2])
+def test_a_fit_that_ends_early_resumes_to_the_same_parameters(many, tmp_path, killed_at):
+    """Between the measurements, too: without the first, the second would count as a gain."""
+    scene = spoilt(many)
+    whole, _ = fitted(scene, CONFIG)
+    killed = trainer_of(scene, CONFIG, checkpoint_dir=tmp_path)
+    for _ in range(killed_at):
         killed.step()
     save_fit(tmp_path, killed)
-    resumed = trainer_of(many, config, checkpoint_dir=tmp_path)
-    assert (resumed.iteration, resumed.iterations) == (AFTER + 2, EARLY)
+    resumed = trainer_of(scene, CONFIG, checkpoint_dir=tmp_path)
+    assert resumed.iteration == killed_at
     while resumed.iteration < resumed.iterations:
         resumed.step()
+    assert resumed.iteration == EARLY
     resumed.finish()
     torch.testing.assert_close(resumed.field.state_dict(), whole.state_dict(), rtol=1e-4, atol=1e-6)
+
+
+def test_views_aside_that_are_masked_all_over_tell_nothing(many):
+    alpha = torch.full((*many.images.shape[:3], 1), 255, dtype=torch.uint8)
+    alpha[5::10] = 0
+    images = torch.cat([many.images, alpha], dim=3)
+    assert trainer_of(many, CONFIG).aside is not None
+    assert trainer_of(replace(many, images=images), CONFIG).aside is None
