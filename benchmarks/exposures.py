@@ -31,8 +31,8 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.field_training import train_field
 from styletrf.field.training.sparse_depth import sparse_depths
-from styletrf.field.training.trainer import train_field
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.files.images import from_integers, read_rgb, to_integers
 from styletrf.geometry.camera_table import read_cameras, read_fitted_rows

@@ -29,7 +29,7 @@ from task_of import task_of
 from pipeline.task import artifact
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import load_field
-from styletrf.field.training.trainer import train_field
+from styletrf.field.training.field_training import train_field
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, points_at_depth
 from styletrf.geometry.exact_flow import exact_flow

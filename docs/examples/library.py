@@ -15,7 +15,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField, refine_appearance
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.trainer import train_field
+from styletrf.field.training.field_training import train_field
 from styletrf.files.images import to_integers
 from styletrf.geometry.cameras import Camera, pixel_centers, points_at_depth
 from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model

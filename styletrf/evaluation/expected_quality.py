@@ -27,8 +27,8 @@ from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, render_rays
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.field_training import train_field
 from styletrf.field.training.sparse_depth import sparse_depths
-from styletrf.field.training.trainer import train_field
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.cameras import Camera

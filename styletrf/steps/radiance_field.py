@@ -12,8 +12,8 @@ from styletrf.devices import device_named
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import save_field
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.field_training import train_field
 from styletrf.field.training.sparse_depth import sparse_depths
-from styletrf.field.training.trainer import train_field
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.files.tables import write_curve
 from styletrf.progress import Progress

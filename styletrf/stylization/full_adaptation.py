@@ -13,7 +13,8 @@ from torch import Tensor
 from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField, set_occupancy
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.trainer import FieldTrainer, train_field
+from styletrf.field.training.field_training import train_field
+from styletrf.field.training.trainer import FieldTrainer
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent

@@ -81,6 +81,15 @@ class BakedLook:
     psnr_db: float
     reduced_from: tuple[int, int, int] | None
 
+    def appearance(self) -> BakedAppearance:
+        """Returns the appearance that the viewer shows."""
+        slope = None if self.slope_codes is None else self.slope_codes.values()
+        mean = np.array(self.mean_direction, np.float32)
+        background = torch.tensor(self.background)
+        return BakedAppearance(
+            self.lattice, self.codes.values(), self.weight_power, background, slope, mean
+        )
+
 
 def bake_density(
     field: RadianceField, views: Views, most_bricks: int = MOST_BRICKS
@@ -133,14 +142,13 @@ def bake_look(
         fitted = refitted_colors(field, views, lattice, refit)
         values, mean = fitted.base, fitted.mean_direction
         slopes = slope_codes(fitted.slope, needed)
-    codes, background = color_codes(values, needed), appearance.background_color().detach()
-    power, slope = appearance.weight_power, None if slopes is None else slopes.values()
-    baked = BakedAppearance(lattice, codes.values(), power, background, slope, mean)
-    (x, y, z), (red, green, blue) = mean.tolist(), background.tolist()
-    return BakedLook(
-        name, lattice, codes, slopes, (x, y, z), power, (red, green, blue),
-        psnr_db(field, views, appearance=baked), None if factors is own else own.resolution,
+    (x, y, z), background = mean.tolist(), appearance.background_color().detach()
+    red, green, blue = background.tolist()
+    look = BakedLook(
+        name, lattice, color_codes(values, needed), slopes, (x, y, z), appearance.weight_power,
+        (red, green, blue), 100.0, None if factors is own else own.resolution,
     )  # fmt: skip
+    return replace(look, psnr_db=psnr_db(field, views, appearance=look.appearance()))
 
 
 def require_shared_density(name: str, field: RadianceField, other: RadianceField) -> None:

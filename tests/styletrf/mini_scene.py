@@ -11,7 +11,7 @@ from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.trainer import train_field
+from styletrf.field.training.field_training import train_field
 from styletrf.files.images import from_integers, write_rgb
 from styletrf.geometry.cameras import Camera, pixel_centers
 from styletrf.geometry.point_table import SparsePoints

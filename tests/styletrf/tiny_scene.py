@@ -23,7 +23,7 @@ class TinyScene:
 def tiny_scene(space: str, views: int = 6, width: int = 48) -> TinyScene:
     from mini_scene import KERNELS, MINI_FIT
 
-    from styletrf.field.training.trainer import train_field
+    from styletrf.field.training.field_training import train_field
     from styletrf.geometry.cameras import pixel_centers, points_at_depth
     from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
     from styletrf.synthetic.courtyard.capture import CourtyardConfig, capture_courtyard

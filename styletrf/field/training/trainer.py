@@ -1,4 +1,4 @@
-"""The fit of a radiance field to photographs, coarse to fine (TensoRF section 4).
+"""The iterations of a fit of a radiance field, coarse to fine (TensoRF section 4).
 
 Rays are made from pixels and never stored. No pixel comes twice before every other had its turn,
 in an order that spreads each batch over all views (`styletrf.capture.view_images`). The grid grows
@@ -21,7 +21,6 @@ from torch import Tensor
 
 from styletrf.capture.view_images import Image, view_images
 from styletrf.errors import NotFiniteError
-from styletrf.field.compression import compress
 from styletrf.field.kernels import Kernels, Samples, Segments, Sparsification
 from styletrf.field.occupancy import initial_occupancy, non_empty, occupied_voxels
 from styletrf.field.pixel_rays import pixel_rays
@@ -43,63 +42,15 @@ from styletrf.field.view_rays import ViewRays
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
-from styletrf.progress import Progress, silent
 from styletrf.psnr import bounded_psnr
 
 _LOGGER = logging.getLogger(__name__)
-
-
-def train_field(
-    cameras: Sequence[Camera],
-    images: Iterable[Image],
-    space: Space,
-    resolution: tuple[int, int, int],
-    config: FieldTrainingConfig,
-    kernels: Kernels,
-    progress: Progress = silent,
-    checkpoint_dir: Path | None = None,
-    free: Bool[Tensor, "cells cells cells"] | None = None,
-    depths: SparseDepths | None = None,
-    exposures: ViewExposures | None = None,
-) -> tuple[RadianceField, list[CurvePoint]]:
-    """Returns the field fitted to the images, and its training curve.
-
-    With a `checkpoint_dir`, the state is saved there about once a minute. A later call with the
-    same arguments continues from it, to the same parameters up to the rounding of sums.
-    The fit ends early where views that are set aside for a while no longer improve
-    (`styletrf.field.training.early_end`). The cells of the grid that are `free` get no density
-    (`styletrf.scene.free_space`). Rays through sparse points end at their `depths`
-    (`styletrf.field.training.sparse_depth`). Views may have `exposures` of their own
-    (`styletrf.field.training.view_exposures`).
-
-    Raises:
-        NotFiniteError: A tensor is not finite; the error names the first one. The state is then
-            in `checkpoint_dir/not_finite`.
-    """
-    trainer = FieldTrainer(
-        cameras, images, space, resolution, config, kernels, checkpoint_dir, free, depths, exposures
-    )
-    saved = time.monotonic()
-    while trainer.iteration < trainer.iterations:
-        psnr = trainer.step()
-        if checkpoint_dir is not None and time.monotonic() - saved > config.checkpoint_seconds:
-            trainer.require_finite(parameter_stages(trainer.field, trainer.optimizer))
-            save_fit(checkpoint_dir, trainer)
-            saved = time.monotonic()
-        progress(trainer.iteration, trainer.iterations, psnr=psnr)
-    trainer.finish()
-    if config.shrink_rise > 0:
-        compression = compress(trainer.field, trainer.loss, config.shrink_rise)
-        _LOGGER.info("compressed: %s", compression)
-    return trainer.field, trainer.curve
-
-
 CURVE_EVERY = 50  # iterations between points of the curve
 LOSS_RAYS = 1 << 14
 
 
 class FieldTrainer:
-    """The mutable state of one fit; `train_field` runs it to its end."""
+    """The mutable state of one fit, see `styletrf.field.training.field_training`."""
 
     def __init__(
         self,

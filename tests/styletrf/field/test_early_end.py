@@ -9,7 +9,8 @@ from mini_scene import KERNELS, MINI_FIT, MiniScene, painted_plane
 
 from styletrf.field.training.checkpoint import save_fit
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.trainer import FieldTrainer, train_field
+from styletrf.field.training.field_training import train_field
+from styletrf.field.training.trainer import FieldTrainer
 
 CONFIG = replace(MINI_FIT, iterations=60, upsample_at=(0.1, 0.3))
 BEFORE, AFTER, EARLY = 24, 30, 36  # iterations, one to three tenths after the last growth

@@ -9,7 +9,7 @@ from mini_scene import MINI_FIT, MiniScene
 from styletrf.evaluation.metrics import psnr
 from styletrf.field.kernels import kernels_for
 from styletrf.field.rendering import RenderConfig, render_view
-from styletrf.field.training.trainer import train_field
+from styletrf.field.training.field_training import train_field
 from styletrf.field.training.view_exposures import ViewExposures
 from styletrf.field.view_rays import ViewRays
 

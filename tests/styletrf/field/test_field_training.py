@@ -16,10 +16,11 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, save_field, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_view
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.field_training import train_field
 from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.schedule import stage_resolution
 from styletrf.field.training.sparse_depth import SparseDepths, depth_loss
-from styletrf.field.training.trainer import FieldTrainer, train_field
+from styletrf.field.training.trainer import FieldTrainer
 from styletrf.field.view_rays import ViewRays
 from styletrf.files.checkpoints import load_checkpoint
 from styletrf.geometry.space import Space

@@ -21,7 +21,7 @@ from styletrf.field.rendering import (
     render_rays,
     render_view,
 )
-from styletrf.field.training.trainer import train_field
+from styletrf.field.training.field_training import train_field
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space

@@ -244,6 +244,26 @@ def test_a_browser_plays_both_videos_and_nothing_overflows(tmp_path, full, width
     assert answer["broken"] == 0
 
 
+WIDE = """
+  const cards = [...document.querySelectorAll(".card")];
+  const columns = [...document.querySelectorAll(".metrics :is(thead th, td)")];
+  return { overflow: overflow(), inside: cards.every((c) => c.scrollWidth <= c.clientWidth),
+           columns: columns.length };
+"""
+
+
+@needs_chromium
+@pytest.mark.parametrize("width", [390, 1280])
+def test_long_explanations_beside_figures_hide_no_column(tmp_path, width):
+    beside = "floor 0.0012; unstylized frames 0.0034, which show less fine detail (sharpness 0.9)"
+    names = ["short term", "7 frames", "long term"]
+    metric = Metric("error of warped frames", "Flicker.", [Figure("0.001", beside)] * len(names))
+    content = replace(EMPTY, metrics=[MetricTable("Between frames", names, [metric] * 2)])
+    write_report(tmp_path / "report.html", content)
+    answer = answer_of(tmp_path / "report.html", WIDE, width)
+    assert (answer["columns"], answer["overflow"], answer["inside"]) == (10, 0, True)
+
+
 OFFER = """
   await new Promise((r) => setTimeout(r, 300));
   const shown = (selector) => document.querySelector(selector)?.checkVisibility() ?? false;

@@ -11,7 +11,7 @@ from styletrf.evaluation.flow import FlowEstimator, agreement
 from styletrf.field.kernels import kernels_for
 from styletrf.field.rendering import RenderConfig, render_view
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.trainer import train_field
+from styletrf.field.training.field_training import train_field
 from styletrf.field.view_rays import ViewRays
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.synthetic.courtyard import (
