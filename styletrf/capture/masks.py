@@ -46,5 +46,8 @@ def require_mask_of(path: Path, width: int, height: int) -> None:
         problem = f"is {mask.shape[1]}x{mask.shape[0]}, and its photograph {width}x{height}"
         raise InputError(f"mask {path.name}", problem, "Draw it at the photograph's size")
     if not mask.any():
+        brightest = int(read_photograph(path).max())
         remedy = "Leave the photograph out, or make white what counts"
-        raise InputError(f"mask {path.name}", "is black all over", remedy)
+        if brightest:
+            remedy = f"What counts is 255; the brightest pixel is {brightest}. Multiply the mask"
+        raise InputError(f"mask {path.name}", "is black all over, or nearly so", remedy)

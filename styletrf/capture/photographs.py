@@ -5,7 +5,7 @@ import re
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence, Set
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from styletrf.files.heif_images import HEIF_SUFFIXES, heif_pixels
 PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
     [
         ".bmp",
+        ".jfif",
         ".jp2",
         ".jpe",
         ".jpeg",
@@ -35,10 +36,21 @@ PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
 )
 """What OpenCV decodes faithfully, and what phones write. (OpenCV's AVIF loses 10 and 12 bits.)"""
 
-CAMERA_SUFFIXES = frozenset([".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2"])
-"""Photographs too, but ones that have to be converted first."""
+FOREIGN_SUFFIXES = frozenset(
+    [
+        *(".3fr", ".arw", ".cr2", ".cr3", ".dcr", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf"),
+        *(".rw2", ".rwl", ".srw", ".x3f"),
+        *(".gif", ".jxl", ".psd"),
+    ]
+)
+"""Raw files of cameras and other pictures, which have to be converted first."""
 
-VIDEO_SUFFIXES = frozenset([".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm"])
+VIDEO_SUFFIXES = frozenset(
+    [
+        *(".3gp", ".avi", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts"),
+        *(".webm", ".wmv"),
+    ]
+)
 """Videos, whose frames may serve as photographs."""
 
 FEWEST_PHOTOGRAPHS = 3
@@ -65,8 +77,8 @@ def list_photographs(folder: Path) -> list[Path]:
         raise InputError(str(folder), "there is no such folder", "Put the photographs there")
     photographs = photographs_below(folder)
     if len(photographs) < FEWEST_PHOTOGRAPHS:
-        problem = _too_few(len(photographs), _files_below(folder))
-        raise InputError(str(folder), problem, _MORE_PHOTOGRAPHS)
+        problem = too_few(folder, len(photographs))
+        raise InputError(str(folder), problem, MORE_PHOTOGRAPHS)
     for path in photographs:
         require_readable_name(path.name)
     return photographs
@@ -74,12 +86,17 @@ def list_photographs(folder: Path) -> list[Path]:
 
 def photographs_below(folder: Path) -> list[Path]:
     """Returns what `list_photographs` does, of however few photographs."""
-    found = [path for path in _files_below(folder) if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    return files_below(folder, PHOTOGRAPH_SUFFIXES)
+
+
+def files_below(folder: Path, suffixes: Set[str]) -> list[Path]:
+    """Returns the files of a scene below a folder that have such suffixes, in natural order."""
+    found = [
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in suffixes and is_of_scene(path, folder) and path.is_file()
+    ]
     return sorted(found, key=lambda path: natural_order(str(path.relative_to(folder))))
-
-
-def _files_below(folder: Path) -> list[Path]:
-    return [path for path in folder.rglob("*") if path.is_file() and is_of_scene(path, folder)]
 
 
 def path_below(folder: Path, file: Path) -> Path:
@@ -109,15 +126,16 @@ def require_readable_name(name: str) -> None:
 
 
 _OTHER_IMAGES = re.compile(r"masks|images_\d+", re.IGNORECASE)
-_MORE_PHOTOGRAPHS = (
+MORE_PHOTOGRAPHS = (
     f"At least {FEWEST_PHOTOGRAPHS} overlapping photographs of the place are needed, better 20 "
     "or more, as JPEG or PNG files"
 )
 
 
-def _too_few(count: int, files: list[Path]) -> str:
+def too_few(folder: Path, count: int) -> str:
+    """Returns how few photographs there are below a folder, and which have to be converted."""
     found = f"{count or 'no'} photograph{'' if count == 1 else 's'} found"
-    foreign = sorted({path.suffix.lower() for path in files} & CAMERA_SUFFIXES)
+    foreign = sorted({path.suffix.lower() for path in files_below(folder, FOREIGN_SUFFIXES)})
     return found + (f" ({', '.join(foreign)} files must be converted first)" if foreign else "")
 
 
@@ -154,6 +172,23 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
     return _eight_bits_on_white(pixels)
 
 
+def first_size(files: Sequence[Path]) -> tuple[int, int]:
+    """Returns width and height of the first photograph that can be read.
+
+    Raises:
+        InputError: None of them can be read; it is that of the first.
+    """
+    errors = []
+    for file in files:
+        try:
+            height, width, _ = read_photograph(file).shape
+        except InputError as error:
+            errors.append(error)
+            continue
+        return width, height
+    raise errors[0]
+
+
 def _decoded(file: bytes) -> np.ndarray | None:
     """Returns pixels BGR or BGRA of any depth, or None where there is any sign of damage."""
     if file.startswith(_JPEG_START) and not _jpeg_ends(file):
@@ -161,10 +196,11 @@ def _decoded(file: bytes) -> np.ndarray | None:
     encoded = np.frombuffer(file, np.uint8)
     with _captured_stderr() as complaints:
         try:
-            pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
-            if pixels is None:
+            is_jpeg = file.startswith(_JPEG_START)  # which is never transparent
+            pixels = None if is_jpeg else cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
+            if pixels is None and not is_jpeg:
                 return None
-            if pixels.ndim == 2 or pixels.shape[2] != 4:
+            if pixels is None or pixels.ndim == 2 or pixels.shape[2] != 4:
                 # IMREAD_UNCHANGED leaves a photograph lying on its side. (BGR: OpenCV 5.0 garbles
                 # 16-bit TIFF under IMREAD_COLOR_RGB.)
                 pixels = cv2.imdecode(encoded, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)

@@ -5,7 +5,6 @@ A photograph that is damaged is left out with a warning while enough of them are
 
 import hashlib
 import shutil
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,16 +15,18 @@ from styletrf.capture.mask_files import FoundMasks, find_masks
 from styletrf.capture.masks import MASKS, require_mask_of
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
-from styletrf.capture.panorama.panoramas import Choice, find_panoramas
+from styletrf.capture.panorama.panoramas import Choice, find_panoramas, share_of_directions
 from styletrf.capture.photograph_names import (
     photograph_names,
     require_own_names,
     stored_files,
 )
 from styletrf.capture.photographs import (
-    CAMERA_SUFFIXES,
     FEWEST_PHOTOGRAPHS,
+    FOREIGN_SUFFIXES,
     PHOTOGRAPH_SUFFIXES,
+    VIDEO_SUFFIXES,
+    files_below,
     list_photographs,
     natural_order,
     photographs_below,
@@ -82,15 +83,19 @@ def capture_photographs(
 
     Raises:
         InputError: One for all that is wrong: too few photographs, or fewer than half of them
-            that can be read, a mask that is none, one named as a view of a panorama, or nothing to
+            that can be used, a mask that is none, one named as a view of a panorama, or nothing to
             leave out by such a name. Nothing is written then.
     """
     _require_one_lens_source(folder, given, panoramas)
     taken = [view.file for view in given.views] if given else list_photographs(folder)
     files = without(folder, taken, leave_out)
-    examined, problems = _examined(files, progress)
+    examined, problems = _examined(files, progress, sweeps=given is not None or panoramas == "no")
+    _require_enough(folder, len(examined), len(files), problems)
+    again = [] if given else repeated(examined)
+    examined = {file: one for file, one in examined.items() if file not in again}
     photographs = list(examined.values())
-    _require_enough(folder, len(photographs), len(files), problems)
+    few = [f"only {len(photographs)} photographs differ"]
+    _require_enough(folder, len(photographs), len(photographs), few)
     found = find_masks(folder, list(dict.fromkeys([*taken, *photographs_below(folder)])))
     masks = found.by_photograph
     for file in masks.keys() & examined.keys():
@@ -100,6 +105,9 @@ def capture_photographs(
     require_own_names(examined, cut)
     kept = _stored(examined, masks, cut, out_dir)
     warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder, photographs)
+    if again:
+        names = _listed([file.name for file in again])
+        warnings.append(f"left out, since another file shows the same: {names}")
     warnings += _warnings_of_masks(folder, found)
     if cut:
         of_them = f"{len(cut)} of {len(photographs)} photographs"
@@ -112,6 +120,23 @@ def capture_photographs(
     capture = Capture(tuple(kept), tuple(warnings))
     write_capture(out_dir, capture)
     return capture
+
+
+def repeated(photographs: Mapping[Path, Photograph]) -> list[Path]:
+    """Returns the files that show what an earlier one does.
+
+    They are exact copies, or of the same folder, stem and size in another format, as telephones and
+    cameras keep one shot as HEIC and JPEG. One of two that are the same might be held out, and
+    flatter the field that was fitted to the other.
+    """
+    seen: set[object] = set()
+    found = []
+    for file, one in photographs.items():
+        shot = file.parent, file.stem.casefold(), one.width, one.height
+        if {one.sha256, shot} & seen:
+            found.append(file)
+        seen |= {one.sha256, shot}
+    return found
 
 
 def _require_one_lens_source(folder: Path, given: GivenPoses | None, panoramas: Choice) -> None:
@@ -158,9 +183,12 @@ def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:
 
 
 def _examined(
-    files: Sequence[Path], progress: Progress
+    files: Sequence[Path], progress: Progress, *, sweeps: bool
 ) -> tuple[dict[Path, Photograph], list[str]]:
-    """Returns the photographs that can be read, by their files, and what ails the others."""
+    """Returns the photographs that can be used, by their files, and what ails the others.
+
+    With `sweeps`, parts of panoramas are photographs like others.
+    """
     stored = stored_files(files)
     names = photograph_names(stored)
     photographs, problems = {}, []
@@ -171,6 +199,9 @@ def _examined(
         except InputError as error:
             problems.append(f"{file.name} {error.problem}")
             continue
+        if not sweeps and (share := share_of_directions(file)) < 1:
+            problems.append(f"{file.name} is a panorama of {share:.0%} of the way around")
+            continue
         data = file.read_bytes()
         sha256 = hashlib.sha256(data).hexdigest()
         photographs[file] = Photograph(name, file_name, width, height, len(data), sha256)
@@ -179,15 +210,13 @@ def _examined(
 
 
 def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
-    count = Counter(photograph.sha256 for photograph in photographs)
     warnings = []
-    for sha256 in sorted(digest for digest, times in count.items() if times > 1):
-        same = [photograph.file for photograph in photographs if photograph.sha256 == sha256]
-        warnings.append(f"the same photograph {len(same)} times: {_listed(same)}")
-    beside = folder.iterdir() if folder.is_dir() else ()
-    foreign = [path.name for path in beside if path.suffix.lower() in CAMERA_SUFFIXES]
-    if foreign:
+    if foreign := [path.name for path in files_below(folder, FOREIGN_SUFFIXES)]:
         warnings.append(f"passed over, to be converted first: {_listed(foreign)}")
+    stems = {Path(photograph.file).stem for photograph in photographs}
+    clips = [path.name for path in files_below(folder, VIDEO_SUFFIXES) if path.stem not in stems]
+    if clips:  # but not those that telephones store with each photograph
+        warnings.append(f"passed over, since there are photographs: {_listed(clips)}")
     return warnings
 
 

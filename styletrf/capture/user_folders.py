@@ -10,11 +10,16 @@ from pathlib import Path
 from styletrf.capture.known_scenes import download_instructions
 from styletrf.capture.mask_files import mask_files
 from styletrf.capture.photographs import (
+    FEWEST_PHOTOGRAPHS,
+    MORE_PHOTOGRAPHS,
     PHOTOGRAPH_SUFFIXES,
     VIDEO_SUFFIXES,
+    files_below,
     list_photographs,
     natural_order,
+    photographs_below,
     require_readable_name,
+    too_few,
 )
 from styletrf.capture.poses.transforms_json import transforms_photographs
 from styletrf.content.content_sources import CONTENT_SUFFIXES
@@ -28,29 +33,40 @@ _NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
 def find_scene(data_root: Path, name: str) -> Path:
     """Returns the folder of a scene's photographs or videos, or the one video of it.
 
-    The folder is `data_root/scenes/NAME/images`, or, without `images`, `NAME` itself, with the
-    photographs in it or in folders in it; a video lies in one of them, or is
-    `data_root/scenes/NAME.mp4` (or .mov and so on). Videos beside photographs are passed over.
+    The folder is `data_root/scenes/NAME/images`, or, where that holds neither, `NAME` itself, with
+    the photographs or videos in it or in folders in it; a video may also be
+    `data_root/scenes/NAME.mp4` (or .mov and so on). Where there are three photographs, videos are
+    passed over.
 
     Raises:
         InputError: The name is not one of a plain folder, several videos beside each other or
-            beside a folder of them share it, a video has masks, which would not count, or there is
-            no such scene; lists the scenes that exist and, for a well-known public one, says where
-            to get it.
+            beside a folder of them share it, a video has masks, which would not count, the folder
+            holds no photograph, or there is no such scene; lists the scenes that exist and, for a
+            well-known public one, says where to get it.
     """
     _check_name("scene", name)
     scenes = data_root / "scenes"
-    folder = scenes / name / "images" if (scenes / name / "images").is_dir() else scenes / name
-    if folder.is_dir() and _of_suffix(folder.glob("[!.]*"), PHOTOGRAPH_SUFFIXES):
-        return folder
-    if videos := _found_videos(scenes, folder, name):
-        return videos
-    if folder.name == "images":
-        return folder
-    has_transforms = any((folder / f"transforms{part}.json").exists() for part in ("", "_train"))
-    if has_transforms or _of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES):
-        return folder  # photographs lie where the transforms say, or in folders
+    own, images = scenes / name, scenes / name / "images"
+    folders = [folder for folder in (images, own) if folder.is_dir()]
+    for folder in folders:
+        if _is_of_photographs(folder):
+            return folder
+    for folder in folders or [own]:
+        if videos := _found_videos(scenes, folder, name):
+            return videos
+    has_transforms = any((own / f"transforms{part}.json").exists() for part in ("", "_train"))
+    if has_transforms and own in folders:
+        return own  # photographs lie where the transforms say
+    for folder in folders:
+        if folder == images or photographs_below(folder):
+            return folder  # what lists them says that they are too few
+    if own in folders and any(own.iterdir()):
+        raise InputError(f"scene {name!r}", too_few(own, 0) + f" in {own}", MORE_PHOTOGRAPHS)
     raise _no_such_scene(data_root, name)
+
+
+def _is_of_photographs(folder: Path) -> bool:
+    return len(photographs_below(folder)) >= FEWEST_PHOTOGRAPHS
 
 
 def _found_videos(scenes: Path, folder: Path, name: str) -> Path | None:
@@ -95,8 +111,7 @@ def scene_videos(found: Path) -> list[Path]:
     """Returns the videos of what `find_scene` found, in natural order; none of photographs."""
     if not found.is_dir():
         return _of_suffix([found], VIDEO_SUFFIXES)
-    files = sorted(found.glob("[!.]*"), key=lambda path: natural_order(path.name))
-    return [] if _of_suffix(files, PHOTOGRAPH_SUFFIXES) else _of_suffix(files, VIDEO_SUFFIXES)
+    return [] if _is_of_photographs(found) else files_below(found, VIDEO_SUFFIXES)
 
 
 def scene_files(found: Path) -> list[Path]:

@@ -17,6 +17,7 @@ from styletrf.geometry.cameras import Camera
 CPU = torch.device("cpu")
 _ALL_OF_A_PIXEL = 0.999
 HOLD_OUT_EVERY = 8  # LLFF's protocol: views 0, 8, 16, ... of the sorted names
+FEW_VIEWS = 12  # of fewer, each is worth much, and those at the ends most
 
 
 def load_views(folder: Path, cameras: Sequence[Camera], device: torch.device = CPU) -> list[Image]:
@@ -48,7 +49,7 @@ def held_out_names(
     given: Mapping[str, GivenView],
     panoramas: Mapping[str, str] = MappingProxyType({}),
 ) -> set[str]:
-    """Returns the names of the views to measure by: those of a published split, or every eighth.
+    """Returns the names of the views to measure by: of a published split, or of `split_views`.
 
     Views of one panorama count as one, and are held out together: each shares its place, and what
     its margins show, with the others.
@@ -68,6 +69,10 @@ def held_out_names(
 
 
 def split_views(n_views: int) -> tuple[list[int], list[int]]:
-    """Returns the indices of the training views and of the views held out, every eighth."""
-    held_out = list(range(0, n_views, HOLD_OUT_EVERY))
-    return [k for k in range(n_views) if k % HOLD_OUT_EVERY], held_out
+    """Returns the indices of the training views and of the views held out.
+
+    Every eighth from the first on is held out; of fewer than twelve, the one in the middle alone.
+    """
+    is_few = n_views < FEW_VIEWS
+    held_out = [n_views // 2] if is_few else list(range(0, n_views, HOLD_OUT_EVERY))
+    return [k for k in range(n_views) if k not in held_out], held_out

@@ -10,7 +10,7 @@ from jaxtyping import UInt8
 from PIL import Image, ImageOps
 from PIL.AvifImagePlugin import AvifImageFile
 
-HEIF_SUFFIXES = frozenset([".avif", ".heic", ".heif"])
+HEIF_SUFFIXES = frozenset([".avif", ".heic", ".heif", ".hif"])
 
 _AVIF_BRANDS = (b"avif", b"avis")
 _EXIF_IFD, _FOCAL_LENGTH_35MM = 0x8769, 0xA405

@@ -39,6 +39,10 @@ _ENCODERS = {
 }
 
 
+_UNSPECIFIED = 2  # FFmpeg's AVCOL_SPC_UNSPECIFIED
+_HD_LINES = 720
+
+
 @dataclass(frozen=True, slots=True)
 class VideoInfo:
     """What a video file holds; `codec` is FFmpeg's name (h264, vp9)."""
@@ -135,9 +139,19 @@ def timed_frames(path: Path) -> Iterator[TimedFrame]:
         for frame in _decodable(container):
             shown_s = shown_s + interval_s if frame.pts is None else float(frame.time)
             start_s = shown_s if start_s is None else start_s
-            pixels = frame.to_ndarray(format="rgb24")
+            pixels = frame.to_ndarray(format="rgb24", src_colorspace=_assumed_colorspace(frame))
             upright = np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
             yield TimedFrame(shown_s - start_s, upright, _is_equirectangular(frame))
+
+
+def _assumed_colorspace(frame: av.VideoFrame) -> Colorspace | None:
+    """Returns what the numbers of a frame mean where it does not say; None where it does.
+
+    From 720 lines on that is BT.709, as players assume. FFmpeg would assume BT.601, which
+    makes red darker and browner.
+    """
+    is_untagged = frame.colorspace == _UNSPECIFIED and frame.format.name.startswith("yuv")
+    return Colorspace.ITU709 if is_untagged and frame.height >= _HD_LINES else None
 
 
 def _is_equirectangular(frame: av.VideoFrame) -> bool:

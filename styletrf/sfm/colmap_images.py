@@ -171,10 +171,10 @@ def _of_one_size(
 
 
 def _runs(known: Sequence[tuple[float, int]]) -> list[list[tuple[float, int]]]:
-    """Returns ascending focal lengths cut where one is more than 3 % above the last."""
+    """Returns ascending focal lengths cut where one is more than 3 % above its run's first."""
     runs: list[list[tuple[float, int]]] = []
     for focal, k in known:
-        if not runs or focal > _ONE_SETTING * runs[-1][-1][0]:
+        if not runs or focal > _ONE_SETTING * runs[-1][0][0]:
             runs.append([])
         runs[-1].append((focal, k))
     return runs

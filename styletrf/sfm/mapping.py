@@ -1,5 +1,6 @@
 """What a mapper made of the photographs, and how well it explains their matches."""
 
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ import numpy as np
 from styletrf.colmap import pycolmap
 
 ENOUGH_EXPLAINED = 0.8
+_LEAST_INLIERS = 30  # of a pose: COLMAP's `abs_pose_min_num_inliers`
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,22 @@ def explained_share(database: Path, models: Sequence[pycolmap.Reconstruction]) -
                 explained += int((same & (points[a][first] >= 0)).sum())
                 total += len(first)
     return explained / max(total, 1)
+
+
+def could_be_placed(database: Path, model: pycolmap.Reconstruction) -> bool:
+    """Returns whether some image that a model lacks shares enough with its images to be placed.
+
+    A mapper needs 30 points for a pose. An image whose verified matches with all of the model's
+    are fewer shows something else, and no other mapper places it.
+    """
+    placed = set(model.reg_image_ids())
+    shared: Counter[int] = Counter()
+    with closing(pycolmap.Database.open(database)) as opened:
+        for pair, geometry in zip(*opened.read_two_view_geometries(), strict=True):
+            a, b = pycolmap.pair_id_to_image_pair(pair)
+            if (a in placed) != (b in placed):
+                shared[b if a in placed else a] += len(geometry.inlier_matches)
+    return any(count >= _LEAST_INLIERS for count in shared.values())
 
 
 def flat_share(database: Path) -> float:

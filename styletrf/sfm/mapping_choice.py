@@ -20,7 +20,7 @@ from styletrf.sfm.colmap_mapping import (
     match_pairs,
     panorama_pairs,
 )
-from styletrf.sfm.mapping import SfmResult, explained_share, is_explained
+from styletrf.sfm.mapping import SfmResult, could_be_placed, explained_share, is_explained
 from styletrf.sfm.mapping_ladder import ENOUGH_PLACED, Rung, climbed
 from styletrf.sfm.matching.image_pairs import (
     Pairs,
@@ -129,8 +129,10 @@ def _points_of_two(task: MappingTask, best: SfmResult | None) -> SfmResult | Non
 
 
 def _incrementally(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
-    """Where enough is explained, but photographs are left out."""
+    """Where enough is explained, but photographs are left out that share something with others."""
     if best is None or not is_explained(best):
+        return None
+    if best.models and not could_be_placed(task.database, best.models[0]):
         return None
     return _mapped(task, best, "incremental", fewest_views=3)
 

@@ -15,6 +15,7 @@ from styletrf.geometry.typical_view import typical_view
 
 MOST_STILLS = 12
 _LEAST_S = 0.5  # that a still is held
+_LEAST_LEFT = 0.7  # of a photograph's area, for one of another shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,8 @@ def stills(
     """Returns the cameras of the frames, and the photographs whose views they are.
 
     At most twelve photographs, spread evenly over all in their order, are held for equal times, no
-    less than half a second, without any motion between. All have the shape of most photographs.
+    less than half a second, without any motion between. All have the shape of most photographs: a
+    photograph of another shape is cropped, and left out where less than 70 % of it would remain.
 
     Args:
         cameras: The photographs'.
@@ -44,8 +46,8 @@ def stills(
         frames_per_second: Of the video.
     """
     typical = typical_view(cameras)
-    shape = typical.width, typical.height
-    alike = [camera for camera in cameras if (camera.width, camera.height) == shape] or [typical]
+    cropped = [_cropped(camera, typical) for camera in cameras]
+    alike = [camera for camera in cropped if camera is not None] or [typical]
     held = int(n_frames / (_LEAST_S * frames_per_second))
     count = min(len(alike), MOST_STILLS, max(1, held))
     chosen = np.linspace(0, len(alike) - 1, count).round().astype(int)
@@ -53,3 +55,18 @@ def stills(
     firsts = [k for k in range(n_frames) if k == 0 or shown[k] != shown[k - 1]]
     frames = [replace(alike[which], name=f"{k:04d}") for k, which in enumerate(shown)]
     return frames, tuple(Still(k, alike[shown[k]].name) for k in firsts)
+
+
+def _cropped(camera: Camera, typical: Camera) -> Camera | None:
+    """Returns the middle of a view in the shape and size of another; None where little is left."""
+    scale = max(typical.width / camera.width, typical.height / camera.height)
+    left = typical.width * typical.height / (scale * scale * camera.width * camera.height)
+    if left < _LEAST_LEFT:
+        return None
+    return replace(
+        camera,
+        width=typical.width, height=typical.height,
+        fx=scale * camera.fx, fy=scale * camera.fy,
+        cx=typical.width / 2 + scale * (camera.cx - camera.width / 2),
+        cy=typical.height / 2 + scale * (camera.cy - camera.height / 2),
+    )  # fmt: skip

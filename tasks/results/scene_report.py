@@ -62,6 +62,7 @@ class SceneReport(LinkedStage, PresetStage):
 
     def _content(self, inputs: Mapping[str, Path], expected: dict[str, Any]) -> Any:
         from styletrf.files.images import read_rgb, to_integers
+        from styletrf.files.tables import read_summary
         from styletrf.geometry.camera_table import read_cameras, read_unregistered
         from styletrf.geometry.point_table import read_points
         from styletrf.reports.scene_report import SceneReportContent
@@ -100,6 +101,7 @@ class SceneReport(LinkedStage, PresetStage):
             },
             expected=expected,
             evidence=model.evidence,
+            warnings=read_summary(inputs["poses"] / "poses.json")["warnings"],
         )
 
     def _expectations(

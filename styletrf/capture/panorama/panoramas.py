@@ -54,7 +54,9 @@ def find_panoramas(sizes: Mapping[Path, tuple[int, int]], choice: Choice) -> set
         for file, size in sizes.items():
             require_all_directions(file.name, *size)
         return set(sizes)
-    declared = {file for file, size in sizes.items() if _declares_panorama(file, *size)}
+    declared = {file for file, size in sizes.items() if declares_panorama(file)}
+    for file in declared:
+        require_all_directions(file.name, *sizes[file])
     found = set(declared)
     for size in set(sizes.values()):
         files = [file for file in sizes if sizes[file] == size]
@@ -98,22 +100,23 @@ def panorama_mismatch(image: Image) -> float:
     return float((np.array([seam, seam, *poles]) / usual).max())
 
 
-def _declares_panorama(file: Path, width: int, height: int) -> bool:
-    """Returns whether the XMP of a photograph, which is plain text in any format, says so.
+def declares_panorama(file: Path) -> bool:
+    """Returns whether the XMP of a photograph, which is plain text in any format, says so."""
+    return bool(_EQUIRECTANGULAR.search(file.read_bytes()))
 
-    Raises:
-        InputError: It says so of a part of a panorama.
+
+def share_of_directions(file: Path) -> float:
+    """Returns which share of the way around a panorama shows, by its XMP; 1 where it says none.
+
+    A telephone's sweep shows a part, and neither a pinhole nor a panorama of all directions has its
+    shape.
     """
     data = file.read_bytes()
     if not _EQUIRECTANGULAR.search(data):
-        return False
+        return 1.0
     found = [re.search(_SIDE % side, data) for side in (b"CroppedAreaImage", b"FullPano")]
     cropped, full = (int(one.group(1)) if one else 0 for one in found)
-    if cropped and full and cropped < full:
-        shown = f"shows {cropped / full:.0%} of the way around"
-        raise InputError(file.name, f"is a panorama that {shown}", _remedy())
-    require_all_directions(file.name, width, height)
-    return True
+    return cropped / full if 0 < cropped < full else 1.0
 
 
 def require_all_directions(name: str, width: int, height: int) -> None:

@@ -1,4 +1,7 @@
-"""Poses as COLMAP keeps them: `sparse/0` with cameras, images and points, binary or text."""
+"""Poses as COLMAP keeps them: `sparse/0` with cameras, images and points, binary or text.
+
+Of several models, `sparse/0`, `sparse/1` and so on, the one with the most photographs is read.
+"""
 
 from pathlib import Path
 
@@ -14,7 +17,7 @@ from styletrf.capture.poses.given_poses import (
 from styletrf.colmap import pycolmap
 from styletrf.errors import InputError
 
-_PLACES = ("sparse/0", "sparse", "colmap/sparse/0")
+_PLACES = ("sparse/[0-9]*", "sparse", "colmap/sparse/[0-9]*")
 
 
 def read_colmap_model(folder: Path) -> GivenPoses | None:
@@ -26,11 +29,15 @@ def read_colmap_model(folder: Path) -> GivenPoses | None:
         InputError: The model cannot be read, names a photograph outside `images`, or hardly one
             is there.
     """
-    places = [folder / place for place in _PLACES]
-    source = next((place for place in places if any(place.glob("cameras.*"))), None)
-    if source is None:
+    models = [
+        [place for place in sorted(folder.glob(pattern)) if any(place.glob("cameras.*"))]
+        for pattern in _PLACES
+    ]
+    sources = next((places for places in models if places), [])
+    if not sources:
         return None
-    views = colmap_views(source, folder / "images")
+    views_of = {source: colmap_views(source, folder / "images") for source in sources}
+    source, views = max(views_of.items(), key=lambda found: len(found[1]))
     for view in views:
         require_inside(source, folder / "images", view.file.parent)
     return given_poses(source, views)

@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.capture.photographs import list_photographs, read_photograph
+from styletrf.capture.photographs import first_size, list_photographs
 from styletrf.capture.poses.given_poses import GivenPoses, GivenView, Lens, given_poses, rigid
 from styletrf.errors import InputError
 from styletrf.geometry.cameras import Camera, resized
 
-_REMEDY = "Write it anew with the photographs that are there"
+_REMEDY = (
+    "Write it anew with the photographs that are there, or move it away: then poses are estimated"
+)
 
 
 def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -> list[Camera]:
@@ -54,7 +56,7 @@ def read_llff_folder(folder: Path) -> GivenPoses | None:
     if not path.exists():
         return None
     files = sorted(list_photographs(folder / "images"))
-    height, width, _ = read_photograph(files[0]).shape
+    width, height = first_size(files)
     cameras = read_llff_poses(path, [file.stem for file in files], width, height)
     views = [
         GivenView(

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.capture.photographs import read_photograph
+from styletrf.capture.photographs import first_size
 from styletrf.capture.poses.given_poses import (
     GivenPoses,
     GivenView,
@@ -27,7 +27,7 @@ from styletrf.errors import InputError
 
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 _SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".JPG", ".PNG")
-_REMEDY = "Export the scene again"
+_REMEDY = "Export the scene again, or move the file away: then poses are estimated"
 _BENDS = {
     "OPENCV": ("k1", "k2", "p1", "p2"),
     "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"),
@@ -103,8 +103,8 @@ def _views_with(path: Path, held_out: bool | None) -> list[GivenView]:  # noqa: 
     """Returns the views in one file, whether or not their photographs are there."""
     frames = _frames(path)
     files = [_file(path, name) for name, _, _ in frames]
-    present = next((file for file in files if file.is_file()), None)
-    size = read_photograph(present).shape[1::-1] if present else (1, 1)
+    present = [file for file in files if file.is_file()]
+    size = first_size(present) if present else (1, 1)
     return [
         GivenView(file, _lens(path, values, size), _pose(name, path, pose), held_out)
         for file, (name, pose, values) in zip(files, frames, strict=True)

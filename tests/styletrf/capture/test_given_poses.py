@@ -1,11 +1,14 @@
 """Scenes that already have poses, in every format, held to their photographs by reprojection."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pycolmap
 import pytest
+from hypothesis import given as given_numbers
+from hypothesis import strategies as st
 from made_photographs import encoded, room_poses, room_view
 
 from styletrf.capture.capture_file import read_capture
@@ -13,6 +16,7 @@ from styletrf.capture.poses.given_poses import GivenView, Lens
 from styletrf.capture.poses.pose_formats import find_given_poses
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.capture.user_folders import scene_files
+from styletrf.capture.views import FEW_VIEWS, HOLD_OUT_EVERY, split_views
 from styletrf.errors import InputError
 from styletrf.geometry.camera_table import read_cameras, read_fitted_rows, read_split
 from styletrf.geometry.cameras import project
@@ -168,7 +172,7 @@ def test_points_project_where_they_were_seen(given):
     assert np.median(on_a_wall) < 0.01, "where the room's walls are"
 
 
-def test_a_published_split_is_kept_and_else_every_eighth_is_held_out(given):
+def test_a_published_split_is_kept_and_else_a_view_in_the_middle_is_held_out(given):
     kind, folder, _, _ = given
     table = folder / "out" / "cameras.parquet"
     train, held_out = read_split(table)
@@ -179,7 +183,31 @@ def test_a_published_split_is_kept_and_else_every_eighth_is_held_out(given):
         assert [camera.name for camera in held_out] == [f"test_r_{i}" for i in range(VIEWS // 2)]
         assert len(train) == VIEWS // 2
     else:
-        assert [camera.name for camera in held_out] == ["0"]
+        assert [camera.name for camera in held_out] == [f"{VIEWS // 2}"]
+
+
+def test_of_several_models_the_largest_is_read(tmp_path):
+    """COLMAP's model 0 need not be it: a capture of 20 became one of 3."""
+    colmap(tmp_path, room_poses(VIEWS))
+    (tmp_path / "sparse/0").rename(tmp_path / "sparse/1")
+    shutil.rmtree(tmp_path / "images")
+    colmap(tmp_path, room_poses(VIEWS)[:3])
+    shutil.rmtree(tmp_path / "images")
+    photographed(tmp_path, BENT, room_poses(VIEWS))
+    found = find_given_poses(tmp_path)
+    assert found is not None
+    assert (found.source, len(found.views)) == (tmp_path / "sparse/1", VIEWS)
+
+
+@given_numbers(st.integers(3, 300))
+def test_a_split_holds_out_every_eighth_view_and_of_few_one_that_others_surround(n_views):
+    fitted, held_out = split_views(n_views)
+    assert sorted([*fitted, *held_out]) == list(range(n_views))
+    if n_views < FEW_VIEWS:
+        assert len(held_out) == 1
+        assert 0 < held_out[0] < n_views - 1
+    else:
+        assert held_out == list(range(0, n_views, HOLD_OUT_EVERY))
 
 
 def test_photographs_without_a_pose_and_poses_without_a_photograph_are_named(given):

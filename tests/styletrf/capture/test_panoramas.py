@@ -7,8 +7,14 @@ import pytest
 from made_panoramas import courtyard_panoramas, with_xmp
 from made_photographs import encoded, texture
 
-from styletrf.capture.panorama.panoramas import find_panoramas, panorama_mismatch, show_panoramas
+from styletrf.capture.panorama.panoramas import (
+    find_panoramas,
+    panorama_mismatch,
+    share_of_directions,
+    show_panoramas,
+)
 from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES, read_photograph
+from styletrf.capture.scene_capture import capture_photographs
 from styletrf.errors import InputError
 from styletrf.synthetic.courtyard import CourtyardConfig, courtyard_cameras, render_view
 
@@ -94,13 +100,33 @@ def test_metadata_say_what_no_picture_shows(tmp_path):
     assert find_panoramas(sizes, "no") == set()
 
 
-@pytest.mark.parametrize(
-    "said", [{"CroppedAreaImageWidthPixels": 128, "FullPanoWidthPixels": 256}, {}]
-)
-def test_a_part_of_a_panorama_is_refused(said, tmp_path):
-    file, size = tmp_path / "a.jpg", (128, 64 if said else 40)
-    declared = with_xmp(encoded(texture(64, 128)), ProjectionType="equirectangular", **said)
-    file.write_bytes(declared)
+SWEEP = {"CroppedAreaImageWidthPixels": 128, "FullPanoWidthPixels": 256}
+
+
+@pytest.mark.parametrize(("said", "share"), [(SWEEP, 0.5), ({}, 1.0)])
+def test_the_share_of_directions_is_what_the_metadata_say(said, share, tmp_path):
+    file = tmp_path / "a.jpg"
+    file.write_bytes(with_xmp(encoded(texture(64, 128)), ProjectionType="equirectangular", **said))
+    assert share_of_directions(file) == share
+
+
+def test_a_sweep_among_photographs_is_left_out(tmp_path):
+    """It refused the whole scene."""
+    (tmp_path / "images").mkdir()
+    for k in range(4):
+        (tmp_path / "images" / f"{k}.jpg").write_bytes(encoded(texture(16, 24, k)))
+    sweep = with_xmp(encoded(texture(64, 128)), ProjectionType="equirectangular", **SWEEP)
+    (tmp_path / "images/sweep.jpg").write_bytes(sweep)
+    capture = capture_photographs(tmp_path / "images", tmp_path / "auto")
+    assert [one.name for one in capture.photographs] == [*"0123"]
+    assert "sweep.jpg is a panorama of 50%" in capture.warnings[0]
+    capture = capture_photographs(tmp_path / "images", tmp_path / "no", panoramas="no")
+    assert len(capture.photographs) == 5
+
+
+def test_what_says_that_it_is_a_panorama_and_has_no_such_shape_is_refused(tmp_path):
+    file, size = tmp_path / "a.jpg", (128, 40)
+    file.write_bytes(with_xmp(encoded(texture(40, 128)), ProjectionType="equirectangular"))
     with pytest.raises(InputError, match="a"):
         find_panoramas({file: size}, "auto")
 

@@ -53,7 +53,7 @@ def test_sizes_are_those_of_the_upright_photographs(folder, tmp_path):
 
 
 def test_names_stay_apart_where_only_suffixes_differ(folder, tmp_path):
-    (folder / "view 1.png").write_bytes(encoded(texture(16, 24), ".png"))
+    (folder / "view 1.png").write_bytes(encoded(texture(16, 20), ".png"))
     names = [one.name for one in capture_photographs(folder, tmp_path / "out").photographs]
     assert names == ["view 1.jpg", "view 1.png", "view 9.jpg", "view 10.jpg"]
 
@@ -119,18 +119,30 @@ def test_a_name_to_leave_out_that_is_none_is_refused(folder, tmp_path):
 
 def test_long_lists_are_cut(folder, tmp_path):
     for index in range(13):
-        (folder / f"same{index}.jpg").write_bytes(photograph(1))
+        (folder / f"raw{index}.nef").touch()
     (warning,) = capture_photographs(folder, tmp_path / "out").warnings
-    assert re.search(r"same0.jpg.* and \d+ more", warning)
+    assert re.search(r"raw0.nef.* and \d+ more", warning)
 
 
-def test_duplicates_and_files_to_be_converted_are_warned_of(folder, tmp_path):
-    (folder / "copy.jpg").write_bytes((folder / "view 9.jpg").read_bytes())
-    (folder / "raw.NEF").touch()
-    warnings = capture_photographs(folder, tmp_path / "out").warnings
-    assert any("copy.jpg, view 9.jpg" in warning for warning in warnings)
-    assert any("raw.NEF" in warning for warning in warnings)
-    assert len(warnings) == 2
+def test_one_shot_in_two_files_is_one_photograph(folder, tmp_path):
+    """One of the two could be held out, and would flatter the field fitted to the other."""
+    (folder / "view 9 copy.jpg").write_bytes((folder / "view 9.jpg").read_bytes())
+    (folder / "view 10.png").write_bytes(encoded(texture(16, 24), ".png"))
+    capture = capture_photographs(folder, tmp_path / "out")
+    names = [one.file for one in capture.photographs]
+    assert names == ["view 1.jpg", "view 9 copy.jpg", "view 10.jpg"]
+    (warning,) = capture.warnings
+    assert all(name in warning for name in ("view 9.jpg", "view 10.png"))
+
+
+def test_files_that_are_passed_over_are_named_wherever_they_lie(folder, tmp_path):
+    for name in ("raw.NEF", "card/raw.dng", "still.gif", "walk.mp4", "view 9.mov"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).touch()
+    converted, clips = capture_photographs(folder, tmp_path / "out").warnings
+    assert all(name in converted for name in ("raw.NEF", "raw.dng", "still.gif"))
+    assert "walk.mp4" in clips
+    assert "view 9.mov" not in clips, "a telephone stores it with each photograph"
 
 
 def test_progress_counts_the_photographs(folder, tmp_path):
@@ -159,6 +171,7 @@ def test_a_mask_is_kept_with_its_photograph(folder, tmp_path, name):
     ("mask", "problem"),
     [
         (np.zeros((16, 24), np.uint8), "black all over"),
+        (np.ones((16, 24), np.uint8), "nearly so. What counts is 255; the brightest pixel is 1"),
         (np.full((8, 8), 255, np.uint8), "8x8.*24x16"),
     ],
 )

@@ -78,7 +78,8 @@ def test_the_videos_of_a_folder_are_one_scene(data, place):
     assert found == folder
     assert [video.name for video in scene_videos(found)] == ["clip9.MOV", "clip10.mp4"]
     assert scene_files(found) == scene_videos(found)
-    (folder / "1.jpg").touch()
+    for name in "123":
+        (folder / f"{name}.jpg").touch()
     assert scene_videos(found) == []
 
 
@@ -118,9 +119,37 @@ def test_a_scene_called_masks_does_not_mask_a_video(data):
 
 
 def test_a_video_beside_photographs_is_passed_over(data):
-    for name in ("empty/a.mov", "empty/1.jpg"):
-        (data / "scenes" / name).touch()
+    for name in ("a.mov", "day/1.jpg", "day/2.jpg", "evening/3.jpg"):
+        (data / "scenes/empty" / name).parent.mkdir(exist_ok=True)
+        (data / "scenes/empty" / name).touch()
     assert find_scene(data, "empty") == data / "scenes/empty"
+    assert scene_videos(data / "scenes/empty") == []
+
+
+def test_a_picture_beside_a_video_is_no_capture(data):
+    for name in ("a.mov", "cover.jpg"):
+        (data / "scenes/empty" / name).touch()
+    assert find_scene(data, "empty") == data / "scenes/empty/a.mov"
+
+
+def test_videos_lie_in_folders_and_beside_an_empty_folder_of_images(data):
+    for name in ("card1/clip.mp4", "card2/clip.mp4"):
+        (data / "scenes/garden9" / name).parent.mkdir()
+        (data / "scenes/garden9" / name).touch()
+    found = find_scene(data, "garden9")
+    assert [video.parent.name for video in scene_videos(found)] == ["card1", "card2"]
+
+
+@pytest.mark.parametrize("name", ["IMG_1.dng", "card/IMG_1.dng"])
+def test_a_folder_of_raw_files_is_answered_with_what_to_do(data, name):
+    """It was said that there is no such scene."""
+    file = data / "scenes/raw" / name
+    file.parent.mkdir(parents=True)
+    file.touch()
+    with pytest.raises(InputError) as refusal:
+        find_scene(data, "raw")
+    assert ".dng files must be converted first" in refusal.value.problem
+    assert str(data / "scenes/raw") in refusal.value.problem
 
 
 def test_a_public_scene_is_answered_with_its_archive(data):

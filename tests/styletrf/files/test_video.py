@@ -1,6 +1,8 @@
+import av
 import cv2
 import numpy as np
 import pytest
+from av.video.reformatter import Colorspace
 
 from styletrf.errors import InputError
 from styletrf.files.video import first_frame, video_frames, video_info, write_video
@@ -50,6 +52,27 @@ def test_strokes_survive(tmp_path):
     ]
     write_video(tmp_path / "b.mp4", gray, 24)
     assert decoded_psnr(gray, tmp_path / "b.mp4") > 36
+
+
+def untagged(path, color, height, width, matrix):
+    """Writes a video of one color whose file does not say what its numbers mean."""
+    frame = np.full((height, width, 3), color, np.uint8)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=24)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        picture = av.VideoFrame.from_ndarray(frame, "rgb24")
+        picture = picture.reformat(format="yuv420p", dst_colorspace=matrix)
+        picture.colorspace = 2  # unspecified
+        container.mux(stream.encode(picture))
+        container.mux(stream.encode(None))
+
+
+@pytest.mark.parametrize(("lines", "matrix"), [(360, "ITU601"), (720, "ITU709")])
+def test_an_untagged_video_is_read_by_the_matrix_of_its_size(tmp_path, lines, matrix):
+    """Red of telephones' clips was brown: each was read as of standard definition."""
+    untagged(tmp_path / "a.mp4", (200, 40, 40), lines, 640, Colorspace[matrix])
+    pixels = first_frame(tmp_path / "a.mp4").pixels
+    assert np.abs(pixels.astype(int) - [200, 40, 40]).max() <= 3
 
 
 def test_colors_come_back(tmp_path):

@@ -100,7 +100,7 @@ def test_photographs_keep_their_own_shapes_up_to_the_longest_side(tmp_path):
 def test_cameras_of_different_sizes_do_not_share_a_lens_once_both_are_reduced(tmp_path):
     """The photographs of two telephones had one focal length, since both were 1600 pixels wide."""
     files = {"0.png": (48, 64), "1.png": (72, 96), "2.png": (48, 64)}
-    made = {name: encoded(texture(*size), ".png") for name, size in files.items()}
+    made = {n: encoded(texture(*files[n], seed), ".png") for seed, n in enumerate(files)}
     images = prepared(tmp_path, made, 32)
     assert [setting.files for setting in images.lenses] == [
         ("000000.png", "000002.png"),
@@ -110,8 +110,19 @@ def test_cameras_of_different_sizes_do_not_share_a_lens_once_both_are_reduced(tm
 
 def test_the_focal_length_of_a_telephones_photographs_is_read(tmp_path):
     """28 mm by the diagonal of film, 43.3 mm, for a diagonal of 80 pixels."""
-    images = prepared(tmp_path, {f"{k}.heic": PHONE.read_bytes() for k in range(3)})
+    images = prepared(tmp_path, {f"{k}.heic": PHONE.read_bytes() + bytes([k]) for k in range(3)})
     assert images.lenses[0].focal_prior_px == pytest.approx(28 / np.hypot(36, 24) * 80)
+
+
+def test_focal_lengths_far_apart_share_no_lens_whatever_lies_between():
+    """Each was near enough to the next: 25 focal lengths from 1000 to 1986 px became one lens."""
+    focals_px = [1000 * 1.029**k for k in range(25)]
+    files = [f"{k:02d}" for k in range(25)]
+    settings = lens_settings(files, [(64, 48)] * 25, focals_px, "auto", [None] * 25)
+    of_file = dict(zip(files, focals_px, strict=True))
+    for setting in settings:
+        of_setting = [of_file[file] for file in setting.files]
+        assert max(of_setting) <= 1.03 * min(of_setting)
 
 
 @pytest.mark.parametrize("how", ["auto", "one", "each"])

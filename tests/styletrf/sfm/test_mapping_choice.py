@@ -8,7 +8,7 @@ import pytest
 from styletrf.capture.capture_file import Photograph
 from styletrf.progress import silent
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
-from styletrf.sfm.mapping import explained_share
+from styletrf.sfm.mapping import could_be_placed, explained_share
 from styletrf.sfm.mapping_choice import STRONGER_UP_TO, MappingTask, reconstruct
 
 PATH, OVERLAP = 36, 3
@@ -143,7 +143,17 @@ def test_what_a_sequence_leaves_out_is_matched_with_all(tmp_path):
     centers = np.insert(street(20), 9, [0, 90, 0], axis=0)
     mapping = mapped(*walked(tmp_path, centers), filmed(21), 10)
     assert "those left out matched with more, placed 20 of 21" in mapping.mapper_reason
+    assert "incremental" not in mapping.mapper_reason, "it shares nothing with any: minutes saved"
     assert mapping.registered == 20
+
+
+def test_an_image_could_be_placed_that_shares_enough_with_a_model(tmp_path):
+    centers = np.insert(street(8), 4, [0, 90, 0], axis=0)
+    database, images = walked(tmp_path, centers)
+    model = mapped(database, images, named([f"{k}" for k in range(9)]), 10).models[0]
+    assert not could_be_placed(database, model)
+    model.deregister_frame(model.image(1).frame_id)
+    assert could_be_placed(database, model)
 
 
 def test_a_capture_of_which_most_is_left_out_is_not_matched_all_with_all(tmp_path):

@@ -53,6 +53,31 @@ def test_stills_fill_the_length_evenly_with_photographs_in_their_order(n_frames,
     assert numbers == sorted(set(numbers))
 
 
+def test_photographs_of_other_sizes_are_shown_cropped_to_the_shape_of_most():
+    """Of a tourist's photographs hardly two have one size: a single one was shown for all."""
+    odd = [
+        replace(camera, width=camera.width - k, height=camera.height + k)
+        for k, camera in enumerate(PHOTOGRAPHS[:5])
+    ]
+    frames, shown = stills(odd, 96, 24)
+    assert len(shown) == 5
+    assert len({(frame.width, frame.height) for frame in frames}) == 1
+    for still in shown:
+        own = odd[int(still.photograph.removeprefix("IMG_"))]
+        frame = frames[still.first_frame]
+        corners = np.array([[0, 0], [frame.width, frame.height]])
+        rays = (corners - [frame.cx, frame.cy]) / [frame.fx, frame.fy]
+        pixels = rays * [own.fx, own.fy] + [own.cx, own.cy]
+        assert (pixels > -1e-6).all()
+        assert (pixels < np.array([own.width, own.height]) + 1e-6).all()
+
+
+def test_a_photograph_across_the_others_is_left_out():
+    first, *others = PHOTOGRAPHS
+    across = replace(first, width=first.height, height=first.width, cx=first.cy, cy=first.cx)
+    assert len(stills([across, *others[:3]], 96, 24)[1]) == 3
+
+
 def test_a_still_is_the_photographs_own_view():
     frames, shown = stills(PHOTOGRAPHS, 96, 24)
     own = {photograph.name: photograph for photograph in PHOTOGRAPHS}
