@@ -20,7 +20,7 @@ The packages, each of which imports only those below it:
     command | machine     the command of this process; the machine it runs on
 
 A stage gathers its inputs, calls the library and writes the result. Importing this package loads
-no torch: heavy imports are inside `build`, which runs in its own interpreter.
+no torch: heavy imports are inside `build`, which runs in its own process.
 """
 
 from pipeline.command import take_over_luigi
