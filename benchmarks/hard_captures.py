@@ -44,17 +44,23 @@ FAMILIES = (SceneCapture, CameraPoses, QualityMetrics)
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one capture; `psnr` is NaN where there is no field."""
+    """What became of one capture; `psnr` is NaN where there is no field.
+
+    `psnr_exposed` is that of held-out views in their own exposure, where photographs have one each.
+    """
 
     scene: str
     kind: str
     registered: str
     psnr: float
+    psnr_exposed: float
     seconds: float
     said: str
 
     def __str__(self) -> str:
         psnr = "" if np.isnan(self.psnr) else f"{self.psnr:.2f}"
+        if not np.isnan(self.psnr_exposed):
+            psnr += f"; {self.psnr_exposed:.2f} in their own exposure"
         cells = (self.scene, self.kind.replace("_", " "), self.registered, psnr)
         return f"| {' | '.join(cells)} | {self.seconds:.0f} | {self.said} |"
 
@@ -102,7 +108,8 @@ def measured(scene: str, kind: str, last: Stage, seconds: float, error: str) -> 
     remarks += [*capture.get("warnings", ()), *poses.get("warnings", ())]
     if poses and not poses["mapper"].startswith("given"):
         remarks.append(f"{poses['matcher']}; {poses['mapper_reason']}")
-    return Row(scene, kind, registered, quality.get("psnr", np.nan), seconds, "; ".join(remarks))
+    psnrs = (quality.get(name, np.nan) for name in ("psnr", "psnr_exposed"))
+    return Row(scene, kind, registered, *psnrs, seconds, "; ".join(remarks))
 
 
 def _summary(task: Any, name: str) -> dict[str, Any]:

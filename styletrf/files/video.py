@@ -5,7 +5,7 @@ nor the color matrix to choose.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -124,11 +124,12 @@ def first_frame(path: Path) -> TimedFrame:
     raise InputError(str(path), "holds no frame that can be decoded", "Copy it again")
 
 
-def timed_frames(path: Path) -> Iterator[TimedFrame]:
+def timed_frames(path: Path, indices: Set[int] | None = None) -> Iterator[TimedFrame]:
     """Yields the frames of `video_frames` with their times, which need not be evenly spaced.
 
     Damaged frames are left out, and decoding ends where the file is cut short: compare the last
-    time with `declared_duration_s`.
+    time with `declared_duration_s`. With `indices`, only the frames at these places are yielded;
+    the others are decoded, but not converted.
 
     Raises:
         InputError: The file is missing or holds no video.
@@ -136,9 +137,11 @@ def timed_frames(path: Path) -> Iterator[TimedFrame]:
     with _opened(path) as container:
         interval_s = 1 / float(container.streams.video[0].average_rate or 24)
         start_s, shown_s = None, -interval_s
-        for frame in _decodable(container):
+        for index, frame in enumerate(_decodable(container)):
             shown_s = shown_s + interval_s if frame.pts is None else float(frame.time)
             start_s = shown_s if start_s is None else start_s
+            if indices is not None and index not in indices:
+                continue
             pixels = frame.to_ndarray(format="rgb24", src_colorspace=_assumed_colorspace(frame))
             upright = np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
             yield TimedFrame(shown_s - start_s, upright, _is_equirectangular(frame))

@@ -73,7 +73,7 @@ def capture_videos(
     photographs = [
         kept
         for video, motion, names in zip(videos, motions, taken, strict=True)
-        for frame, photograph in _photographs(video, motion, names, progress)
+        for frame, photograph in _photographs(video, motion, names)
         for kept in _kept(photograph, frame, out_dir, is_panorama=video in cut)
     ]
     warnings = [
@@ -155,15 +155,14 @@ def _not_left_out(
 
 
 def _photographs(
-    video: Path, motion: FrameMotion, names: Mapping[int, str], progress: Progress
+    video: Path, motion: FrameMotion, names: Mapping[int, str]
 ) -> Iterator[tuple[Frame, Photograph]]:
     """Yields the frames of a clip and what is known of each before it is a file."""
-    for index, frame in enumerate(_followed(video, progress)):
-        if name := names.get(index):
-            height, width = frame.pixels.shape[:2]
-            shot = int(motion.shot[index])
-            of_clip = video.name, shot, frame.time_s
-            yield frame.pixels, Photograph(name, f"{name}.png", width, height, 0, "", *of_clip)
+    for index, frame in zip(sorted(names), timed_frames(video, names.keys()), strict=True):
+        height, width = frame.pixels.shape[:2]
+        of_clip = video.name, int(motion.shot[index]), frame.time_s
+        name = names[index]
+        yield frame.pixels, Photograph(name, f"{name}.png", width, height, 0, "", *of_clip)
 
 
 def _kept(

@@ -87,9 +87,10 @@ class PhotographPlacement:
 def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
     """Yields the photographs without a camera, as a lens of the scene would show them.
 
-    It is the lens that took most of the placed photographs of the same shape. Their cameras stand
-    at the origin. Where no lens has their shape, nothing is known of theirs: they are left out, and
-    a warning names them.
+    It is the lens that took most of the placed photographs of the same shape, or of this shape
+    turned by 90 degrees, as a camera held upright has it. Their cameras stand at the origin. Where
+    no lens has their shape, nothing is known of theirs: they are left out, and a warning names
+    them.
 
     Args:
         capture_dir: What `capture_photographs` wrote.
@@ -99,6 +100,7 @@ def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
     if not missing:
         return
     lenses = _lenses(read_summary(poses_dir / "poses.json"))
+    lenses += [_turned(lens) for lens in lenses]
     for one in read_capture(capture_dir).photographs:
         if one.name not in missing:
             continue
@@ -128,6 +130,13 @@ def training_views(poses_dir: Path, model: SceneModel) -> list[View]:
     images = load_views(poses_dir / "images", cameras)
     pixels = (np.ascontiguousarray(image[..., :3].numpy()) for image in images)
     return list(zip(cameras, map(from_integers, pixels), strict=True))
+
+
+def _turned(lens: pycolmap.Camera) -> pycolmap.Camera:
+    """Returns a lens on a camera that is held upright, without its distortion."""
+    focal, width, height = lens.mean_focal_length(), lens.height, lens.width
+    params = [focal, focal, width / 2, height / 2]
+    return pycolmap.Camera(model="PINHOLE", width=width, height=height, params=params)
 
 
 def _has_shape(image: UInt8[np.ndarray, "height width 3"], width: int, height: int) -> bool:

@@ -59,13 +59,23 @@ def test_photographs_of_another_size_are_looked_for_with_their_own_lens(scene):
     }
 
 
+def test_a_photograph_held_upright_is_looked_for_with_the_turned_lens(scene):
+    cameras = {camera.name: camera for camera, _ in unplaced_photographs(*scene)}
+    tall = cameras["tall"]
+    assert (tall.width, tall.height) == (48, 64)
+    assert (tall.fx, tall.cx, tall.cy) == pytest.approx((70.0, 24.0, 32.0))
+
+
 def test_photographs_of_a_shape_that_no_lens_has_are_named(scene, caplog):
-    assert [camera.name for camera, _ in unplaced_photographs(*scene)] == ["lost"]
-    assert "tall" in caplog.text
+    _, poses = scene
+    square = LENS | {"camera_params": [70.0, 32.0, 32.0, 0.0], "width": 64, "height": 64}
+    write_summary(poses / "poses.json", square)
+    assert list(unplaced_photographs(*scene)) == []
+    assert all(name in caplog.text for name in ("lost", "tall"))
 
 
 def test_photographs_are_looked_for_at_the_size_of_the_lens(scene):
-    ((camera, image),) = unplaced_photographs(*scene)
+    camera, image = next(unplaced_photographs(*scene))
     assert camera.name == "lost"
     assert image.shape == (48, 64, 3)
     assert (camera.width, camera.height) == (64, 48)

@@ -5,7 +5,7 @@ import pytest
 from av.video.reformatter import Colorspace
 
 from styletrf.errors import InputError
-from styletrf.files.video import first_frame, video_frames, video_info, write_video
+from styletrf.files.video import first_frame, timed_frames, video_frames, video_info, write_video
 
 
 def painted(height=96, width=128, count=8, seed=0):
@@ -52,6 +52,14 @@ def test_strokes_survive(tmp_path):
     ]
     write_video(tmp_path / "b.mp4", gray, 24)
     assert decoded_psnr(gray, tmp_path / "b.mp4") > 36
+
+
+def test_some_frames_are_those_of_all_at_the_same_places_and_times(tmp_path):
+    write_video(tmp_path / "a.mp4", painted(count=12), 24)
+    every = list(timed_frames(tmp_path / "a.mp4"))
+    some = list(timed_frames(tmp_path / "a.mp4", {0, 5, 11}))
+    assert [frame.time_s for frame in some] == [every[k].time_s for k in (0, 5, 11)]
+    assert all((a.pixels == every[k].pixels).all() for a, k in zip(some, (0, 5, 11), strict=True))
 
 
 def untagged(path, color, height, width, matrix):
