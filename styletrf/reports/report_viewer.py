@@ -27,9 +27,10 @@ def viewer_part(style: str, command: str) -> str:
     """
     if not command:
         return ""
+    name = html.escape(quote(style, safe=""))
     body = (
-        f'<div class="walk" data-picture="../viewer.{html.escape(quote(style, safe=""))}.jpg">'
-        '<p class="there"><a href="../viewer.html">Open the viewer beside this report</a>, '
+        f'<div class="walk" data-picture="../viewer.{name}.jpg"><p class="there">'
+        f'<a href="../viewer.html#style={name}">Open the viewer beside this report</a>, '
         "if it was made.</p>"
         '<div class="absent"><p class="quiet small">This makes the viewer, a page of its own. '
         "It shows every style in the list:</p>"

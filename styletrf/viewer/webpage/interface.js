@@ -30,16 +30,19 @@ const start = async () => {
   const remember = () => {
     clearTimeout(timer);
     timer = setTimeout(() => {
-      const words = new URLSearchParams({ view: navigation.toText(), show: shown.a, with: shown.b, share: shown.share });
+      const nameOf = (k) => scene.looks[k].name;  // numbers differ from viewer to viewer
+      const words = new URLSearchParams({ view: navigation.toText(), style: nameOf(shown.a), with: nameOf(shown.b), share: shown.share });
       if (shown.split >= 0) words.set("split", shown.split.toFixed(3));
       if (editor?.toText()) words.set("path", editor.toText());
       try { history.replaceState(null, "", `#${words}`); } catch { /* a page within another may have no address */ }
     }, 300);
   };
   const recall = () => {
-    const words = new URLSearchParams(location.hash.slice(1)), among = (v) => clamp(Math.floor(+v) || 0, 0, scene.looks.length - 1);
+    const words = new URLSearchParams(location.hash.slice(1)), numberOf = (name) => scene.looks.findIndex((look) => look.name === name);
+    const among = (v) => (numberOf(v) >= 0 ? numberOf(v) : clamp(Math.floor(+v) || 0, 0, scene.looks.length - 1));
     navigation.fromText(words.get("view"));
-    if (words.has("show")) shown.a = among(words.get("show"));
+    if (words.has("show")) shown.a = clamp(Math.floor(+words.get("show")) || 0, 0, scene.looks.length - 1);
+    if (numberOf(words.get("style")) >= 0) shown.a = numberOf(words.get("style"));
     if (words.has("with")) shown.b = among(words.get("with"));
     if (words.has("share")) shown.share = clamp(+words.get("share") || 0, 0, 1);
     shown.split = words.has("split") ? clamp(+words.get("split") || 0, 0, 1) : -1;
@@ -111,8 +114,8 @@ const start = async () => {
     full: () => (document.fullscreenElement ? document.exitFullscreen() : $("main").requestFullscreen()).catch(() => {}),
     save: () => {
       const { width, height } = canvas;
-      renderer.draw({ ...picture(width, height), width, height });
-      renderer.present();
+      if (!loop.isSettled()) renderer.draw({ ...picture(width, height), width, height });
+      renderer.present();  // the mean of several pictures, where the view has come to rest
       canvas.toBlob((blob) => offer(blob, `${scene.name}-${scene.looks[shown.a].name}.png`));
       loop.change();
     },
@@ -192,7 +195,7 @@ const start = async () => {
     last = now;
     for (const key of keys) {
       const [x, y, z] = HELD[key];
-      if (z === "turn") navigation.turn(x * seconds, y * seconds);
+      if (z === "turn") navigation.steer(x * seconds, y * seconds);
       else navigation.walk(x * seconds, y * seconds, z * seconds);
     }
     if (shown.isPlaying) advance(seconds * scene.framesPerSecond);

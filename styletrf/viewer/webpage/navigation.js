@@ -58,8 +58,9 @@ const makeNavigation = (scene) => {
     }
   };
 
-  const turn = (x, y) => {  // by shares of the picture's height
-    const angle = 1 / (lens.fy / lens.height) / state.zoom, inward = scene.looking === "inward" || scene.looking === "ahead";
+  const inward = scene.looking === "inward" || scene.looking === "ahead";
+  const turn = (x, y) => {  // by shares of the picture's height, as a drag does
+    const angle = 1 / (lens.fy / lens.height) / state.zoom;
     const distance = pivot(), target = add(state.center, axes(state).ahead, distance);
     state.yaw += (inward ? 1 : -1) * x * angle;
     state.pitch = clamp(state.pitch + (inward ? -1 : 1) * y * angle, -MOST_PITCH, MOST_PITCH);
@@ -71,6 +72,7 @@ const makeNavigation = (scene) => {
     }
     bound();
   };
+  const steer = (x, y) => (inward ? turn(x, y) : turn(-x, -y));  // to the right and down, as keys do
   const slide = (x, y) => {
     const scale = pivot() / (lens.fy / lens.height) / state.zoom, { right, down: below } = axes(state);
     state.center = add(add(state.center, right, -x * scale), below, -y * scale);
@@ -114,6 +116,6 @@ const makeNavigation = (scene) => {
     return found && { pose: poseAt(found), zoom: found.zoom };
   };
   show(path[0].pose);
-  return { aspect, lens, turn, slide, walk, zoomBy, view, pose, show, toText, fromText, seenFrom, frames: path.length,
+  return { aspect, lens, turn, steer, slide, walk, zoomBy, view, pose, show, toText, fromText, seenFrom, frames: path.length,
            follow: (frame) => show(path[frame].pose, state.zoom) };
 };

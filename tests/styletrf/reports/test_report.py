@@ -89,7 +89,7 @@ def test_the_page_needs_nothing_beside_it_and_leads_to_its_viewer_alone(tmp_path
         "data:video/mp4;base64",
         "data:image/jpeg;base64",
         "#walk",
-        "../viewer.html",
+        "../viewer.html#style=mosaic",
     }
     text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", (tmp_path / "report.html").read_text())
     assert "//" not in re.sub(r"  // .*", "", text)
@@ -285,4 +285,4 @@ def test_a_viewer_that_shows_the_style_is_offered_and_else_its_command(tmp_path)
     write_rgb(tmp_path / "horns/viewer.a b#1.jpg", np.full((8, 8, 3), 0.5, dtype=np.float32))
     answer = answer_of(place / "report.html", OFFER, 390)
     assert answer["before"] == {"enter": True, "link": True, "command": False}
-    assert (answer["frame"], answer["overflow"]) == ("horns/viewer.html", 0)
+    assert (answer["frame"], answer["overflow"]) == ("horns/viewer.html#style=a%20b%231", 0)

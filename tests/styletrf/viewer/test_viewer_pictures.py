@@ -5,6 +5,7 @@ The look of the photographs is rendered as it is baked: what that loses is the l
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +155,52 @@ def test_every_control_does_something_and_nothing_fails(content, tmp_path: Path,
     assert (answer["isSplit"], answer["saved"], answer["look"]) == (True, 1, 1)
     assert answer["over"] == 0
     assert "3 looks" in answer["status"]
+
+
+ADDRESSES = """
+  const { shown, scene } = await viewer;
+  const found = [];
+  const each = ["style=style%202", "show=0", "style=nothing", "style=style+1&with=style+2"];
+  for (const words of each) {
+    location.hash = words;
+    await new Promise((r) => setTimeout(r, 50));
+    found.push([scene.looks[shown.a].name, scene.looks[shown.b].name]);
+  }
+  await until(() => location.hash.includes("view="));
+  return { found, hash: location.hash };
+"""
+
+
+def test_an_address_names_its_paintings(content, tmp_path: Path):
+    """Numbers led to another painting in a viewer of other styles, and reports to the first."""
+    page = written(content("ndc"), tmp_path / "viewer.html")
+    answer = answer_of(page, ADDRESSES, 800)
+    first, plain, unknown, both = (names[0] for names in answer["found"])
+    assert (first, plain, unknown, both) == ("style 2", "Photographs", "Photographs", "style 1")
+    assert answer["found"][-1][1] == "style 2"
+    assert {"style=style+1", "with=style+2"} <= set(answer["hash"].removeprefix("#").split("&"))
+
+
+STEERED = """
+  const { navigation } = await viewer;
+  const toward = (axis, by) => {  // how far the view turns towards an axis of the camera
+    const before = navigation.pose();
+    navigation.steer(...by);
+    const after = navigation.pose(), turned = [0, 4, 8].map((i) => before[i + axis] * after[i + 2]);
+    return turned.reduce((sum, value) => sum + value);
+  };
+  return { right: toward(0, [0.02, 0]), down: toward(1, [0, 0.02]) };
+"""
+
+
+@pytest.mark.parametrize("looking", ["ahead", "inward", "outward", "along"])
+def test_arrow_keys_turn_to_where_they_point_in_every_scene(content, tmp_path: Path, looking: str):
+    """In scenes photographed outward the right one turned to the left."""
+    baked = replace(content("unbounded"), looking=looking)
+    answer = answer_of(written(baked, tmp_path / "viewer.html"), STEERED, 800)
+    assert answer["errors"] == []
+    assert answer["right"] > 1e-3
+    assert answer["down"] > 1e-3
 
 
 BOUNDED = """
