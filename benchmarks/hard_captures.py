@@ -108,8 +108,8 @@ def measured(scene: str, kind: str, last: Stage, seconds: float, error: str) -> 
     remarks += [*capture.get("warnings", ()), *poses.get("warnings", ())]
     if poses and not poses["mapper"].startswith("given"):
         remarks.append(f"{poses['matcher']}; {poses['mapper_reason']}")
-    psnrs = (quality.get(name, np.nan) for name in ("psnr", "psnr_exposed"))
-    return Row(scene, kind, registered, *psnrs, seconds, "; ".join(remarks))
+    psnr, exposed = (float(quality.get(name, np.nan)) for name in ("psnr", "psnr_exposed"))
+    return Row(scene, kind, registered, psnr, exposed, seconds, "; ".join(remarks))
 
 
 def _summary(task: Any, name: str) -> dict[str, Any]:
