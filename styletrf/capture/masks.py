@@ -49,5 +49,5 @@ def require_mask_of(path: Path, width: int, height: int) -> None:
         brightest = int(read_photograph(path).max())
         remedy = "Leave the photograph out, or make white what counts"
         if brightest:
-            remedy = f"What counts is 255; the brightest pixel is {brightest}. Multiply the mask"
+            remedy = f"Make what counts white (255): its brightest pixel is {brightest}"
         raise InputError(f"mask {path.name}", "is black all over, or nearly so", remedy)

@@ -24,6 +24,7 @@ from styletrf.capture.photograph_names import (
 from styletrf.capture.photographs import (
     FEWEST_PHOTOGRAPHS,
     FOREIGN_SUFFIXES,
+    MORE_PHOTOGRAPHS,
     PHOTOGRAPH_SUFFIXES,
     VIDEO_SUFFIXES,
     files_below,
@@ -89,22 +90,23 @@ def capture_photographs(
     _require_one_lens_source(folder, given, panoramas)
     taken = [view.file for view in given.views] if given else list_photographs(folder)
     files = without(folder, taken, leave_out)
-    examined, problems = _examined(files, progress, sweeps=given is not None or panoramas == "no")
+    examined, problems = _examined(files, progress, sweeps=given is not None or panoramas != "auto")
     _require_enough(folder, len(examined), len(files), problems)
-    again = [] if given else repeated(examined)
-    examined = {file: one for file, one in examined.items() if file not in again}
-    photographs = list(examined.values())
-    few = [f"only {len(photographs)} photographs differ"]
-    _require_enough(folder, len(photographs), len(photographs), few)
     found = find_masks(folder, list(dict.fromkeys([*taken, *photographs_below(folder)])))
     masks = found.by_photograph
+    again = [] if given else repeated(examined, masks.keys())
+    examined = {file: one for file, one in examined.items() if file not in again}
+    photographs = list(examined.values())
+    if len(photographs) < FEWEST_PHOTOGRAPHS:
+        problem = f"only {len(photographs)} of the photographs differ"
+        raise InputError(str(folder), problem, MORE_PHOTOGRAPHS)
     for file in masks.keys() & examined.keys():
         require_mask_of(masks[file], examined[file].width, examined[file].height)
     sizes = {file: (one.width, one.height) for file, one in examined.items()}
     cut = find_panoramas(sizes, "no" if given else panoramas)
     require_own_names(examined, cut)
     kept = _stored(examined, masks, cut, out_dir)
-    warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder, photographs)
+    warnings = [f"left out: {problem}" for problem in problems] + _warnings(folder)
     if again:
         names = _listed([file.name for file in again])
         warnings.append(f"left out, since another file shows the same: {names}")
@@ -122,20 +124,22 @@ def capture_photographs(
     return capture
 
 
-def repeated(photographs: Mapping[Path, Photograph]) -> list[Path]:
-    """Returns the files that show what an earlier one does.
+def repeated(photographs: Mapping[Path, Photograph], masked: Set[Path]) -> list[Path]:
+    """Returns the files that show what another one does: that with a mask, or else the first.
 
     They are exact copies, or of the same folder, stem and size in another format, as telephones and
     cameras keep one shot as HEIC and JPEG. One of two that are the same might be held out, and
     flatter the field that was fitted to the other.
     """
-    seen: set[object] = set()
+    by_digest: set[str] = set()
+    suffixes: dict[object, str] = {}
     found = []
-    for file, one in photographs.items():
-        shot = file.parent, file.stem.casefold(), one.width, one.height
-        if {one.sha256, shot} & seen:
+    for file in sorted(photographs, key=lambda file: file not in masked):  # stable
+        one, suffix = photographs[file], file.suffix.lower().replace("jpeg", "jpg")
+        shot = file.parent, file.stem, one.width, one.height
+        if one.sha256 in by_digest or suffixes.setdefault(shot, suffix) != suffix:
             found.append(file)
-        seen |= {one.sha256, shot}
+        by_digest.add(one.sha256)
     return found
 
 
@@ -200,7 +204,10 @@ def _examined(
             problems.append(f"{file.name} {error.problem}")
             continue
         if not sweeps and (share := share_of_directions(file)) < 1:
-            problems.append(f"{file.name} is a panorama of {share:.0%} of the way around")
+            problems.append(
+                f"{file.name} is a panorama of {share:.0%} of the way around (with the setting"
+                ' panoramas "no" it is a photograph)'
+            )
             continue
         data = file.read_bytes()
         sha256 = hashlib.sha256(data).hexdigest()
@@ -209,12 +216,16 @@ def _examined(
     return photographs, problems
 
 
-def _warnings(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
+def _warnings(folder: Path) -> list[str]:
     warnings = []
     if foreign := [path.name for path in files_below(folder, FOREIGN_SUFFIXES)]:
         warnings.append(f"passed over, to be converted first: {_listed(foreign)}")
-    stems = {Path(photograph.file).stem for photograph in photographs}
-    clips = [path.name for path in files_below(folder, VIDEO_SUFFIXES) if path.stem not in stems]
+    shots = {(file.parent, file.stem.casefold()) for file in photographs_below(folder)}
+    clips = [
+        path.name
+        for path in files_below(folder, VIDEO_SUFFIXES)
+        if (path.parent, path.stem.casefold()) not in shots
+    ]
     if clips:  # but not those that telephones store with each photograph
         warnings.append(f"passed over, since there are photographs: {_listed(clips)}")
     return warnings

@@ -48,10 +48,9 @@ def find_scene(data_root: Path, name: str) -> Path:
     scenes = data_root / "scenes"
     own, images = scenes / name, scenes / name / "images"
     folders = [folder for folder in (images, own) if folder.is_dir()]
-    for folder in folders:
-        if _is_of_photographs(folder):
-            return folder
     for folder in folders or [own]:
+        if folder.is_dir() and _is_of_photographs(folder):
+            return folder
         if videos := _found_videos(scenes, folder, name):
             return videos
     has_transforms = any((own / f"transforms{part}.json").exists() for part in ("", "_train"))

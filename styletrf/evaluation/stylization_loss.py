@@ -1,4 +1,4 @@
-"""How well stylized frames have the painting's manner and the scene's objects: one number.
+"""How well stylized frames have the painting's style and the scene's objects: one number.
 
 It is the loss that style networks are trained for (Johnson et al. 2016), measured on what comes out
 in the end: whichever stage gives something away, it shows here.

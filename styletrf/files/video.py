@@ -40,7 +40,7 @@ _ENCODERS = {
 
 
 _UNSPECIFIED = 2  # FFmpeg's AVCOL_SPC_UNSPECIFIED
-_HD_LINES = 720
+_HD_COLUMNS, _SD_LINES = 1280, 576
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,11 +150,12 @@ def timed_frames(path: Path, indices: Set[int] | None = None) -> Iterator[TimedF
 def _assumed_colorspace(frame: av.VideoFrame) -> Colorspace | None:
     """Returns what the numbers of a frame mean where it does not say; None where it does.
 
-    From 720 lines on that is BT.709, as players assume. FFmpeg would assume BT.601, which
-    makes red darker and browner.
+    From 1280 columns or 577 lines on that is BT.709, as players assume. FFmpeg would assume
+    BT.601, which makes red darker and browner.
     """
     is_untagged = frame.colorspace == _UNSPECIFIED and frame.format.name.startswith("yuv")
-    return Colorspace.ITU709 if is_untagged and frame.height >= _HD_LINES else None
+    is_hd = frame.width >= _HD_COLUMNS or frame.height > _SD_LINES
+    return Colorspace.ITU709 if is_untagged and is_hd else None
 
 
 def _is_equirectangular(frame: av.VideoFrame) -> bool:

@@ -136,7 +136,7 @@ def _name(cell: Cell) -> str:
 
 
 def _viewer(cell: Cell) -> str:
-    return f"{quote(cell.scene, safe='')}/viewer.html#show={cell.look}"
+    return f"{quote(cell.scene, safe='')}/viewer.html#style={quote(cell.style, safe='')}"
 
 
 def _folder(cell: Cell) -> str:

@@ -27,7 +27,7 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
 
     Raises:
         InputError: The file is absent, is no whole image, has fewer than 64 pixels a side, or
-            shows (nearly) one color, from which no manner can be learned.
+            shows (nearly) one color, from which no style can be learned.
     """
     if not path.is_file():
         raise InputError(str(path), "there is no such style image", "Give a PNG or JPEG file")

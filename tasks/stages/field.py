@@ -14,7 +14,7 @@ from tasks.stages.stage import ConfigurableStage, Stage
 
 
 class RadianceField(ConfigurableStage):
-    """A TensoRF fitted to all photographs but every eighth.
+    """A TensoRF fitted to all photographs but those held out.
 
     Leaves `density.safetensors`, `appearance.safetensors`, `field.json` and `curve.parquet`. A
     killed run goes on from its last checkpoint.

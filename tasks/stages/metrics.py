@@ -19,7 +19,7 @@ from tasks.stages.weights import PerceptualWeights
 
 
 class QualityMetrics(ConfigurableStage):
-    """PSNR, SSIM and a perceptual distance on the photographs held out, every eighth.
+    """PSNR, SSIM and a perceptual distance on the photographs held out.
 
     Leaves `views.parquet`, `summary.json`, and each render beside its photograph in `views/`.
     Photographs without a camera are placed against the field: `placed.json`.

@@ -88,7 +88,7 @@ def test_success_is_quiet_and_quick_again():
     assert "Did not run any tasks" in screen
 
 
-def test_a_build_is_told_what_is_upstream_in_the_graph_of_the_command():
+def test_a_build_gets_its_upstream_tasks_from_the_graph_of_the_command():
     status, screen = luigi("Account", "--Word-loudness", "3.5")
     assert status == 0, screen
     made = {str(record.provenance["label"]): record for record in current_store().records()}
@@ -121,7 +121,7 @@ def test_a_missing_parameter_is_one_line():
     assert "Traceback" not in screen
 
 
-def test_another_folder_is_told_at_once(tmp_path):
+def test_another_folder_is_reported_at_once(tmp_path):
     status, screen = luigi("Sentence", cwd=tmp_path)
     assert status == 1
     assert "Run from the folder of the repository" in screen

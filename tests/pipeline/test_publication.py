@@ -244,7 +244,7 @@ def test_a_store_that_cannot_be_made_is_refused(tmp_path):
         Store.open(tmp_path / "file" / "store")
 
 
-def test_what_is_made_anew_with_other_bytes_is_told(store, caplog):
+def test_a_rebuild_with_other_bytes_is_reported(store, caplog):
     lost = make(store, "a", "one")
     for content, n_messages in (("one", 0), ("two", 1)):
         caplog.clear()

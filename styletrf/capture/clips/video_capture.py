@@ -72,8 +72,10 @@ def capture_videos(
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
     photographs = [
         kept
-        for video, motion, names in zip(videos, motions, taken, strict=True)
-        for frame, photograph in _photographs(video, motion, names)
+        for video, clip, motion, names in zip(
+            videos, _clip_names(videos), motions, taken, strict=True
+        )
+        for frame, photograph in _photographs(video, clip, motion, names)
         for kept in _kept(photograph, frame, out_dir, is_panorama=video in cut)
     ]
     warnings = [
@@ -154,13 +156,18 @@ def _not_left_out(
     return [{i: name for i, name in names.items() if name not in gone} for names in named]
 
 
+def _clip_names(videos: Sequence[Path]) -> list[str]:
+    """Returns the names of the files, with numbers where files in several folders share one."""
+    return distinct([video.name for video in videos])
+
+
 def _photographs(
-    video: Path, motion: FrameMotion, names: Mapping[int, str]
+    video: Path, clip: str, motion: FrameMotion, names: Mapping[int, str]
 ) -> Iterator[tuple[Frame, Photograph]]:
     """Yields the frames of a clip and what is known of each before it is a file."""
-    for index, frame in zip(sorted(names), timed_frames(video, names.keys()), strict=True):
+    for index, frame in zip(sorted(names), timed_frames(video, names.keys()), strict=False):
         height, width = frame.pixels.shape[:2]
-        of_clip = video.name, int(motion.shot[index]), frame.time_s
+        of_clip = clip, int(motion.shot[index]), frame.time_s
         name = names[index]
         yield frame.pixels, Photograph(name, f"{name}.png", width, height, 0, "", *of_clip)
 

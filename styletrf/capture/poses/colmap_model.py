@@ -1,6 +1,7 @@
 """Poses as COLMAP keeps them: `sparse/0` with cameras, images and points, binary or text.
 
-Of several models, `sparse/0`, `sparse/1` and so on, the one with the most photographs is read.
+Of several models, `sparse/0`, `sparse/1` and so on, the readable one with the most photographs that
+are there is read.
 """
 
 from pathlib import Path
@@ -30,14 +31,26 @@ def read_colmap_model(folder: Path) -> GivenPoses | None:
             is there.
     """
     models = [
-        [place for place in sorted(folder.glob(pattern)) if any(place.glob("cameras.*"))]
+        [
+            place
+            for place in sorted(folder.glob(pattern))
+            if (place.name.isdecimal() or place.name == "sparse") and any(place.glob("cameras.*"))
+        ]
         for pattern in _PLACES
     ]
     sources = next((places for places in models if places), [])
     if not sources:
         return None
-    views_of = {source: colmap_views(source, folder / "images") for source in sources}
-    source, views = max(views_of.items(), key=lambda found: len(found[1]))
+    views_of, errors = {}, []
+    for source in sources:
+        try:
+            views_of[source] = colmap_views(source, folder / "images")
+        except InputError as error:
+            errors.append(error)
+    if not views_of:
+        raise errors[0]
+    source = max(views_of, key=lambda one: sum(view.file.is_file() for view in views_of[one]))
+    views = views_of[source]
     for view in views:
         require_inside(source, folder / "images", view.file.parent)
     return given_poses(source, views)

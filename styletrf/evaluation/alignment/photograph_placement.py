@@ -100,7 +100,7 @@ def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
     if not missing:
         return
     lenses = _lenses(read_summary(poses_dir / "poses.json"))
-    lenses += [_turned(lens) for lens in lenses]
+    lenses += [_turned(lens) for lens in lenses if "FISHEYE" not in str(lens.model_name)]
     for one in read_capture(capture_dir).photographs:
         if one.name not in missing:
             continue

@@ -130,7 +130,7 @@ def perceptual_loss(
     grams: dict[str, Tensor],
     config: PerceptualLossConfig,
 ) -> PerceptualTerms:
-    """Returns how far `output` is from the objects of `content` and the manner of the style.
+    """Returns how far `output` is from the objects of `content` and from the painting's style.
 
     `content`: the squared difference of `config.content_layer`; `style`: the sum over
     `config.style_layers`, each by its weight, of the squared difference of Gram matrices (Johnson

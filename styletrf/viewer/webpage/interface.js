@@ -114,10 +114,11 @@ const start = async () => {
     full: () => (document.fullscreenElement ? document.exitFullscreen() : $("main").requestFullscreen()).catch(() => {}),
     save: () => {
       const { width, height } = canvas;
-      if (!loop.isSettled()) renderer.draw({ ...picture(width, height), width, height });
-      renderer.present();  // the mean of several pictures, where the view has come to rest
+      const isAtRest = loop.isSettled();  // then the mean of several pictures is there
+      if (!isAtRest) renderer.draw({ ...picture(width, height), width, height });
+      renderer.present();
       canvas.toBlob((blob) => offer(blob, `${scene.name}-${scene.looks[shown.a].name}.png`));
-      loop.change();
+      if (!isAtRest) loop.change();
     },
   };
   for (const [id, act] of Object.entries(toggles)) $(id).addEventListener("click", act);

@@ -234,7 +234,7 @@ def test_the_snapshot_of_another_package_is_left_alone(town: Town):
     assert (town.folder / "town.json").read_text() == before
 
 
-def test_what_cannot_be_adopted_is_told_with_what_to_do(town: Town):
+def test_a_refused_adoption_is_reported_with_what_to_do(town: Town):
     def adopt(family: str, reason: str = "a rename") -> str:
         words = ("adopt", "--module", "town", family, "--reason", reason)
         status, said = town.run("pipeline", *words)

@@ -107,14 +107,14 @@ def test_a_user_error_keeps_its_words():
     assert failure.reason == "words/bad: is no word. Choose another one."
 
 
-def test_a_full_disk_in_the_build_is_told_as_such():
+def test_a_full_disk_in_the_build_is_reported_as_such():
     failure = failure_of(Fills())
     assert failure.kind == "disk"
     assert "no space left" in failure.reason
 
 
 @pytest.mark.parametrize("act", ["save_tensors", "copy"])
-def test_a_full_disk_is_told_as_such_whatever_a_library_says(act, tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_as_such_whatever_a_library_says(act, tmp_path, monkeypatch):
     """One has an error of its own for it; one says no more than that it failed."""
     monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "full" / "store"))
     with small_disk(tmp_path / "full", mebibytes=3):
@@ -125,7 +125,7 @@ def test_a_full_disk_is_told_as_such_whatever_a_library_says(act, tmp_path, monk
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
-def test_a_full_disk_is_told_by_the_words_of_the_system(number, tmp_path):
+def test_a_full_disk_is_recognized_by_the_words_of_the_system(number, tmp_path):
     error = RuntimeError(f"cannot write: {os.strerror(number)} (os error {number})")
     assert describe_error(error, tmp_path / "log")[0] == "disk"
     assert describe_error(RuntimeError("cannot write"), tmp_path / "log")[0] == "crash"

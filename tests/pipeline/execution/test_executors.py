@@ -80,7 +80,7 @@ def test_time_before_a_kill_counts_where_a_checkpoint_is_gone_on_from(job):
 
 
 @either_process
-def test_cores_of_a_build_and_of_others_are_told_apart(job):
+def test_cores_of_a_build_and_of_others_are_counted_apart(job):
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as other:
         report = acted("subprocess", job, "sleep_a_little")
         other.kill()
@@ -114,7 +114,9 @@ def test_a_warning_is_a_line_on_the_terminal_and_in_the_log(executor, job, inter
         ("lose_once", "transient", "example.org: cannot be reached. Check the network"),
     ],
 )
-def test_an_exception_is_told_in_its_words_and_traced_in_the_log(executor, job, act, kind, words):
+def test_an_exception_is_reported_in_its_words_and_traced_in_the_log(
+    executor, job, act, kind, words
+):
     report = acted(executor, job, act)
     assert (report.kind, report.message) == (kind, words.format(log=job.log))
     assert report.status != 0
@@ -123,7 +125,7 @@ def test_an_exception_is_told_in_its_words_and_traced_in_the_log(executor, job, 
 
 
 @either_process
-def test_a_long_reason_is_told_and_blocks_nobody(job):
+def test_a_long_reason_is_reported_and_blocks_nobody(job):
     """On the pipe it is 96 kB, more than a pipe holds unread."""
     report = acted("subprocess", job, "lament", timeout_seconds=20.0)
     assert (report.kind, report.message) == ("user", "\N{LOUDLY CRYING FACE}" * 8000)

@@ -63,7 +63,7 @@ def test_a_fork_is_in_the_folder_of_the_command(tmp_path, monkeypatch):
         assert answer_of("imported_toy:say_where", "") == str(tmp_path)
 
 
-def test_processes_that_end_in_any_order_are_told_apart():
+def test_processes_that_end_in_any_order_keep_their_own_results():
     with fork_server(["wave"]), ThreadPoolExecutor(4) as pool:
         answer_of("imported_toy:say_hello", "")
         questions = ["long" * 2**15, "short", "long" * 2**14, ""]

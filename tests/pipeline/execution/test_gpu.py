@@ -133,7 +133,7 @@ def test_nvidia_smi_tells_the_cards(cards, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("mode", [0o755, 0o644], ids=["fails", "cannot be run"])
-def test_cards_that_cannot_be_told_are_no_cards_for_all(cards, tmp_path, monkeypatch, mode):
+def test_gpus_that_cannot_be_listed_are_leased_to_nobody(cards, tmp_path, monkeypatch, mode):
     cards("")
     (tmp_path / "nvidia-smi").write_text("#!/bin/sh\nexit 9\n")
     (tmp_path / "nvidia-smi").chmod(mode)
@@ -208,7 +208,7 @@ def test_another_users_lease_is_honored_and_then_used(cards):
 
 
 @pytest.mark.parametrize("obstacle", ["symlink_to", "a file for a folder"])
-def test_a_folder_that_cannot_be_used_is_told(cards, tmp_path, obstacle):
+def test_an_unusable_lease_folder_is_reported(cards, tmp_path, obstacle):
     cards("GPU-a")
     if obstacle == "symlink_to":
         (tmp_path / "leases").mkdir()

@@ -265,7 +265,7 @@ def test_a_record_without_provenance_is_none(store):
         ActionRecord.from_json(record.to_json())
 
 
-def test_garbage_is_told_and_no_damage(store, word, capsys):
+def test_garbage_is_reported_and_is_no_damage(store, word, capsys):
     store.action(word.action.key).unlink()
     status, rows = verify(capsys, "--deep")
     assert (status, [row["found"] for row in rows]) == (0, ["garbage, for gc"])

@@ -46,7 +46,7 @@ def test_another_machine_builds_nothing_and_fetches_only_what_it_reads(shared, e
 
 
 @pytest.mark.usefixtures("inline")
-def test_another_machine_is_told_which_function_differs(shared, elsewhere):
+def test_another_machine_reports_which_function_differs(shared, elsewhere):
     build(Word("hello"))
     (code,) = shared.names("code")
     record = Word("hello").record()
@@ -244,7 +244,7 @@ def raising(error: Exception) -> None:
     raise error
 
 
-def test_a_failure_is_told_in_sentences(caplog):
+def test_a_failure_is_reported_in_sentences(caplog):
     def fail(_remote: Remote) -> None:
         raise StoreError("it is away")
 

@@ -127,7 +127,7 @@ def test_a_directory_that_goes_away_while_a_command_runs(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("inline")
 @pytest.mark.parametrize("url", ["s3://bucket/store", "missing", "gs://bucket/store"])
-def test_a_shared_store_that_is_none_is_told_quickly_and_once(
+def test_an_unusable_shared_store_is_reported_quickly_and_once(
     tmp_path, monkeypatch, server, caplog, capsys, url
 ):
     monkeypatch.setenv("STYLETRF_REMOTE", url.replace("missing", str(tmp_path / "missing")))
@@ -144,13 +144,15 @@ def test_a_shared_store_that_is_none_is_told_quickly_and_once(
     assert (status, "the shared store" in said, said.count("\n")) == (2, True, 1)
 
 
-def test_no_shared_store_at_all_is_told(capsys):
+def test_a_missing_shared_store_is_reported(capsys):
     make(current_store(), "a")
     status, said = command(capsys, "push")
     assert (status, "STYLETRF_REMOTE" in said) == (2, True)
 
 
-def test_a_missing_bucket_and_missing_credentials_are_told_apart(server, monkeypatch, tmp_path):
+def test_a_missing_bucket_and_missing_credentials_have_different_messages(
+    server, monkeypatch, tmp_path
+):
     for name, value in server.environment().items():
         monkeypatch.setenv(name, value)
     with pytest.raises(StoreError, match="bucket does not exist"):

@@ -59,7 +59,7 @@ def test_every_photograph_can_be_left_out_alone_by_its_name_in_the_capture(files
 
 
 @pytest.mark.parametrize("leave_out", ["c/1.jpg", "viwe", "IMG [3].jpg", "A_1"])
-def test_what_nothing_is_called_is_refused_and_told_what_there_is(leave_out):
+def test_an_unknown_name_is_refused_with_the_names_there_are(leave_out):
     with pytest.raises(InputError) as refusal:
         left(["a/1.jpg", "b/1.jpg", "IMG 2.jpg"], "IMG*", leave_out)
     assert leave_out in refusal.value.subject

@@ -40,7 +40,7 @@ def test_names_are_as_short_as_tells_the_photographs_apart(files, stored, names)
     assert photograph_names(stored) == names
 
 
-def test_a_folder_and_an_underscore_are_told_apart():
+def test_a_folder_and_an_underscore_give_different_names():
     """Both were `a_1_1.jpg`, and one photograph overwrote the other."""
     files = ["a/1_1.jpg", "a_1/1.jpg", "b/1.jpg"]
     stored = stored_files([Path("scene", file) for file in files])

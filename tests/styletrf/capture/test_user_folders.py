@@ -126,6 +126,13 @@ def test_a_video_beside_photographs_is_passed_over(data):
     assert scene_videos(data / "scenes/empty") == []
 
 
+def test_a_clip_in_images_is_the_scene_whatever_pictures_lie_elsewhere(data):
+    for name in ("images/clip.mp4", "renders/1.png", "renders/2.png", "renders/3.png"):
+        (data / "scenes/garden9" / name).parent.mkdir(exist_ok=True)
+        (data / "scenes/garden9" / name).touch()
+    assert find_scene(data, "garden9") == data / "scenes/garden9/images/clip.mp4"
+
+
 def test_a_picture_beside_a_video_is_no_capture(data):
     for name in ("a.mov", "cover.jpg"):
         (data / "scenes/empty" / name).touch()

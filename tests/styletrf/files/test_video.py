@@ -75,10 +75,13 @@ def untagged(path, color, height, width, matrix):
         container.mux(stream.encode(None))
 
 
-@pytest.mark.parametrize(("lines", "matrix"), [(360, "ITU601"), (720, "ITU709")])
-def test_an_untagged_video_is_read_by_the_matrix_of_its_size(tmp_path, lines, matrix):
+@pytest.mark.parametrize(
+    ("columns", "lines", "matrix"),
+    [(640, 360, "ITU601"), (640, 720, "ITU709"), (1280, 544, "ITU709")],
+)
+def test_an_untagged_video_is_read_by_the_matrix_of_its_size(tmp_path, columns, lines, matrix):
     """Red of telephones' clips was brown: each was read as of standard definition."""
-    untagged(tmp_path / "a.mp4", (200, 40, 40), lines, 640, Colorspace[matrix])
+    untagged(tmp_path / "a.mp4", (200, 40, 40), lines, columns, Colorspace[matrix])
     pixels = first_frame(tmp_path / "a.mp4").pixels
     assert np.abs(pixels.astype(int) - [200, 40, 40]).max() <= 3
 

@@ -55,9 +55,9 @@ def test_it_names_only_files_below_itself(tmp_path: Path):
 
 def test_a_viewer_opens_at_its_painting_and_is_a_result_of_its_own(tmp_path: Path):
     beside = written(tmp_path, [Cell("a b", "x", has_report=True, look=3)])
-    assert {"a%20b/x/report.html", "a%20b/viewer.html#show=3"} <= set(beside.addresses)
+    assert {"a%20b/x/report.html", "a%20b/viewer.html#style=x"} <= set(beside.addresses)
     alone = written(tmp_path, [Cell("a b", "x", look=3)])
-    assert "a%20b/viewer.html#show=3" in alone.addresses
+    assert "a%20b/viewer.html#style=x" in alone.addresses
     assert "a%20b/viewer.x.jpg" in alone.addresses
     assert "report.html" not in "".join(alone.addresses)
     without = written(tmp_path, [Cell("a b", "x", has_report=True)])

@@ -67,7 +67,7 @@ def test_refused_is_what_takes_clearly_more_than_is_available():
     assert "\n" not in message
 
 
-def test_the_stage_that_takes_the_most_is_told():
+def test_the_stage_with_the_largest_demand_is_named():
     large = replace(DEMAND, stage="RadianceField", grid_points=640**3)
     with pytest.raises(InputError, match=r"RadianceField.*max_voxels"):
         require_memory([DEMAND, large], 1 << 20, {"yard": SCENE})

@@ -74,7 +74,7 @@ def test_a_damaged_memory_is_forgotten(data: Path, reads: list[str], tmp_path: P
     assert reads == ["train.zip"] * 2
 
 
-def test_content_that_is_not_told_apart_fails_in_the_run_and_not_in_the_graph(data: Path):
+def test_ambiguous_content_fails_in_the_run_and_not_in_the_graph(data: Path):
     fill(data / "content/val.zip", "two")
     stage = tasks.ContentImages(scene="s")
     assert stage.requires() == {}

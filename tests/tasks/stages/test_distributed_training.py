@@ -69,7 +69,7 @@ def test_two_processes_train_one_network(asked, tmp_path):
 
 
 @pytest.mark.slow
-def test_what_one_of_them_refuses_is_told_as_ever(asked):
+def test_a_refusal_by_one_process_is_reported_as_in_one_process(asked):
     with pytest.raises(InputError, match="Lower the learning rate"):
         train_distributed(
             asked(iterations=30, learning_rate=1e30, final_learning_rate=1e30), 2, Display()

@@ -104,7 +104,7 @@ def test_blended_styles_are_adapted_with_the_same_words():
     assert given.requires()["blend udnie"].network == "", "which is the main style's"
 
 
-def test_factors_are_told_beside_the_settings_and_not_in_them():
+def test_factors_are_recorded_beside_the_settings_and_not_in_them():
     """The report's command repeats both: in the settings they would count twice."""
     stage = tasks.StyleNetwork(stroke_scale=2.0, content_weight=3.0, **WORDS)
     plain = tasks.StyleNetwork(**WORDS)
