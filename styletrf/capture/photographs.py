@@ -60,6 +60,7 @@ FEWEST_PHOTOGRAPHS = 3
 _JPEG_DAMAGE = re.compile(r"premature end|bad Huffman|extraneous bytes before marker 0xd[0-7]")
 _JPEG_START = b"\xff\xd8"
 _JPEG_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]", re.DOTALL)  # not one within a scan
+_UPRIGHT = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH  # BGR: RGB garbles 16-bit TIFF in OpenCV 5.0
 _STANDARD_ERROR = threading.Lock()
 
 
@@ -196,14 +197,11 @@ def _decoded(file: bytes) -> np.ndarray | None:
     encoded = np.frombuffer(file, np.uint8)
     with _captured_stderr() as complaints:
         try:
-            is_jpeg = file.startswith(_JPEG_START)  # which is never transparent
-            pixels = None if is_jpeg else cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
-            if pixels is None and not is_jpeg:
-                return None
-            if pixels is None or pixels.ndim == 2 or pixels.shape[2] != 4:
-                # IMREAD_UNCHANGED leaves a photograph lying on its side. (BGR: OpenCV 5.0 garbles
-                # 16-bit TIFF under IMREAD_COLOR_RGB.)
-                pixels = cv2.imdecode(encoded, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+            may_be_transparent = not file.startswith(_JPEG_START)  # no JPEG is
+            pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED if may_be_transparent else _UPRIGHT)
+            if may_be_transparent and pixels is not None and pixels.shape[2:] != (4,):
+                # IMREAD_UNCHANGED leaves a photograph lying on its side
+                pixels = cv2.imdecode(encoded, _UPRIGHT)
         except cv2.error:
             return None
     return None if _JPEG_DAMAGE.search("".join(complaints)) else pixels

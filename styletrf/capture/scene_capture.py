@@ -90,11 +90,13 @@ def capture_photographs(
     _require_one_lens_source(folder, given, panoramas)
     taken = [view.file for view in given.views] if given else list_photographs(folder)
     files = without(folder, taken, leave_out)
-    examined, problems = _examined(files, progress, sweeps=given is not None or panoramas != "auto")
+    examined, problems = _examined(
+        files, progress, keeps_sweeps=given is not None or panoramas != "auto"
+    )
     _require_enough(folder, len(examined), len(files), problems)
     found = find_masks(folder, list(dict.fromkeys([*taken, *photographs_below(folder)])))
     masks = found.by_photograph
-    again = [] if given else repeated(examined, masks.keys())
+    again = [] if given else _repeated(examined, masks.keys())
     examined = {file: one for file, one in examined.items() if file not in again}
     photographs = list(examined.values())
     if len(photographs) < FEWEST_PHOTOGRAPHS:
@@ -124,7 +126,7 @@ def capture_photographs(
     return capture
 
 
-def repeated(photographs: Mapping[Path, Photograph], masked: Set[Path]) -> list[Path]:
+def _repeated(photographs: Mapping[Path, Photograph], masked: Set[Path]) -> list[Path]:
     """Returns the files that show what another one does: that with a mask, or else the first.
 
     They are exact copies, or of the same folder, stem and size in another format, as telephones and
@@ -134,7 +136,7 @@ def repeated(photographs: Mapping[Path, Photograph], masked: Set[Path]) -> list[
     by_digest: set[str] = set()
     suffixes: dict[object, str] = {}
     found = []
-    for file in sorted(photographs, key=lambda file: file not in masked):  # stable
+    for file in sorted(photographs, key=lambda file: file not in masked):
         one, suffix = photographs[file], file.suffix.lower().replace("jpeg", "jpg")
         shot = file.parent, file.stem, one.width, one.height
         if one.sha256 in by_digest or suffixes.setdefault(shot, suffix) != suffix:
@@ -187,11 +189,11 @@ def given_views(capture_dir: Path) -> tuple[str, dict[str, GivenView]] | None:
 
 
 def _examined(
-    files: Sequence[Path], progress: Progress, *, sweeps: bool
+    files: Sequence[Path], progress: Progress, *, keeps_sweeps: bool
 ) -> tuple[dict[Path, Photograph], list[str]]:
-    """Returns the photographs that can be used, by their files, and what ails the others.
+    """Returns the photographs that can be used, by their files, and what is wrong with the others.
 
-    With `sweeps`, parts of panoramas are photographs like others.
+    With `keeps_sweeps`, parts of panoramas are photographs like others.
     """
     stored = stored_files(files)
     names = photograph_names(stored)
@@ -203,9 +205,9 @@ def _examined(
         except InputError as error:
             problems.append(f"{file.name} {error.problem}")
             continue
-        if not sweeps and (share := share_of_directions(file)) < 1:
+        if not keeps_sweeps and (share := share_of_directions(file)) < 1:
             problems.append(
-                f"{file.name} is a panorama of {share:.0%} of the way around (with the setting"
+                f"{file.name} is a panorama of {share:.0%} of all directions (with the setting"
                 ' panoramas "no" it is a photograph)'
             )
             continue

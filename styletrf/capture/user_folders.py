@@ -27,6 +27,7 @@ from styletrf.errors import InputError
 
 _POSES = ("poses_bounds.npy", "transforms*.json", "sparse/**/*.*", "colmap/sparse/**/*.*")
 """Files of the formats that `pose_formats` reads."""
+_OF_SCENES = PHOTOGRAPH_SUFFIXES | VIDEO_SUFFIXES
 _NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
 
 
@@ -35,8 +36,8 @@ def find_scene(data_root: Path, name: str) -> Path:
 
     The folder is `data_root/scenes/NAME/images`, or, where that holds neither, `NAME` itself, with
     the photographs or videos in it or in folders in it; a video may also be
-    `data_root/scenes/NAME.mp4` (or .mov and so on). Where there are three photographs, videos are
-    passed over.
+    `data_root/scenes/NAME.mp4` (or .mov and so on). With three photographs or more, videos are
+    passed over; with fewer beside videos, these are.
 
     Raises:
         InputError: The name is not one of a plain folder, several videos beside each other or
@@ -47,19 +48,18 @@ def find_scene(data_root: Path, name: str) -> Path:
     _check_name("scene", name)
     scenes = data_root / "scenes"
     own, images = scenes / name, scenes / name / "images"
-    folders = [folder for folder in (images, own) if folder.is_dir()]
-    for folder in folders or [own]:
-        if folder.is_dir() and _is_of_photographs(folder):
-            return folder
-        if videos := _found_videos(scenes, folder, name):
-            return videos
-    has_transforms = any((own / f"transforms{part}.json").exists() for part in ("", "_train"))
-    if has_transforms and own in folders:
+    folder = next((one for one in (images, own) if files_below(one, _OF_SCENES)), own)
+    if _is_of_photographs(folder):
+        return folder
+    if videos := _found_videos(scenes, folder, name):
+        return videos
+    if any((own / f"transforms{part}.json").exists() for part in ("", "_train")):
         return own  # photographs lie where the transforms say
-    for folder in folders:
-        if folder == images or photographs_below(folder):
-            return folder  # what lists them says that they are too few
-    if own in folders and any(own.iterdir()):
+    if photographs_below(folder):
+        return folder  # what lists them says that they are too few
+    if images.is_dir():
+        return images
+    if own.is_dir() and any(own.iterdir()):
         raise InputError(f"scene {name!r}", too_few(own, 0) + f" in {own}", MORE_PHOTOGRAPHS)
     raise _no_such_scene(data_root, name)
 

@@ -74,5 +74,5 @@ def split_views(n_views: int) -> tuple[list[int], list[int]]:
     Every eighth from the first on is held out; of fewer than twelve, the one in the middle alone.
     """
     is_few = n_views < FEW_VIEWS
-    held_out = [n_views // 2] if is_few else list(range(0, n_views, HOLD_OUT_EVERY))
+    held_out = [n_views // 2][:n_views] if is_few else list(range(0, n_views, HOLD_OUT_EVERY))
     return [k for k in range(n_views) if k not in held_out], held_out

@@ -75,7 +75,8 @@ def expected_psnr(
 ) -> float:
     """Returns the PSNR in dB that a fit of these photographs will have on other views.
 
-    Every eighth of the photographs is set aside for it; views held out have no part in it.
+    Every eighth of the photographs, or one of fewer than twelve, is set aside for it; views held
+    out have no part in it.
 
     Args:
         photographs: To fit to.

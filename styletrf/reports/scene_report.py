@@ -16,7 +16,7 @@ SPARSE = 0.2  # of the cells with points seen by fewer than 3 views, from which 
 class SceneReportContent:
     """Everything the page shows; `expected` by quality, `evidence` as `scene.json` has it.
 
-    `warnings` are those of the poses.
+    `doubts` speak against the poses.
     """
 
     scene: str
@@ -28,7 +28,7 @@ class SceneReportContent:
     model: Mapping[str, object]
     expected: Mapping[str, Expectation]
     evidence: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
-    warnings: Sequence[str] = ()  # of the poses
+    doubts: Sequence[str] = ()
 
 
 def advice(content: SceneReportContent) -> list[str]:
@@ -40,7 +40,7 @@ def advice(content: SceneReportContent) -> list[str]:
             f"{name} has no camera: it shares too little with the others. Photograph again between "
             f"{before} and {after}, overlapping both by two thirds."
         )
-    said += [f"{text[0].upper()}{text[1:]}." for text in content.warnings]
+    said += [f"{text[0].upper()}{text[1:]}." for text in content.doubts]
     if blurred := [view.name for view in survey.views if view.blurred]:
         said.append(f"Blurred, take again or leave out: {', '.join(blurred)}.")
     if off := [view for view in survey.views if view.off_exposure]:

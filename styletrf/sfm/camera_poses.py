@@ -255,7 +255,8 @@ def _held_out(capture: Capture, cameras: Sequence[Camera], given: GivenViews | N
 
 def _write_report(path: Path, report: PosesReport) -> None:
     """Writes the report as JSON, and logs its warnings."""
-    text = json.dumps(asdict(report), sort_keys=True, indent=1, ensure_ascii=False)
+    content = {**asdict(report), "warnings": report.warnings}
+    text = json.dumps(content, sort_keys=True, indent=1, ensure_ascii=False)
     path.write_text(text + "\n", encoding="utf-8")
     for warning in report.warnings:
         _LOGGER.warning(warning)

@@ -75,9 +75,9 @@ def prepare_images(
 
     Photographs of different sizes, before they are reduced, were taken with different lens
     settings. With `auto` lenses, so were photographs of one size whose EXIF names focal lengths
-    more than 3 % apart; those that name none are of the commonest. Views of panoramas have a
-    setting for each size and direction, of exact focal length. Masks go into a folder beside,
-    named as COLMAP seeks them.
+    more than 3 % above the shortest of their group; those that name none are of the commonest.
+    Views of panoramas have a setting for each size and direction, of exact focal length. Masks go
+    into a folder beside, named as COLMAP seeks them.
     """
     folder.mkdir(parents=True)
     masks = folder.with_name(MASKS)

@@ -80,8 +80,8 @@ def explained_share(database: Path, models: Sequence[pycolmap.Reconstruction]) -
 def could_be_placed(database: Path, model: pycolmap.Reconstruction) -> bool:
     """Returns whether some image that a model lacks shares enough with its images to be placed.
 
-    A mapper needs 30 points for a pose. An image whose verified matches with all of the model's
-    are fewer shows something else, and no other mapper places it.
+    A mapper needs 30 points for a pose, so an image with fewer verified matches with all images of
+    the model cannot be placed in it.
     """
     placed = set(model.reg_image_ids())
     shared: Counter[int] = Counter()

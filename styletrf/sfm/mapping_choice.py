@@ -132,8 +132,8 @@ def _incrementally(task: MappingTask, best: SfmResult | None) -> SfmResult | Non
     """Where enough is explained, but photographs are left out that share something with others."""
     if best is None or not is_explained(best):
         return None
-    is_simple = best.models and not task.images.panoramas  # views of one are placed together
-    if is_simple and not could_be_placed(task.database, best.models[0]):
+    has_panoramas = bool(task.images.panoramas)  # whose views are placed by their common matches
+    if not has_panoramas and not could_be_placed(task.database, best.models[0]):
         return None
     return _mapped(task, best, "incremental", fewest_views=3)
 

@@ -35,7 +35,8 @@ class PosesReport:
     `lenses` are those of all placed photographs, the one that took most of them first.
 
     `flat_pairs` is the share of the pairs most of whose matches fit one homography. Where nearly
-    all do, and nearly all points, too, the photographs tell no depth (`tells_depth`).
+    all do, and nearly all points, too, the photographs tell no depth (`tells_depth`). `doubts` are
+    what speaks against the poses.
     """
 
     registered: int
@@ -59,7 +60,19 @@ class PosesReport:
     width: int
     height: int
     lenses: tuple[FoundLens, ...]
-    warnings: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is amiss: photographs without a camera, and the doubts."""
+        if not self.unregistered:
+            return self.doubts
+        unplaced = (
+            f"only {self.registered} of {self.total} photographs could be placed, the others"
+            " show another place or share too little with them; "
+            f"without a camera: {', '.join(self.unregistered)}"
+        )
+        return unplaced, *self.doubts
 
 
 def poses_report(
@@ -110,9 +123,9 @@ def poses_report(
         width=int(lens.width),
         height=int(lens.height),
         lenses=_lenses(placed),
-        warnings=(
-            *_warnings(len(names), unregistered, pieces, error_share),
-            *(() if is_given else _doubts(mapping, tells_depth=tells_depth)),
+        doubts=(
+            *_doubts_of_model(pieces, error_share),
+            *(() if is_given else _doubts_of_matches(mapping, tells_depth=tells_depth)),
         ),
     )
 
@@ -122,30 +135,23 @@ def _lenses(placed: Sequence[PlacedPhotograph]) -> tuple[FoundLens, ...]:
     return tuple(FoundLens(lens, count) for lens, count in counts.most_common())
 
 
-def _warnings(
-    total: int, unregistered: Sequence[str], pieces: Sequence[int], error_share: float
-) -> list[str]:
-    warnings = []
+def _doubts_of_model(pieces: Sequence[int], error_share: float) -> list[str]:
+    """Returns what of the points and the pieces speaks against the poses."""
+    doubts = []
     if error_share > _LARGE_ERROR:
-        warnings.append(
+        doubts.append(
             f"the points are {error_share:.1%} of an image's longer side off on average, too much"
             " for sharp renders: the poses, the lens or the order of the photographs may be wrong"
         )
-    if unregistered:
-        warnings.append(
-            f"only {total - len(unregistered)} of {total} photographs could be placed, the others"
-            " show another place or share too little with them; "
-            f"without a camera: {', '.join(unregistered)}"
-        )
     if len(pieces) > 1:
         sizes = ", ".join(str(size) for size in pieces)
-        warnings.append(
+        doubts.append(
             f"the photographs fall into pieces without overlap (of {sizes}): the largest is used"
         )
-    return warnings
+    return doubts
 
 
-def _doubts(mapping: SfmResult, *, tells_depth: bool) -> list[str]:
+def _doubts_of_matches(mapping: SfmResult, *, tells_depth: bool) -> list[str]:
     """Returns warnings where the poses contradict matches, or these tell no depth."""
     doubts = []
     if not is_explained(mapping):

@@ -160,7 +160,7 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
     """
     from styletrf.capture.panorama.panorama_views import DIRECTIONS
     from styletrf.capture.panorama.panoramas import find_panoramas
-    from styletrf.capture.photographs import list_photographs, read_photograph
+    from styletrf.capture.photographs import first_size, list_photographs
     from styletrf.capture.poses.pose_formats import find_given_poses
     from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
     from styletrf.files.video import first_frame
@@ -172,7 +172,7 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
             return Photographs(video_frames, width, height)
         given = find_given_poses(scene_folder(found))
         files = given.files if given else list_photographs(found)
-        height, width, _ = read_photograph(files[0]).shape
+        width, height = first_size(files)
         if not given and find_panoramas({files[0]: (width, height)}, "auto"):
             return Photographs(len(DIRECTIONS) * len(files), _LONGEST_PX, _LONGEST_PX)
         return Photographs(len(files), width, height)

@@ -101,7 +101,7 @@ class SceneReport(LinkedStage, PresetStage):
             },
             expected=expected,
             evidence=model.evidence,
-            warnings=read_summary(inputs["poses"] / "poses.json")["warnings"],
+            doubts=read_summary(inputs["poses"] / "poses.json")["doubts"],
         )
 
     def _expectations(

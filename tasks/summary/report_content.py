@@ -100,17 +100,19 @@ _OF_FRAMES = ("style", "method", "network", "strength", "blend", "region")
 def registration_summary(
     poses_dir: Path, capture_dir: Path, quality_dir: Path | None = None
 ) -> str:
-    """Returns how many photographs have a camera, how, and what is odd of the poses and of them.
+    """Returns how many photographs have a camera, which have none, how, and what is odd.
 
     With the artifact of QualityMetrics also which of those without were placed against the field.
     """
     poses = read_summary(poses_dir / "poses.json")
     text = f"{poses['registered']} of {poses['total']} photographs placed"
+    if poses["unregistered"]:
+        text += f"; without a camera: {', '.join(poses['unregistered'])}"
     against = read_summary(quality_dir / "placed.json") if quality_dir else {}
     if found := [name for name, row in against.items() if "world_from_camera" in row]:
         text += f"; placed against the field, and not fitted to: {', '.join(found)}"
     how = f"Poses: {poses['mapper']}, since {poses['mapper_reason']}"
-    odd = [*poses["warnings"], *read_capture(capture_dir).warnings]
+    odd = [*poses["doubts"], *read_capture(capture_dir).warnings]
     return ". ".join([text, how, *(f"{each[0].upper()}{each[1:]}" for each in odd)]) + "."
 
 

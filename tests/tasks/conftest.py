@@ -95,7 +95,7 @@ def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
         np.arange(100), np.zeros(100, np.int64), np.zeros((100, 2)),
     )  # fmt: skip
     write_points(folder / "points.parquet", points)
-    report = {"registered": 4, "total": 4, "unregistered": [], "pieces": [4], "warnings": []}
+    report = {"registered": 4, "total": 4, "unregistered": [], "pieces": [4], "doubts": []}
     report |= {"mapper": "global", "mapper_reason": "they overlap", "tells_depth": True}
     (folder / "poses.json").write_text(json.dumps(report))
     return folder

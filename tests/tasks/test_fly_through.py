@@ -182,8 +182,8 @@ def test_warnings_name_what_is_odd_about_the_photographs(first: Run):
     assert poses[1].startswith("only 12 of 14 photographs could be placed")
     assert poses[1].endswith(named)
     page = first.report.read_text()
-    assert "12 of 14 photographs placed." in page
-    assert all(f"{part[0].upper()}{part[1:]}." in page for part in (capture[1], poses[1]))
+    assert f"12 of 14 photographs placed; {named}." in page
+    assert f"{capture[1][0].upper()}{capture[1][1:]}." in page
 
 
 @pytest.mark.usefixtures("first")

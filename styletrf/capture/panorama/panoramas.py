@@ -34,7 +34,7 @@ _LEAST_LEVELS = 4.0  # of 255, by which a picture has to vary to show anything
 _ROWS, _COLUMNS = 512, 64  # of a picture that are looked at
 
 _EQUIRECTANGULAR = re.compile(rb"GPano:ProjectionType\W{1,4}equirectangular")
-_SIDE = rb"GPano:%bWidthPixels\W{1,4}(\d+)"
+_SIDE = rb"GPano:%b%bPixels\W{1,4}(\d+)"
 _SETTING = """--SceneCapture-settings '{"panoramas": "no"}'"""
 
 
@@ -43,7 +43,7 @@ def find_panoramas(sizes: Mapping[Path, tuple[int, int]], choice: Choice) -> set
 
     Args:
         sizes: Width and height of the upright photographs, by their files.
-        choice: `auto` decides from the photographs.
+        choice: `auto` decides from the photographs. Parts of panoramas are none.
 
     Raises:
         InputError: A panorama does not show all directions.
@@ -54,7 +54,8 @@ def find_panoramas(sizes: Mapping[Path, tuple[int, int]], choice: Choice) -> set
         for file, size in sizes.items():
             require_all_directions(file.name, *size)
         return set(sizes)
-    declared = {file for file, size in sizes.items() if declares_panorama(file)}
+    data_of = ((file, file.read_bytes()) for file in sizes)
+    declared = {file for file, data in data_of if _declares_panorama(data) and _share(data) == 1}
     for file in declared:
         require_all_directions(file.name, *sizes[file])
     found = set(declared)
@@ -100,23 +101,30 @@ def panorama_mismatch(image: Image) -> float:
     return float((np.array([seam, seam, *poles]) / usual).max())
 
 
-def declares_panorama(file: Path) -> bool:
-    """Returns whether the XMP of a photograph, which is plain text in any format, says so."""
-    return bool(_EQUIRECTANGULAR.search(file.read_bytes()))
-
-
 def share_of_directions(file: Path) -> float:
-    """Returns which share of the way around a panorama shows, by its XMP; 1 where it says none.
+    """Returns which share of all directions a panorama shows, by its XMP; 1 where it says nothing.
 
-    A telephone's sweep shows a part, and neither a pinhole nor a panorama of all directions has its
-    shape.
+    A telephone's sweep shows a part: it is neither a pinhole's picture nor a whole panorama.
     """
     data = file.read_bytes()
-    if not _EQUIRECTANGULAR.search(data):
-        return 1.0
-    found = [re.search(_SIDE % side, data) for side in (b"CroppedAreaImage", b"FullPano")]
-    cropped, full = (int(one.group(1)) if one else 0 for one in found)
-    return cropped / full if 0 < cropped < full else 1.0
+    return _share(data) if _declares_panorama(data) else 1.0
+
+
+def _declares_panorama(data: bytes) -> bool:
+    """Returns whether the XMP of a photograph, which is plain text in any format, says so."""
+    return bool(_EQUIRECTANGULAR.search(data))
+
+
+def _share(data: bytes) -> float:
+    """Returns the share of the width times that of the height, as the XMP of a panorama says."""
+    share = 1.0
+    for side in (b"Width", b"Height"):
+        found = [
+            re.search(_SIDE % (part, side), data) for part in (b"CroppedAreaImage", b"FullPano")
+        ]
+        cropped, full = (int(one.group(1)) if one else 0 for one in found)
+        share *= cropped / full if 0 < cropped < full else 1.0
+    return share
 
 
 def require_all_directions(name: str, width: int, height: int) -> None:

@@ -4,6 +4,7 @@ Of several models, `sparse/0`, `sparse/1` and so on, the readable one with the m
 are there is read.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,30 +31,40 @@ def read_colmap_model(folder: Path) -> GivenPoses | None:
         InputError: The model cannot be read, names a photograph outside `images`, or hardly one
             is there.
     """
-    models = [
-        [
-            place
-            for place in sorted(folder.glob(pattern))
-            if (place.name.isdecimal() or place.name == "sparse") and any(place.glob("cameras.*"))
-        ]
-        for pattern in _PLACES
-    ]
-    sources = next((places for places in models if places), [])
+    places = (_models(folder, pattern) for pattern in _PLACES)
+    sources = next((found for found in places if found), [])
     if not sources:
         return None
+    source, views = _largest(sources, folder / "images")
+    for view in views:
+        require_inside(source, folder / "images", view.file.parent)
+    return given_poses(source, views)
+
+
+def _models(folder: Path, pattern: str) -> list[Path]:
+    """Returns the folders of models that match a pattern; a name such as `0_old` is no model's."""
+    return [
+        place
+        for place in sorted(folder.glob(pattern))
+        if (place.name.isdecimal() or place.name == pattern) and any(place.glob("cameras.*"))
+    ]
+
+
+def _largest(sources: Sequence[Path], photographs: Path) -> tuple[Path, list[GivenView]]:
+    """Returns the model of most photographs that are there, of those that can be read.
+
+    Raises:
+        InputError: None can be read; it is that of the first.
+    """
     views_of, errors = {}, []
     for source in sources:
         try:
-            views_of[source] = colmap_views(source, folder / "images")
+            views_of[source] = colmap_views(source, photographs)
         except InputError as error:
             errors.append(error)
     if not views_of:
         raise errors[0]
-    source = max(views_of, key=lambda one: sum(view.file.is_file() for view in views_of[one]))
-    views = views_of[source]
-    for view in views:
-        require_inside(source, folder / "images", view.file.parent)
-    return given_poses(source, views)
+    return max(views_of.items(), key=lambda found: sum(view.file.is_file() for view in found[1]))
 
 
 def colmap_views(source: Path, photographs: Path) -> list[GivenView]:

@@ -1,6 +1,6 @@
 """The formats in which a scene may already have its poses, beside its photographs.
 
-    sparse/0                                        COLMAP, binary or text
+    sparse/0, sparse/1 and so on                    COLMAP, binary or text
     transforms.json, or transforms_train.json and _test.json    instant-ngp, Blender
     poses_bounds.npy                                LLFF
 

@@ -114,7 +114,7 @@ const start = async () => {
     full: () => (document.fullscreenElement ? document.exitFullscreen() : $("main").requestFullscreen()).catch(() => {}),
     save: () => {
       const { width, height } = canvas;
-      const isAtRest = loop.isSettled();  // then the mean of several pictures is there
+      const isAtRest = loop.isAtRest();
       if (!isAtRest) renderer.draw({ ...picture(width, height), width, height });
       renderer.present();
       canvas.toBlob((blob) => offer(blob, `${scene.name}-${scene.looks[shown.a].name}.png`));

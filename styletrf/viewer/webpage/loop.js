@@ -52,6 +52,7 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
     isBusy = true;
     step().catch(refuse).finally(() => { isBusy = false; });
   };
-  const isSettled = () => !isBusy && !isStale && !pass.isMoving && pass.count > 0;
-  return { change, isSettled, start: () => requestAnimationFrame(frame) };
+  const isAtRest = () => !isStale && !pass.isMoving && pass.count > 0;  // what is shown is a mean
+  const isSettled = () => !isBusy && isAtRest();
+  return { change, isAtRest, isSettled, start: () => requestAnimationFrame(frame) };
 };

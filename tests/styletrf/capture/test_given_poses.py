@@ -1,28 +1,21 @@
 """Scenes that already have poses, in every format, held to their photographs by reprojection."""
 
 import json
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pycolmap
 import pytest
-from hypothesis import given as given_numbers
-from hypothesis import strategies as st
 from made_photographs import encoded, room_poses, room_view
 
 from styletrf.capture.capture_file import read_capture
-from styletrf.capture.poses.given_poses import GivenView, Lens
 from styletrf.capture.poses.pose_formats import find_given_poses
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.capture.user_folders import scene_files
-from styletrf.capture.views import FEW_VIEWS, HOLD_OUT_EVERY, split_views
 from styletrf.errors import InputError
 from styletrf.geometry.camera_table import read_cameras, read_fitted_rows, read_split
 from styletrf.geometry.cameras import project
 from styletrf.geometry.point_table import read_points
 from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
-from styletrf.sfm.known_poses import neighboring_pairs
 
 VIEWS = 8
 WIDTH, HEIGHT, FOCAL = 320, 240, 260.0
@@ -184,30 +177,6 @@ def test_a_published_split_is_kept_and_else_a_view_in_the_middle_is_held_out(giv
         assert len(train) == VIEWS // 2
     else:
         assert [camera.name for camera in held_out] == [f"{VIEWS // 2}"]
-
-
-def test_of_several_models_the_largest_is_read(tmp_path):
-    """COLMAP's model 0 need not be it: a capture of 20 became one of 3."""
-    colmap(tmp_path, room_poses(VIEWS))
-    (tmp_path / "sparse/0").rename(tmp_path / "sparse/1")
-    shutil.rmtree(tmp_path / "images")
-    colmap(tmp_path, room_poses(VIEWS)[:3])
-    shutil.rmtree(tmp_path / "images")
-    photographed(tmp_path, BENT, room_poses(VIEWS))
-    found = find_given_poses(tmp_path)
-    assert found is not None
-    assert (found.source, len(found.views)) == (tmp_path / "sparse/1", VIEWS)
-
-
-@given_numbers(st.integers(3, 300))
-def test_a_split_holds_out_every_eighth_view_and_of_few_one_that_others_surround(n_views):
-    fitted, held_out = split_views(n_views)
-    assert sorted([*fitted, *held_out]) == list(range(n_views))
-    if n_views < FEW_VIEWS:
-        assert len(held_out) == 1
-        assert 0 < held_out[0] < n_views - 1
-    else:
-        assert held_out == list(range(0, n_views, HOLD_OUT_EVERY))
 
 
 def test_photographs_without_a_pose_and_poses_without_a_photograph_are_named(given):
@@ -397,28 +366,6 @@ def test_all_photographs_that_transforms_name_are_in_the_key(tmp_path):
     assert {view.file for view in found.views} <= set(scene_files(tmp_path))
 
 
-def test_a_colmap_model_that_is_garbage_is_refused(tmp_path):
-    colmap(tmp_path, room_poses(3))
-    (tmp_path / "sparse" / "0" / "images.bin").write_bytes(b"garbage")
-    with pytest.raises(InputError, match="COLMAP model"):
-        find_given_poses(tmp_path)
-
-
 def test_without_poses_there_are_none(tmp_path):
     photographed(tmp_path, PINHOLE, room_poses(3))
     assert find_given_poses(tmp_path) is None
-
-
-def test_many_views_are_matched_with_their_neighbors_that_look_the_same_way():
-    """A ring of outward views: nobody is matched across it."""
-    angles = np.linspace(0, 2 * np.pi, 100, endpoint=False)
-    lens, views = Lens("PINHOLE", (1.0, 1.0, 0.5, 0.5), 1, 1), []
-    for angle in angles:
-        ahead = np.array([np.cos(angle), 0, np.sin(angle)])
-        right = np.array([-np.sin(angle), 0, np.cos(angle)])
-        pose = np.column_stack([right, np.cross(ahead, right), ahead, 3 * ahead])
-        views.append(GivenView(Path(), lens, pose))
-    pairs = neighboring_pairs(views)
-    steps = [min(j - i, 100 - (j - i)) for i, j in pairs]
-    assert max(steps) == 10
-    assert len(pairs) == 1000

@@ -103,7 +103,12 @@ def test_metadata_say_what_no_picture_shows(tmp_path):
 SWEEP = {"CroppedAreaImageWidthPixels": 128, "FullPanoWidthPixels": 256}
 
 
-@pytest.mark.parametrize(("said", "share"), [(SWEEP, 0.5), ({}, 1.0)])
+LOW = {"CroppedAreaImageHeightPixels": 32, "FullPanoHeightPixels": 64}
+
+
+@pytest.mark.parametrize(
+    ("said", "share"), [(SWEEP, 0.5), (LOW, 0.5), (SWEEP | LOW, 0.25), ({}, 1.0)]
+)
 def test_the_share_of_directions_is_what_the_metadata_say(said, share, tmp_path):
     file = tmp_path / "a.jpg"
     file.write_bytes(with_xmp(encoded(texture(64, 128)), ProjectionType="equirectangular", **said))
@@ -120,6 +125,7 @@ def test_a_sweep_among_photographs_is_left_out(tmp_path):
     capture = capture_photographs(tmp_path / "images", tmp_path / "auto")
     assert [one.name for one in capture.photographs] == [*"0123"]
     assert "sweep.jpg is a panorama of 50%" in capture.warnings[0]
+    assert find_panoramas({tmp_path / "images/sweep.jpg": (128, 64)}, "auto") == set()
     capture = capture_photographs(tmp_path / "images", tmp_path / "no", panoramas="no")
     assert len(capture.photographs) == 5
 

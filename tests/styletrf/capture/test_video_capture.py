@@ -104,6 +104,17 @@ def test_clips_of_almost_one_name_keep_their_frames_apart(walk, tmp_path, names)
     assert len({photograph.name for photograph in photographs}) == len(photographs)
 
 
+def test_clips_of_one_name_in_two_folders_are_two_clips(walk, tmp_path):
+    """Frames were sorted by time as if they were of one clip, and matched with strangers."""
+    clips = [tmp_path / "card1/clip.mp4", tmp_path / "card2/clip.mp4"]
+    for clip in clips:
+        clip.parent.mkdir()
+        write_video(clip, walk, 12)
+    photographs = capture_videos(clips, tmp_path / "out", 8).photographs
+    assert len({photograph.clip for photograph in photographs}) == 2
+    assert len({(one.clip, one.time_s) for one in photographs}) == len(photographs)
+
+
 def test_clips_of_several_sizes_are_one_scene(walk, tmp_path):
     write_video(tmp_path / "a.mp4", walk, 12)
     write_video(tmp_path / "b.mp4", [frame[:100] for frame in walk], 12)

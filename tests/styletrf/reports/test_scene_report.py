@@ -43,7 +43,7 @@ def test_where_all_is_well_there_is_nothing_to_do(tmp_path):
         (content([replace(GOOD, blurred=True)]), "Blurred, take again or leave out: a."),
         (content([replace(GOOD, off_exposure=True, exposure_ev=-1.0)]), r"a \(-1.0 stops\)"),
         (content(seen_by=2), "100% of the parts"),
-        (content(warnings=["the photographs tell no depth"]), "The photographs tell no depth."),
+        (content(doubts=["the photographs tell no depth"]), "The photographs tell no depth."),
         (content(unregistered=["b"], neighbors={"b": ("a", "c")}), "again between a and c"),
     ],
 )

@@ -1,0 +1,57 @@
+"""Which of a scene's COLMAP models is read."""
+
+import shutil
+
+import pytest
+from made_photographs import room_poses
+from test_given_poses import BENT, VIEWS, colmap, photographed
+
+from styletrf.capture.poses.pose_formats import find_given_poses
+from styletrf.errors import InputError
+
+POSES = room_poses(VIEWS)
+
+
+def model(folder, name, poses):
+    """Writes a model of so many photographs as `sparse/NAME`, without the photographs."""
+    colmap(folder, poses)
+    shutil.rmtree(folder / "images")
+    if name != "0":
+        (folder / "sparse/0").rename(folder / "sparse" / name)
+
+
+def test_of_several_models_the_largest_is_read(tmp_path):
+    """COLMAP's model 0 need not be it: a capture of 20 became one of 3."""
+    model(tmp_path, "1", POSES)
+    model(tmp_path, "0", POSES[:3])
+    photographed(tmp_path, BENT, POSES)
+    found = find_given_poses(tmp_path)
+    assert found is not None
+    assert (found.source, len(found.views)) == (tmp_path / "sparse/1", VIEWS)
+
+
+def test_a_model_of_photographs_that_are_gone_is_not_the_largest(tmp_path):
+    model(tmp_path, "1", POSES)
+    model(tmp_path, "0", POSES[:4])
+    photographed(tmp_path, BENT, POSES[:4])
+    found = find_given_poses(tmp_path)
+    assert found is not None
+    assert len(found.views) == 4
+
+
+@pytest.mark.parametrize("name", ["0_old", "1"])
+def test_a_backup_and_a_model_that_is_garbage_are_passed_over(tmp_path, name):
+    model(tmp_path, name, POSES)
+    (tmp_path / "sparse" / name / "images.bin").write_bytes(b"garbage")
+    model(tmp_path, "0", POSES[:4])
+    photographed(tmp_path, BENT, POSES[:4])
+    found = find_given_poses(tmp_path)
+    assert found is not None
+    assert found.source == tmp_path / "sparse/0"
+
+
+def test_a_colmap_model_that_is_garbage_is_refused(tmp_path):
+    colmap(tmp_path, POSES[:3])
+    (tmp_path / "sparse" / "0" / "images.bin").write_bytes(b"garbage")
+    with pytest.raises(InputError, match="COLMAP model"):
+        find_given_poses(tmp_path)
