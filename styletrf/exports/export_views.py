@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int64
 
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, Rendering
@@ -16,8 +16,8 @@ from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, points_a
 from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.frames import rendered
 
-_MOST_PIXELS = 4_000_000
-_FEWEST_VIEWS, _MOST_VIEWS = 8, 48
+_MOST_PIXELS, _MOST_POINTS = 8_000_000, 4_000_000
+_FEWEST_VIEWS, _MOST_VIEWS = 24, 48
 
 Look = tuple[str, Callable[[], RadianceField]]
 """A name, and what loads the field that looks so."""
@@ -84,6 +84,8 @@ def export_views(
 ) -> ExportViews:
     """Returns views spread over the photographs and the fly-through, as many as memory allows.
 
+    There are at least 24, smaller than the photographs if these are large.
+
     Args:
         model: Of the scene.
         field: With the photographs' appearance.
@@ -95,17 +97,18 @@ def export_views(
     every = [*photographed, *(fitted_to(camera, side) for camera in path)]
     pixels = float(np.mean([camera.width * camera.height for camera in every]))
     count = int(np.clip(_MOST_PIXELS / pixels, _FEWEST_VIEWS, _MOST_VIEWS))
+    side = int(side * min(1.0, (_MOST_PIXELS / (count * pixels)) ** 0.5))
     spread = np.unique(np.linspace(0, len(every) - 1, min(count, len(every))).round().astype(int))
-    cameras = [every[k] for k in spread]
+    cameras = [fitted_to(every[k], side) for k in spread]
     renders = list(rendered(field, model.space, cameras, RenderConfig(), device))
     return ExportViews(model, field, cameras, renders, device)
 
 
 def surface_points(cameras: Sequence[Camera], renders: Sequence[Rendering]) -> SurfacePoints:
-    """Returns the points of all pixels whose ray meets something."""
+    """Returns the points of pixels whose ray meets something: of all, or of some four million."""
     positions, footprints = [], []
-    for camera, render in zip(cameras, renders, strict=True):
-        seen = _meets_something(render)
+    views = zip(cameras, renders, _pixels_with_points(renders), strict=True)
+    for camera, render, seen in views:
         depth = render.median_depth.numpy().ravel()[seen].astype(np.float64)
         pixels = pixel_centers(camera.width, camera.height)[seen]
         positions.append(points_at_depth(camera, pixels, depth))
@@ -117,12 +120,12 @@ def point_colors(
     renders: Sequence[Rendering], pictures: Iterable[Float[np.ndarray, "_ _ 3"]]
 ) -> Float[np.ndarray, "points 3"]:
     """Returns the colors of the pixels whose points `surface_points` returns, in that order."""
-    pairs = zip(renders, pictures, strict=True)
-    return np.concatenate(
-        [picture.reshape(-1, 3)[_meets_something(render)] for render, picture in pairs]
-    )
+    pairs = zip(_pixels_with_points(renders), pictures, strict=True)
+    return np.concatenate([picture.reshape(-1, 3)[seen] for seen, picture in pairs])
 
 
-def _meets_something(render: Rendering) -> Bool[np.ndarray, " pixels"]:
-    finite: Bool[np.ndarray, " pixels"] = np.isfinite(render.median_depth.numpy().ravel())
-    return finite
+def _pixels_with_points(renders: Sequence[Rendering]) -> Iterator[Int64[np.ndarray, " seen"]]:
+    """Yields the pixels of each view that get points, evenly spread where these are too many."""
+    stride = -(-sum(render.median_depth.numel() for render in renders) // _MOST_POINTS)
+    for render in renders:
+        yield np.flatnonzero(np.isfinite(render.median_depth.numpy().ravel()))[::stride]

@@ -13,10 +13,10 @@ from safetensors.torch import save_file
 from styletrf.errors import InputError
 from styletrf.exports.export_views import ExportViews, Look
 from styletrf.exports.splat_files import read_splats, write_splat_ply, write_spz
-from styletrf.exports.splat_fit import FitConfig, SeenSplats, fitted_colors, fitted_opacities, shown
-from styletrf.exports.splat_footprints import footprints
+from styletrf.exports.splat_fit import Pictures, SplatFitConfig, fitted_splats
+from styletrf.exports.splat_pictures import splat_picture
 from styletrf.exports.splat_placement import placed_splats
-from styletrf.exports.splats import Splats, moved_splats
+from styletrf.exports.splats import Splats, moved_splats, splats_of_tensors, tensors_of
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.geometry.cameras import Camera
@@ -25,8 +25,6 @@ from styletrf.psnr import bounded_psnr
 from styletrf.trajectory.frames import rendered
 
 MOST_SPLATS = 300_000
-_LOW_OPACITY = 0.7  # with which footprints are gathered: opacities may fall that far
-_FIT_TERMINATION, _TERMINATION = 1e-3, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,55 +66,49 @@ def export_splats(
     Returns:
         How many splats there are, the background, and what each look loses, in dB.
     """
-    config = FitConfig()
-    splats, seen = _seen_splats(views, most)
-    splats = Splats(
-        splats.centers, splats.scales, splats.rotations,
-        fitted_opacities(seen, _flat(views, views.field), config),
-    )  # fmt: skip
-    in_world = moved_splats(splats, np.linalg.inv(views.model.normalized_from_world))
+    first = tensors_of(_placed(views, most))
+    splats, colors = fitted_splats(first, _pictures(views, looks), SplatFitConfig(), progress)
+    in_world = moved_splats(
+        splats_of_tensors(splats), np.linalg.inv(views.model.normalized_from_world)
+    )
     write = {"ply": write_splat_ply, "spz": write_spz}[file_format]
     banks, measured = {}, {}
-    for number, (name, load) in enumerate(looks):
-        field = load()
-        opacities = splats.opacities.astype(np.float32)
-        background = _background(field)
-        seen = SeenSplats(seen.views, seen.n_splats, background)
-        colors = fitted_colors(seen, _flat(views, field), opacities, config)
-        path = out / f"{name}.{file_format}"
-        write(path, in_world, colors)
-        banks[name] = torch.from_numpy(np.round(colors * 255).astype(np.uint8))
+    for (name, load), bank in zip(looks, colors.split(3, dim=1), strict=True):
+        path, field = out / f"{name}.{file_format}", load()
+        write(path, in_world, bank.numpy())
+        banks[name] = (bank * 255).round().byte().contiguous()
         measured[name] = {
             "bytes": path.stat().st_size,
-            "background": background.tolist(),
-            **_losses(path, field, views, held_out, is_photographs=number == 0),
+            "background": _background(field).tolist(),
+            **_losses(path, field, views, held_out, is_photographs=field is views.field),
         }
-        progress(number + 1, len(looks))
     save_file(banks, out / "colors.safetensors")
-    return {"splats": len(splats), "looks": measured}
+    return {"splats": len(in_world), "looks": measured}
 
 
-def _seen_splats(views: ExportViews, most: int) -> tuple[Splats, SeenSplats]:
-    """Returns placed splats, and those as the views see them."""
+def _placed(views: ExportViews, most: int) -> Splats:
     points = views.points()
     if not len(points):
         problem = "stops no ray of any photograph: there is nothing to make splats of"
         raise InputError("the field", problem, "Look at its frames, and fit it again")
-    splats = placed_splats(points, views.to_grid(points.positions), views.field.resolution, most)
-    low = Splats(
-        splats.centers, splats.scales, splats.rotations, np.full(len(splats), _LOW_OPACITY)
-    )
-    of_views = [footprints(low, camera, _FIT_TERMINATION) for camera in views.cameras]
-    return splats, SeenSplats(of_views, len(splats), _background(views.field))
+    return placed_splats(points, views.to_grid(points.positions), views.field.resolution, most)
 
 
-def _flat(views: ExportViews, field: RadianceField) -> list[np.ndarray]:
-    return [picture.reshape(-1, 3) for picture in views.pictures(field)]
+def _pictures(views: ExportViews, looks: Sequence[Look]) -> Pictures:
+    """Returns what the views see of all looks."""
+    colors: list[list[torch.Tensor]] = [[] for _ in views.cameras]
+    backgrounds = []
+    for _, load in looks:
+        field = load()
+        backgrounds.append(_background(field))
+        for of_view, picture in zip(colors, views.pictures(field), strict=True):
+            of_view.append(torch.from_numpy(picture))
+    together = [torch.cat(of_view, dim=-1) for of_view in colors]
+    return Pictures(views.cameras, together, torch.cat(backgrounds))
 
 
-def _background(field: RadianceField) -> Float[np.ndarray, " 3"]:
-    color: Float[np.ndarray, " 3"] = field.appearance.background_color().detach().cpu().numpy()
-    return color.clip(0, 1)
+def _background(field: RadianceField) -> Float[torch.Tensor, " 3"]:
+    return field.appearance.background_color().detach().float().cpu().clamp(0, 1)
 
 
 def _losses(
@@ -128,20 +120,18 @@ def _losses(
     photographs.
     """
     splats, colors = read_splats(path)
-    splats = moved_splats(splats, views.model.normalized_from_world)
-    opacities, background = splats.opacities.astype(np.float32), _background(field)
-    space, config = views.model.space, RenderConfig()
-    renders = rendered(field, space, held_out.cameras, config, views.device)
+    tensors = tensors_of(moved_splats(splats, views.model.normalized_from_world))
+    background, bank = _background(field), torch.from_numpy(colors)
+    renders = rendered(field, views.model.space, held_out.cameras, RenderConfig(), views.device)
     of_views: dict[str, list[float]] = {"psnr_to_field": [], "splats_psnr": [], "field_psnr": []}
     for camera, render, photograph in zip(
         held_out.cameras, renders, held_out.photographs, strict=True
     ):
-        view = footprints(splats, camera, _TERMINATION)
-        picture = shown(view, opacities, colors, background).clip(0, 1)
-        exact = render.color.numpy().reshape(-1, 3)
+        picture = splat_picture(tensors, bank, camera, background).clamp(0, 1).numpy()
+        exact = render.color.numpy()
         of_views["psnr_to_field"].append(_psnr_db(picture, exact))
-        of_views["splats_psnr"].append(_psnr_db(picture, photograph.reshape(-1, 3)))
-        of_views["field_psnr"].append(_psnr_db(exact, photograph.reshape(-1, 3)))
+        of_views["splats_psnr"].append(_psnr_db(picture, photograph))
+        of_views["field_psnr"].append(_psnr_db(exact, photograph))
     if not is_photographs:
         of_views = {"psnr_to_field": of_views["psnr_to_field"]}
     return {name: float(np.mean(values)) for name, values in of_views.items()}

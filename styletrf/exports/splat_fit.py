@@ -1,164 +1,136 @@
-"""Opacities and colors of splats that lie where they lie, by least squares.
+"""Splats fitted to pictures of a field by gradient descent (Kerbl et al. 2023).
 
-With the geometry fixed a picture's weights are computed once. Its colors are linear in those of the
-splats; conjugate gradients solve for them. A small change of opacities is linear, too: steps of
-simultaneous iterative reconstruction (Gilbert 1972) take turns with the colors.
+They begin on the field's surfaces, so a few hundred pictures suffice, and none has to be added or
+removed. All looks are fitted at once: they share centers, extents and opacities, and differ in the
+colors.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
+import torch
 from jaxtyping import Float
+from torch import Tensor
 
-from styletrf.exports.splat_compositing import opacity_slopes, to_pixels, to_splats, weights_of
-from styletrf.exports.splat_footprints import Footprints
+from styletrf.exports.splat_pictures import splat_picture
+from styletrf.exports.splats import SplatTensors
+from styletrf.geometry.cameras import Camera
+from styletrf.progress import Progress, silent
 
-Picture = Float[np.ndarray, "pixels 3"]
-Colors = Float[np.ndarray, "splats 3"]
-Opacities = Float[np.ndarray, " splats"]
+_LEAST_LEFT = 3e-3  # of a pixel's light, while splats are fitted
 
-
-@dataclass(frozen=True, slots=True)
-class FitConfig:
-    """How opacities and colors are solved for.
-
-    Attributes:
-        opacity: All splats' before the first step.
-        rounds: Of opacity steps, each followed by colors.
-        opacity_steps: Of a round.
-        color_steps: Of the conjugate gradients.
-        prior: How much a splat's mean color counts, in units of a pixel's squared weight.
-    """
-
-    opacity: float = 0.9
-    rounds: int = 4
-    opacity_steps: int = 3
-    color_steps: int = 8
-    prior: float = 0.05
+Colors = Float[Tensor, "splats channels"]
 
 
 @dataclass(frozen=True, slots=True)
-class SeenSplats:
-    """Splats as some cameras see them.
+class SplatFitConfig:
+    """How splats are fitted, by Adam.
 
     Attributes:
-        views: The footprints in each picture.
-        n_splats: How many there are.
-        background: The color behind everything.
+        iterations: Each of one camera.
+        opacity: All splats' in the beginning.
+        center_rate: In mean deviations of the splat.
+        scale_rate: Of the logarithm.
+        rotation_rate: Of unit quaternions.
+        opacity_rate: Of the logit.
+        color_rate: Of colors in [0, 1].
+        last_rate: The share of the rates at the end, to which they fall exponentially.
+        seed: Of the order of the cameras.
     """
 
-    views: Sequence[Footprints]
-    n_splats: int
-    background: Float[np.ndarray, " 3"]
+    iterations: int = 300
+    opacity: float = 0.8
+    center_rate: float = 0.12
+    scale_rate: float = 0.05
+    rotation_rate: float = 0.04
+    opacity_rate: float = 0.2
+    color_rate: float = 0.04
+    last_rate: float = 0.1
+    seed: int = 0
 
 
-def shown(
-    view: Footprints,
-    opacities: Opacities,
-    colors: Colors,
-    background: Float[np.ndarray, " 3"],
-) -> Picture:
-    """Returns the picture of one view."""
-    weights, left = weights_of(view.n_pixels, view.pixel, view.splat, view.share, opacities)
-    picture: Picture = left[:, None] * background.astype(np.float32)
-    to_pixels(view.pixel, view.splat, weights, colors, picture)
-    return picture
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """What cameras see, the colors of all looks side by side.
+
+    Attributes:
+        cameras: In the splats' world.
+        colors: What each sees, in [0, 1].
+        background: The colors behind everything.
+    """
+
+    cameras: Sequence[Camera]
+    colors: Sequence[Float[Tensor, "_ _ channels"]]
+    background: Float[Tensor, " channels"]
 
 
-def fitted_opacities(seen: SeenSplats, pictures: Sequence[Picture], config: FitConfig) -> Opacities:
-    """Returns the opacities, in [0.02, 0.99], with which splats come closest to pictures.
+def fitted_splats(
+    splats: SplatTensors,
+    pictures: Pictures,
+    config: SplatFitConfig,
+    progress: Progress = silent,
+) -> tuple[SplatTensors, Colors]:
+    """Returns splats that look like pictures, and their colors in [0, 1].
 
     Args:
-        seen: The splats.
-        pictures: What each view should show.
+        splats: From which the fit begins; their opacities do not matter.
+        pictures: To come close to.
         config: How.
+        progress: Called after every iteration.
     """
-    opacities = np.full(seen.n_splats, config.opacity, np.float32)
-    for _ in range(config.rounds):
-        colors = fitted_colors(seen, pictures, opacities, config)
-        for _ in range(config.opacity_steps):
-            opacities = _opacity_step(seen, pictures, opacities, colors)
-    return opacities
+    size = splats.scales.mean(1, keepdim=True)
+    moved = torch.zeros_like(splats.centers, requires_grad=True)
+    scales = splats.scales.log().requires_grad_()
+    rotations = splats.rotations.clone().requires_grad_()
+    opacities = torch.full_like(splats.opacities, config.opacity).logit().requires_grad_()
+    colors = mean_colors(splats, pictures).requires_grad_()
+    optimizer = torch.optim.Adam([
+        {"params": [moved], "lr": config.center_rate},
+        {"params": [scales], "lr": config.scale_rate},
+        {"params": [rotations], "lr": config.rotation_rate},
+        {"params": [opacities], "lr": config.opacity_rate},
+        {"params": [colors], "lr": config.color_rate},
+    ], betas=(0.9, 0.99), eps=1e-15)  # fmt: skip
+    decay = config.last_rate ** (1 / max(config.iterations, 1))
+    schedule = torch.optim.lr_scheduler.ExponentialLR(optimizer, decay)
 
+    def fitted() -> SplatTensors:
+        centers = splats.centers + size * moved
+        return SplatTensors(centers, scales.exp(), rotations, opacities.sigmoid())
 
-def fitted_colors(
-    seen: SeenSplats, pictures: Sequence[Picture], opacities: Opacities, config: FitConfig
-) -> Colors:
-    """Returns the colors, in [0, 1], with which splats come closest to pictures.
-
-    Least squares with a weak pull to each splat's mean color, solved by conjugate gradients with
-    the diagonal as preconditioner.
-    """
-    weights, lefts = zip(
-        *(weights_of(v.n_pixels, v.pixel, v.splat, v.share, opacities) for v in seen.views),
-        strict=True,
-    )
-    background = seen.background.astype(np.float32)
-    targets = [
-        (picture - left[:, None] * background).astype(np.float32)
-        for picture, left in zip(pictures, lefts, strict=True)
-    ]
-    colors, diagonal = _mean_colors(seen, pictures, weights)
-    inverse = 1 / (diagonal + config.prior)
-    lacking = _projected_back(seen, weights, [
-        target - _projected(view, each, colors)
-        for view, each, target in zip(seen.views, weights, targets, strict=True)
-    ])  # fmt: skip
-    step = inverse * lacking
-    norm = (lacking * step).sum(axis=0)
-    for _ in range(config.color_steps):
-        pushed = config.prior * step + _projected_back(
-            seen, weights,
-            [_projected(v, w, step) for v, w in zip(seen.views, weights, strict=True)],
-        )  # fmt: skip
-        length = norm / np.maximum((step * pushed).sum(axis=0), 1e-12)
-        colors = colors + length * step
-        lacking = lacking - length * pushed
-        ahead = inverse * lacking
-        before, norm = norm, (lacking * ahead).sum(axis=0)
-        step = ahead + norm / np.maximum(before, 1e-12) * step
-    within: Colors = np.clip(colors, 0, 1).astype(np.float32)
-    return within
-
-
-def _projected(view: Footprints, weights: np.ndarray, values: Colors) -> Picture:
-    picture = np.zeros((view.n_pixels, 3), np.float32)
-    to_pixels(view.pixel, view.splat, weights, values.astype(np.float32), picture)
-    return picture
-
-
-def _projected_back(
-    seen: SeenSplats, weights: Sequence[np.ndarray], pictures: Sequence[Picture]
-) -> Colors:
-    sums = np.zeros((seen.n_splats, 3), np.float32)
-    for view, each, picture in zip(seen.views, weights, pictures, strict=True):
-        to_splats(view.pixel, view.splat, each, picture, sums)
-    return sums
-
-
-def _mean_colors(
-    seen: SeenSplats, pictures: Sequence[Picture], weights: Sequence[np.ndarray]
-) -> tuple[Colors, Float[np.ndarray, "splats 1"]]:
-    """Returns the colors of the pixels of each splat by squared weights, and the sums of these."""
-    sums = np.zeros((seen.n_splats, 4), np.float32)
-    for view, each, picture in zip(seen.views, weights, pictures, strict=True):
-        with_one = np.concatenate([picture, np.ones_like(picture[:, :1])], axis=1)
-        to_splats(view.pixel, view.splat, each * each, with_one.astype(np.float32), sums)
-    total = sums[:, 3:]
-    return sums[:, :3] / np.maximum(total, 1e-9), total
-
-
-def _opacity_step(
-    seen: SeenSplats, pictures: Sequence[Picture], opacities: Opacities, colors: Colors
-) -> Opacities:
-    lift, total = (np.zeros(seen.n_splats, np.float32) for _ in range(2))
-    for view, picture in zip(seen.views, pictures, strict=True):
-        now = shown(view, opacities, colors, seen.background)
-        lacking = (picture - now).astype(np.float32)
-        row = np.zeros_like(now)
-        opacity_slopes(
-            view.pixel, view.splat, view.share, opacities, colors, now, lacking, lift, total, row
+    for iteration, k in enumerate(_order(len(pictures.cameras), config)):
+        shown = splat_picture(
+            fitted(), colors, pictures.cameras[k], pictures.background, _LEAST_LEFT
         )
-    moved: Opacities = np.clip(opacities + lift / (total + 1e-3), 0.02, 0.99).astype(np.float32)
-    return moved
+        loss = (shown - pictures.colors[k]).square().mean()
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+        progress(iteration + 1, config.iterations)
+    parts = (getattr(fitted(), name).detach() for name in SplatTensors.__slots__)
+    return SplatTensors(*parts), colors.detach().clamp(0, 1)
+
+
+def mean_colors(splats: SplatTensors, pictures: Pictures) -> Colors:
+    """Returns the mean color of each splat's pixels, by its weights there.
+
+    Weights are the derivatives of a picture by colors, so the gradient of sum(picture . shown) by
+    colors is the weighted sum, whatever is shown.
+    """
+    channels = len(pictures.background)
+    any_colors = torch.zeros(len(splats.centers), channels + 1, requires_grad=True)
+    sums = torch.zeros_like(any_colors)
+    for camera, picture in zip(pictures.cameras, pictures.colors, strict=True):
+        with_one = torch.cat([picture, torch.ones_like(picture[..., :1])], dim=-1)
+        shown = splat_picture(splats, any_colors, camera, torch.zeros(channels + 1))
+        sums += torch.autograd.grad((shown * with_one).sum(), any_colors)[0]
+    return sums[:, :-1] / sums[:, -1:].clamp_min(1e-9)
+
+
+def _order(cameras: int, config: SplatFitConfig) -> list[int]:
+    """Returns cameras by chance, each about as often as the others."""
+    generator = torch.Generator().manual_seed(config.seed)
+    rounds = -(-config.iterations // cameras)
+    orders = [torch.randperm(cameras, generator=generator) for _ in range(rounds)]
+    return torch.cat(orders)[: config.iterations].tolist() if orders else []

@@ -3,7 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from jaxtyping import Float
+from torch import Tensor
 
 from styletrf.geometry.rotations import matrices_of, quaternions_of
 
@@ -36,6 +38,36 @@ class Splats:
     def chosen(self, index: np.ndarray) -> "Splats":
         """Returns some of the splats, in the order of the index."""
         return Splats(*(getattr(self, name)[index] for name in self.__slots__))
+
+
+@dataclass(frozen=True, slots=True)
+class SplatTensors:
+    """Gaussians with opacities as tensors of float32.
+
+    Attributes:
+        centers: In the world.
+        scales: Standard deviations along the axes of each, above 0, in the world's unit.
+        rotations: Quaternions w x y z of any positive length: world from the axes of each.
+        opacities: At the centers, in [0, 1].
+    """
+
+    centers: Float[Tensor, "splats 3"]
+    scales: Float[Tensor, "splats 3"]
+    rotations: Float[Tensor, "splats 4"]
+    opacities: Float[Tensor, " splats"]
+
+
+def tensors_of(splats: Splats) -> SplatTensors:
+    """Returns the splats as tensors."""
+    arrays = (getattr(splats, name) for name in Splats.__slots__)
+    return SplatTensors(*(torch.from_numpy(each.astype(np.float32)) for each in arrays))
+
+
+def splats_of_tensors(splats: SplatTensors) -> Splats:
+    """Returns the splats of tensors, with quaternions of length 1."""
+    rotations = torch.nn.functional.normalize(splats.rotations, dim=1)
+    parts = (splats.centers, splats.scales, rotations, splats.opacities)
+    return Splats(*(part.detach().double().numpy() for part in parts))
 
 
 def splats_of(

@@ -2,19 +2,33 @@
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
+import torch
 
 from styletrf.exports.export_views import SurfacePoints
-from styletrf.exports.splat_compositing import opacity_slopes, weights_of
-from styletrf.exports.splat_fit import FitConfig, SeenSplats, fitted_colors, fitted_opacities, shown
-from styletrf.exports.splat_footprints import BLUR_PX2, footprints
+from styletrf.exports.splat_fit import (
+    Pictures,
+    SplatFitConfig,
+    fitted_splats,
+    mean_colors,
+)
+from styletrf.exports.splat_pictures import splat_picture
 from styletrf.exports.splat_placement import placed_splats, voxels_of
-from styletrf.exports.splats import Splats, moved_splats, splats_of
+from styletrf.exports.splat_projection import BLUR_PX2
+from styletrf.exports.splats import (
+    Splats,
+    SplatTensors,
+    moved_splats,
+    splats_of,
+    splats_of_tensors,
+    tensors_of,
+)
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.rotations import matrices_of
 
-BLACK = np.zeros(3, np.float32)
+BLACK = torch.zeros(3)
 
 
 def camera(size: int = 33) -> Camera:
@@ -37,6 +51,10 @@ def single(depth: float, sigma: float, opacity: float) -> Splats:
     return replace(splats, opacities=np.array([opacity]))
 
 
+def parts_of(splats: SplatTensors) -> dict[str, torch.Tensor]:
+    return {name: getattr(splats, name) for name in SplatTensors.__slots__}
+
+
 def test_splats_have_the_covariances_they_are_made_of():
     rng = np.random.default_rng(0)
     half = rng.normal(size=(50, 3, 3))
@@ -54,90 +72,113 @@ def test_a_similarity_moves_covariances_as_it_moves_points():
 
 
 def test_the_picture_of_one_splat_is_a_gaussian_over_the_background():
-    view, color = camera(), np.array([[0.2, 0.5, 0.8]], np.float32)
-    splats, behind = single(4.0, 0.2, 0.6), np.array([0.1, 0.1, 0.1], np.float32)
-    found = shown(footprints(splats, view, 1e-4), np.float32([0.6]), color, behind)
+    color, behind = torch.tensor([[0.2, 0.5, 0.8]]), torch.full((3,), 0.1)
+    found = splat_picture(tensors_of(single(4.0, 0.2, 0.6)), color, camera(), behind)
     variance = (40 * 0.2 / 4) ** 2 + BLUR_PX2
     y, x = np.mgrid[:33, :33] - 16.0
     alpha = 0.6 * np.exp(-(x * x + y * y) / (2 * variance))[..., None]
-    expected = alpha * color[0] + (1 - alpha) * behind
-    assert np.abs(found.reshape(33, 33, 3) - expected).max() < 0.005  # what is cut off
+    expected = alpha * color[0].numpy() + (1 - alpha) * behind.numpy()
+    assert np.abs(found.numpy() - expected).max() < 0.005  # what is cut off
 
 
 def test_a_picture_composites_from_near_to_far_whatever_the_order_of_splats():
     parts = [single(3.0, 0.5, 0.5), single(4.0, 0.5, 0.5)]
-    colors = np.eye(3, dtype=np.float32)[:2]
     pictures = []
     for order in ([0, 1], [1, 0]):
         both = Splats(*(np.concatenate([getattr(parts[k], n) for k in order])
                         for n in Splats.__slots__))  # fmt: skip
-        view = footprints(both, camera(), 1e-4)
-        pictures.append(shown(view, np.float32([0.5, 0.5]), colors[order], BLACK))
-    assert np.allclose(*pictures)
-    assert np.allclose(pictures[0].reshape(33, 33, 3)[16, 16], [0.5, 0.25, 0], atol=1e-3)
+        pictures.append(splat_picture(tensors_of(both), torch.eye(3)[order], camera(), BLACK))
+    assert torch.allclose(*pictures)
+    assert torch.allclose(pictures[0][16, 16], torch.tensor([0.5, 0.25, 0]), atol=1e-3)
 
 
 def test_splats_behind_the_camera_are_not_seen():
-    splats = single(-4.0, 0.2, 0.9)
-    assert len(footprints(splats, camera(), 1e-4).pixel) == 0
+    splats, behind = tensors_of(single(-4.0, 0.2, 0.9)), torch.full((3,), 0.3)
+    picture = splat_picture(splats, torch.ones(1, 3), camera(), behind)
+    assert torch.equal(picture, behind.expand(33, 33, 3))
 
 
-def test_weights_and_what_is_left_are_all_of_the_light():
-    splats = cloud(200)
-    view = footprints(splats, camera(), 1e-6)
-    opacities = splats.opacities.astype(np.float32)
-    weights, left = weights_of(view.n_pixels, view.pixel, view.splat, view.share, opacities)
-    assert np.allclose(np.bincount(view.pixel, weights, view.n_pixels) + left, 1, atol=1e-5)
+def test_splats_of_one_color_before_that_color_are_not_seen():
+    color = torch.tensor([0.2, 0.5, 0.8])
+    picture = splat_picture(tensors_of(cloud(200)), color.expand(200, 3), camera(), color)
+    assert torch.allclose(picture, color.expand(33, 33, 3), atol=1e-5)
 
 
-def test_slopes_of_opacities_are_those_of_finite_differences():
-    splats, rng = cloud(40), np.random.default_rng(1)
-    view, colors = footprints(splats, camera(), 0.0), rng.uniform(size=(40, 3)).astype(np.float32)
-    wanted = rng.uniform(size=(view.n_pixels, 3)).astype(np.float32)
-    opacities = splats.opacities.astype(np.float32)
-
-    def error(values: np.ndarray) -> float:
-        return float(np.square(wanted - shown(view, values, colors, BLACK).astype(float)).sum())
-
-    now = shown(view, opacities, colors, BLACK)
-    lift, total, row = np.zeros(40, np.float32), np.zeros(40, np.float32), np.zeros_like(now)
-    opacity_slopes(
-        view.pixel, view.splat, view.share, opacities, colors, now, wanted - now, lift, total, row
-    )
-    for k in range(0, 40, 7):
-        step = np.zeros(40, np.float32)
-        step[k] = 0.01
-        slope = (error(opacities + step) - error(opacities - step)) / 0.02
-        assert slope == pytest.approx(-2 * lift[k], rel=0.02, abs=0.02)
+def test_a_large_splat_before_the_camera_keeps_the_picture_finite_in_every_parameter():
+    splats = tensors_of(single(0.05, 50.0, 0.99))
+    leaves = {name: part.requires_grad_() for name, part in parts_of(splats).items()}
+    splat_picture(SplatTensors(**leaves), torch.ones(1, 3), camera(), BLACK).sum().backward()
+    assert all(torch.isfinite(leaf.grad).all() for leaf in leaves.values())
 
 
-def test_colors_of_pictures_of_splats_are_found_again():
-    splats, rng = cloud(60), np.random.default_rng(2)
-    opacities = splats.opacities.astype(np.float32)
-    colors = rng.uniform(0.1, 0.9, (60, 3)).astype(np.float32)
-    view = footprints(splats, camera(), 1e-4)
-    picture = shown(view, opacities, colors, BLACK)
-    seen = SeenSplats([view], 60, BLACK)
-    config = FitConfig(color_steps=60, prior=1e-5)
-    found = fitted_colors(seen, [picture], opacities, config)
-    again = shown(view, opacities, found, BLACK)
-    assert np.sqrt(np.square(again - picture).mean()) < 1e-3
+@pytest.mark.parametrize("name", [*SplatTensors.__slots__, "colors"])
+def test_gradients_of_a_picture_are_those_of_finite_differences(name: str):
+    generator = torch.Generator().manual_seed(1)
+    values = parts_of(tensors_of(cloud(40)))
+    values["colors"] = torch.rand(40, 3, generator=generator)
+    wanted = torch.rand(33, 33, 3, generator=generator)
+
+    def error(changed: torch.Tensor) -> torch.Tensor:
+        parts = values | {name: changed}
+        colors = parts.pop("colors")
+        shown = splat_picture(SplatTensors(**parts), colors, camera(), BLACK, least_left=0.0)
+        return (shown * wanted).sum()
+
+    start = values[name].clone().requires_grad_()
+    error(start).backward()
+    slope = start.grad
+    assert slope is not None
+    direction = torch.randn(slope.shape, generator=generator)
+    step = 1e-3 * direction / direction.abs().max() * values[name].abs().mean()
+    with torch.no_grad():
+        change = (error(start + step) - error(start - step)).double() / 2
+    assert change.item() == pytest.approx((slope * step).sum().item(), rel=0.05, abs=2e-3)
 
 
-def test_opacity_steps_bring_pictures_closer():
-    splats, rng = cloud(60), np.random.default_rng(3)
-    colors = rng.uniform(0, 1, (60, 3)).astype(np.float32)
-    view = footprints(splats, camera(), 1e-4)
-    picture = shown(view, splats.opacities.astype(np.float32), colors, BLACK)
-    seen = SeenSplats([view], 60, BLACK)
+def test_the_mean_color_of_a_splat_is_that_of_its_pixels():
+    picture = torch.zeros(33, 33, 3)
+    picture[:, 17:] = 1.0
+    splats = tensors_of(single(4.0, 0.2, 0.6))
+    colors = mean_colors(splats, Pictures([camera()], [picture], BLACK))
+    assert torch.allclose(colors, torch.full((1, 3), 0.5), atol=0.1)
 
-    def error(rounds: int) -> float:
-        config = FitConfig(opacity=0.9, rounds=rounds)
-        opacities = fitted_opacities(seen, [picture], config)
-        fitted = fitted_colors(seen, [picture], opacities, config)
-        return float(np.square(shown(view, opacities, fitted, BLACK) - picture).mean())
 
-    assert error(6) < 0.5 * error(0)
+def test_a_fit_moves_splats_to_where_pictures_show_them_and_finds_the_colors_of_all_looks():
+    there, generator = cloud(60), torch.Generator().manual_seed(3)
+    colors, behind = torch.rand(60, 6, generator=generator), torch.zeros(6)
+    cameras = [camera(), replace(camera(), cx=14.0)]
+    pictures = [splat_picture(tensors_of(there), colors, each, behind) for each in cameras]
+    rng = np.random.default_rng(3)
+    apart = replace(there, centers=there.centers + rng.normal(scale=0.05, size=(60, 3)))
+
+    def errors(iterations: int) -> torch.Tensor:
+        fitted, found = fitted_splats(
+            tensors_of(apart),
+            Pictures(cameras, pictures, behind),
+            SplatFitConfig(iterations=iterations),
+        )
+        shown = splat_picture(fitted, found, cameras[0], behind)
+        return (shown - pictures[0]).square().reshape(-1, 2, 3).mean((0, 2))
+
+    assert (errors(300) < 0.1 * errors(1)).all()
+
+
+def test_a_fit_repeated_is_the_same_on_any_number_of_threads():
+    splats, pictures = tensors_of(cloud(60)), [torch.full((33, 33, 3), 0.5)]
+    seen, config = Pictures([camera()], pictures, BLACK), SplatFitConfig(iterations=5)
+    before = numba.get_num_threads()
+    results = []
+    for threads in (1, before):
+        numba.set_num_threads(threads)
+        results.append(fitted_splats(splats, seen, config)[1])
+    assert torch.equal(*results)
+
+
+def test_splats_come_back_from_tensors():
+    splats = cloud(20)
+    again = splats_of_tensors(tensors_of(splats))
+    assert np.allclose(again.covariances(), splats.covariances(), rtol=1e-4, atol=1e-6)
+    assert np.allclose(again.opacities, splats.opacities)
 
 
 @pytest.mark.parametrize("most", [1, 10, 500])
