@@ -7,7 +7,8 @@ in `STYLETRF_DATA`.
 import tasks
 from pipeline.execution.cost_history import cost_history
 from pipeline.settings import current_store
-from tasks.planning.memory_demand import GROWTH, demand_of, photographs_of, predicted_bytes
+from tasks.planning.memory_demand import GROWTH, demand_of, predicted_bytes
+from tasks.planning.scene_photographs import photographs_of
 
 _MIB = 1 << 20
 

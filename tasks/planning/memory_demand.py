@@ -16,7 +16,7 @@ from typing import Any, cast
 import luigi
 
 from pipeline.execution.gpu import visible_cards
-from pipeline.settings import data_root, setting
+from pipeline.settings import setting
 from pipeline.task import artifact
 from styletrf.errors import InputError
 from tasks.planning.build_order import is_made
@@ -151,32 +151,6 @@ def require_memory(
         f"takes about {needed:.1f} GiB of memory, and {allowed:.1f} GiB are available",
         f"{remedy}, or free memory; --keep-going begins anyway",
     )
-
-
-def photographs_of(scene: str, video_frames: int) -> Photographs | None:
-    """Returns the photographs of a scene; None if they cannot be read, which its stage reports.
-
-    All count as large as the first one; a panorama counts as square views.
-    """
-    from styletrf.capture.panorama.panorama_views import DIRECTIONS
-    from styletrf.capture.panorama.panoramas import find_panoramas
-    from styletrf.capture.photographs import first_size, list_photographs
-    from styletrf.capture.poses.pose_formats import find_given_poses
-    from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
-    from styletrf.files.video import first_frame
-
-    with suppress(InputError):
-        found = find_scene(data_root(), scene)
-        if videos := scene_videos(found):
-            height, width, _ = first_frame(videos[0]).pixels.shape
-            return Photographs(video_frames, width, height)
-        given = find_given_poses(scene_folder(found))
-        files = given.files if given else list_photographs(found)
-        width, height = first_size(files)
-        if not given and find_panoramas({files[0]: (width, height)}, "auto"):
-            return Photographs(len(DIRECTIONS) * len(files), _LONGEST_PX, _LONGEST_PX)
-        return Photographs(len(files), width, height)
-    return None
 
 
 def demand_of(stage: ConfigurableStage) -> Demand:

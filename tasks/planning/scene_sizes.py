@@ -6,13 +6,11 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
-from tasks.planning.memory_demand import Photographs, photographs_of
+from tasks.planning.memory_demand import Photographs
 
-_MAIN = "from tasks.planning.scene_sizes import main; main()"
-_VIDEO_FRAMES = 60
+_MAIN = "from tasks.planning.scene_photographs import main; main()"
 
 
 @functools.cache
@@ -23,9 +21,3 @@ def sizes_of(scenes: tuple[str, ...]) -> Mapping[str, Photographs]:
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False, env=environment)
     found: dict[str, dict[str, Any]] = json.loads(done.stdout) if done.returncode == 0 else {}
     return {scene: Photographs(**fields) for scene, fields in found.items()}
-
-
-def main() -> None:
-    """Writes them as JSON, of what the words of the command name."""
-    photographs = {scene: photographs_of(scene, _VIDEO_FRAMES) for scene in sys.argv[1:]}
-    json.dump({s: asdict(found) for s, found in photographs.items() if found}, sys.stdout)

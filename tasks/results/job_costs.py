@@ -9,10 +9,10 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
-_MAIN = "from tasks.results.job_costs import main; main()"
+_MAIN = "from tasks.results.job_cost_prediction import main; main()"
 _PAINTING = "any painting"  # its name decides no cost
 
 
@@ -47,24 +47,3 @@ def job_costs(
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
     found: dict[str, dict[str, float]] = json.loads(done.stdout.splitlines()[-1])
     return {quality: JobCost(**fields) for quality, fields in found.items()}  # type: ignore[arg-type]
-
-
-def main() -> None:
-    """Writes the costs as JSON; the command has the job's parameters and the qualities."""
-    from tasks.planning.remaining_time import cost_model, stages_to_make
-    from tasks.results.trajectory import StylizedTrajectory
-
-    words, *qualities = sys.argv[1:]
-    costs = {}
-    for quality in qualities:
-        job = StylizedTrajectory(**{**json.loads(words), "quality": quality})
-        model = cost_model(job)
-        stages = stages_to_make(job, lambda _: False)
-        expected = {stage.task_family: model.expected(stage) for stage in stages}
-        costs[quality] = JobCost(
-            sum(cost.seconds for cost in expected.values()),
-            expected["RadianceField"].seconds,
-            max(cost.peak_memory_bytes for cost in expected.values()),
-            sum(cost.output_bytes for cost in expected.values()),
-        )
-    sys.stdout.write(f"{json.dumps({q: asdict(cost) for q, cost in costs.items()})}\n")

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.record import ActionRecord
-from styletrf.capture.capture_file import read_capture
 from styletrf.files.tables import read_rows, read_summary
+from styletrf.reports.coverage_text import registration_summary, support_summary
 from styletrf.reports.curve_chart import Curve
 from styletrf.reports.report import ReportContent, StageCost
 from tasks.command.main_command import main_command
@@ -95,47 +95,6 @@ def viewer_command(words: Mapping[str, Any], tuning: Mapping[str, Mapping[str, A
 
 _OF_FRAMES = ("style", "method", "network", "strength", "blend", "region")
 """Parameters of a trajectory that a viewer lacks: its page itself mixes paintings."""
-
-
-def registration_summary(
-    poses_dir: Path, capture_dir: Path, quality_dir: Path | None = None
-) -> str:
-    """Returns how many photographs have a camera, which have none, how, and what is odd.
-
-    With the artifact of QualityMetrics also which of those without were placed against the field.
-    """
-    poses = read_summary(poses_dir / "poses.json")
-    text = f"{poses['registered']} of {poses['total']} photographs placed"
-    if poses["unregistered"]:
-        text += f"; without a camera: {', '.join(poses['unregistered'])}"
-    against = read_summary(quality_dir / "placed.json") if quality_dir else {}
-    if found := [name for name, row in against.items() if "world_from_camera" in row]:
-        text += f"; placed against the field, and not fitted to: {', '.join(found)}"
-    how = f"Poses: {poses['mapper']}, since {poses['mapper_reason']}"
-    odd = [*poses["doubts"], *read_capture(capture_dir).warnings]
-    return ". ".join([text, how, *(f"{each[0].upper()}{each[1:]}" for each in odd)]) + "."
-
-
-def support_summary(support: Mapping[str, Any]) -> str:
-    """Returns how much of the path hardly any photograph shows, and what was done about it."""
-    text = (
-        f"The path {support['path']}: fewer than {support['enough_photographs']} photographs see"
-        f" {support['unsupported']:.1%} of its pixels"
-    )
-    if stills := support["stills"]:
-        text = (
-            f"The path {support['path']} are stills of {len(stills)} photographs, since"
-            f" {support['reason']}. What is compared from frame to frame is so within a still;"
-            f" fewer than {support['enough_photographs']} photographs see"
-            f" {support['unsupported']:.1%} of their pixels"
-        )
-    elif support["unsupported"] >= support["most_unsupported"]:
-        text += f"; worst are the frames {', '.join(support['worst'])}"
-    if len(tried := support["tried"]) > 1 and not stills:
-        best = min(tried, key=lambda one: float(one["unsupported"]))
-        text += f". It was narrowed from {tried[0]['unsupported']:.1%}: spread {best['spread']:.2g}"
-        text += f", focal length {best['zoom']:g} times" if best["zoom"] > 1 else ""
-    return f"{text}."
 
 
 def _tuning(quality: str, lineage: Sequence[ActionRecord]) -> dict[str, dict[str, Any]]:

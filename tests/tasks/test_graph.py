@@ -13,7 +13,7 @@ from styletrf.errors import InputError
 from styletrf.field.rendering import RenderConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.training.config import StyleTrainingConfig
-from tasks.planning.validation import configurations
+from tasks.planning.request_validation import configurations
 from tasks.presets.presets import PRESETS, settings_for
 
 WORDS = {"scene": "horns", "style": "mosaic", "quality": "draft"}

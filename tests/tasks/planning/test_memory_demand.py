@@ -16,10 +16,10 @@ from tasks.planning.memory_demand import (
     Demand,
     Photographs,
     demands_of,
-    photographs_of,
     predicted_bytes,
     require_memory,
 )
+from tasks.planning.scene_photographs import photographs_of
 
 SCENE = Photographs(count=50, width=4000, height=3000)
 DEMAND = Demand("ConsistencyMetrics", "yard", 504, 0, 224**3, 60, 0)

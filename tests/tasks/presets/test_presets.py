@@ -6,7 +6,7 @@ from styletrf.configuration import configured
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.scene.scene_model import SceneModelConfig
 from styletrf.stylization.priors import PriorsConfig
-from tasks.planning.validation import configurations
+from tasks.planning.request_validation import configurations
 from tasks.presets.presets import PRESETS, settings_for
 
 

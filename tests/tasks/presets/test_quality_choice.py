@@ -14,8 +14,8 @@ from tasks import StylizedTrajectory
 from tasks.machine.calibration import Calibration, keep_calibration, this_machine
 from tasks.planning.kept_choice import choice_for, keep_choice
 from tasks.planning.remaining_time import cost_model, timing_of
+from tasks.planning.request_validation import configurations
 from tasks.planning.stage_costs import reference_costs
-from tasks.planning.validation import configurations
 from tasks.presets.presets import settings_for
 from tasks.presets.quality_choice import SHIPPED, Front, choose, fronts_for, require_reachable
 from tasks.presets.quality_request import quality_request

@@ -5,7 +5,7 @@ from functools import reduce
 import pytest
 
 from styletrf.errors import InputError
-from tasks.planning.validation import configurations
+from tasks.planning.request_validation import configurations
 from tasks.presets.presets import PRESETS
 from tasks.presets.sweep import (
     COMBINED_CHANGES,

@@ -1,0 +1,159 @@
+"""The report of a scene: a survey of its photographs, and what a fly-through of it will take."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from styletrf.configuration import configured
+from styletrf.devices import device_named
+from styletrf.evaluation.expected_quality import expected_psnr
+from styletrf.field.kernels import kernels_for
+from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.cost import field_cost
+from styletrf.files.images import read_rgb, to_integers
+from styletrf.files.tables import read_summary, write_summary
+from styletrf.geometry.camera_table import read_cameras, read_unregistered
+from styletrf.geometry.point_table import read_points
+from styletrf.progress import Progress
+from styletrf.reports.coverage_text import registration_summary
+from styletrf.reports.expectation import Expectation
+from styletrf.reports.scene_report import SceneReportContent, advice, write_scene_report
+from styletrf.reports.survey_drawing import drawings
+from styletrf.scene.placement import transformed
+from styletrf.scene.scene_model import (
+    SceneModel,
+    SceneModelConfig,
+    decide_scene_model,
+    read_scene_model,
+)
+from styletrf.scene.survey import survey_scene
+from styletrf.scene.training_photographs import TrainingPhotographs, read_training_photographs
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedJob:
+    """What a whole fly-through costs at a quality, and the settings of two of its stages.
+
+    Attributes:
+        seconds: Of all stages but the field, one after the other.
+        peak_memory_bytes: Of the stage that takes most.
+        output_bytes: Of all artifacts on disk.
+        model: Settings of `SceneModelConfig`.
+        field: Settings of `FieldTrainingConfig`.
+    """
+
+    seconds: float
+    peak_memory_bytes: int
+    output_bytes: int
+    model: Mapping[str, Any]
+    field: Mapping[str, Any]
+
+
+def report_scene(
+    inputs: Mapping[str, Path],
+    out: Path,
+    scene: str,
+    jobs: Mapping[str, PlannedJob],
+    device: str,
+    progress: Progress,
+) -> None:
+    """Writes `report.html` and `summary.json`.
+
+    Args:
+        inputs: The folders `capture`, `poses` and `model` of their stages.
+        out: The folder to fill.
+        scene: Its name, for the page.
+        jobs: By quality; the field of each is fitted briefly, twice.
+        device: Where fields are fitted.
+        progress: Called for every quality.
+    """
+    expected = _expectations(inputs, jobs, device, progress)
+    content = _content(inputs, scene, expected)
+    summary = {
+        "advice": advice(content),
+        "seen_by_fewer_than_3": content.survey.sparse_share,
+        "seconds": {quality: each.field.seconds for quality, each in expected.items()},
+        "job_seconds": {quality: each.job_seconds for quality, each in expected.items()},
+        "expected_psnr": {quality: each.psnr_db for quality, each in expected.items()},
+        "views": {view.name: view.exposure_ev for view in content.survey.views},
+    }
+    write_summary(out / "summary.json", summary)
+    write_scene_report(out / "report.html", content)
+
+
+def _expectations(
+    inputs: Mapping[str, Path], jobs: Mapping[str, PlannedJob], device: str, progress: Progress
+) -> dict[str, Expectation]:
+    """Returns the time, the memory and the PSNR to expect, by quality."""
+    decided, place = read_scene_model(inputs["model"] / "scene.json"), device_named(device)
+    photographs, kernels = read_training_photographs(inputs["poses"]), kernels_for(place)
+    expectations = {}
+    for k, (quality, job) in enumerate(jobs.items()):
+        progress(k, len(jobs))
+        model, fit = _fit(photographs, decided, job)
+        cost = field_cost(model, photographs, fit, kernels, place)
+        psnr_db = expected_psnr(photographs, model, fit, kernels, place)
+        memory = max(job.peak_memory_bytes, cost.peak_memory_bytes)
+        seconds = job.seconds + cost.seconds
+        expectations[quality] = Expectation(cost, seconds, memory, job.output_bytes, psnr_db)
+    return expectations
+
+
+def _fit(
+    photographs: TrainingPhotographs, decided: SceneModel, job: PlannedJob
+) -> tuple[SceneModel, FieldTrainingConfig]:
+    """Returns the scene model and the configuration of the fit that a job would have."""
+    config = configured(SceneModelConfig, {**job.model, "space": decided.space.kind})
+    model = decide_scene_model(photographs.cameras, photographs.points.xyz_world, config)
+    fit = configured(FieldTrainingConfig, {"field.shading": decided.shading, **job.field})
+    return replace(model, exposures=decided.exposures), fit
+
+
+def _content(
+    inputs: Mapping[str, Path], scene: str, expected: Mapping[str, Expectation]
+) -> SceneReportContent:
+    cameras = read_cameras(inputs["poses"] / "cameras.parquet")
+    points = read_points(inputs["poses"] / "points.parquet")
+    model = read_scene_model(inputs["model"] / "scene.json")
+    normalized = model.normalized(cameras)
+    images = (to_integers(read_rgb(inputs["poses"] / "images" / f"{c.name}.png")) for c in cameras)
+    points_normalized = transformed(model.normalized_from_world, points.xyz_world)
+    points_grid = model.space.to_grid(points_normalized)
+    survey = survey_scene(images, points, points_grid, model.space, normalized)
+    unregistered = read_unregistered(inputs["poses"] / "cameras.parquet")
+    flagged = {view.name for view in survey.views if view.blurred or view.off_exposure}
+    return SceneReportContent(
+        scene=scene,
+        summary=registration_summary(inputs["poses"], inputs["capture"]),
+        survey=survey,
+        unregistered=unregistered,
+        neighbors=_neighbors(unregistered, [camera.name for camera in cameras]),
+        drawings=drawings(normalized, points_normalized, points.rgb, frozenset(flagged)),
+        model=_described(model),
+        expected=expected,
+        evidence=model.evidence,
+        doubts=read_summary(inputs["poses"] / "poses.json")["doubts"],
+    )
+
+
+def _described(model: SceneModel) -> dict[str, object]:
+    return {
+        "space": model.space.kind,
+        "lattice": " x ".join(map(str, model.resolution)),
+        "photographs at": f"{model.image_width} x {model.image_height}",
+        "shading": model.shading,
+        "exposure": "each photograph's own" if model.exposures else "one for all",
+        "photographers looked": model.looking,
+    }
+
+
+def _neighbors(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:
+    """Returns the photographs with a camera before and after each that has none, by name."""
+    ordered = sorted(registered)
+    result = {}
+    for name in unregistered:
+        before = [other for other in ordered if other < name] or ordered[:1]
+        after = [other for other in ordered if other > name] or ordered[-1:]
+        result[name] = (before[-1], after[0])
+    return result

@@ -1,0 +1,44 @@
+"""How many photographs a scene has, and of what size, read from its folder."""
+
+import json
+import sys
+from contextlib import suppress
+from dataclasses import asdict
+
+from pipeline.settings import data_root
+from styletrf.capture.panorama.panorama_views import DIRECTIONS
+from styletrf.capture.panorama.panoramas import find_panoramas
+from styletrf.capture.photographs import first_size, list_photographs
+from styletrf.capture.poses.pose_formats import find_given_poses
+from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
+from styletrf.errors import InputError
+from styletrf.files.video import first_frame
+from tasks.planning.memory_demand import Photographs
+
+_LONGEST_PX = 1600  # of the undistorted photographs
+_VIDEO_FRAMES = 60
+
+
+def photographs_of(scene: str, video_frames: int) -> Photographs | None:
+    """Returns the photographs of a scene; None if they cannot be read, which its stage reports.
+
+    All count as large as the first one; a panorama counts as square views.
+    """
+    with suppress(InputError):
+        found = find_scene(data_root(), scene)
+        if videos := scene_videos(found):
+            height, width, _ = first_frame(videos[0]).pixels.shape
+            return Photographs(video_frames, width, height)
+        given = find_given_poses(scene_folder(found))
+        files = given.files if given else list_photographs(found)
+        width, height = first_size(files)
+        if not given and find_panoramas({files[0]: (width, height)}, "auto"):
+            return Photographs(len(DIRECTIONS) * len(files), _LONGEST_PX, _LONGEST_PX)
+        return Photographs(len(files), width, height)
+    return None
+
+
+def main() -> None:
+    """Writes the photographs of the scenes that the command names, as JSON."""
+    photographs = {scene: photographs_of(scene, _VIDEO_FRAMES) for scene in sys.argv[1:]}
+    json.dump({s: asdict(found) for s, found in photographs.items() if found}, sys.stdout)

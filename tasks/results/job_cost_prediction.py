@@ -1,0 +1,27 @@
+"""Predicts what a whole fly-through costs here at each quality, for `job_costs`."""
+
+import json
+import sys
+from dataclasses import asdict
+
+from tasks.planning.remaining_time import cost_model, stages_to_make
+from tasks.results.job_costs import JobCost
+from tasks.results.trajectory import StylizedTrajectory
+
+
+def main() -> None:
+    """Writes the costs as JSON; the command has the job's parameters and the qualities."""
+    words, *qualities = sys.argv[1:]
+    costs = {}
+    for quality in qualities:
+        job = StylizedTrajectory(**{**json.loads(words), "quality": quality})
+        model = cost_model(job)
+        stages = stages_to_make(job, lambda _: False)
+        expected = {stage.task_family: model.expected(stage) for stage in stages}
+        costs[quality] = JobCost(
+            sum(cost.seconds for cost in expected.values()),
+            expected["RadianceField"].seconds,
+            max(cost.peak_memory_bytes for cost in expected.values()),
+            sum(cost.output_bytes for cost in expected.values()),
+        )
+    sys.stdout.write(f"{json.dumps({q: asdict(cost) for q, cost in costs.items()})}\n")
