@@ -30,8 +30,7 @@ def splat_picture(
         least_left: A pixel takes no further splats once less of its light is left.
     """
     seen = projected_splats(splats, camera)
-    xx, xy, yy = seen.covariances_px2.unbind(1)
-    conics = torch.stack([yy, -xy, xx], 1) / (xx * yy - xy * xy)[:, None]
+    conics = _inverses(seen.covariances_px2)
     with torch.no_grad():
         reaches = 2 * (splats.opacities / float(LEAST_ALPHA)).clamp_min(1.0).log()
         rows, order = _places(seen, reaches, camera)
@@ -42,6 +41,13 @@ def splat_picture(
     return picture.reshape(camera.height, camera.width, -1)
 
 
+def _inverses(covariances: Float[Tensor, "splats 3"]) -> Float[Tensor, "splats 3"]:
+    """Returns xx, xy, yy of the inverses, without the determinant, which may underflow."""
+    xx, xy, yy = covariances.unbind(1)
+    along_x = (xx - xy * xy / yy).reciprocal()
+    return torch.stack([along_x, -xy / yy * along_x, (yy - xy * xy / xx).reciprocal()], 1)
+
+
 def _places(
     seen: ProjectedSplats, reaches: Float[Tensor, " splats"], camera: Camera
 ) -> tuple[Int64[Tensor, "splats 2"], Int64[Tensor, " seen"]]:
@@ -50,7 +56,7 @@ def _places(
     wide, high = (reaches * xx).sqrt(), (reaches * yy).sqrt()
     rows = torch.stack([(y - 0.5 - high).ceil(), (y - 0.5 + high).floor() + 1], 1)
     rows = rows.clamp(0, camera.height).long()
-    is_in = seen.is_ahead & (rows[:, 0] < rows[:, 1])
+    is_in = seen.is_ahead & (reaches > 0) & (rows[:, 0] < rows[:, 1])
     is_in &= (x + wide > 0) & (x - wide < camera.width)
     index = is_in.nonzero()[:, 0]
     return rows, index[seen.depth[index].argsort(stable=True)]

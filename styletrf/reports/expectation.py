@@ -27,16 +27,16 @@ class Expectation:
     psnr_db: float
 
 
-def expectation_table(expected: Mapping[str, Expectation]) -> str:
-    """Returns the table as HTML, a row for each quality; names are escaped."""
+def expectation_table(expected: Mapping[str, Expectation], machine: str) -> str:
+    """Returns the table as HTML, a row for each quality, of a machine; names are escaped."""
     columns = ("whole job", "of it the field", "memory", "disk", "voxels", "PSNR of unseen views")
     head = "".join(f'<th class="number">{column}</th>' for column in columns)
     rows = "".join(_row(quality, each) for quality, each in expected.items())
     note = (
-        "The field is timed by a few iterations at its final size. Its PSNR is extrapolated from "
-        "two brief fits, and may be off by a decibel or more. The other stages are "
-        "predicted from earlier builds on this machine, or from a reference and the machine's "
-        "speed."
+        f"On this machine: {html.escape(machine)}. The field is timed by a few iterations at its "
+        "final size. Its PSNR is extrapolated from two brief fits, and may be off by a decibel or "
+        "more. The other stages are predicted from earlier builds here, or from a reference and "
+        "the machine's speed."
     )
     return (
         f'<p class="quiet small">{note}</p><div class="card"><table><thead><tr><th>quality</th>'

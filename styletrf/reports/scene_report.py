@@ -16,7 +16,7 @@ SPARSE = 0.2  # of the cells with points seen by fewer than 3 views, from which 
 class SceneReportContent:
     """Everything the page shows; `expected` by quality, `evidence` as `scene.json` has it.
 
-    `doubts` speak against the poses.
+    `doubts` speak against the poses; `machine` says where `expected` holds.
     """
 
     scene: str
@@ -27,6 +27,7 @@ class SceneReportContent:
     drawings: str
     model: Mapping[str, object]
     expected: Mapping[str, Expectation]
+    machine: str
     evidence: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     doubts: Sequence[str] = ()
 
@@ -66,7 +67,7 @@ def write_scene_report(path: Path, content: SceneReportContent) -> None:
         section("What to do", _advice(advice(content))),
         section("Cameras and points", f'<div class="charts">{content.drawings}</div>'),
         section("What the photographs cover", _coverage(content.survey)),
-        section("What to expect here", expectation_table(content.expected)),
+        section("What to expect here", expectation_table(content.expected, content.machine)),
         section("Photographs", _views(content.survey)),
         section("The model, and why", _model(content)),
     ]

@@ -55,6 +55,7 @@ def report_scene(
     out: Path,
     scene: str,
     jobs: Mapping[str, PlannedJob],
+    machine: str,
     device: str,
     progress: Progress,
 ) -> None:
@@ -65,11 +66,12 @@ def report_scene(
         out: The folder to fill.
         scene: Its name, for the page.
         jobs: By quality; the field of each is fitted briefly, twice.
+        machine: What it is, for the page.
         device: Where fields are fitted.
         progress: Called for every quality.
     """
     expected = _expectations(inputs, jobs, device, progress)
-    content = _content(inputs, scene, expected)
+    content = _content(inputs, scene, expected, machine)
     summary = {
         "advice": advice(content),
         "seen_by_fewer_than_3": content.survey.sparse_share,
@@ -111,7 +113,7 @@ def _fit(
 
 
 def _content(
-    inputs: Mapping[str, Path], scene: str, expected: Mapping[str, Expectation]
+    inputs: Mapping[str, Path], scene: str, expected: Mapping[str, Expectation], machine: str
 ) -> SceneReportContent:
     cameras = read_cameras(inputs["poses"] / "cameras.parquet")
     points = read_points(inputs["poses"] / "points.parquet")
@@ -132,6 +134,7 @@ def _content(
         drawings=drawings(normalized, points_normalized, points.rgb, frozenset(flagged)),
         model=_described(model),
         expected=expected,
+        machine=machine,
         evidence=model.evidence,
         doubts=read_summary(inputs["poses"] / "poses.json")["doubts"],
     )

@@ -58,6 +58,12 @@ class Machine:
         """Its name in the file of calibrations."""
         return typed_digest("machine-v1", json.dumps(asdict(self), sort_keys=True).encode())
 
+    @property
+    def description(self) -> str:
+        """Its cores and its processor, and how many GPUs stages compute on."""
+        gpus = 0 if self.device == "cpu" else len(self.device.split(","))
+        return f"{self.cores} cores, {self.processor}" + (f", {gpus} GPUs" if gpus else "")
+
 
 @dataclass(frozen=True, slots=True)
 class Calibration:

@@ -7,6 +7,7 @@ import luigi
 
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
+from tasks.machine.calibration import this_machine
 from tasks.results.job_costs import job_costs
 from tasks.stages.linked_results import LinkedStage
 from tasks.stages.scene import CameraPoses, SceneCapture, SceneModel
@@ -52,7 +53,8 @@ class SceneReport(LinkedStage, PresetStage):
             )
             for quality, cost in costs.items()
         }
-        report_scene(inputs, out, self.scene, jobs, self.device, run.progress)
+        machine = this_machine(self.device).description
+        report_scene(inputs, out, self.scene, jobs, machine, self.device, run.progress)
 
     @property
     def folder(self) -> Path:

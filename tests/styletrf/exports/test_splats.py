@@ -29,6 +29,7 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.rotations import matrices_of
 
 BLACK = torch.zeros(3)
+EXTREMES = pytest.mark.extremes("Splats")
 
 
 def camera(size: int = 33) -> Camera:
@@ -109,6 +110,36 @@ def test_a_large_splat_before_the_camera_keeps_the_picture_finite_in_every_param
     leaves = {name: part.requires_grad_() for name, part in parts_of(splats).items()}
     splat_picture(SplatTensors(**leaves), torch.ones(1, 3), camera(), BLACK).sum().backward()
     assert all(torch.isfinite(leaf.grad).all() for leaf in leaves.values())
+
+
+@EXTREMES
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("opacity", [0.0, 1e-6, 0.5, 1.0])
+def test_the_middle_of_a_splat_has_its_opacity_of_its_color_in_a_world_of_any_scale(
+    scale: float, opacity: float, stability
+):
+    splats = tensors_of(single(4 * scale, 0.3 * scale, opacity))
+    white, gray = torch.ones(1, 3), torch.full((3,), 0.25)
+    middle = splat_picture(splats, white, camera(), gray)[16, 16]
+    alpha = min(opacity, 0.99) if opacity >= 1 / 255 else 0.0
+    exact = np.full(3, alpha + (1 - alpha) * 0.25)
+    stability(f"opacity {opacity:g}, world of scale {scale:g}", middle, exact)
+
+
+@EXTREMES
+@pytest.mark.parametrize("extent", [1e-12, 1e-3, 1.0, 1e6])
+def test_pictures_of_splats_of_any_extent_have_finite_gradients(extent: float, stability):
+    splats = tensors_of(single(4.0, 1.0, 0.5))
+    scales = (splats.scales * extent).requires_grad_()
+    color = torch.ones(1, 1)
+    shown = splat_picture(replace(splats, scales=scales), color, camera(), torch.zeros(1))
+    variance_px2 = (10 * extent) ** 2 + BLUR_PX2
+    # between a blurred point and a splat as wide as the picture, which no ray misses
+    stability(f"extent {extent:g}, middle", shown[16, 16], np.array([0.5]))
+    gradient = torch.autograd.grad(shown[16, 17], scales)[0]
+    # d/d sigma of exp(-1 / (2 variance)) / 2 along x; the picture is at most as wide along y
+    along_x = 0.5 * np.exp(-0.5 / variance_px2) * 100 * extent / variance_px2**2
+    stability(f"extent {extent:g}, gradient", gradient[0, :1], np.array([along_x]), within=1e-4)
 
 
 @pytest.mark.parametrize("name", [*SplatTensors.__slots__, "colors"])

@@ -25,7 +25,7 @@ def content(views=(GOOD,), seen_by=5, **more) -> SceneReportContent:
     return SceneReportContent(
         **{
             "scene": "place", "summary": "all of them", "drawings": "", "unregistered": [],
-            "neighbors": {}, "model": {}, "expected": {"draft": EXPECTED},
+            "neighbors": {}, "model": {}, "expected": {"draft": EXPECTED}, "machine": "2 cores",
             "survey": Survey(views, cells, np.ones((2, 2, 2), bool)), **more,
         }
     )  # fmt: skip
@@ -86,9 +86,10 @@ def test_voxels_about_points_hold_them_and_their_neighbors():
 
 
 def test_a_quality_is_a_row_with_its_time_and_psnr_and_its_name_stays_text():
-    table = expectation_table({"draft": EXPECTED, "<b>": EXPECTED})
+    table = expectation_table({"draft": EXPECTED, "<b>": EXPECTED}, "2 cores, <i>")
     assert table.count('<tr><th scope="row">') == 2
     assert "<b>" not in table
+    assert "2 cores, &lt;i&gt;." in table
     assert {"5 min 00 s", "1 min 00 s", "2.00 GiB", "about 25.0 dB"} <= set(
         re.findall(r'"number">([^<]*)<', table)
     )
