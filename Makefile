@@ -54,7 +54,7 @@ stability: install
 
 # Small grids under luigid, killed at random for an hour: nothing may be lost or built twice.
 soak: install
-	OMP_WAIT_POLICY=PASSIVE $(RUN)/python tests/small_grids.py --scenes 2 --styles 2 \
+	OMP_WAIT_POLICY=PASSIVE $(RUN)/python tests/support/small_grids.py --scenes 2 --styles 2 \
 		--soak-minutes $(or $(MINUTES),60)
 
 # Benchmarks call untyped libraries and have fewer annotations, so mypy is less strict with them.

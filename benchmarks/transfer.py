@@ -33,7 +33,7 @@ from styletrf.style.transfer.weights import (
     load_style_transfer,
 )
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
 from published_models import without_quantized_activations  # type: ignore[import-not-found]
 
 _LONG_SIDE_PX = 504

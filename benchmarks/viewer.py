@@ -30,7 +30,7 @@ from styletrf.scene.scene_model import read_scene_model
 from styletrf.viewer.viewer_content import RENDER
 from tasks.results.viewer import PHOTOGRAPHS, Viewer
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
 from headless import answer_of  # type: ignore[import-not-found]
 
 CPU = torch.device("cpu")

@@ -1,6 +1,8 @@
-"""docs/architecture.md names files that exist, and what it says is in them."""
+"""docs/architecture.md names files that exist, and tests share helpers in `support/` alone."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -23,3 +25,18 @@ def test_every_name_in_an_answer_stands_in_a_file_of_that_answer(row: str):
     code = "".join(path.read_text(encoding="utf-8") for path in files)
     names = re.findall(r"`(\w+)`", answer)
     assert [name for name in names if not re.search(rf"\b{name}\b", code)] == []
+
+
+def test_tests_import_nothing_of_other_tests():
+    """Else they run twice, and what they share is hard to find."""
+    texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
+    importing = re.compile(r"^\s*(?:from|import) test_", re.MULTILINE)
+    assert [path for path, text in texts.items() if importing.search(text)] == []
+
+
+@pytest.mark.parametrize("program", ["small_grids", "grid_requests", "faulty_grids"])
+def test_programs_beside_the_tests_find_what_they_import(program: str):
+    path = ROOT / "tests/support" / f"{program}.py"
+    code = f"import runpy; runpy.run_path({str(path)!r}, run_name='imported')"
+    begun = f"import sys; sys.path[0] = {str(path.parent)!r}; {code}"
+    subprocess.run([sys.executable, "-c", begun], check=True, cwd=path.parent)

@@ -6,13 +6,12 @@ import os
 import pty
 import signal
 import subprocess
-import sys
 import termios
-import time
 from pathlib import Path
 
 import psutil
 import pytest
+from commands import are_gone, luigi, pids_of_slow, start
 from killing import make
 from store_toys import built
 
@@ -20,57 +19,6 @@ from pipeline.errors import StoreError
 from pipeline.maintenance.roots import require_single
 from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
-
-ROOT = Path(__file__).parents[2]
-
-
-def start(
-    *arguments: str, cwd: Path = ROOT, stderr: int = subprocess.PIPE
-) -> subprocess.Popen[str]:
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)]),
-    }
-    return subprocess.Popen(
-        [sys.executable, "-m", *arguments],
-        cwd=cwd,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=stderr,
-        text=True,
-    )
-
-
-def luigi(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
-    """Exit status and screen of `luigi --module toys ...`."""
-    process = start("luigi", "--module", "toys", *arguments, cwd=cwd)
-    screen = "".join(process.communicate(timeout=60))
-    return process.returncode, screen
-
-
-def pids_of_slow(toys: Path) -> list[int]:
-    """The builder and its child, once they run."""
-    deadline = time.monotonic() + 30
-    while not (toys / "pids.txt").exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    return [int(pid) for pid in (toys / "pids.txt").read_text().split()]
-
-
-def are_gone(pids: list[int]) -> bool:
-    deadline = time.monotonic() + 10
-    while any(is_running(pid) for pid in pids):
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.02)
-    return True
-
-
-def is_running(pid: int) -> bool:
-    try:
-        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
 
 
 def test_success_is_quiet_and_quick_again():

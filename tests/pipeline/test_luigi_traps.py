@@ -8,8 +8,8 @@ from pathlib import Path
 import luigi as luigi_package
 import psutil
 import pytest
+from commands import are_gone, pids_of_slow, start
 from store_toys import built
-from test_command import are_gone, pids_of_slow, start
 
 from pipeline.settings import current_store
 

@@ -5,11 +5,10 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from commands import ROOT, SUPPORT, pids_of_slow, start
 from store_toys import built
-from test_command import ROOT, pids_of_slow, start
 
 PROGRAM = """
 import sys
@@ -35,7 +34,7 @@ def run(*arguments: str, refusal: str = "", status: int | None = None) -> tuple[
     done = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)])},
         capture_output=True,
         text=True,
         check=False,
@@ -88,7 +87,7 @@ def test_a_command_without_settings_is_refused(tmp_path, monkeypatch):
     code = PROGRAM.format(refusal="", status=None)
     done = subprocess.run(
         [sys.executable, "-c", code, "Word", "--word", "hello"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)])},
         capture_output=True,
         text=True,
         check=False,
@@ -107,9 +106,7 @@ def test_an_interrupted_command_ends_with_130_and_is_ended(toys):
 
 def test_a_package_imported_by_any_other_program_takes_nothing_over():
     code = "import toys; print('imported')"
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
-    }
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)])}
     command = [sys.executable, "-c", code, "Word", "--word", "hello"]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, check=True)
     assert done.stdout == b"imported\n"

@@ -1,14 +1,13 @@
 """What is not finite stops the computation that meets it first, with tensor and input."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 from mini_scene import MINI_FIT as CONFIG
+from non_finite import stops
 
-from styletrf.errors import NotFiniteError
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
@@ -24,11 +23,6 @@ CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
 SMALL = replace(CONFIG.field, density_ranks=(2, 2, 2), appearance_ranks=(2, 2, 2))
 STEPS = AdaptationConfig(iterations=3, batch=64)
-
-
-def stops(stage: str, tensor: str, where: str):
-    message = re.escape(f"{stage}: {tensor} is not finite {where}")
-    return pytest.raises(NotFiniteError, match=f"^{message}$")
 
 
 @pytest.fixture

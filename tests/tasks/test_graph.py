@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from stage_keys import WORDS, key_words
 
 import tasks
 from pipeline.code.closure import code_closure
@@ -16,8 +17,6 @@ from styletrf.style.training.config import StyleTrainingConfig
 from tasks.planning.request_validation import configurations
 from tasks.presets.presets import PRESETS, settings_for
 
-WORDS = {"scene": "horns", "style": "mosaic", "quality": "draft"}
-
 
 def upstream(task) -> set[str]:
     """Returns the families of all stages above a task."""
@@ -25,14 +24,6 @@ def upstream(task) -> set[str]:
     for stage in task.requires().values():
         found |= {stage.task_family} | upstream(stage)
     return found
-
-
-def key_words(task) -> dict[str, dict]:
-    """Returns what decides each stage of the graph, but for its inputs."""
-    words = {task.task_family: dict(task.identity_parameters())}
-    for stage in task.requires().values():
-        words |= key_words(stage)
-    return words
 
 
 def test_importing_tasks_loads_no_torch_and_starts_no_thread():

@@ -13,10 +13,10 @@ from pathlib import Path
 import luigi
 import pytest
 from build_toys import Act
+from commands import are_gone, pids_of_slow, start
 from ray_process import RayCluster
 from slurm_cluster import SlurmCluster, is_installed
 from store_toys import Sentence, Word, built
-from test_command import are_gone, pids_of_slow, start
 
 from pipeline.cluster.backends import BACKENDS
 from pipeline.cluster.job_runner import run_remote_job

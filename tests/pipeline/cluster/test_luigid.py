@@ -10,10 +10,10 @@ from pathlib import Path
 
 import luigi
 import pytest
+from commands import ROOT, are_gone, pids_of_slow, start
 from luigid_process import Luigid
 from small_disk import small_disk
 from store_toys import built
-from test_command import ROOT, are_gone, pids_of_slow, start
 
 from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store

@@ -11,7 +11,7 @@ import sys
 import termios
 from collections.abc import Callable
 
-from test_command import ROOT, start
+from commands import ROOT, start
 
 from pipeline.console.progress_client import ProgressClient, ProgressLine
 from pipeline.execution.progress_pipe import ProgressPipe, read_messages

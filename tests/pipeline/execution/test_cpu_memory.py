@@ -7,7 +7,7 @@ from pathlib import Path
 
 import luigi
 import pytest
-from test_command import start
+from commands import start
 
 from pipeline.execution import cpu_memory
 from pipeline.execution.cpu_memory import SPIN_COUNT, openmp_wait_settings

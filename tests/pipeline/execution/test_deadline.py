@@ -8,9 +8,9 @@ import luigi
 import psutil
 import pytest
 from build_toys import Act
+from commands import luigi as command
 from luigi.parameter import ParameterException
 from store_toys import built
-from test_command import luigi as command
 
 from pipeline.execution.cost_history import Cost, CostSample, record_cost
 from pipeline.execution.cpu_memory import CpuAllocation

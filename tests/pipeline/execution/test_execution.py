@@ -10,9 +10,9 @@ import luigi
 import psutil
 import pytest
 from build_toys import Act
+from commands import are_gone, pids_of_slow
 from small_disk import small_disk
 from store_toys import Fills, Slow, Surroundings, Word, built
-from test_command import are_gone, pids_of_slow
 
 from pipeline.errors import StoreError, TaskFailure, describe_error, is_disk_full
 from pipeline.settings import current_store

@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 from build_toys import MEBIBYTE
-from test_command import are_gone, pids_of_slow
+from commands import are_gone, pids_of_slow
 
 from pipeline.console.progress import ProgressBar
 from pipeline.execution.executors import EXECUTORS, Job, Report

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import luigi
 import pytest
-from test_command import are_gone, start
+from commands import are_gone, start
 
 from pipeline.errors import StoreError
 from pipeline.execution import gpu

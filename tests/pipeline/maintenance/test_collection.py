@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from collection_cases import made, names, used
+from commands import start
 from killing import action_of, ended, forked, holds, living, make, run
 from store_toys import Sentence, Word
-from test_command import start
 
 import pipeline.maintenance.garbage_collection
 from pipeline.digest import Tree, typed_digest

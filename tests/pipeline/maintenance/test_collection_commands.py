@@ -6,8 +6,8 @@ import sys
 
 import pytest
 from collection_cases import made, names
+from commands import start
 from killing import make, wrong
-from test_command import start
 
 from pipeline.maintenance.command_line import main
 

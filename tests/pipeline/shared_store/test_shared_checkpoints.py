@@ -1,43 +1,16 @@
 """Checkpoints travel through a shared store: a directory, and a bucket of a real S3 server."""
 
-import contextlib
 import os
 import threading
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from checkpoint_cases import KEY, failing, folder, uploaded
 from shared_stores import Place
 
 from pipeline.shared_store import checkpoints
 from pipeline.shared_store.checkpoints import forget_checkpoints, shared_checkpoints
 from pipeline.shared_store.settings import current_remote
-
-KEY = "ab" * 32
-
-
-def folder(path: Path, **files: str) -> Path:
-    path.mkdir()
-    for name, text in files.items():
-        (path / name).write_text(text)
-    return path
-
-
-class LostError(Exception):
-    """What a build ends by."""
-
-
-@contextlib.contextmanager
-def failing(resume: Path) -> Iterator[None]:
-    """A build that fails when it has done what is within."""
-    with contextlib.suppress(LostError), shared_checkpoints(KEY, resume):
-        yield
-        raise LostError
-
-
-def uploaded() -> list[str]:
-    return current_remote().names(f"resume/{KEY}")
 
 
 def test_another_machine_goes_on_from_the_last_one(shared: Place, tmp_path):

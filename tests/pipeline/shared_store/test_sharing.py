@@ -7,10 +7,10 @@ from pathlib import Path
 
 import luigi
 import pytest
+from commands import start
 from killing import Gate, ended, forked, make
 from sharing_cases import build, command, is_whole, objects
 from store_toys import Sentence, Word, built
-from test_command import start
 
 from pipeline.code.closure import load_closure
 from pipeline.errors import StoreError

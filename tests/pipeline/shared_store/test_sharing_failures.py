@@ -12,11 +12,11 @@ from pathlib import Path
 
 import luigi
 import pytest
+from commands import start
 from killing import Scenario, kill_everywhere, make
 from shared_stores import Place, Server, read_only
 from sharing_cases import build, command, flipped, is_whole
 from store_toys import Sentence, Word, built
-from test_command import start
 
 from pipeline.errors import StoreError
 from pipeline.maintenance.verify import problems

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import luigi
 import pytest
+from checkpoint_cases import KEY, failing, folder, uploaded
 from shared_stores import Place
 from sharing_cases import build, command, is_whole
 from store_toys import Sentence, Word, built
-from test_shared_checkpoints import KEY, failing, folder, uploaded
 
 from pipeline.digest import tree_digest, typed_digest
 from pipeline.errors import StoreError

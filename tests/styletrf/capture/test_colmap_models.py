@@ -3,8 +3,8 @@
 import shutil
 
 import pytest
+from given_cameras import BENT, VIEWS, colmap, photographed
 from made_photographs import room_poses
-from test_given_poses import BENT, VIEWS, colmap, photographed
 
 from styletrf.capture.poses.pose_formats import find_given_poses
 from styletrf.errors import InputError

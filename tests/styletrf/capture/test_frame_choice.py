@@ -3,13 +3,11 @@
 import cv2
 import numpy as np
 import pytest
+from clip_frames import HEIGHT, WIDTH, timed, walked
 
 from styletrf.capture.clips.frame_choice import chosen_frames
 from styletrf.capture.clips.frame_motion import FrameMotion, frame_motion, joined_motion
 from styletrf.errors import InputError
-from styletrf.files.video import TimedFrame
-
-HEIGHT, WIDTH = 120, 160
 
 
 @pytest.fixture(scope="module")
@@ -17,30 +15,6 @@ def picture():
     """A wall of texture, twice as wide as a frame."""
     noise = np.random.default_rng(0).uniform(0, 255, (HEIGHT, 2 * WIDTH, 3))
     return cv2.GaussianBlur(noise, (0, 0), 2.0)
-
-
-def contrasted(image):
-    return np.clip(128 + 6 * (image - 128), 0, 255).astype(np.uint8)
-
-
-def turned(picture, count):
-    """A turn on the spot: all moves alike."""
-    return [contrasted(picture[:, x : x + WIDTH]) for x in np.arange(count) * 2]
-
-
-def walked(picture, count):
-    """A walk past two walls: the upper half is nearer and moves three times as fast."""
-    half = HEIGHT // 2
-    return [
-        contrasted(
-            np.vstack([picture[:half, 3 * x : 3 * x + WIDTH], picture[half:, x : x + WIDTH]])
-        )
-        for x in range(count)
-    ]
-
-
-def timed(frames, rate=12.0):
-    return [TimedFrame(k / rate, frame) for k, frame in enumerate(frames)]
 
 
 def motion_of(frames):

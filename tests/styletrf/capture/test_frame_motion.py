@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from test_frame_choice import HEIGHT, WIDTH, contrasted, timed, turned, walked
+from clip_frames import HEIGHT, WIDTH, contrasted, timed, turned, walked
 
 from styletrf.capture.clips.clip_survey import blurs, clip_warnings, rests
 from styletrf.capture.clips.frame_motion import frame_motion, joined_motion

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from test_image_alignment import camera, photograph, plane
+from alignment_cases import camera, photograph, plane
 
 from styletrf.evaluation.alignment.held_out_alignment import aligned_psnr
 from styletrf.evaluation.metrics import psnr

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from test_surface_mesh import RADIUS, ball_seen
-from test_surface_mesh import camera as camera_around
+from seen_balls import RADIUS, ball_seen
+from seen_balls import camera as camera_around
 from tiny_scene import KINDS, tiny_scene
 
 from styletrf.exports.export_views import ExportViews, Look, export_views

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_splats import cloud
+from splat_clouds import cloud
 
 from styletrf.exports.splat_files import read_splats, write_splat_ply, write_spz
 

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import pytest
 import torch
+from splat_clouds import cloud
 
 from styletrf.exports.export_views import SurfacePoints
 from styletrf.exports.splat_fit import (
@@ -35,16 +36,6 @@ EXTREMES = pytest.mark.extremes("Splats")
 def camera(size: int = 33) -> Camera:
     pose = np.hstack([np.eye(3), np.zeros((3, 1))])
     return Camera("front", size, size, 40.0, 40.0, size / 2, size / 2, pose)
-
-
-def cloud(count: int, seed: int = 0) -> Splats:
-    rng = np.random.default_rng(seed)
-    centers = np.column_stack([rng.uniform(-1, 1, (count, 2)), rng.uniform(3, 5, count)])
-    half = rng.normal(size=(count, 3, 3)) * 0.05
-    opacities = rng.uniform(0.3, 0.9, count)
-    return replace(
-        splats_of(centers, half @ half.transpose(0, 2, 1) + 1e-3 * np.eye(3)), opacities=opacities
-    )
 
 
 def single(depth: float, sigma: float, opacity: float) -> Splats:

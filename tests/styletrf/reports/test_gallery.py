@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from headless import answer_of, needs_chromium
+from moving_pictures import moving
 from parsed_page import HOSTILE, Page
-from test_report import moving
 
 from styletrf.files.images import write_rgb
 from styletrf.files.video import write_video

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from headless import answer_of, needs_chromium
+from moving_pictures import moving
 from parsed_page import HOSTILE, Page
 
 from styletrf.errors import InputError
@@ -39,11 +40,6 @@ WORDS = replace(
     + "x" * 80,
     viewer_command="luigi --module tasks Viewer --scene horns",
 )
-
-
-def moving(seed, size=(48, 64), count=24):
-    frame = np.random.default_rng(seed).integers(0, 255, (*size, 3), dtype=np.uint8)
-    return [np.roll(frame, i, axis=1) for i in range(count)]
 
 
 @pytest.fixture(scope="session")

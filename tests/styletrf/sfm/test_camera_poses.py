@@ -5,6 +5,7 @@ import numpy as np
 import pycolmap
 import pytest
 from made_photographs import LENS, encoded, room_poses, room_view, texture, with_exif
+from similarities import similarity
 
 from styletrf.capture.masks import read_mask
 from styletrf.capture.photographs import read_photograph
@@ -45,14 +46,6 @@ def solved(tmp_path_factory):
     config = CameraPosesConfig()
     report = solve_camera_poses(capture, out, config, progress, folder / "log", scratch)
     return out, report, calls
-
-
-def similarity(source, target):
-    """Returns scale and rotation of the best similarity between point sets (Umeyama 1991)."""
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    u, singular, vt = np.linalg.svd(b.T @ a)
-    sign = np.diag([1, 1, np.sign(np.linalg.det(u @ vt))])
-    return (singular * np.diag(sign)).sum() / (a**2).sum(), u @ sign @ vt
 
 
 def test_poses_are_those_the_photographs_were_taken_from(solved):

@@ -1,7 +1,7 @@
 import numpy as np
 import pycolmap
 import pytest
-from test_mapping_choice import frames, mapped, street, walked
+from mapped_walks import frames, mapped, street, walked
 
 from styletrf.sfm.mapping import SfmResult, explained_share
 from styletrf.sfm.model_joining import joined

@@ -1,5 +1,5 @@
 import pytest
-from test_mapping_choice import frames, mapped, street, walked
+from mapped_walks import frames, mapped, street, walked
 
 from styletrf.sfm.model_support import supported, supported_images
 

@@ -8,7 +8,7 @@ import pycolmap
 import pytest
 from made_panoramas import courtyard_panoramas
 from made_photographs import encoded
-from test_camera_poses import similarity
+from similarities import similarity
 
 from styletrf.capture.panorama.panorama_views import DIRECTIONS, panorama_from_view, view_camera
 from styletrf.capture.scene_capture import capture_photographs

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from test_style_training import TINY, style
+from tiny_style_training import TINY, style
 
 from styletrf.style.perceptual.predictor_features import (
     FeatureMoments,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from test_style_training import TINY, style
+from tiny_style_training import TINY, style
 
 from styletrf.errors import InputError
 from styletrf.style.perceptual.perceptual_loss import (

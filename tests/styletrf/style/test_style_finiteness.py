@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 from mini_scene import painted_plane
+from non_finite import stops
 from pans import FRAMES, pan, shown, texture
-from test_finiteness import stops
-from test_style_training import TINY, style, trained
+from tiny_style_training import TINY, style, trained
 
 from styletrf.content.content_images import ContentConfig, write_content_images
 from styletrf.content.content_sources import embedded_source

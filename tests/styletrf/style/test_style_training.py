@@ -5,6 +5,7 @@ from unittest.mock import patch
 
 import pytest
 import torch
+from tiny_style_training import TINY, style, trained
 from torch import Tensor
 
 from styletrf.content.content_images import ContentConfig, write_content_images
@@ -14,31 +15,13 @@ from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig
 from styletrf.style.training import step
-from styletrf.style.training.config import StyleTrainingConfig
 from styletrf.style.training.step import StyleStep
 from styletrf.style.training.temporal_loss import (
     ContentPair,
     TemporalLossConfig,
     jittered_pair,
 )
-from styletrf.style.training.trainer import begin, train_style_network
-
-TINY = StyleTrainingConfig(
-    network=StyleNetworkConfig(width=4, n_residual=1),
-    iterations=8,
-    identity_iterations=2,
-    warm_start=False,
-    batch=1,
-    crop_px=32,
-    style_px=64,
-    learning_rate=3e-3,
-    final_learning_rate=1e-3,
-    bfloat16=False,
-)
-
-
-class KilledError(Exception):
-    pass
+from styletrf.style.training.trainer import begin
 
 
 @pytest.fixture(scope="module")
@@ -49,16 +32,8 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def style() -> Tensor:
-    """Diagonal stripes of two colors."""
-    y, x = torch.meshgrid(torch.arange(64), torch.arange(64), indexing="ij")
-    stripes = ((x + y) // 4 % 2).float()[..., None]
-    return stripes * torch.tensor([0.9, 0.6, 0.1]) + (1 - stripes) * torch.tensor([0.1, 0.2, 0.5])
-
-
-def trained(config: StyleTrainingConfig, vgg: VGG16, content: Path, folder: Path, **arguments):
-    folder.mkdir(exist_ok=True)
-    return train_style_network(config, vgg, style(), content, checkpoint_folder=folder, **arguments)
+class KilledError(Exception):
+    pass
 
 
 def parameters(network: StyleNetwork) -> Tensor:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mini_scene import painted_plane
-from test_trajectories import CAPTURES, centers_of, modeled
+from trajectory_captures import CAPTURES, centers_of, modeled
 
 from styletrf.colmap import pycolmap
 from styletrf.configuration import configured

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_trajectories import CAPTURES
+from trajectory_captures import CAPTURES
 
 from styletrf.files.float_images import FloatImage
 from styletrf.files.images import to_integers

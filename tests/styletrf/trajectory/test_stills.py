@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_trajectories import modeled
+from trajectory_captures import modeled
 
 from styletrf.files.tables import read_summary
 from styletrf.geometry.lenses import focal_from, focal_of

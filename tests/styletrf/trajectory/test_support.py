@@ -7,7 +7,7 @@ import pytest
 import torch
 from mini_scene import MINI_FIT as FIT
 from mini_scene import fit, painted_plane
-from test_trajectories import modeled
+from trajectory_captures import modeled
 
 from styletrf.files.tables import read_summary
 from styletrf.geometry.cameras import Camera, pixel_centers, points_at_depth, project

@@ -5,14 +5,12 @@ import pytest
 import torch
 from captures import (
     arc,
-    forward_cameras,
-    nadir,
     orbit_cameras,
     points_before,
     points_of,
-    room,
     walk,
 )
+from trajectory_captures import CAPTURES, centers_of, modeled
 
 from styletrf.configuration import configured
 from styletrf.errors import InputError
@@ -21,27 +19,6 @@ from styletrf.synthetic.courtyard.capture import CourtyardConfig, courtyard_came
 from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through, prior_views
 
 assert torch  # the cameras' module needs it; importing it here keeps the tests' time apart
-
-CAPTURES = {
-    "forward": lambda: (forward_cameras(), points_before(forward_cameras())),
-    "ring": lambda: (arc(25), points_of("block")),
-    "arc": lambda: (arc(25, 120), points_of("block")),
-    "room": lambda: (room(10), points_of("room")),
-    "walk": lambda: (walk(), 3 * points_of("block")),
-    "way": lambda: (walk(closed=False), 3 * points_of("block")),
-    "plain": lambda: (nadir("any"), points_of("plain")),
-}
-
-
-def modeled(capture: str):
-    """The capture's views in the normalized world, and the model."""
-    cameras, points = CAPTURES[capture]()
-    model = decide_scene_model(cameras, points, SceneModelConfig())
-    return model.normalized(cameras), model
-
-
-def centers_of(cameras) -> np.ndarray:
-    return np.stack([camera.center_world for camera in cameras])
 
 
 def in_the_world(model, path, gravity) -> tuple[np.ndarray, np.ndarray]:

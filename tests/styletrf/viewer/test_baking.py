@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from lattice_positions import positions_in
 from mini_scene import KERNELS
-from test_lattice import positions_in
 
 from styletrf.errors import InputError
 from styletrf.viewer.baking import bake_density, bake_look, require_shared_density

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lattice_positions import positions_in
 
 from styletrf.viewer.lattice import BrickLattice, brick_lattice, empty_distances, occupied_cells
 
@@ -16,14 +17,6 @@ def occupancy(seed: int, shape, share: float = 0.1) -> np.ndarray:
 
 def lattice_of(occupied: np.ndarray, resolution) -> BrickLattice:
     return brick_lattice(occupied_cells(occupied, resolution), resolution)
-
-
-def positions_in(occupied: np.ndarray, seed: int) -> np.ndarray:
-    """Positions of the grid in occupied voxels, their corners among them."""
-    voxels = np.argwhere(occupied)
-    within = np.random.default_rng(seed).random((len(voxels), 4, 3))
-    within[:, 0], within[:, 1] = 0, 1
-    return ((voxels[:, None] + within) / occupied.shape * 2 - 1).reshape(-1, 3)
 
 
 @given(st.integers(0, 99), SHAPES, st.tuples(*[st.integers(2, 30)] * 3))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from headless import answer_of, needs_chromium
-from test_viewer_page import written
+from written_viewers import written
 
 from styletrf.geometry.lenses import focal_of
 from styletrf.geometry.rotations import matrices_of

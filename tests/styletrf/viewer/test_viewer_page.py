@@ -10,16 +10,9 @@ from pathlib import Path
 
 import pytest
 from headless import answer_of, needs_chromium
-
-from styletrf.viewer.webpage.viewer_page import write_viewer
+from written_viewers import written
 
 HOSTILE = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)> $body & ünï"
-PIXEL = "data:image/gif;base64,R0lGODlhAQABAAAAACwAAAAAAQABAAA="
-
-
-def written(content, path: Path, **more) -> Path:
-    write_viewer(path, content, [PIXEL] * len(content.looks), 24.0, **more)
-    return path
 
 
 class Tags(HTMLParser):

@@ -10,64 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from headless import answer_of, needs_chromium
-from test_viewer_page import written
-
-from styletrf.field.kernels import kernels_for
-from styletrf.field.rendering import render_view
-from styletrf.field.view_rays import ViewRays
-from styletrf.psnr import bounded_psnr
-from styletrf.stylization.mixed_appearance import MixedAppearance
-from styletrf.viewer.viewer_content import RENDER
+from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
+from written_viewers import written
 
 pytestmark = needs_chromium
-CPU = torch.device("cpu")
-LOOKS = [  # a, b, share of b, split
-    (0, 1, 0.0, -1),
-    (1, 0, 0.0, -1),
-    (2, 0, 0.0, -1),
-    (1, 2, 0.5, -1),
-    (1, 2, 1.0, -1),
-    (1, 2, 0.3, 0.5),
-]
-PICTURES = """
-  const { scene, renderer } = await viewer;
-  const shot = (each) => { renderer.draw(each); return renderer.read().map((v) => +v.toFixed(4)); };
-  return { shots: CASES.map(shot) };
-"""
-
-
-def rendered(scene, baked, camera, a: int, b: int, share_b: float, split: float) -> np.ndarray:
-    """What the CPU renders: of the photographs what is baked, of styles the fields themselves."""
-    fields = list(scene.fields.values())
-    appearances = [baked.looks[0].appearance(), *(field.appearance for field in fields[1:])]
-    rays = ViewRays([camera], scene.model.space, fields[0].step_length, CPU)
-
-    def mixed(share: float) -> np.ndarray:
-        one, other = appearances[a], appearances[b]
-        appearance = {0.0: one, 1.0: other}.get(share)
-        if appearance is None:
-            appearance = MixedAppearance([one, other], [1 - share, share])
-        kernels = kernels_for(CPU)
-        return render_view(fields[0], kernels, rays, 0, camera, RENDER, appearance).color.numpy()
-
-    if split < 0:
-        return mixed(share_b)
-    left = (np.arange(camera.width) + 0.5 < split * camera.width)[None, :, None]
-    return np.where(left, mixed(1.0), mixed(0.0))
-
-
-def case(camera, a: int, b: int, share_b: float, split: float) -> dict:
-    """The same for the page."""
-    lens = {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
-    view = {"pose": camera.world_from_camera.ravel().tolist(), **lens}
-    size = {"width": camera.width, "height": camera.height}
-    return {"view": view, "a": a, "b": b, "shareB": share_b, "split": split, **size}
-
-
-def psnr(one: np.ndarray, other: np.ndarray) -> float:
-    return bounded_psnr(float(np.square(one - other).mean()))
 
 
 @pytest.mark.parametrize("space", ["ndc", "box", "unbounded"])
@@ -92,54 +39,6 @@ def test_both_ways_of_interpolation_agree_with_the_cpu(tiny, content, tmp_path: 
     answer = answer_of(page, PICTURES.replace("CASES", asked), 800)
     expected = rendered(scene, content("ndc"), scene.cameras[0], *LOOKS[1])
     assert psnr(np.array(answer["shots"][0]).reshape(expected.shape), expected) >= 45
-
-
-CLICKS = """
-  const { shown, navigation, loop, renderer, picture } = await viewer;
-  const find = (what) => document.querySelector(what), canvas = find("canvas"), sums = [];
-  const pointer = (kind, x, y) => canvas.dispatchEvent(
-    new PointerEvent(kind, { pointerId: 1, clientX: x, clientY: y, buttons: 1 }));
-  const drag = (x, y) => {
-    pointer("pointerdown", 100, 100);
-    pointer("pointermove", 100 + x, 100 + y);
-    pointer("pointerup", 100 + x, 100 + y);
-  };
-  const press = (key) => canvas.dispatchEvent(new KeyboardEvent("keydown", { key }));
-  const look = async () => {
-    await until(() => loop.isSettled());
-    renderer.draw({ ...picture(32, 24), width: 32, height: 24 });
-    sums.push(renderer.read().reduce((a, b) => a + b));
-    loop.change();
-  };
-  await until(() => loop.isSettled());
-  const begin = navigation.toText();
-  drag(5, 3);
-  const turned = navigation.toText();
-  drag(5000, 3000);
-  const far = navigation.toText();
-  for (const radio of document.querySelectorAll("#looks input")) { radio.click(); await look(); }
-  find("#share").value = 0.5;
-  find("#share").dispatchEvent(new Event("input"));
-  await look();
-  find("#halve").click();
-  await look();
-  const isSplit = !find("#split").hidden;
-  press("x"); press("2"); press("+");
-  const zoomed = navigation.toText();
-  find("#play").click();
-  await until(() => shown.frame > 0);
-  find("#play").click();
-  let saved = 0;
-  HTMLAnchorElement.prototype.click = function () {
-    saved += Boolean(this.download) && this.href.startsWith("blob:");
-  };
-  find("#save").click();
-  await until(() => saved > 0);
-  find("#reset").click();
-  await until(() => location.hash.includes("view=") && loop.isSettled());
-  return { begin, turned, far, zoomed, sums, isSplit, saved, over: overflow(), look: shown.a,
-           status: find("#status").textContent, end: navigation.toText() };
-"""
 
 
 @pytest.mark.parametrize("width", [1000, 390])
@@ -220,3 +119,46 @@ BOUNDED = """
 def test_the_camera_stays_near_the_photographs(content, tmp_path: Path):
     page = written(content("unbounded"), tmp_path / "viewer.html")
     assert answer_of(page, BOUNDED, 800)["most"] < 1.001
+
+
+WALKED = """
+  const { navigation, loop } = await viewer, pad = document.querySelector("#walk");
+  const pose = () => navigation.pose(), center = (p) => [p[3], p[7], p[11]];
+  const along = async (key, act) => {  // right, down and ahead of the way that a button leads
+    document.querySelector("#reset").click();
+    const before = pose();
+    await act(pad.querySelector(`[data-key=${key}]`), () => pose().join() !== before.join());
+    const way = center(pose()).map((v, i) => v - center(before)[i]);
+    return [0, 1, 2].map((k) => way.reduce((sum, v, i) => sum + v * before[4 * i + k], 0));
+  };
+  const pointer = (button, kind) => button.dispatchEvent(new PointerEvent(kind, { bubbles: true }));
+  const hold = async (button, hasMoved) => {
+    pointer(button, "pointerdown");
+    await until(hasMoved);
+    pointer(button, "pointerup");
+  };
+  const click = async (button, hasMoved) => { button.click(); await until(hasMoved); };
+  const ways = {};
+  for (const key of "adqews") ways[key] = [await along(key, hold), await along(key, click)];
+  await until(() => loop.isSettled());
+  const rest = navigation.toText();
+  await new Promise((r) => setTimeout(r, 200));
+  return { ways, isStill: rest === navigation.toText(), display: getComputedStyle(pad).display,
+           over: overflow() };
+"""
+
+
+def test_on_a_touch_screen_buttons_walk_where_they_point_until_released(content, tmp_path: Path):
+    answer = answer_of(written(content("box"), tmp_path / "viewer.html"), WALKED, 390)
+    assert answer["errors"] == []
+    assert (answer["display"], answer["isStill"], answer["over"]) == ("grid", True, 0)
+    axes = {"a": (0, -1), "d": (0, 1), "e": (1, -1), "q": (1, 1), "s": (2, -1), "w": (2, 1)}
+    for key, (axis, sign) in axes.items():
+        for way in answer["ways"][key]:
+            assert way[axis] * sign > 0.9 * np.linalg.norm(way) > 0, key
+
+
+def test_where_a_pointer_hovers_no_button_covers_the_picture(content, tmp_path: Path):
+    page = written(content("box"), tmp_path / "viewer.html")
+    shown = "return { display: getComputedStyle(document.querySelector('#walk')).display };"
+    assert answer_of(page, shown, 1000)["display"] == "none"

@@ -1,7 +1,7 @@
 """What steers a style changes the stages it is about, and what cannot be is refused in words."""
 
 import pytest
-from test_graph import WORDS, key_words
+from stage_keys import WORDS, key_words
 
 import tasks
 from styletrf.errors import InputError

@@ -13,7 +13,8 @@ from styletrf.field import kernels
 from styletrf.field.kernels import FORMS, kernels_for
 
 CPU, CUDA = torch.device("cpu"), torch.device("cuda")
-HERE = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[4]
+SUPPORT = ROOT / "tests/styletrf/support"
 KERNELS = {
     "_composite", "_composite_gradients", "_count", "_density", "_features", "_heavy", "_march",
     "_pack", "_raw_gradients", "_scatter_pair",
@@ -46,7 +47,7 @@ def test_an_unknown_form_is_refused_with_those_there_are():
 
 
 def run(*command: str | Path, **environment: str) -> str:
-    path = os.pathsep.join([str(HERE), str(HERE.parents[1]), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(SUPPORT), str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.run(
         [sys.executable, *command],
         env={**os.environ, "PYTHONPATH": path, **environment},
@@ -70,5 +71,5 @@ def test_choosing_another_form_does_not_import_triton():
 def test_every_kernel_compiles_for_a_card(capability, tmp_path):
     """For Ampere and Hopper: the interpreter forgives what the compiler does not."""
     pytest.importorskip("triton", reason="Triton is not installed (extra gpu)")
-    compiled = run(HERE / "compile_for_card.py", capability, TRITON_CACHE_DIR=str(tmp_path))
+    compiled = run(SUPPORT / "compile_for_card.py", capability, TRITON_CACHE_DIR=str(tmp_path))
     assert set(compiled.split()) == KERNELS

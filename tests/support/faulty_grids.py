@@ -1,9 +1,9 @@
 """Grids under faults: machines with their own disks and a bucket, killed builds, lost servers.
 
-python tests/faulty_grids.py luigid    two machines: a build killed, luigid killed and back, a
-                                        bucket that errs for a minute, a disk that is full
-python tests/faulty_grids.py ray       three nodes: one killed while it trains, the same bucket,
-                                        a node whose disk is full from the start
+python tests/support/faulty_grids.py luigid    two machines: a build killed, luigid killed and
+                                               back, a bucket that errs for a minute, a full disk
+python tests/support/faulty_grids.py ray       three nodes: one killed while it trains, the same
+                                               bucket, a node whose disk is full from the start
 
 Mounts file systems: needs root. Ends with what was lost, or built twice.
 """
@@ -19,10 +19,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
-from luigid_process import Luigid
 from small_grids import GridRun, prepare
 
-sys.path.append(str(Path(__file__).with_name("pipeline")))
+sys.path.append(str(Path(__file__).parents[1] / "pipeline/support"))
+from luigid_process import Luigid
 from ray_process import RayCluster
 from shared_stores import Proxy, Server, proxy_of
 from small_disk import small_disk

@@ -1,4 +1,4 @@
-"""Requests of a grid to an S3 store: `python tests/grid_requests.py`.
+"""Requests of a grid to an S3 store: `python tests/support/grid_requests.py`.
 
 A grid of mini fixtures, with a real S3 server behind a proxy that counts: built by one machine,
 found by another that has nothing yet, and once more by the first.
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from small_grids import GridRun, prepare
 
-sys.path.append(str(Path(__file__).with_name("pipeline")))
+sys.path.append(str(Path(__file__).parents[1] / "pipeline/support"))
 from shared_stores import Proxy, Server, proxy_of
 
 

@@ -10,7 +10,7 @@ from tempfile import TemporaryFile
 
 from pipeline.execution.fork_server import current_fork_server
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 CELL = ["--scene", "mini", "--style", "p"]
 _LONGEST_S = 300
 

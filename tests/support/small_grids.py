@@ -1,7 +1,7 @@
 """Grids of small courtyards with tiny settings, as commands of their own: for soaks and timings.
 
-python tests/small_grids.py --workers 2          how much more two builds at once get done
-python tests/small_grids.py --soak-minutes 60    random kills; nothing may be lost (make soak)
+python tests/support/small_grids.py --workers 2        how much more two builds at once get done
+python tests/support/small_grids.py --soak-minutes 60  random kills; nothing may be lost (make soak)
 """
 
 import argparse
@@ -29,7 +29,7 @@ from pipeline.store import Store
 from styletrf.synthetic.courtyard.capture import CourtyardConfig
 from styletrf.synthetic.courtyard.folder import write_courtyard
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 STYLES = ("brush", "dots", "ink_waves", "stained_glass")
 TUNING = {
     "SceneModel": {"image_long_side": 64, "max_voxels": 24**3},

@@ -12,13 +12,16 @@ import tempfile
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+Browser = Callable[[str], AbstractContextManager[Any]]
+"""Shows an address while the context lasts."""
 CHROMIUM = shutil.which("chromium")
 needs_chromium = pytest.mark.skipif(
     CHROMIUM is None, reason="no chromium on PATH to open the page in"
@@ -57,10 +60,13 @@ FLAGS = (
 )
 
 
-def answer_of(page: Path, probe: str, width: int, seconds: float = 60) -> dict[str, Any]:
+def answer_of(
+    page: Path, probe: str, width: int, seconds: float = 60, browser: Browser | None = None
+) -> dict[str, Any]:
     """Returns what the body of an async function returns in the page, with `width` and `errors`.
 
-    It may call `until(holds)` and `overflow()`. Files are written beside the page.
+    It may call `until(holds)` and `overflow()`. Files are written beside the page. The browser is
+    Chromium if none is given.
     """
     scripts = IN_HEAD + PROBE.replace("BODY", probe)  # before a policy that would forbid them
     text = page.read_text().replace("<head>", "<head>" + scripts)
@@ -68,7 +74,8 @@ def answer_of(page: Path, probe: str, width: int, seconds: float = 60) -> dict[s
     frame = page.with_name("frame.html")
     with _answers() as (port, received):
         frame.write_text(FRAME.format(width=width, port=port))
-        with _browser(frame.as_uri(), _TOUCH if width < 700 else _MOUSE):
+        shown = browser or partial(_browser, hover=_TOUCH if width < 700 else _MOUSE)
+        with shown(frame.as_uri()):
             try:
                 return received.get(timeout=seconds)
             except queue.Empty:

@@ -1,0 +1,61 @@
+"""Commands in processes of their own, and the processes that they leave."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+
+SUPPORT = Path(__file__).parent
+ROOT = SUPPORT.parents[2]
+
+
+def start(
+    *arguments: str, cwd: Path = ROOT, stderr: int = subprocess.PIPE
+) -> subprocess.Popen[str]:
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)]),
+    }
+    return subprocess.Popen(
+        [sys.executable, "-m", *arguments],
+        cwd=cwd,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+    )
+
+
+def luigi(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
+    """Exit status and screen of `luigi --module toys ...`."""
+    process = start("luigi", "--module", "toys", *arguments, cwd=cwd)
+    screen = "".join(process.communicate(timeout=60))
+    return process.returncode, screen
+
+
+def pids_of_slow(toys: Path) -> list[int]:
+    """The builder and its child, once they run."""
+    deadline = time.monotonic() + 30
+    while not (toys / "pids.txt").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    return [int(pid) for pid in (toys / "pids.txt").read_text().split()]
+
+
+def are_gone(pids: list[int]) -> bool:
+    deadline = time.monotonic() + 10
+    while any(is_running(pid) for pid in pids):
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
