@@ -21,7 +21,7 @@ const start = async () => {
   canvas.addEventListener("webglcontextlost", () => refuse(new Refusal("The graphics card gave up. Load the page again.")));
   const begun = performance.now(), photographs = 0;
   const shown = { a: Math.min(1, scene.looks.length - 1), b: photographs, share: 1, split: -1, frame: 0, isPlaying: false, clip: null };
-  const keys = new Set();
+  const keys = new Set(), touched = new Set();  // those of HELD that are down
   let loop = null, last = 0, loaded = "", editor = null;
   const change = () => { loop?.change(); remember(); };
 
@@ -164,6 +164,7 @@ const start = async () => {
     ArrowLeft: [-1, 0, "turn"], ArrowRight: [1, 0, "turn"], ArrowUp: [0, -1, "turn"], ArrowDown: [0, 1, "turn"],
     w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, 1, 0], e: [0, -1, 0],
   };
+  const STEP = 0.1;  // of the radius
   const PRESSED = { " ": "play", x: "halve", p: "save", f: "full", Home: "reset" };
   canvas.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
@@ -178,6 +179,19 @@ const start = async () => {
   });
   canvas.addEventListener("keyup", (event) => keys.delete(event.key.length === 1 ? event.key.toLowerCase() : event.key));
   canvas.addEventListener("blur", () => keys.clear());
+
+  // The same by buttons on the picture, for fingers. Screen readers click without a pointer.
+  for (const button of $("walk").children) {
+    const key = button.dataset.key, release = () => touched.delete(key);
+    button.addEventListener("pointerdown", () => { stop(); touched.add(key); });
+    for (const kind of ["pointerup", "pointercancel", "pointerleave"]) button.addEventListener(kind, release);
+    button.addEventListener("contextmenu", (event) => event.preventDefault());  // of a long touch
+    button.addEventListener("click", (event) => {
+      if (event.detail) return;
+      navigation.walk(...HELD[key].map((v) => v * STEP));
+      change();
+    });
+  }
 
   const advance = (frames) => {
     const clip = shown.clip, count = clip?.frames.length ?? navigation.frames;
@@ -194,14 +208,15 @@ const start = async () => {
   const next = (now) => {
     const seconds = Math.min(0.1, (now - last) / 1000);
     last = now;
-    for (const key of keys) {
+    const held = new Set([...keys, ...touched]);
+    for (const key of held) {
       const [x, y, z] = HELD[key];
       if (z === "turn") navigation.steer(x * seconds, y * seconds);
       else navigation.walk(x * seconds, y * seconds, z * seconds);
     }
     if (shown.isPlaying) advance(seconds * scene.framesPerSecond);
-    if (keys.size || shown.isPlaying) remember();
-    return keys.size > 0 || shown.isPlaying;
+    if (held.size || shown.isPlaying) remember();
+    return held.size > 0 || shown.isPlaying;
   };
   const tell = ({ width, height, ms, count }) => {
     const pictures = count > 1 ? `, mean of ${count} pictures` : "";
