@@ -180,7 +180,7 @@ const start = async () => {
   canvas.addEventListener("keyup", (event) => keys.delete(event.key.length === 1 ? event.key.toLowerCase() : event.key));
   canvas.addEventListener("blur", () => keys.clear());
 
-  // The same by buttons on the picture, for fingers. Screen readers click without a pointer.
+  // The same by buttons, for fingers. Screen readers click without a pointer.
   for (const button of $("walk").children) {
     const key = button.dataset.key, release = () => touched.delete(key);
     button.addEventListener("pointerdown", () => { stop(); touched.add(key); });

@@ -151,14 +151,14 @@ WALKED = """
 def test_on_a_touch_screen_buttons_walk_where_they_point_until_released(content, tmp_path: Path):
     answer = answer_of(written(content("box"), tmp_path / "viewer.html"), WALKED, 390)
     assert answer["errors"] == []
-    assert (answer["display"], answer["isStill"], answer["over"]) == ("grid", True, 0)
+    assert (answer["display"], answer["isStill"], answer["over"]) == ("flex", True, 0)
     axes = {"a": (0, -1), "d": (0, 1), "e": (1, -1), "q": (1, 1), "s": (2, -1), "w": (2, 1)}
     for key, (axis, sign) in axes.items():
         for way in answer["ways"][key]:
             assert way[axis] * sign > 0.9 * np.linalg.norm(way) > 0, key
 
 
-def test_where_a_pointer_hovers_no_button_covers_the_picture(content, tmp_path: Path):
+def test_where_a_pointer_hovers_the_buttons_to_walk_are_hidden(content, tmp_path: Path):
     page = written(content("box"), tmp_path / "viewer.html")
     shown = "return { display: getComputedStyle(document.querySelector('#walk')).display };"
     assert answer_of(page, shown, 1000)["display"] == "none"
