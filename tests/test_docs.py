@@ -27,6 +27,14 @@ def test_every_relative_link_leads_to_a_file(page: Path):
     assert [target for target in own if not (page.parent / target).exists()] == []
 
 
+def test_links_of_the_site_stay_in_the_site():
+    """Else `make docs` fails."""
+    site = (ROOT / "docs").resolve()
+    for page in (page for page in PAGES if site in page.parents):
+        targets = [t for t in LINK.findall(page.read_text(encoding="utf-8")) if "://" not in t]
+        assert [t for t in targets if site not in (page.parent / t).resolve().parents] == [], page
+
+
 @pytest.mark.parametrize("page", CURRENT_PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_path_of_code_exists(page: Path):
     paths = CODE_FILE.findall(page.read_text(encoding="utf-8"))
