@@ -70,10 +70,13 @@ check: install
 
 lint: check
 
-# The documentation as a site in site/; a broken link is an error.
-docs: install
-	$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+# The documentation as a site in site/; a broken link is an error. Its tools are fetched once.
+docs: install $(VENV)/docs-installed
 	NO_MKDOCS_2_WARNING=1 $(RUN)/mkdocs build --strict
+
+$(VENV)/docs-installed: $(VENV)/installed
+	$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	touch $@
 
 # Deletes what the next `make` restores in minutes; results and the store stay.
 clean:

@@ -3,12 +3,15 @@
 import re
 import subprocess
 import sys
+import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+PACKAGES = ("styletrf", "tasks", "pipeline")
 FILE = re.compile(r"`((?:styletrf|tasks|pipeline)/[\w/]*(?:\.py)?)`")
 
 
@@ -25,6 +28,25 @@ def test_every_name_in_an_answer_stands_in_a_file_of_that_answer(row: str):
     code = "".join(path.read_text(encoding="utf-8") for path in files)
     names = re.findall(r"`(\w+)`", answer)
     assert [name for name in names if not re.search(rf"\b{name}\b", code)] == []
+
+
+@pytest.mark.parametrize("package", ["styletrf", "tasks"])
+def test_the_layers_it_draws_are_those_that_are_checked(package: str):
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = project["tool"]["importlinter"]["contracts"]
+    (layers,) = (
+        each["layers"]
+        for each in contracts
+        if each["type"] == "layers" and each.get("containers") == [package]
+    )
+    blocks = re.findall(r"^```\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
+    assert layers in [[re.split(" {2,}", line)[0] for line in b.splitlines()] for b in blocks]
+
+
+def test_a_package_has_at_most_sixteen_files():
+    modules = [path for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
+    sizes = Counter(path.parent for path in modules if path.name != "__init__.py")
+    assert {folder: size for folder, size in sizes.items() if size > 16} == {}
 
 
 def test_tests_import_nothing_of_other_tests():

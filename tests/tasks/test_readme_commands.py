@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from documented_commands import documented_commands
 from luigi.cmdline_parser import CmdlineParser
 
 from tasks.command.graph import graph
@@ -28,8 +29,8 @@ def on_the_mini_scene(words: list[str]) -> list[str]:
 
 def commands() -> list[list[str]]:
     """Every command line of Luigi: in blocks, and in the text."""
-    found = re.findall(r"luigi (--module tasks [^`\n]+)", README)
-    return [on_the_mini_scene(shlex.split(line)) for line in found]
+    found = [each for each in documented_commands() if each.page == "README.md"]
+    return [on_the_mini_scene(each.arguments) for each in found if each.subject == "luigi"]
 
 
 def options() -> list[list[str]]:
