@@ -17,7 +17,7 @@ from styletrf.field.shading import DiffuseColor
 from styletrf.field.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 from styletrf.viewer.baked_appearance import BakedAppearance
 from styletrf.viewer.baking_loss import psnr_db
-from styletrf.viewer.coding import Codes, color_codes, density_codes, slope_codes
+from styletrf.viewer.coding import Codes, color_codes, density_codes, filled, slope_codes
 from styletrf.viewer.color_refit import RefitConfig, refitted_colors
 from styletrf.viewer.lattice import (
     MOST_BRICKS,
@@ -25,10 +25,15 @@ from styletrf.viewer.lattice import (
     brick_lattice,
     empty_distances,
     occupied_cells,
+    thinned,
 )
 from styletrf.viewer.visibility import Views
 
 _CHUNK = 1 << 17
+_LEAST_WEIGHTS = (0.1, 0.05, 0.03)
+"""From which weight in any view voxels have colors of their own, not the mean of their neighbors:
+the first of these with which pictures lose at most _MOST_LOSS_DB, or have _ENOUGH_DB."""
+_MOST_LOSS_DB, _ENOUGH_DB = 0.5, 50.0
 _SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too many bricks
 
 
@@ -117,7 +122,7 @@ def bake_look(
     name: str,
     field: RadianceField,
     views: Views,
-    visible: UInt8[np.ndarray, "x y z"],
+    weights: Float[np.ndarray, "x y z"],
     refit: RefitConfig,
     most_bricks: int = MOST_BRICKS,
 ) -> BakedLook:
@@ -127,13 +132,13 @@ def bake_look(
         name: To be shown.
         field: Whose appearance it is.
         views: That see it.
-        visible: Voxels of the grid that are to have colors, see `visible_voxels`.
+        weights: Of the voxels that are to have colors, see `seen_weights`.
         refit: How colors that depend on the view are fitted.
         most_bricks: Of the lattice.
     """
     appearance = field.appearance
     own = appearance.factors
-    factors, lattice = _within(own, visible, most_bricks)
+    factors, lattice = _within(own, (weights > 0).astype(np.uint8), most_bricks)
     needed = lattice.needed.ravel()
     slopes, mean = None, np.zeros(3, np.float32)
     if isinstance(appearance.shading, DiffuseColor):
@@ -145,10 +150,29 @@ def bake_look(
     (x, y, z), background = mean.tolist(), appearance.background_color().detach()
     red, green, blue = background.tolist()
     look = BakedLook(
-        name, lattice, color_codes(values, needed), slopes, (x, y, z), appearance.weight_power,
-        (red, green, blue), 100.0, None if factors is own else own.resolution,
+        name, lattice, color_codes(values, needed), slopes, (x, y, z),
+        appearance.weight_power, (red, green, blue), 100.0,
+        None if factors is own else own.resolution,
     )  # fmt: skip
-    return replace(look, psnr_db=psnr_db(field, views, appearance=look.appearance()))
+    whole = replace(look, psnr_db=psnr_db(field, views, appearance=look.appearance()))
+    enough_db = min(whole.psnr_db - _MOST_LOSS_DB, _ENOUGH_DB)
+    for least in _LEAST_WEIGHTS:
+        thinner = _thinned(whole, field, views, (weights >= least).astype(np.uint8))
+        if thinner.psnr_db >= enough_db:
+            return thinner
+    return whole
+
+
+def _thinned(
+    look: BakedLook, field: RadianceField, views: Views, voxels: UInt8[np.ndarray, "x y z"]
+) -> BakedLook:
+    """Returns a look of which only the points of some voxels have colors of their own."""
+    cells = occupied_cells(voxels, look.lattice.resolution)
+    lattice = thinned(look.lattice, cells)
+    slopes = look.slope_codes and filled(look.slope_codes, lattice.needed)
+    codes = filled(look.codes, lattice.needed)
+    thin = replace(look, lattice=lattice, codes=codes, slope_codes=slopes)
+    return replace(thin, psnr_db=psnr_db(field, views, appearance=thin.appearance()))
 
 
 def require_shared_density(name: str, field: RadianceField, other: RadianceField) -> None:

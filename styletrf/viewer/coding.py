@@ -5,7 +5,7 @@ in `webpage/unpacking.js`.
 """
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -70,6 +70,19 @@ def _codes(
     return Codes(low, step, codes)
 
 
+def filled(codes: Codes, needed: Bool[np.ndarray, "bricks 512"]) -> Codes:
+    """Returns colors whose points that are not needed have what the browser makes of them.
+
+    That is the mean of their neighbors, see `packed_codes`.
+    """
+    channels = [c.reshape(needed.shape).copy() for c in _decorrelated(codes.codes).T]
+    for channel in channels:
+        _differences(channel, needed)
+    red, green, blue = (channel.ravel() for channel in channels)
+    shown = np.stack([red + green - 128, green, blue + green - 128], axis=1)
+    return replace(codes, codes=shown.clip(0, COLOR_LEVELS - 1))
+
+
 def packed_codes(
     codes: Int[np.ndarray, "points channels"],
     needed: Bool[np.ndarray, "bricks 512"],
@@ -81,15 +94,18 @@ def packed_codes(
     the last are given by their difference from the second, and 128. Channel by channel, the low
     bytes before the high ones.
     """
-    channels = codes.shape[1]
-    if channels == 3:
-        red, green, blue = codes.T
-        codes = np.stack([red - green + 128, green, blue - green + 128], axis=1)
     planes = []
-    for channel in codes.T.reshape(channels, *needed.shape):
+    for channel in _decorrelated(codes).T.reshape(codes.shape[1], *needed.shape):
         differences = _differences(channel.copy(), needed) % 2 ** (8 * n_bytes)
         planes += [(differences >> 8 * k) & 255 for k in range(n_bytes)]
     return packed_bytes(np.stack(planes).astype(np.uint8))
+
+
+def _decorrelated(codes: Int[np.ndarray, "points channels"]) -> Int[np.ndarray, "points channels"]:
+    if codes.shape[1] != 3:
+        return codes
+    red, green, blue = codes.T
+    return np.stack([red - green + 128, green, blue - green + 128], axis=1)
 
 
 def packed_bytes(values: UInt8[np.ndarray, "..."]) -> bytes:
@@ -102,7 +118,7 @@ def _differences(
 ) -> Int[np.ndarray, "bricks 512"]:
     """Returns codes less the mean of their neighbors; 0 where they are not needed.
 
-    A brick begins with the first code that is.
+    A brick begins with the first code that is. `codes` then has the means where none is needed.
     """
     differences = np.zeros_like(codes)
     first = codes[np.arange(len(codes)), needed.argmax(axis=1)]

@@ -5,7 +5,7 @@ interpolation of its values at lattice points (docs/viewer.md): these are all th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int64, UInt8
@@ -78,6 +78,29 @@ def brick_lattice(
 ) -> BrickLattice:
     """Returns the lattice of those points that samples in the cells interpolate between."""
     x, y, z = resolution
+    blocks = _points_of(cells)
+    present = blocks.any(axis=3)
+    slots = np.where(present, np.cumsum(present).reshape(present.shape) - 1, -1)
+    return BrickLattice((x, y, z), slots.transpose(2, 1, 0), blocks[present])
+
+
+def thinned(
+    lattice: BrickLattice, cells: Bool[np.ndarray, "cells_x cells_y cells_z"]
+) -> BrickLattice:
+    """Returns the lattice with the same bricks, of which only the points around the cells matter.
+
+    Args:
+        lattice: Of more cells than these.
+        cells: In which colors have to be exact.
+    """
+    present = lattice.slots.transpose(2, 1, 0) >= 0
+    return replace(lattice, needed=_points_of(cells)[present])
+
+
+def _points_of(
+    cells: Bool[np.ndarray, "cells_x cells_y cells_z"],
+) -> Bool[np.ndarray, "bricks_z bricks_y bricks_x 512"]:
+    """Returns which points samples in the cells interpolate between, by bricks."""
     needed = cells
     for axis in range(3):  # a point is needed by the cells on both of its sides
         lower, upper = ([(0, 0)] * axis + [pad] + [(0, 0)] * (2 - axis) for pad in ((0, 1), (1, 0)))
@@ -85,9 +108,7 @@ def brick_lattice(
     blocks = np.pad(needed, [(0, -n % SIDE) for n in needed.shape])
     bx, by, bz = (n // SIDE for n in blocks.shape)
     blocks = blocks.reshape(bx, SIDE, by, SIDE, bz, SIDE).transpose(4, 2, 0, 5, 3, 1)
-    present = blocks.any(axis=(3, 4, 5))
-    slots = np.where(present, np.cumsum(present).reshape(present.shape) - 1, -1)
-    return BrickLattice((x, y, z), slots.transpose(2, 1, 0), blocks[present].reshape(-1, SIDE**3))
+    return blocks.reshape(bz, by, bx, SIDE**3)
 
 
 def occupied_cells(

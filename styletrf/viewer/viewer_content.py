@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
@@ -22,7 +22,7 @@ from styletrf.viewer.baking import (
 from styletrf.viewer.camera_bounds import CameraBounds, camera_bounds
 from styletrf.viewer.color_refit import RefitConfig
 from styletrf.viewer.lattice import MOST_BRICKS
-from styletrf.viewer.visibility import Views, visible_voxels
+from styletrf.viewer.visibility import Views, seen_weights
 
 RENDER = RenderConfig(termination=1e-2, min_weight=1e-2)
 """Of the viewer: what weighs less is not seen (docs/knobs.md)."""
@@ -66,13 +66,13 @@ class LookBaking:
     Attributes:
         field: Of the photographs, whose density all share.
         views: That see it.
-        visible: The voxels that they see.
+        weights: Of the voxels that they see.
         most_bricks: Of each lattice.
     """
 
     field: RadianceField
     views: Views
-    visible: UInt8[np.ndarray, "x y z"]
+    weights: Float[np.ndarray, "x y z"]
     most_bricks: int
 
     def baked(self, name: str, field: RadianceField) -> BakedLook:
@@ -82,7 +82,7 @@ class LookBaking:
             InputError: It has a density of its own.
         """
         require_shared_density(name, field, self.field)
-        return bake_look(name, field, self.views, self.visible, RefitConfig(), self.most_bricks)
+        return bake_look(name, field, self.views, self.weights, RefitConfig(), self.most_bricks)
 
 
 def viewer_content(
@@ -140,8 +140,8 @@ def bake_scene(
     name, field = photographs
     bounds = camera_bounds(photographed, path)
     views = Views(model.space, [*photographed, *path], RENDER, bounds.radius)
-    density, visible = bake_density(field, views, most_bricks), visible_voxels(field, views)
-    baking = LookBaking(field, views, visible, most_bricks)
+    density, weights = bake_density(field, views, most_bricks), seen_weights(field, views)
+    baking = LookBaking(field, views, weights, most_bricks)
     content = ViewerContent(
         scene, model.space.within(field.bounds), field.step_length, RENDER, density,
         [baking.baked(name, field)], path, bounds, model.focus, model.looking,

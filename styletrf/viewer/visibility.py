@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from styletrf.field.kernels import Samples, kernels_for
 from styletrf.field.radiance_field import RadianceField
@@ -48,10 +48,10 @@ class Views:
 
 
 @torch.no_grad()
-def visible_voxels(
+def seen_weights(
     field: RadianceField, views: Views, rays: int = _RAYS
-) -> UInt8[np.ndarray, "x y z"]:
-    """Returns 1 where a sample is heavy enough to be seen, within what is occupied.
+) -> Float[np.ndarray, "x y z"]:
+    """Returns the greatest weight of a sample that a view sees in a voxel; 0 where none is seen.
 
     The voxels are half as long as those of the field's occupancy.
 
@@ -64,7 +64,7 @@ def visible_voxels(
     for axis in range(3):
         occupancy = occupancy.repeat(2, axis)
     voxels = np.array(occupancy.shape)
-    seen = np.zeros(voxels, dtype=bool)
+    weights = np.zeros(voxels, dtype=np.float32)
     cameras = views.beside()
     pixels = max(64.0, rays / len(cameras))
     for camera in cameras:
@@ -72,9 +72,8 @@ def visible_voxels(
         width, height = (max(1, round(share * side)) for side in (camera.width, camera.height))
         samples = heavy_samples(field, views, resized(camera, width, height))[0]
         at = ((samples.positions.numpy() + 1) / 2 * voxels).astype(np.int64)
-        seen[tuple(at.clip(0, voxels - 1).T)] = True
-    visible: UInt8[np.ndarray, "x y z"] = (seen & (occupancy != 0)).astype(np.uint8)
-    return visible
+        np.maximum.at(weights, tuple(at.clip(0, voxels - 1).T), samples.weights.numpy())
+    return np.where(occupancy != 0, weights, np.float32(0))
 
 
 def heavy_samples(

@@ -93,11 +93,11 @@ const densitiesOf = async (density, layout) => {
 const colorsOf = async (values, layout) => {
   const bytes = await bytesOf(values.values), n = layout.bricks.length * POINTS;
   const [red, green, blue] = [0, 1, 2].map((k) => summed(bytes.subarray(k * n, (k + 1) * n), 0xff));
-  const texels = new Uint8Array(texelsOf(layout) * 4);
+  const texels = new Uint8ClampedArray(texelsOf(layout) * 4);  // a mean of neighbors may lie beyond
   unfold(layout, (texel, point) => {
     texels[4 * texel] = values.gain * (red[point] + green[point] - 128);
     texels[4 * texel + 1] = values.gain * green[point];
     texels[4 * texel + 2] = values.gain * (blue[point] + green[point] - 128);
   });
-  return texels;
+  return new Uint8Array(texels.buffer);
 };

@@ -5,7 +5,14 @@ import zlib
 import numpy as np
 import pytest
 
-from styletrf.viewer.coding import COLOR_LEVELS, color_codes, density_codes, packed_codes
+from styletrf.viewer.coding import (
+    COLOR_LEVELS,
+    Codes,
+    color_codes,
+    density_codes,
+    filled,
+    packed_codes,
+)
 
 BRICKS = 3
 
@@ -51,3 +58,13 @@ def test_colors_count_as_full_or_black_beyond_a_limit():
     found = color_codes(values, np.ones(512, bool))
     shown = 1 / (1 + np.exp(-found.values()))
     np.testing.assert_allclose(shown, [[0, 0.5, 1]] * 512, atol=0.03)
+
+
+def test_a_look_shows_what_the_browser_makes_of_points_that_are_not_needed():
+    rng = np.random.default_rng(0)
+    codes = rng.integers(20, 40, (3 * 512, 3)).astype(np.int32)
+    needed = rng.random((3, 512)) < 0.3
+    shown = filled(Codes(0.0, 1.0, codes), needed).codes
+    assert np.array_equal(shown[needed.ravel()], codes[needed.ravel()])
+    # every point is needed, and none has a difference but those that were needed before
+    assert packed_codes(shown, np.ones_like(needed), 1) == packed_codes(codes, needed, 1)
