@@ -90,7 +90,7 @@ def test_what_a_camera_within_the_bounds_sees_has_colors(tiny, content):
         addresses, _ = lattice.corners(heavy.positions.numpy())
         assert (addresses >= 0).all(axis=1).mean() > 0.995
         own = lattice.needed.ravel()[addresses].all(axis=1)
-        assert own[heavy.weights.numpy() >= 0.1].mean() > 0.99
+        assert own[heavy.weights.detach().numpy() >= 0.1].mean() > 0.99
 
 
 def test_a_field_with_a_density_of_its_own_is_refused(tiny):
