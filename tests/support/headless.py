@@ -52,6 +52,7 @@ allow="autoplay"></iframe><script>addEventListener("message", (event) =>
 fetch("http://127.0.0.1:{port}/", {{method: "POST", mode: "no-cors", body: event.data}}));
 </script>"""
 _TOUCH, _MOUSE = 1, 2  # of what the CSS feature `hover` tells
+_WIDEST_PHONE = 700
 FLAGS = (
     *("headless", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "mute-audio"),
     *("disable-background-networking", "disable-component-update", "disable-sync"),
@@ -74,7 +75,7 @@ def answer_of(
     frame = page.with_name("frame.html")
     with _answers() as (port, received):
         frame.write_text(FRAME.format(width=width, port=port))
-        shown = browser or partial(_browser, hover=_TOUCH if width < 700 else _MOUSE)
+        shown = browser or partial(_browser, hover=_hover(width))
         with shown(frame.as_uri()):
             try:
                 return received.get(timeout=seconds)
@@ -158,12 +159,16 @@ class OpenPage:
             self.errors.append(json.dumps(what))
 
 
+def _hover(width: int) -> int:
+    return _TOUCH if width < _WIDEST_PHONE else _MOUSE
+
+
 @contextmanager
 def opened(address: str, width: int = 1000) -> Iterator[OpenPage]:
-    """Opens an address in a window of a width."""
+    """Opens an address in a window of a width; a narrow one is a phone's, which fingers touch."""
     from tornado.websocket import websocket_connect
 
-    with _browser("about:blank", _MOUSE) as profile, asyncio.Runner() as runner:
+    with _browser("about:blank", _hover(width)) as profile, asyncio.Runner() as runner:
 
         async def connected() -> Any:
             return await websocket_connect(_debugger(profile), max_message_size=1 << 28)
@@ -173,6 +178,7 @@ def opened(address: str, width: int = 1000) -> Iterator[OpenPage]:
             page.command(f"{domain}.enable")
         size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         page.command("Emulation.setDeviceMetricsOverride", **size)
+        page.command("Emulation.setTouchEmulationEnabled", enabled=_hover(width) == _TOUCH)
         page.command("Page.navigate", url=address)
         page.run("await until(() => document.readyState === 'complete');")
         try:

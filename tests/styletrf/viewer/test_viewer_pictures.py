@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from headless import answer_of, needs_chromium
+from headless import answer_of, needs_chromium, opened
 from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
 from written_viewers import written
 
@@ -156,6 +156,42 @@ def test_on_a_touch_screen_buttons_walk_where_they_point_until_released(content,
     for key, (axis, sign) in axes.items():
         for way in answer["ways"][key]:
             assert way[axis] * sign > 0.9 * np.linalg.norm(way) > 0, key
+
+
+WHERE_AHEAD_IS = """
+  const { loop } = await viewer, button = document.querySelector("#walk [data-key=w]");
+  await until(() => loop.isSettled());
+  const { x, y, width, height } = button.getBoundingClientRect();
+  return { x: x + width / 2, y: y + height / 2 };
+"""
+WALKS_TO_THE_BOUND = """
+  const { navigation, scene } = await viewer;
+  const at = () => navigation.pose().filter((_, k) => k % 4 === 3);
+  const away = (center) => Math.hypot(...center.map((v, i) => v - at()[i])) / scene.radius;
+  const begin = at();
+  await until(() => away(begin) > 0.1);
+  for (let last = begin; away(last) > 0.02;) {
+    last = at();
+    await new Promise((r) => setTimeout(r, 300));
+  }
+  return Math.min(...scene.guides.map(({ center }) => away(center)));
+"""
+STAYS = """
+  const { navigation } = await viewer, before = navigation.toText();
+  await new Promise((r) => setTimeout(r, 300));
+  return before === navigation.toText();
+"""
+
+
+def test_a_finger_that_holds_a_button_walks_as_far_as_photographs_support(content, tmp_path: Path):
+    page = written(content("box"), tmp_path / "viewer.html")
+    with opened(page.as_uri(), 390) as phone:
+        finger = phone.run(WHERE_AHEAD_IS)
+        phone.command("Input.dispatchTouchEvent", type="touchStart", touchPoints=[finger])
+        assert 0.99 < phone.run(WALKS_TO_THE_BOUND) < 1.001
+        phone.command("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+        assert phone.run(STAYS)
+        assert phone.errors == []
 
 
 def test_where_a_pointer_hovers_the_buttons_to_walk_are_hidden(content, tmp_path: Path):
