@@ -233,11 +233,11 @@ const start = async () => {
   };
   $("main").style.setProperty("--aspect", navigation.aspect);
   new ResizeObserver(fit).observe(canvas);
-  $("notice").textContent = "Loading ...";
   recall();
+  fit();
+  renderer.warmUp();
   const bricks = await renderer.loadDensity();
   await renderer.loadLook(shown.a);
-  fit();
   $("notice").hidden = true;
   loop = makeLoop(canvas, renderer, { next, picture, tell });
   editor = makePathEditor(scene, navigation, {
@@ -254,7 +254,7 @@ const start = async () => {
   });
   recall();
   refresh();
-  loop.start();
+  await loop.start();
   const first = performance.now() - begun;
   for (let k = 0; k < scene.looks.length; k++) {
     if (!renderer.isLoaded(k)) {
@@ -278,6 +278,7 @@ const start = async () => {
   return { scene, renderer, navigation, shown, loop, picture, choose, refresh, editor };
 };
 
+$("notice").textContent = "Loading ...";
 const isWhole = new Promise((go) => document.addEventListener("DOMContentLoaded", go));
 window.viewer = isWhole.then(start);
 window.viewer.catch(refuse);

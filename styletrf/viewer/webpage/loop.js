@@ -1,6 +1,7 @@
 // When what is drawn: coarsely while the view moves, then finer, then the mean of several pictures.
 const SCALES = [1, 0.75, 0.5, 0.375, 0.25, 0.1875, 0.125];
 const MOVING_MS = 33, PART_MS = 60, SETTLED_MS = 180, SMOOTHING_MS = 6000, MOST_PICTURES = 16;
+const FIRST_PIXEL_MS = 1e-2;  // as without a graphics card, so that the first picture is quick
 
 const halton = (k, base) => {
   let value = 0;
@@ -12,7 +13,9 @@ const halton = (k, base) => {
 // tell reports a picture that is shown.
 const makeLoop = (canvas, renderer, { next, picture, tell }) => {
   const pass = { count: 0, row: 0, scale: 1, isMoving: true };
-  let perPixelMs = 1e-3, isBusy = false, isStale = true, changed = performance.now();
+  let perPixelMs = FIRST_PIXEL_MS, isBusy = false, isStale = true, changed = performance.now();
+  let hasShown = null;
+  const isShown = new Promise((go) => { hasShown = go; });  // a first picture
 
   const change = () => { changed = performance.now(); isStale = true; };
   const restart = (isMoving) => {
@@ -40,6 +43,7 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
     if (pass.row) return;
     renderer.present();
     pass.count++;
+    hasShown();
     tell({ width, height, ms: perPixelMs * width * height, count: pass.count });
   };
   const frame = (now) => {
@@ -54,5 +58,6 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
   };
   const isAtRest = () => !isStale && !pass.isMoving && pass.count > 0;  // what is shown is a mean
   const isSettled = () => !isBusy && isAtRest();
-  return { change, isAtRest, isSettled, start: () => requestAnimationFrame(frame) };
+  const start = () => { requestAnimationFrame(frame); return isShown; };
+  return { change, isAtRest, isSettled, start };
 };

@@ -37,7 +37,19 @@ const texture3D = (gl, unit, format, size, texels, filter) => {
   gl.texImage3D(gl.TEXTURE_3D, 0, inside, ...size, 0, layout, kind, texels);
   for (const name of ["MIN_FILTER", "MAG_FILTER"]) gl.texParameteri(gl.TEXTURE_3D, gl[`TEXTURE_${name}`], filter);
   for (const name of ["S", "T", "R"]) gl.texParameteri(gl.TEXTURE_3D, gl[`TEXTURE_WRAP_${name}`], gl.CLAMP_TO_EDGE);
-  if (gl.getError() === gl.OUT_OF_MEMORY) throw new Refusal("The graphics card has too little memory for this scene.");
+  return texture;
+};
+
+// A texture of bricks; slabOf gives the texels of all bricks at one depth.
+const slabTexture = async (gl, unit, format, layout, slabOf) => {
+  const wide = layout.across * APRON, size = [wide, wide, layout.deep * APRON];
+  const texture = texture3D(gl, unit, format, size, null, gl.LINEAR);
+  for (let slab = 0; slab < layout.deep; slab++) {
+    await rest();
+    gl.activeTexture(gl.TEXTURE0 + unit);  // pictures may be drawn meanwhile
+    gl.bindTexture(gl.TEXTURE_3D, texture);
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, slab * APRON, wide, wide, APRON, format[1], format[2], slabOf(slab));
+  }
   return texture;
 };
 
@@ -62,43 +74,49 @@ const makeRenderer = (canvas, scene, fragment) => {
   const mostTexels = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE);
   const layouts = new Map(), looks = [];
   const target = { texture: gl.createTexture(), frame: gl.createFramebuffer(), width: 0, height: 0 };
+  const FORMATS = {
+    empty: [gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE], bricks: [gl.RGBA8UI, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE],
+    density: [gl.R16F, gl.RED, gl.FLOAT], colors: [gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE],
+  };
   gl.bindVertexArray(gl.createVertexArray());
+  gl.useProgram(show.program);
+  gl.uniform1i(show.place("uShown"), UNITS.uShown);
+  gl.useProgram(march.program);
+  for (const [name, unit] of Object.entries(UNITS)) gl.uniform1i(march.place(name), unit);
+  gl.uniform3fv(march.place("uAxisLengths"), scene.axisLengths);
+  for (const [name, value] of Object.entries(scene.march)) gl.uniform1f(march.place(name), value);
 
   const layoutNamed = (lattice) => {
     const name = JSON.stringify(lattice);
     if (!layouts.has(name))
       layouts.set(name, layoutOf(lattice, mostTexels).then((layout) => {
-        const format = [gl.RGBA8UI, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE];
-        const bricks = texture3D(gl, UNITS.uBricksA, format, layout.grid, directoryOf(layout), gl.NEAREST);
+        const bricks = texture3D(gl, UNITS.uBricksA, FORMATS.bricks, layout.grid, directoryOf(layout), gl.NEAREST);
         return { ...layout, bricksTexture: bricks };
       }));
     return layouts.get(name);
   };
-  const sizeOf = ({ across, deep }) => [across * APRON, across * APRON, deep * APRON];
   const bind = (unit, texture) => { gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(gl.TEXTURE_3D, texture); };
 
   const loadDensity = async () => {
     const { density, empty } = scene, layout = await layoutNamed(density.lattice);
-    const texels = await densitiesOf(density, layout);
-    const texture = texture3D(gl, UNITS.uDensity, [gl.R16F, gl.RED, gl.FLOAT], sizeOf(layout), texels, gl.LINEAR);
+    const slabOf = await densitiesOf(density, layout);
+    const texture = await slabTexture(gl, UNITS.uDensity, FORMATS.density, layout, slabOf);
     bind(UNITS.uDensity, texture);
     bind(UNITS.uDensityBricks, layout.bricksTexture);
-    const voxels = await bytesOf(empty.values);
-    texture3D(gl, UNITS.uEmpty, [gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE], empty.size, voxels, gl.NEAREST);
+    const voxels = await bytesOf(empty.values, empty.size.reduce((a, b) => a * b));
+    texture3D(gl, UNITS.uEmpty, FORMATS.empty, empty.size, voxels, gl.NEAREST);
     gl.useProgram(march.program);
-    for (const [name, unit] of Object.entries(UNITS)) gl.uniform1i(march.place(name), unit);
     gl.uniform3fv(march.place("uDensityLast"), layout.last);
-    gl.uniform3fv(march.place("uAxisLengths"), scene.axisLengths);
-    for (const [name, value] of Object.entries(scene.march)) gl.uniform1f(march.place(name), value);
     return layout.bricks.length;
   };
   const loadLook = async (k) => {
     const look = scene.looks[k], layout = await layoutNamed(look.lattice);
     const upload = async (values) => {
-      const texels = await colorsOf(values, layout), format = [gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE];
-      return texture3D(gl, UNITS.uColorsA, format, sizeOf(layout), texels, gl.LINEAR);
+      const slabOf = await colorsOf(values, layout), bytesOfSlab = (slab) => new Uint8Array(slabOf(slab).buffer);
+      return slabTexture(gl, UNITS.uColorsA, FORMATS.colors, layout, bytesOfSlab);
     };
     const colorsTexture = await upload(look.colors), slopesTexture = look.slopes && await upload(look.slopes);
+    if (gl.getError() === gl.OUT_OF_MEMORY) throw new Refusal("The graphics card has too little memory for this scene.");
     looks[k] = { ...look, layout, colorsTexture, slopesTexture };
   };
 
@@ -128,7 +146,8 @@ const makeRenderer = (canvas, scene, fragment) => {
   // picture: width, height, view (in its pixels), a and b (looks), shareB, split (0 to 1, or less
   // than 0 for none), offset (of the rays from the middles of pixels), first and end (rows), count
   // (of the pictures added up, with this one).
-  const draw = (picture) => {
+  const draw = (picture) => drawLooks(picture, looks[picture.a], looks[picture.b]);
+  const drawLooks = (picture, a, b) => {
     const { width, height, first = 0, end = height, offset = [0, 0], count = 1, split = -1 } = picture;
     resize(width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
@@ -144,7 +163,6 @@ const makeRenderer = (canvas, scene, fragment) => {
     gl.uniform3fv(march.place("uViewAcross"), across);
     gl.uniform3fv(march.place("uViewDown"), down);
     gl.uniform3fv(march.place("uViewAhead"), column(pose, 2).map((v, i) => v - across[i] * cx - down[i] * cy));
-    const a = looks[picture.a], b = looks[picture.b];
     useLook("A", a);
     useLook("B", b);
     gl.uniform2f(march.place("uPowers"), a.power, b.power);
@@ -162,9 +180,20 @@ const makeRenderer = (canvas, scene, fragment) => {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.useProgram(show.program);
-    gl.uniform1i(show.place("uShown"), UNITS.uShown);
     gl.uniform2f(show.place("uSize"), canvas.width, canvas.height);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
+  };
+  // Draws an empty scene: a graphics card compiles at its first picture, here while data is unpacked.
+  const warmUp = () => {
+    const one = (unit, format, texels, filter) => texture3D(gl, unit, format, [1, 1, 1], texels, filter);
+    one(UNITS.uEmpty, FORMATS.empty, new Uint8Array([1]), gl.NEAREST);
+    one(UNITS.uDensity, FORMATS.density, new Float32Array(1), gl.LINEAR);
+    const bricksTexture = one(UNITS.uDensityBricks, FORMATS.bricks, new Uint8Array(4), gl.NEAREST);
+    const colorsTexture = one(UNITS.uColorsA, FORMATS.colors, new Uint8Array(4), gl.LINEAR);
+    const layout = { last: [1, 1, 1], bricksTexture }, colors = { low: 0, high: 0 }, none = [0, 0, 0];
+    const look = { layout, colors, colorsTexture, meanDirection: none, background: none, power: 1 };
+    drawLooks({ view: scene.path[0], width: 1, height: 1, shareB: 0 }, look, look);
+    present();
   };
   // What was drawn, in [0, 1], three numbers a pixel, the upper left one first.
   const read = () => {
@@ -189,5 +218,5 @@ const makeRenderer = (canvas, scene, fragment) => {
     };
     setTimeout(ask, 0);
   });
-  return { loadDensity, loadLook, isLoaded: (k) => Boolean(looks[k]), draw, present, read, fence, addsUp: isFine };
+  return { warmUp, loadDensity, loadLook, isLoaded: (k) => Boolean(looks[k]), draw, present, read, fence, addsUp: isFine };
 };

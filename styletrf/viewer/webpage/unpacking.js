@@ -1,17 +1,43 @@
 // From the blocks of the page to the contents of textures; the other side of coding.py.
-const SIDE = 8, APRON = SIDE + 1, POINTS = SIDE ** 3;
+const SIDE = 8, APRON = SIDE + 1, POINTS = SIDE ** 3, BUSY_MS = 50;
 
 class Refusal extends Error {}
 
-const bytesOf = async (block) => {
+// Leaves the browser time for input and for pictures, every BUSY_MS.
+let rested = performance.now();
+const rest = async () => {
+  if (performance.now() - rested < BUSY_MS) return;
+  await new Promise((go) => setTimeout(go));
+  rested = performance.now();
+};
+
+const fromBase64 = (text) => {
+  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));  // browsers before 2025
+};
+
+const inflate = async (packed, size) => {
+  const { readable, writable } = new DecompressionStream("deflate");
+  const writer = writable.getWriter(), reader = readable.getReader(), bytes = new Uint8Array(size);
+  writer.write(packed).catch(() => {});  // reading fails, too
+  writer.close().catch(() => {});
+  let at = 0;
+  for (;;) {
+    const { value, done } = await reader.read();
+    if (done && at === size) return bytes;
+    if (done) throw new RangeError("too short");
+    bytes.set(value, at);
+    at += value.length;
+  }
+};
+
+// The unpacked bytes of a block, of which there are `size`.
+const bytesOf = async (block, size) => {
   const element = document.getElementById(block);
   if (!element) throw new Refusal("A part of this file is missing. Copy the file again.");
-  const letters = atob(element.textContent);
-  const packed = new Uint8Array(letters.length);
-  for (let k = 0; k < letters.length; k++) packed[k] = letters.charCodeAt(k);
-  const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  await rest();
   try {
-    return new Uint8Array(await new Response(unpacked).arrayBuffer());
+    return await inflate(fromBase64(element.textContent), size);
   } catch {
     throw new Refusal("A part of this file is damaged. Copy the file again.");
   }
@@ -20,7 +46,7 @@ const bytesOf = async (block) => {
 // Where the bricks of a lattice are stored, and where they go in a texture.
 const layoutOf = async (lattice, mostTexels) => {
   const grid = lattice.resolution.map((n) => Math.ceil(n / SIDE));
-  const present = await bytesOf(lattice.present);
+  const present = await bytesOf(lattice.present, grid[0] * grid[1] * grid[2]);
   const slots = new Int32Array(present.length).fill(-1), bricks = [];
   present.forEach((is, k) => { if (is) { slots[k] = bricks.length; bricks.push(k); } });
   const across = Math.max(1, Math.ceil(Math.cbrt(bricks.length)));
@@ -41,63 +67,73 @@ const directoryOf = (layout) => {
   return places;
 };
 
-// Undoes the differences from the mean of the points before along x, y and z.
-const summed = (differences, mask) => {
-  for (let first = 0; first < differences.length; first += POINTS)
-    for (let k = 1; k < POINTS; k++) {
-      const at = first + k;
-      let sum = 0, n = 0;
-      if (k & 7) { sum += differences[at - 1]; n++; }
-      if (k & 56) { sum += differences[at - 8]; n++; }
-      if (k & 448) { sum += differences[at - 64]; n++; }
-      differences[at] = (differences[at] + Math.floor(sum / n)) & mask;
-    }
-  return differences;
+// Undoes the differences from the mean of the points before along x, y and z, row by row.
+const summed = (codes) => {
+  for (let row = 0; row < codes.length; row += SIDE) {
+    const y = row & 56, z = row & 448, end = row + SIDE;
+    if (y && z) {
+      codes[row] += codes[row - 8] + codes[row - 64] >> 1;
+      for (let at = row + 1; at < end; at++) codes[at] += (codes[at - 1] + codes[at - 8] + codes[at - 64]) / 3 | 0;
+    } else if (y || z) {
+      const step = y ? 8 : 64;
+      codes[row] += codes[row - step];
+      for (let at = row + 1; at < end; at++) codes[at] += codes[at - 1] + codes[at - step] >> 1;
+    } else for (let at = row + 1; at < end; at++) codes[at] += codes[at - 1];
+  }
+  return codes;
 };
 
-// Calls put(texel, point) for every texel of all bricks, with the layer shared with the next ones.
-const unfold = (layout, put) => {
-  const [nx, ny, nz] = layout.grid, width = layout.across * APRON;
-  const next = new Int32Array(8);
-  layout.bricks.forEach((brick, slot) => {
-    const at = [brick % nx, Math.floor(brick / nx) % ny, Math.floor(brick / (nx * ny))];
-    for (let k = 0; k < 8; k++) {
-      const x = at[0] + (k & 1), y = at[1] + (k >> 1 & 1), z = at[2] + (k >> 2);
-      next[k] = x < nx && y < ny && z < nz ? layout.slots[x + nx * (y + ny * z)] : -1;
-    }
-    const [px, py, pz] = placeOf(layout, slot).map((n) => n * APRON);
-    for (let z = 0; z < APRON; z++)
-      for (let y = 0; y < APRON; y++) {
-        let texel = px + width * (py + y + width * (pz + z));
-        const row = (z & 7) * 64 + (y & 7) * 8, corner = (y >> 3) * 2 + (z >> 3) * 4;
-        for (let x = 0; x < APRON; x++, texel++) {
-          const source = next[corner + (x >> 3)];
-          if (source >= 0) put(texel, source * POINTS + row + (x & 7));
-        }
-      }
+// The slots of the bricks whose first layers a brick's texels reach: its own, and those after it.
+const neighborsOf = (layout, brick) => {
+  const [nx, ny, nz] = layout.grid, at = [brick % nx, Math.floor(brick / nx) % ny, Math.floor(brick / (nx * ny))];
+  return Array.from({ length: 8 }, (_, k) => {
+    const x = at[0] + (k & 1), y = at[1] + (k >> 1 & 1), z = at[2] + (k >> 2);
+    return x < nx && y < ny && z < nz ? layout.slots[x + nx * (y + ny * z)] : -1;
   });
 };
 
-const texelsOf = (layout) => layout.across ** 2 * layout.deep * APRON ** 3;
-
-const densitiesOf = async (density, layout) => {
-  const bytes = await bytesOf(density.values), n = layout.bricks.length * POINTS;
-  const codes = new Uint16Array(n);
-  for (let k = 0; k < n; k++) codes[k] = bytes[k] | (bytes[n + k] << 8);
-  summed(codes, 0xffff);
-  const texels = new Float32Array(texelsOf(layout));
-  unfold(layout, (texel, point) => { texels[texel] = density.low + density.step * codes[point]; });
-  return texels;
+// Sets texels[texel] = value(point) in a slab: the bricks at one depth of a texture.
+const fillSlab = (texels, layout, slab, value) => {
+  const { across, bricks } = layout, width = across * APRON, first = slab * across ** 2;
+  texels.fill(0);
+  for (let slot = first; slot < Math.min(first + across ** 2, bricks.length); slot++) {
+    const [px, py] = placeOf(layout, slot), next = neighborsOf(layout, bricks[slot]);
+    for (let row = 0; row < APRON ** 2; row++) {
+      const y = row % APRON, z = Math.floor(row / APRON);
+      const texel = px * APRON + width * (py * APRON + y + width * z);
+      const corner = (y >> 3) * 2 + (z >> 3) * 4, inside = (z & 7) * 64 + (y & 7) * 8;
+      const own = next[corner] * POINTS + inside, after = next[corner + 1] * POINTS + inside;
+      if (own >= 0) for (let x = 0; x < SIDE; x++) texels[texel + x] = value(own + x);
+      if (after >= 0) texels[texel + SIDE] = value(after);
+    }
+  }
 };
 
-const colorsOf = async (values, layout) => {
-  const bytes = await bytesOf(values.values), n = layout.bricks.length * POINTS;
-  const [red, green, blue] = [0, 1, 2].map((k) => summed(bytes.subarray(k * n, (k + 1) * n), 0xff));
-  const texels = new Uint8ClampedArray(texelsOf(layout) * 4);  // a mean of neighbors may lie beyond
-  unfold(layout, (texel, point) => {
-    texels[4 * texel] = values.gain * (red[point] + green[point] - 128);
-    texels[4 * texel + 1] = values.gain * green[point];
-    texels[4 * texel + 2] = values.gain * (blue[point] + green[point] - 128);
+// What gives the texels of a slab, as numbers of a kind; the array is the same for all slabs.
+const slabsOf = (layout, Kind, value) => {
+  const texels = new Kind(layout.across ** 2 * APRON ** 3);
+  return (slab) => { fillSlab(texels, layout, slab, value); return texels; };
+};
+
+const densitiesOf = async ({ values, low, step }, layout) => {
+  const n = layout.bricks.length * POINTS, codes = new Uint16Array(n), bytes = await bytesOf(values, 2 * n);
+  for (let k = 0; k < n; k++) codes[k] = bytes[k] | bytes[n + k] << 8;
+  await rest();
+  summed(codes);
+  return slabsOf(layout, Float32Array, (point) => low + step * codes[point]);
+};
+
+const colorsOf = async ({ values, gain }, layout) => {
+  const n = layout.bricks.length * POINTS, bytes = await bytesOf(values, 3 * n);
+  const [red, green, blue] = [0, 1, 2].map((k) => bytes.subarray(k * n, (k + 1) * n));
+  for (const channel of [red, green, blue]) {
+    await rest();
+    summed(channel);
+  }
+  const most = Math.floor(255 / gain);
+  const within = (code) => (code < 0 ? 0 : code > most ? most : code);  // a mean of neighbors may lie beyond
+  return slabsOf(layout, Uint32Array, (point) => {
+    const g = green[point];
+    return gain * (within(red[point] + g - 128) | g << 8 | within(blue[point] + g - 128) << 16);
   });
-  return new Uint8Array(texels.buffer);
 };

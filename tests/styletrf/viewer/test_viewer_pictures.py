@@ -41,6 +41,43 @@ def test_both_ways_of_interpolation_agree_with_the_cpu(tiny, content, tmp_path: 
     assert psnr(np.array(answer["shots"][0]).reshape(expected.shape), expected) >= 45
 
 
+WITHOUT_BASE64 = "<script>delete Uint8Array.fromBase64</script>"
+
+
+def test_browsers_that_read_no_base64_by_themselves_show_the_same(tiny, content, tmp_path: Path):
+    shots, asked = [], json.dumps([case(tiny("ndc").cameras[0], *LOOKS[1])])
+    for head in ("<head>", "<head>" + WITHOUT_BASE64):
+        page = written(content("ndc"), tmp_path / "viewer.html")
+        page.write_text(page.read_text().replace("<head>", head))
+        shots.append(answer_of(page, PICTURES.replace("CASES", asked), 800)["shots"])
+    assert shots[0] == shots[1]
+
+
+HELD_BACK = """<script>
+const draws = [], requestLater = requestAnimationFrame;
+requestAnimationFrame = (draw) => draws.push(draw);
+</script>"""
+BEFORE_AND_AFTER = """
+  const unloaded = () => document.querySelectorAll("#looks input:disabled").length;
+  await until(() => document.querySelector("#notice").hidden && draws.length);
+  await new Promise((r) => setTimeout(r, 300));
+  const before = unloaded();
+  requestAnimationFrame = requestLater;
+  draws.forEach(requestAnimationFrame);
+  await viewer;
+  return { before, after: unloaded() };
+"""
+
+
+def test_the_first_picture_waits_for_its_own_painting_alone(content, tmp_path: Path):
+    """It waited for all paintings, and the shader was compiled after they were unpacked."""
+    page = written(content("ndc"), tmp_path / "viewer.html")
+    page.write_text(page.read_text().replace("<head>", "<head>" + HELD_BACK))
+    answer = answer_of(page, BEFORE_AND_AFTER, 800)
+    assert answer["errors"] == []
+    assert (answer["before"], answer["after"]) == (2, 0)
+
+
 @pytest.mark.parametrize("width", [1000, 390])
 def test_every_control_does_something_and_nothing_fails(content, tmp_path: Path, width: int):
     page = written(content("ndc"), tmp_path / "viewer.html")
