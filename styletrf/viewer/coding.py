@@ -91,14 +91,25 @@ def packed_codes(
     """Returns the compressed differences of codes from the mean of their neighbors.
 
     These are the points before along x, y and z in the same brick. Of three channels the first and
-    the last are given by their difference from the second, and 128. Channel by channel, the low
-    bytes before the high ones.
+    the last are given by their difference from the second, and 128. The channels of a point are
+    side by side. Of two bytes the low ones of all points come before the high ones, and
+    differences are 0, -1, 1, -2 and so on, whose high bytes are mostly 0.
     """
-    planes = []
-    for channel in _decorrelated(codes).T.reshape(codes.shape[1], *needed.shape):
-        differences = _differences(channel.copy(), needed) % 2 ** (8 * n_bytes)
-        planes += [(differences >> 8 * k) & 255 for k in range(n_bytes)]
-    return packed_bytes(np.stack(planes).astype(np.uint8))
+    channels = [
+        _differences(channel.copy(), needed)
+        for channel in _decorrelated(codes).T.reshape(codes.shape[1], *needed.shape)
+    ]
+    differences = np.stack(channels, axis=-1)
+    if n_bytes == 2:
+        differences = _zigzag(differences)
+    planes = [(differences >> 8 * k) & 255 for k in range(n_bytes)]
+    return packed_bytes(np.stack(planes).astype(np.uint8), zlib.Z_RLE)
+
+
+def _zigzag(differences: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
+    """Returns 0, 1, 2, 3, 4 of 0, -1, 1, -2, 2, and so on, by modulo 2^16."""
+    signed = (differences + 2**15) % 2**16 - 2**15
+    return (signed << 1) ^ (signed >> 16)
 
 
 def _decorrelated(codes: Int[np.ndarray, "points channels"]) -> Int[np.ndarray, "points channels"]:
@@ -108,9 +119,18 @@ def _decorrelated(codes: Int[np.ndarray, "points channels"]) -> Int[np.ndarray, 
     return np.stack([red - green + 128, green, blue - green + 128], axis=1)
 
 
-def packed_bytes(values: UInt8[np.ndarray, "..."]) -> bytes:
-    """Returns the compressed bytes of an array in its order in memory."""
-    return zlib.compress(np.ascontiguousarray(values).tobytes(), 9)
+def packed_bytes(
+    values: UInt8[np.ndarray, "..."], strategy: int = zlib.Z_DEFAULT_STRATEGY
+) -> bytes:
+    """Returns the compressed bytes of an array in its order in memory.
+
+    Args:
+        values: The bytes.
+        strategy: Of zlib; `Z_RLE` suits noise with runs in it, since chance repetitions cost more
+            than the letters themselves.
+    """
+    packing = zlib.compressobj(9, zlib.DEFLATED, zlib.MAX_WBITS, 9, strategy)
+    return packing.compress(np.ascontiguousarray(values).tobytes()) + packing.flush()
 
 
 def _differences(

@@ -67,20 +67,21 @@ const directoryOf = (layout) => {
   return places;
 };
 
-// Undoes the differences from the mean of the points before along x, y and z, row by row.
-const summed = (codes) => {
-  for (let row = 0; row < codes.length; row += SIDE) {
-    const y = row & 56, z = row & 448, end = row + SIDE;
-    if (y && z) {
-      codes[row] += codes[row - 8] + codes[row - 64] >> 1;
-      for (let at = row + 1; at < end; at++) codes[at] += (codes[at - 1] + codes[at - 8] + codes[at - 64]) / 3 | 0;
-    } else if (y || z) {
-      const step = y ? 8 : 64;
-      codes[row] += codes[row - step];
-      for (let at = row + 1; at < end; at++) codes[at] += codes[at - 1] + codes[at - step] >> 1;
-    } else for (let at = row + 1; at < end; at++) codes[at] += codes[at - 1];
+// Undoes the differences from the mean of the points before along x, y and z, row by row; the
+// channels of a point are side by side.
+const summed = (codes, channels) => {
+  const x = channels, y = SIDE * x, z = SIDE * y;
+  for (let row = 0; row < codes.length; row += y) {
+    const isAfterY = row % z > 0, isAfterZ = row % (SIDE * z) >= z, first = row + x, end = row + y;
+    if (isAfterY && isAfterZ) {
+      for (let at = row; at < first; at++) codes[at] += codes[at - y] + codes[at - z] >> 1;
+      for (let at = first; at < end; at++) codes[at] += (codes[at - x] + codes[at - y] + codes[at - z]) / 3 | 0;
+    } else if (isAfterY || isAfterZ) {
+      const step = isAfterY ? y : z;
+      for (let at = row; at < first; at++) codes[at] += codes[at - step];
+      for (let at = first; at < end; at++) codes[at] += codes[at - x] + codes[at - step] >> 1;
+    } else for (let at = first; at < end; at++) codes[at] += codes[at - x];
   }
-  return codes;
 };
 
 // The slots of the bricks whose first layers a brick's texels reach: its own, and those after it.
@@ -117,23 +118,23 @@ const slabsOf = (layout, Kind, value) => {
 
 const densitiesOf = async ({ values, low, step }, layout) => {
   const n = layout.bricks.length * POINTS, codes = new Uint16Array(n), bytes = await bytesOf(values, 2 * n);
-  for (let k = 0; k < n; k++) codes[k] = bytes[k] | bytes[n + k] << 8;
+  for (let k = 0; k < n; k++) {
+    const code = bytes[k] | bytes[n + k] << 8;
+    codes[k] = code >> 1 ^ -(code & 1);  // of 0, 1, 2, 3, 4: 0, -1, 1, -2, 2
+  }
   await rest();
-  summed(codes);
+  summed(codes, 1);
   return slabsOf(layout, Float32Array, (point) => low + step * codes[point]);
 };
 
 const colorsOf = async ({ values, gain }, layout) => {
   const n = layout.bricks.length * POINTS, bytes = await bytesOf(values, 3 * n);
-  const [red, green, blue] = [0, 1, 2].map((k) => bytes.subarray(k * n, (k + 1) * n));
-  for (const channel of [red, green, blue]) {
-    await rest();
-    summed(channel);
-  }
+  await rest();
+  summed(bytes, 3);
   const most = Math.floor(255 / gain);
   const within = (code) => (code < 0 ? 0 : code > most ? most : code);  // a mean of neighbors may lie beyond
   return slabsOf(layout, Uint32Array, (point) => {
-    const g = green[point];
-    return gain * (within(red[point] + g - 128) | g << 8 | within(blue[point] + g - 128) << 16);
+    const at = 3 * point, green = bytes[at + 1];
+    return gain * (within(bytes[at] + green - 128) | green << 8 | within(bytes[at + 2] + green - 128) << 16);
   });
 };

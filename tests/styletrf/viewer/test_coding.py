@@ -19,8 +19,11 @@ BRICKS = 3
 
 def unpacked(packed: bytes, channels: int, n_bytes: int) -> np.ndarray:
     """What the browser does in `unpacking.js`."""
-    planes = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(channels, n_bytes, -1, 512)
-    codes = sum(planes[:, k].astype(np.int64) << 8 * k for k in range(n_bytes))
+    planes = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(n_bytes, -1, 512, channels)
+    codes = sum(planes[k].astype(np.int64) << 8 * k for k in range(n_bytes))
+    codes = codes.transpose(2, 0, 1).copy()
+    if n_bytes == 2:
+        codes = ((codes >> 1) ^ -(codes & 1)) % 2**16
     for point in range(1, 512):
         steps = [step for step, of in ((1, 7), (8, 56), (64, 448)) if point & of]
         mean = sum(codes[..., point - step] for step in steps) // len(steps)
