@@ -108,7 +108,8 @@ def fitted_splats(
         optimizer.step()
         schedule.step()
         progress(iteration + 1, config.iterations)
-    parts = (getattr(fitted(), name).detach() for name in SplatTensors.__slots__)
+    last = fitted()
+    parts = (getattr(last, name).detach() for name in SplatTensors.__slots__)
     return SplatTensors(*parts), colors.detach().clamp(0, 1)
 
 

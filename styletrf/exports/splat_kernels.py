@@ -38,6 +38,14 @@ def _columns(at, conic, reach, row, width):
 
 
 @no_type_check
+@compiled(inline="always")
+def _share(conic, dx, dy):
+    """Returns exp(-d^T Sigma^-1 d / 2)."""
+    power = conic[0] * dx * dx + 2 * conic[1] * dx * dy
+    return np.exp(np.float32(-0.5) * (power + conic[2] * dy * dy))
+
+
+@no_type_check
 @compiled(parallel=True)
 def composite(
     order, at, conics, reaches, rows, opacities, colors, background, width, height, least_left
@@ -70,8 +78,7 @@ def composite(
                     if left[pixel] < least_left:
                         continue
                     dx = column + np.float32(0.5) - at[k, 0]
-                    power = conics[k, 0] * dx * dx + 2 * conics[k, 1] * dx * dy
-                    share = np.exp(np.float32(-0.5) * (power + conics[k, 2] * dy * dy))
+                    share = _share(conics[k], dx, dy)
                     alpha = min(opacities[k] * share, MOST_ALPHA)
                     weight = left[pixel] * alpha
                     for c in range(channels):
@@ -109,8 +116,7 @@ def composite_backward(
                     if left[here] < least_left:
                         continue
                     dx = column + np.float32(0.5) - at[k, 0]
-                    power = conics[k, 0] * dx * dx + 2 * conics[k, 1] * dx * dy
-                    share = np.exp(np.float32(-0.5) * (power + conics[k, 2] * dy * dy))
+                    share = _share(conics[k], dx, dy)
                     alpha = min(opacities[k] * share, MOST_ALPHA)
                     weight, after = left[here] * alpha, 1 - alpha
                     by_alpha = np.float32(0)

@@ -70,6 +70,7 @@ class _Composited(torch.autograd.Function):
         ctx: Any, order: Tensor, at: Tensor, conics: Tensor, reaches: Tensor, rows: Tensor,
         opacities: Tensor, colors: Tensor, background: Tensor, frame: tuple[int, int, float],
     ) -> Tensor:  # fmt: skip
+        """Returns the picture, pixel by pixel, and keeps what its gradient needs."""
         tensors = (order, at, conics, reaches, rows, opacities, colors)
         arrays = [each.detach().contiguous().numpy() for each in tensors]
         width, height, least_left = frame
@@ -80,6 +81,7 @@ class _Composited(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, slope: Tensor) -> Any:
+        """Returns the gradients by the arguments of `forward`, None where there is none."""
         total = torch.from_numpy(
             composite_backward(*ctx.arguments, ctx.picture, slope.contiguous().numpy())
         )

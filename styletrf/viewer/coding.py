@@ -127,7 +127,7 @@ def packed_bytes(
     Args:
         values: The bytes.
         strategy: Of zlib; `Z_RLE` suits noise with runs in it, since chance repetitions cost more
-            than the letters themselves.
+            than the bytes themselves.
     """
     packing = zlib.compressobj(9, zlib.DEFLATED, zlib.MAX_WBITS, 9, strategy)
     return packing.compress(np.ascontiguousarray(values).tobytes()) + packing.flush()

@@ -26,7 +26,7 @@ from tasks.stages.stage import ConfigurableStage
 
 MARGIN = 1.5
 """A command is refused if a stage would take more than this multiple of the available memory."""
-_LONGEST_PX = 1600  # of the undistorted photographs
+LONGEST_PX = 1600  # of the undistorted photographs
 _VIDEO_FRAMES = 60
 _FRAMES_PER_SECOND = 24
 
@@ -193,7 +193,7 @@ def _is_on_a_card(stage: ConfigurableStage) -> bool:
 
 
 def _seen_px(demand: Demand, photographs: Photographs) -> int:
-    return min(demand.photograph_px, _LONGEST_PX, max(photographs.width, photographs.height))
+    return min(demand.photograph_px, LONGEST_PX, max(photographs.width, photographs.height))
 
 
 def _allowed(demand: Demand, available_bytes: int) -> int:

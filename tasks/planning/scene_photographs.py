@@ -13,9 +13,8 @@ from styletrf.capture.poses.pose_formats import find_given_poses
 from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
 from styletrf.errors import InputError
 from styletrf.files.video import first_frame
-from tasks.planning.memory_demand import Photographs
+from tasks.planning.memory_demand import LONGEST_PX, Photographs
 
-_LONGEST_PX = 1600  # of the undistorted photographs
 _VIDEO_FRAMES = 60
 
 
@@ -33,7 +32,7 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
         files = given.files if given else list_photographs(found)
         width, height = first_size(files)
         if not given and find_panoramas({files[0]: (width, height)}, "auto"):
-            return Photographs(len(DIRECTIONS) * len(files), _LONGEST_PX, _LONGEST_PX)
+            return Photographs(len(DIRECTIONS) * len(files), LONGEST_PX, LONGEST_PX)
         return Photographs(len(files), width, height)
     return None
 
