@@ -1,11 +1,12 @@
 """The names that photographs get in a capture, before it is made."""
 
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from styletrf.capture.left_out import without
+from styletrf.capture.clips.video_capture import frame_prefixes
+from styletrf.capture.left_out import left_out, names_of_frame, without
 from styletrf.capture.panorama.panoramas import Choice, find_panoramas, has_panorama_shape
 from styletrf.capture.photograph_names import (
     photograph_names,
@@ -21,9 +22,9 @@ from styletrf.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class ExpectedNames:
-    """The names of a scene's photographs, None of a video, and whether poses came with them."""
+    """The names of a scene's photographs, and whether poses came with them."""
 
-    names: tuple[str, ...] | None
+    names: tuple[str, ...]
     poses_are_given: bool = False
 
 
@@ -31,7 +32,8 @@ def expected_names(found: Path, config: CaptureConfig, asked: Set[str]) -> Expec
     """Returns the names that the capture of a scene will give.
 
     Only those asked for are certain, so that not all photographs have to be read: others may be
-    damaged, and left out then. Frames of a video have no names before they are chosen.
+    damaged, and left out then. Of videos these are the names that frames may get, and views that
+    are cut from them: how many frames differ is not known before they are chosen.
 
     Args:
         found: What `find_scene` returned.
@@ -41,8 +43,8 @@ def expected_names(found: Path, config: CaptureConfig, asked: Set[str]) -> Expec
     Raises:
         InputError: The scene cannot be captured.
     """
-    if scene_videos(found):
-        return ExpectedNames(None)
+    if videos := scene_videos(found):
+        return ExpectedNames(tuple(_names_of_frames(videos, config)))
     given = find_given_poses(scene_folder(found))
     taken = [view.file for view in given.views] if given else list_photographs(found)
     files = without(found, taken, config.leave_out)
@@ -62,6 +64,17 @@ def _names(files: Sequence[Path], choice: Choice, asked: Set[str]) -> list[str]:
         if file not in damaged
         for view in (views_of_panorama(name) if file in cut else [name])
     ]
+
+
+def _names_of_frames(videos: Sequence[Path], config: CaptureConfig) -> Iterator[str]:
+    numbers = range(1, config.video_frames + 1)
+    names = [f"{prefix}{k:04d}" for prefix in frame_prefixes(videos) for k in numbers]
+    gone = left_out(config.leave_out, [names_of_frame(name) for name in names])
+    for index, name in enumerate(names):
+        if index not in gone and config.panoramas != "yes":
+            yield name
+        if index not in gone and config.panoramas != "no":
+            yield from views_of_panorama(name)
 
 
 def _sizes_of(files: Iterable[Path]) -> dict[Path, tuple[int, int]]:

@@ -70,6 +70,11 @@ def _indices(asked: str, known: Sequence[PhotographNames]) -> list[int]:
     raise InputError(f"leave_out {asked!r}", problem, f"The names are {names}")
 
 
+def names_of_frame(name: str) -> PhotographNames:
+    """Returns the names of a frame of a clip, from that in the capture."""
+    return PhotographNames(name, frozenset([f"{name}.png"]))
+
+
 def _names_of(folder: Path, file: Path, name: str) -> PhotographNames:
     path = path_below(folder, file)
     paths = frozenset([path.as_posix(), path.with_suffix("").as_posix()])

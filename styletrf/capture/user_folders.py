@@ -48,7 +48,7 @@ def find_scene(data_root: Path, name: str) -> Path:
     _check_name("scene", name)
     scenes = data_root / "scenes"
     own, images = scenes / name, scenes / name / "images"
-    folder = next((one for one in (images, own) if files_below(one, _OF_SCENES)), own)
+    folder = _folder_of_pictures(own)
     if _is_of_photographs(folder):
         return folder
     if videos := _found_videos(scenes, folder, name):
@@ -62,6 +62,11 @@ def find_scene(data_root: Path, name: str) -> Path:
     if own.is_dir() and any(own.iterdir()):
         raise InputError(f"scene {name!r}", too_few(own, 0) + f" in {own}", MORE_PHOTOGRAPHS)
     raise _no_such_scene(data_root, name)
+
+
+def _folder_of_pictures(own: Path) -> Path:
+    """Returns the folder `images` of a scene, or its own where that holds nothing."""
+    return next((one for one in (own / "images", own) if files_below(one, _OF_SCENES)), own)
 
 
 def _is_of_photographs(folder: Path) -> bool:
@@ -111,6 +116,17 @@ def scene_videos(found: Path) -> list[Path]:
     if not found.is_dir():
         return _of_suffix([found], VIDEO_SUFFIXES)
     return [] if _is_of_photographs(found) else files_below(found, VIDEO_SUFFIXES)
+
+
+def skipped_photographs(data_root: Path, name: str) -> list[Path]:
+    """Returns the photographs of a scene that is read from its videos, as they are too few.
+
+    Raises:
+        InputError: As `find_scene` does.
+    """
+    if not scene_videos(find_scene(data_root, name)):
+        return []
+    return photographs_below(_folder_of_pictures(data_root / "scenes" / name))
 
 
 def scene_files(found: Path) -> list[Path]:

@@ -105,8 +105,7 @@ def _require_path(file: str, scene: str, capture: Mapping[str, Any]) -> None:
     except InputError:  # which the scene's own stage reports
         return
     require_common_world(keys, are_given=expected.poses_are_given)
-    if expected.names is not None:
-        require_photographs(keys, expected.names)
+    require_photographs(keys, expected.names)
 
 
 def _require_videos(scene: str) -> None:

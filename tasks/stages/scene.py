@@ -22,11 +22,19 @@ class SceneCapture(ConfigurableStage):
 
     def external_digests(self) -> Mapping[str, str]:
         """Returns the digest of each photograph and file of poses, or of each video."""
-        from styletrf.capture.user_folders import find_scene, scene_files, scene_folder
+        from styletrf.capture.user_folders import (
+            find_scene,
+            scene_files,
+            scene_folder,
+            skipped_photographs,
+        )
 
-        found = find_scene(data_root(), self.scene)
+        found, scenes = find_scene(data_root(), self.scene), data_root() / "scenes"
         below = scene_folder(found)
-        return {str(path.relative_to(below)): file_digest(path) for path in scene_files(found)}
+        digests = {str(path.relative_to(below)): file_digest(path) for path in scene_files(found)}
+        for path in skipped_photographs(data_root(), self.scene):  # a warning names them
+            digests[f"skipped/{path.relative_to(scenes)}"] = file_digest(path)
+        return digests
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Checks and copies the photographs, or chooses frames."""

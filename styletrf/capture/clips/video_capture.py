@@ -15,7 +15,7 @@ from styletrf.capture.capture_file import Capture, Photograph, write_capture
 from styletrf.capture.clips.clip_survey import clip_warnings
 from styletrf.capture.clips.frame_choice import chosen_frames
 from styletrf.capture.clips.frame_motion import FrameMotion, frame_motion, joined_motion
-from styletrf.capture.left_out import PhotographNames, left_out
+from styletrf.capture.left_out import left_out, names_of_frame
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
 from styletrf.capture.panorama.panoramas import (
@@ -49,6 +49,7 @@ def capture_videos(
     progress: Progress = silent,
     panoramas: Choice = "auto",
     leave_out: Sequence[str] = (),
+    skipped: Sequence[str] = (),
 ) -> Capture:
     """Writes at most `count` frames of a scene's videos as `images/*.png`, and `capture.json`.
 
@@ -56,6 +57,7 @@ def capture_videos(
     its clip, its time there and how many cuts lie before it. Frames that are panoramas are replaced
     by views cut from them, and each view counts. Of the frames that were chosen those named by
     `leave_out` are not written (see `styletrf.capture.left_out`); the others keep their names.
+    A warning names the photographs beside the videos that are `skipped`.
 
     Raises:
         InputError: A file is no video, the pictures keep still, there are fewer than three frames
@@ -83,6 +85,8 @@ def capture_videos(
         for video in videos
         if video in cut
     ]
+    if skipped:
+        warnings.append(f"skipped, since {FEWEST_PHOTOGRAPHS} are needed: {', '.join(skipped)}")
     warnings += _warnings(videos, motions, total, count)
     capture = Capture(tuple(photographs), tuple(warnings))
     write_capture(out_dir, capture)
@@ -135,7 +139,7 @@ def _named(videos: Sequence[Path], chosen: Sequence[Sequence[int]]) -> list[dict
     """Returns the names of the frames of each clip, by their indices."""
     return [
         {index: f"{prefix}{number:04d}" for number, index in enumerate(frames, start=1)}
-        for prefix, frames in zip(_prefixes(videos), chosen, strict=True)
+        for prefix, frames in zip(frame_prefixes(videos), chosen, strict=True)
     ]
 
 
@@ -147,11 +151,7 @@ def _not_left_out(
     Raises:
         InputError: There is nothing to leave out by such a name.
     """
-    known = [
-        PhotographNames(name, frozenset([f"{name}.png"]))
-        for names in named
-        for name in names.values()
-    ]
+    known = [names_of_frame(name) for names in named for name in names.values()]
     gone = {known[index].name for index in left_out(leave_out, known)}
     return [{i: name for i, name in names.items() if name not in gone} for names in named]
 
@@ -185,7 +185,7 @@ def _kept(
     yield replace(photograph, size_bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
 
 
-def _prefixes(videos: Sequence[Path]) -> list[str]:
+def frame_prefixes(videos: Sequence[Path]) -> list[str]:
     """Returns what goes before the numbers of each clip's frames: nothing where there is one."""
     if len(videos) == 1:
         return [""]

@@ -91,6 +91,23 @@ def test_a_name_is_expected_if_and_only_if_the_capture_gives_it(fill, config, pa
         assert (name in expected.names) == (name in captured), name
 
 
-def test_names_of_frames_are_not_known(tmp_path):
-    (tmp_path / "walk.mp4").touch()
-    assert expected_names(tmp_path / "walk.mp4", CaptureConfig(), {"0001"}).names is None
+def expected_of_frames(tmp_path, clips, **config):
+    for clip in clips:
+        (tmp_path / clip).touch()
+    found = tmp_path / clips[0] if len(clips) == 1 else tmp_path
+    return set(expected_names(found, CaptureConfig(**config), set()).names)
+
+
+@pytest.mark.parametrize("panoramas", ["no", "yes", "auto"])
+def test_frames_of_a_clip_are_expected_up_to_their_number(tmp_path, panoramas):
+    names = expected_of_frames(
+        tmp_path, ["walk.mp4"], video_frames=7, leave_out=("0003",), panoramas=panoramas
+    )
+    frames = {"0001", "0002", "0004", "0005", "0006", "0007"}
+    views = {f"{frame}_{direction}" for frame in frames for direction in DIRECTIONS}
+    assert names == {"no": frames, "yes": views, "auto": frames | views}[panoramas]
+
+
+def test_frames_of_several_clips_are_expected_with_the_names_of_their_clips(tmp_path):
+    names = expected_of_frames(tmp_path, ["a.mp4", "b.mp4"], video_frames=2, panoramas="no")
+    assert names == {"a_0001", "a_0002", "b_0001", "b_0002"}

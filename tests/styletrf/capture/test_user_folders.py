@@ -8,6 +8,7 @@ from styletrf.capture.user_folders import (
     find_style,
     scene_files,
     scene_videos,
+    skipped_photographs,
 )
 from styletrf.errors import InputError
 
@@ -131,12 +132,14 @@ def test_a_clip_in_images_is_the_scene_whatever_pictures_lie_elsewhere(data):
         (data / "scenes/garden9" / name).parent.mkdir(exist_ok=True)
         (data / "scenes/garden9" / name).touch()
     assert find_scene(data, "garden9") == data / "scenes/garden9/images/clip.mp4"
+    assert skipped_photographs(data, "garden9") == []
 
 
 def test_a_picture_beside_a_video_is_no_capture(data):
     for name in ("a.mov", "cover.jpg"):
         (data / "scenes/empty" / name).touch()
     assert find_scene(data, "empty") == data / "scenes/empty/a.mov"
+    assert skipped_photographs(data, "empty") == [data / "scenes/empty/cover.jpg"]
 
 
 def test_videos_lie_in_folders_and_beside_an_empty_folder_of_images(data):

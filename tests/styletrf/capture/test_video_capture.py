@@ -87,6 +87,15 @@ def test_the_setting_of_a_scene_leaves_out_frames_of_its_video(walk, tmp_path):
     assert names == ["0001", "0003", "0004", "0005"]
 
 
+def test_photographs_beside_a_clip_that_are_too_few_are_named_in_a_warning(walk, tmp_path):
+    folder = tmp_path / "scenes" / "walk"
+    folder.mkdir(parents=True)
+    write_video(folder / "walk.mp4", walk, 12)
+    (folder / "plan.jpg").touch()
+    capture_scene(tmp_path, "walk", tmp_path / "out", {"video_frames": 5}, silent)
+    assert [warning for warning in read_capture(tmp_path / "out").warnings if "plan.jpg" in warning]
+
+
 @pytest.mark.parametrize("leave_out", [["0009"], ["*"]])
 def test_frames_that_are_not_there_or_all_frames_cannot_be_left_out(walk, tmp_path, leave_out):
     write_video(tmp_path / "walk.mp4", walk, 12)

@@ -1,0 +1,30 @@
+"""What the key of a capture covers."""
+
+from pathlib import Path
+
+import pytest
+
+import tasks
+
+
+@pytest.fixture
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of a scene, which has one clip."""
+    (folder := tmp_path / "scenes/walk").mkdir(parents=True)
+    (folder / "a.mp4").write_bytes(b"clip")
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
+    return folder
+
+
+def digests() -> dict[str, str]:
+    return dict(tasks.SceneCapture(scene="walk").external_digests())
+
+
+def test_a_photograph_beside_a_clip_is_in_the_key_as_a_warning_names_it(scene: Path):
+    before = digests()
+    (scene / "plan.jpg").write_bytes(b"plan")
+    assert before.items() < digests().items()
+
+
+def test_a_clip_alone_is_all_that_its_key_covers(scene: Path):
+    assert list(digests()) == ["a.mp4"]
