@@ -31,7 +31,7 @@ from styletrf.viewer.viewer_content import RENDER
 from tasks.results.viewer import PHOTOGRAPHS, Viewer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
-from headless import answer_of  # type: ignore[import-not-found]
+from headless import answer_of, with_text  # type: ignore[import-not-found]
 
 CPU = torch.device("cpu")
 VIEWS = 5
@@ -89,7 +89,7 @@ def measure(
     """Prints the figures of one look."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "viewer.html"
-        copy.write_text(page.read_text().replace("<head>", "<head>" + WATCH))
+        with_text(page, copy, "<head>", "<head>" + WATCH)
         cases = json.dumps([case(camera, look) for camera in cameras])
         answer = answer_of(copy, PROBE.replace("CASES", cases), 1000, seconds=300)
     if answer["errors"]:

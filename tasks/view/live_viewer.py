@@ -13,7 +13,7 @@ from styletrf.trajectory.key_frames import key_frames_of, write_key_frames
 from styletrf.viewer.baking import BakedLook
 from styletrf.viewer.viewer_content import ViewerContent
 from styletrf.viewer.webpage.packed_scene import Packed, packed_look, packed_scene
-from styletrf.viewer.webpage.viewer_page import viewer_page
+from styletrf.viewer.webpage.viewer_page import encoded_page, viewer_page
 from tasks.stages.path_parameters import LONGEST_S
 
 Command = Callable[[dict[str, float], float], str]
@@ -51,11 +51,12 @@ class LiveViewer:
         """Shows one more look; pages that are open ask for it."""
         self._looks = (*self._looks, (look, packed_look(look, thumbnail)))
 
-    def page(self) -> str:
-        """Returns the page with all looks."""
+    def page(self) -> bytes:
+        """Returns the page with all looks, in UTF-16."""
         looks = self._looks
         content = replace(self._content, looks=[look for look, _ in looks])
-        return viewer_page(content, self._scene, [packed for _, packed in looks], is_live=True)
+        packed = [packed for _, packed in looks]
+        return encoded_page(viewer_page(content, self._scene, packed, is_live=True))
 
     def state(self) -> dict[str, Any]:
         """Returns how many looks there are, and what is under way."""

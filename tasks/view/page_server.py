@@ -31,8 +31,8 @@ _HEADERS = {
 class Site(Protocol):
     """What is served."""
 
-    def page(self) -> str:
-        """Returns the page."""
+    def page(self) -> bytes:
+        """Returns the page, in UTF-16."""
 
     def state(self) -> dict[str, Any]:
         """Returns how many looks there are, and what is under way."""
@@ -125,7 +125,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         kind, _, number = place.partition("/")
         if place == "":
-            self._send(200, "text/html; charset=utf-8", site.page())
+            self._send(200, "text/html; charset=utf-16", site.page())
         elif place == "state":
             self._send_json(200, site.state())
         elif kind == "looks" and number.isdecimal() and (look := site.look(int(number[:6]))):
@@ -183,10 +183,10 @@ class _Handler(BaseHTTPRequestHandler):
         self._send_json(status, {"problem": problem})
 
     def _send_json(self, status: int, values: dict[str, Any]) -> None:
-        self._send(status, "application/json", json.dumps(values))
+        text = json.dumps(values, ensure_ascii=False)  # half as long for data
+        self._send(status, "application/json", text.encode(errors="replace"))
 
-    def _send(self, status: int, kind: str, text: str) -> None:
-        content = text.encode()
+    def _send(self, status: int, kind: str, content: bytes) -> None:
         self.send_response(status)
         headers = {"Content-Type": kind, "Content-Length": str(len(content)), **_HEADERS}
         for name, value in headers.items():

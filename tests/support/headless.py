@@ -1,6 +1,7 @@
 """A page opened in Debian's Chromium, which says what a script found in it."""
 
 import asyncio
+import codecs
 import http.server
 import json
 import os
@@ -70,8 +71,7 @@ def answer_of(
     Chromium if none is given.
     """
     scripts = IN_HEAD + PROBE.replace("BODY", probe)  # before a policy that would forbid them
-    text = page.read_text().replace("<head>", "<head>" + scripts)
-    page.with_name("probe.html").write_text(text)
+    with_text(page, page.with_name("probe.html"), "<head>", "<head>" + scripts)
     frame = page.with_name("frame.html")
     with _answers() as (port, received):
         frame.write_text(FRAME.format(width=width, port=port))
@@ -81,6 +81,17 @@ def answer_of(
                 return received.get(timeout=seconds)
             except queue.Empty:
                 return pytest.fail(f"the page did not answer the probe within {seconds} s")
+
+
+def page_text(page: Path) -> str:
+    """Returns a page's text, which is in UTF-16 if its first bytes say so."""
+    data = page.read_bytes()
+    return data.decode("utf-16" if data.startswith(codecs.BOM_UTF16_LE) else "utf-8")
+
+
+def with_text(page: Path, copy: Path, old: str, new: str) -> None:
+    """Writes a copy of a page with a text replaced, in UTF-16, which scripts in it may need."""
+    copy.write_text(page_text(page).replace(old, new), encoding="utf-16")
 
 
 @contextmanager

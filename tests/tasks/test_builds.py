@@ -53,7 +53,7 @@ def test_scene_report_says_what_a_field_costs_here(mini: Mini):
 
 
 def test_a_viewer_shows_the_photographs_and_every_style(mini: Mini):
-    page = (mini("Viewer") / "viewer.html").read_text()
+    page = (mini("Viewer") / "viewer.html").read_text(encoding="utf-16")
     scene = json.loads(page.partition('id="scene">')[2].partition("</script>")[0])
     assert [look["name"] for look in scene["looks"]] == ["Photographs", "p"]
     assert all(look["thumbnail"].startswith("data:image/jpeg") for look in scene["looks"])

@@ -1,7 +1,6 @@
 """What the page's script reads: JSON, and the blocks of data that it names."""
 
 import hashlib
-from base64 import b64encode
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +11,7 @@ from styletrf.viewer.baking import BakedLook
 from styletrf.viewer.coding import COLOR_LEVELS, Codes, packed_bytes, packed_codes
 from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.viewer_content import ViewerContent
+from styletrf.viewer.webpage.block_text import block_text
 
 _MOST_PIXELS_WIDE = 1600
 
@@ -22,7 +22,7 @@ class Packed:
 
     Attributes:
         values: As JSON.
-        blocks: The data that it names: compressed, in base64.
+        blocks: The data that it names: compressed, as text of `block_text`.
     """
 
     values: dict[str, Any]
@@ -103,7 +103,7 @@ def _lattice(lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:
 def _block(packed: bytes, blocks: dict[str, str]) -> str:
     """Adds a block of data, unless it is there, and returns its name."""
     name = "data-" + hashlib.sha256(packed).hexdigest()[:16]
-    blocks[name] = b64encode(packed).decode()
+    blocks[name] = block_text(packed)
     return name
 
 

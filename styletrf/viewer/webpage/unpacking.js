@@ -1,5 +1,5 @@
 // From the blocks of the page to the contents of textures; the other side of coding.py.
-const SIDE = 8, APRON = SIDE + 1, POINTS = SIDE ** 3, BUSY_MS = 50;
+const SIDE = 8, APRON = SIDE + 1, POINTS = SIDE ** 3, BUSY_MS = 50, ESCAPE = 0xE000;
 
 class Refusal extends Error {}
 
@@ -11,9 +11,15 @@ const rest = async () => {
   rested = performance.now();
 };
 
-const fromBase64 = (text) => {
-  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
-  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));  // browsers before 2025
+// The bytes of text that block_text.py wrote, two to a letter.
+const bytesOfText = (text) => {
+  const letters = new Uint16Array(text.length);
+  let n = 0;
+  for (let k = 1; k < text.length; k++) {
+    const letter = text.charCodeAt(k);
+    letters[n++] = letter === ESCAPE ? text.charCodeAt(++k) ^ 0x8000 : letter;
+  }
+  return new Uint8Array(letters.buffer, 0, 2 * (n - 1) + Number(text[0]));
 };
 
 const inflate = async (packed, size) => {
@@ -37,7 +43,7 @@ const bytesOf = async (block, size) => {
   if (!element) throw new Refusal("A part of this file is missing. Copy the file again.");
   await rest();
   try {
-    return await inflate(fromBase64(element.textContent), size);
+    return await inflate(bytesOfText(element.textContent), size);
   } catch {
     throw new Refusal("A part of this file is damaged. Copy the file again.");
   }

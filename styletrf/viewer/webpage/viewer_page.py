@@ -1,5 +1,6 @@
 """The page: bricks, cameras and scripts in one HTML file that asks nothing of any network."""
 
+import codecs
 import hashlib
 import html
 import json
@@ -51,7 +52,7 @@ def write_viewer(
     looks = [packed_look(*each) for each in zip(content.looks, thumbnails, strict=True)]
     scene.values["fetched"] = fetched
     with atomic_write(path) as partial:
-        partial.write_text(viewer_page(content, scene, looks), encoding="utf-8", newline="\n")
+        partial.write_bytes(encoded_page(viewer_page(content, scene, looks)))
 
 
 def viewer_page(
@@ -85,6 +86,15 @@ def viewer_page(
             for name, block in blocks.items()
         ),
     )
+
+
+def encoded_page(page: str) -> bytes:
+    """Returns a page as bytes in UTF-16, for its data.
+
+    The mark at their beginning outranks what a server and the page say of letters. Saved again in
+    UTF-8, the page is what it says.
+    """
+    return codecs.BOM_UTF16_LE + page.encode("utf-16-le")
 
 
 def about(content: ViewerContent) -> str:

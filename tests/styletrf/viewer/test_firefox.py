@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from firefox import firefox, needs_firefox
-from headless import answer_of
+from headless import answer_of, with_text
 from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
 from written_viewers import written
 
@@ -26,7 +26,7 @@ def test_firefox_and_cpu_agree_on_looks_and_mixtures(tiny, content, tmp_path: Pa
 
 def test_every_control_works_in_firefox(content, tmp_path: Path):
     page = written(content("ndc"), tmp_path / "viewer.html")
-    page.write_text(page.read_text().replace('"mostPixels": 1600', '"mostPixels": 160'))
+    with_text(page, page, '"mostPixels": 1600', '"mostPixels": 160')
     answer = answer_of(page, CLICKS, 1000, seconds=120, browser=firefox)
     assert answer["errors"] == []
     assert len(set(answer["sums"])) == len(answer["sums"])

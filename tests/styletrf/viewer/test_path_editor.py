@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from headless import answer_of, needs_chromium
+from headless import answer_of, needs_chromium, with_text
 from written_viewers import written
 
 from styletrf.geometry.lenses import focal_of
@@ -46,7 +46,7 @@ DRAWN = """
 
 def drawn(content, tmp_path: Path, space: str, keys: int, *, closed: bool) -> dict:
     page = written(content(space), tmp_path / "viewer.html")
-    page.write_text(page.read_text().replace("img-src", "connect-src blob:; img-src"))
+    with_text(page, page, "img-src", "connect-src blob:; img-src")
     words = {"KEYS": keys, "CLOSED": closed, "SECONDS": SECONDS}
     probe = DRAWN
     for word, value in words.items():

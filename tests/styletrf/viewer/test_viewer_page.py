@@ -4,12 +4,16 @@ import base64
 import hashlib
 import json
 import re
+import threading
 from dataclasses import replace
+from functools import partial
 from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
-from headless import answer_of, needs_chromium
+from headless import answer_of, needs_chromium, opened, page_text
 from written_viewers import written
 
 HOSTILE = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)> $body & ünï"
@@ -22,7 +26,7 @@ class Tags(HTMLParser):
         super().__init__()
         self.tags: list[tuple[str, dict]] = []
         self.text = ""
-        self.feed(page.read_text())
+        self.feed(page_text(page))
 
     def handle_starttag(self, tag, attributes):
         self.tags.append((tag, dict(attributes)))
@@ -43,13 +47,13 @@ def test_names_stay_text(content, tmp_path):
     found = Tags(page)
     assert [tag for tag, _ in found.tags] == [tag for tag, _ in harmless.tags]
     assert found.text.count(HOSTILE) >= 3
-    inside = re.search(r'id="scene">(.*?)</script>', page.read_text(), re.S)
+    inside = re.search(r'id="scene">(.*?)</script>', page_text(page), re.S)
     assert json.loads(inside[1])["looks"][1]["name"] == HOSTILE
 
 
 def test_the_policy_allows_the_one_script_and_no_network(content, tmp_path):
     page = written(content("ndc"), tmp_path / "a.html")
-    scripts = re.findall(r"<script>(.*?)</script>", page.read_text(), re.S)
+    scripts = re.findall(r"<script>(.*?)</script>", page_text(page), re.S)
     assert len(scripts) == 1
     digest = base64.b64encode(hashlib.sha256(scripts[0].encode()).digest()).decode()
     policy = next(a["content"] for tag, a in Tags(page).tags if a.get("http-equiv"))
@@ -82,19 +86,55 @@ NOTICE = """
 WITHOUT_WEBGL = "<script>HTMLCanvasElement.prototype.getContext = () => null;</script>"
 
 
+SHOWN = """
+  await until(() => / ms/.test(document.querySelector("#status").textContent));
+  return document.querySelector("#notice").hidden;
+"""
+
+
+@needs_chromium
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8"])
+def test_a_page_that_a_program_saved_again_is_shown(content, tmp_path, encoding):
+    page = written(content("ndc"), tmp_path / "viewer.html")
+    page.write_bytes(page_text(page).encode(encoding))
+    with opened(page.as_uri()) as shown:
+        assert shown.run(SHOWN)
+        assert shown.errors == []
+
+
+@needs_chromium
+def test_a_page_is_shown_though_its_server_says_that_all_pages_are_in_utf_8(content, tmp_path):
+    written(content("ndc"), tmp_path / "viewer.html")
+
+    class Handler(SimpleHTTPRequestHandler):
+        extensions_map: ClassVar = {".html": "text/html; charset=utf-8"}
+
+        def log_message(self, *_):
+            pass
+
+    handler = partial(Handler, directory=tmp_path)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever).start()
+        try:
+            with opened(f"http://127.0.0.1:{server.server_address[1]}/viewer.html") as shown:
+                assert shown.run(SHOWN)
+        finally:
+            server.shutdown()
+
+
 @needs_chromium
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda text: text[: -len(text) // 3], "This file is incomplete"),
         (lambda text: text.replace("<head>", "<head>" + WITHOUT_WEBGL), "This viewer needs WebGL2"),
-        (lambda text: re.sub(r'(id="data-\w+">).{40}', r"\1" + "A" * 40, text), "is damaged"),
+        (lambda text: re.sub(r'(id="data-\w+">.).{20}', r"\1" + "A" * 20, text), "is damaged"),
     ],
     ids=["truncated", "without WebGL2", "damaged"],
 )
 def test_a_page_that_cannot_be_shown_says_why(content, tmp_path, change, message):
     page = written(content("ndc"), tmp_path / "viewer.html")
-    page.write_text(change(page.read_text()))
+    page.write_text(change(page_text(page)), encoding="utf-16")
     answer = answer_of(page, NOTICE, 800)
     assert message in answer["notice"]
     assert answer["errors"] == []
