@@ -20,6 +20,7 @@ from styletrf.field.weight_sharpening import sharpened
 from styletrf.geometry.cameras import Camera, pixel_centers
 
 LEAST_OPACITY = 1e-3  # of a ray that hits something
+_TILES_ON_GPU = 8  # at once: a GPU computes one tile in less time than it takes to launch
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +28,8 @@ class RenderConfig:
     """What rendering trades: see `docs/knobs.md`.
 
     A ray ends at transmittance `termination`; samples lighter than `min_weight` get no color;
-    rays are rendered `tile` at a time. `deferred` runs the color network once a ray, on the mean
-    features of its samples, instead of once a sample.
+    rays are rendered `tile` at a time, eight times as many on a GPU. `deferred` runs the color
+    network once a ray, on the mean features of its samples, instead of once a sample.
     """
 
     termination: float = 3e-3
@@ -162,7 +163,8 @@ def render_view(
     device = field.appearance.background.device
     pixels = torch.as_tensor(pixel_centers(camera.width, camera.height), device=device)
     parts = []
-    for tile in pixels.split(config.tile):
+    n_rays = config.tile * (_TILES_ON_GPU if device.type == "cuda" else 1)
+    for tile in pixels.split(n_rays):
         parts.append(render_rays(field, kernels, rays.segments(view, tile), config, appearance))
     shape = (camera.height, camera.width)
     return Rendering(

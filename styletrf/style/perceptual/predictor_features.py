@@ -75,9 +75,10 @@ def predictor_term(
 ) -> Float[Tensor, ""]:
     """Returns how far the images are from the painting; differentiable in the images.
 
-    The images are cropped at a corner that is drawn anew each time, less than a stride from the
+    The network sees a window at a corner that is drawn anew each time, less than a stride from the
     first pixel (of small images nearer): a fixed grid of strides favors patterns of its period,
-    which show in the paintings.
+    which show in the paintings. The window always has the same size: a GPU plans its convolutions
+    anew for each size, which takes longer than they do.
 
     Args:
         predictor: The network.
@@ -87,7 +88,9 @@ def predictor_term(
     """
     spare = min(_LARGEST_STRIDE, min(images.shape[2:]) - LEAST_PX + 1)
     top, left = torch.randint(spare, (2,), generator=generator).tolist()
-    seen = images[..., top:, left:].contiguous(memory_format=torch.channels_last)
+    height, width = (side - spare + 1 for side in images.shape[2:])
+    window = images[..., top : top + height, left : left + width]
+    seen = window.contiguous(memory_format=torch.channels_last)
     found = zip(predictor.features(seen), moments, strict=True)
     return torch.stack([target.difference(features) for features, target in found]).sum()
 

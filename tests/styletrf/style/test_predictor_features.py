@@ -86,6 +86,17 @@ def test_the_same_corner_gives_the_same_term(predictor, painting):
     assert not torch.equal(first, elsewhere)
 
 
+@pytest.mark.parametrize("size", [(64, 64), (97, 61), (20, 40), (16, 16)])
+def test_the_network_sees_windows_of_one_size(predictor, painting, size):
+    """A GPU plans convolutions anew for each size: on an H200 a step took 3.3 s for 0.1 s."""
+    moments, sizes = predictor_moments(predictor, painting), set()
+    hook = predictor.stem.register_forward_pre_hook(lambda _, seen: sizes.add(seen[0].shape))
+    for seed in range(8):
+        predictor_term(predictor, moments, torch.rand(1, 3, *size), generator(seed))
+    hook.remove()
+    assert len(sizes) == 1
+
+
 def test_a_step_down_the_gradient_comes_nearer(predictor, painting):
     moments = predictor_moments(predictor, painting)
     image = torch.full((1, 3, 64, 64), 0.5).requires_grad_()
