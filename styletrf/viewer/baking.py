@@ -17,22 +17,31 @@ from styletrf.field.shading import DiffuseColor
 from styletrf.field.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 from styletrf.viewer.baked_appearance import BakedAppearance
 from styletrf.viewer.baking_loss import psnr_db
-from styletrf.viewer.coding import Codes, color_codes, density_codes, filled, slope_codes
+from styletrf.viewer.coding import (
+    Codes,
+    Spacings,
+    color_codes,
+    density_codes,
+    shown_colors,
+    slope_codes,
+    spacings_of,
+)
 from styletrf.viewer.color_refit import RefitConfig, refitted_colors
 from styletrf.viewer.lattice import (
     MOST_BRICKS,
     BrickLattice,
     brick_lattice,
     empty_distances,
+    greatest_around,
+    greatest_in_cells,
     occupied_cells,
-    thinned,
 )
 from styletrf.viewer.visibility import Views
 
 _CHUNK = 1 << 17
-_LEAST_WEIGHTS = (0.1, 0.05, 0.03)
-"""From which weight in any view voxels have colors of their own, not the mean of their neighbors:
-the first of these with which pictures lose at most _MOST_LOSS_DB, or have _ENOUGH_DB."""
+_SHARES_OF_WEIGHT = (4.0, 2.0, 1.0, 0.5, 0.25)
+"""For `spacings_of`; the first is taken with which pictures lose at most _MOST_LOSS_DB, or have
+_ENOUGH_DB."""
 _MOST_LOSS_DB, _ENOUGH_DB = 0.5, 50.0
 _SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too many bricks
 
@@ -68,6 +77,7 @@ class BakedLook:
         name: Of the painting, or of the photographs.
         lattice: Of the points.
         codes: Of the colors before their sigmoid.
+        spacings: Of the codes and the slopes, see `styletrf.viewer.coding`.
         slope_codes: Of how they change with the direction; None if they do not.
         mean_direction: From which directions are counted.
         weight_power: See `styletrf.field.weight_sharpening`.
@@ -79,6 +89,7 @@ class BakedLook:
     name: str
     lattice: BrickLattice
     codes: Codes
+    spacings: Spacings
     slope_codes: Codes | None
     mean_direction: tuple[float, float, float]
     weight_power: float
@@ -88,12 +99,12 @@ class BakedLook:
 
     def appearance(self) -> BakedAppearance:
         """Returns the appearance that the viewer shows."""
-        slope = None if self.slope_codes is None else self.slope_codes.values()
+        base, slope = shown_colors(self.codes, self.spacings).values(), None
+        if self.slope_codes is not None:
+            slope = shown_colors(self.slope_codes, self.spacings).values()
         mean = np.array(self.mean_direction, np.float32)
         background = torch.tensor(self.background)
-        return BakedAppearance(
-            self.lattice, self.codes.values(), self.weight_power, background, slope, mean
-        )
+        return BakedAppearance(self.lattice, base, self.weight_power, background, slope, mean)
 
 
 def bake_density(
@@ -138,7 +149,9 @@ def bake_look(
     """
     appearance = field.appearance
     own = appearance.factors
-    factors, lattice = _within(own, (weights > 0).astype(np.uint8), most_bricks)
+    levels = np.ceil(255 * weights.clip(0, 1)).astype(np.uint8)
+    factors, lattice = _within(own, levels, most_bricks)
+    of_points = greatest_around(lattice, greatest_in_cells(levels, lattice.resolution))
     needed = lattice.needed.ravel()
     slopes, mean = None, np.zeros(3, np.float32)
     if isinstance(appearance.shading, DiffuseColor):
@@ -150,29 +163,25 @@ def bake_look(
     (x, y, z), background = mean.tolist(), appearance.background_color().detach()
     red, green, blue = background.tolist()
     look = BakedLook(
-        name, lattice, color_codes(values, needed), slopes, (x, y, z),
+        name, lattice, color_codes(values, needed), spacings_of(of_points, 0.0), slopes, (x, y, z),
         appearance.weight_power, (red, green, blue), 100.0,
         None if factors is own else own.resolution,
     )  # fmt: skip
-    whole = replace(look, psnr_db=psnr_db(field, views, appearance=look.appearance()))
-    enough_db = min(whole.psnr_db - _MOST_LOSS_DB, _ENOUGH_DB)
-    for least in _LEAST_WEIGHTS:
-        thinner = _thinned(whole, field, views, (weights >= least).astype(np.uint8))
-        if thinner.psnr_db >= enough_db:
-            return thinner
-    return whole
+    return _coarsened(look, field, views, of_points)
 
 
-def _thinned(
-    look: BakedLook, field: RadianceField, views: Views, voxels: UInt8[np.ndarray, "x y z"]
+def _coarsened(
+    look: BakedLook, field: RadianceField, views: Views, weights: UInt8[np.ndarray, "bricks 512"]
 ) -> BakedLook:
-    """Returns a look of which only the points of some voxels have colors of their own."""
-    cells = occupied_cells(voxels, look.lattice.resolution)
-    lattice = thinned(look.lattice, cells)
-    slopes = look.slope_codes and filled(look.slope_codes, lattice.needed)
-    codes = filled(look.codes, lattice.needed)
-    thin = replace(look, lattice=lattice, codes=codes, slope_codes=slopes)
-    return replace(thin, psnr_db=psnr_db(field, views, appearance=thin.appearance()))
+    """Returns a look with the widest spacings with which pictures lose little."""
+    whole_db = psnr_db(field, views, appearance=look.appearance())
+    enough_db = min(whole_db - _MOST_LOSS_DB, _ENOUGH_DB)
+    for share in _SHARES_OF_WEIGHT:
+        coarse = replace(look, spacings=spacings_of(weights, share))
+        coarse = replace(coarse, psnr_db=psnr_db(field, views, appearance=coarse.appearance()))
+        if coarse.psnr_db >= enough_db:
+            return coarse
+    return replace(look, psnr_db=whole_db)
 
 
 def require_shared_density(name: str, field: RadianceField, other: RadianceField) -> None:

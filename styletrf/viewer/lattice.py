@@ -5,10 +5,10 @@ interpolation of its values at lattice points (docs/viewer.md): these are all th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int64, UInt8
+from jaxtyping import Bool, Float, Int64, Shaped, UInt8
 
 SIDE = 8
 """Points of a brick along each axis; a lattice's last bricks may reach beyond its points."""
@@ -78,34 +78,29 @@ def brick_lattice(
 ) -> BrickLattice:
     """Returns the lattice of those points that samples in the cells interpolate between."""
     x, y, z = resolution
-    blocks = _points_of(cells)
+    blocks = _greatest_by_bricks(cells)
     present = blocks.any(axis=3)
     slots = np.where(present, np.cumsum(present).reshape(present.shape) - 1, -1)
     return BrickLattice((x, y, z), slots.transpose(2, 1, 0), blocks[present])
 
 
-def thinned(
-    lattice: BrickLattice, cells: Bool[np.ndarray, "cells_x cells_y cells_z"]
-) -> BrickLattice:
-    """Returns the lattice with the same bricks, of which only the points around the cells matter.
-
-    Args:
-        lattice: Of more cells than these.
-        cells: In which colors have to be exact.
-    """
+def greatest_around(
+    lattice: BrickLattice, cells: UInt8[np.ndarray, "cells_x cells_y cells_z"]
+) -> UInt8[np.ndarray, "bricks 512"]:
+    """Returns the greatest of the values in the cells around each point that is stored."""
     present = lattice.slots.transpose(2, 1, 0) >= 0
-    return replace(lattice, needed=_points_of(cells)[present])
+    return _greatest_by_bricks(cells)[present]
 
 
-def _points_of(
-    cells: Bool[np.ndarray, "cells_x cells_y cells_z"],
-) -> Bool[np.ndarray, "bricks_z bricks_y bricks_x 512"]:
-    """Returns which points samples in the cells interpolate between, by bricks."""
-    needed = cells
-    for axis in range(3):  # a point is needed by the cells on both of its sides
+def _greatest_by_bricks(
+    cells: Shaped[np.ndarray, "cells_x cells_y cells_z"],
+) -> Shaped[np.ndarray, "bricks_z bricks_y bricks_x 512"]:
+    """Returns the greatest of the values in the cells around each point, by bricks."""
+    greatest = cells
+    for axis in range(3):  # a point has cells on both of its sides
         lower, upper = ([(0, 0)] * axis + [pad] + [(0, 0)] * (2 - axis) for pad in ((0, 1), (1, 0)))
-        needed = np.pad(needed, lower) | np.pad(needed, upper)
-    blocks = np.pad(needed, [(0, -n % SIDE) for n in needed.shape])
+        greatest = np.maximum(np.pad(greatest, lower), np.pad(greatest, upper))
+    blocks = np.pad(greatest, [(0, -n % SIDE) for n in greatest.shape])
     bx, by, bz = (n // SIDE for n in blocks.shape)
     blocks = blocks.reshape(bx, SIDE, by, SIDE, bz, SIDE).transpose(4, 2, 0, 5, 3, 1)
     return blocks.reshape(bz, by, bx, SIDE**3)
@@ -114,19 +109,26 @@ def _points_of(
 def occupied_cells(
     occupancy: UInt8[np.ndarray, "x y z"], resolution: Sequence[int]
 ) -> Bool[np.ndarray, "cells_x cells_y cells_z"]:
-    """Returns the lattice's cells, one less than its points along each axis, with a part occupied.
+    """Returns the lattice's cells with a part occupied."""
+    return greatest_in_cells(occupancy != 0, resolution)
+
+
+def greatest_in_cells(
+    voxels: Shaped[np.ndarray, "x y z"], resolution: Sequence[int]
+) -> Shaped[np.ndarray, "cells_x cells_y cells_z"]:
+    """Returns the greatest value of a voxel in each cell: one less than points along each axis.
 
     Voxels fill the grid from border to border, whatever their number is to that of the points.
     """
-    cells: Bool[np.ndarray, "x y z"] = occupancy != 0
+    cells = voxels
     for axis, points in enumerate(resolution):
-        voxels = occupancy.shape[axis]
-        bounds = np.arange(points) * (voxels / (points - 1))
-        first = np.floor(bounds[:-1] - 1e-9).clip(0, voxels - 1).astype(np.int64)
-        last = np.ceil(bounds[1:] + 1e-9).clip(1, voxels).astype(np.int64) - 1
+        side = voxels.shape[axis]
+        bounds = np.arange(points) * (side / (points - 1))
+        first = np.floor(bounds[:-1] - 1e-9).clip(0, side - 1).astype(np.int64)
+        last = np.ceil(bounds[1:] + 1e-9).clip(1, side).astype(np.int64) - 1
         found = cells.take(first, axis)
         for further in range(1, int((last - first).max()) + 1):
-            found |= cells.take(np.minimum(first + further, last), axis)
+            found = np.maximum(found, cells.take(np.minimum(first + further, last), axis))
         cells = found
     return cells
 

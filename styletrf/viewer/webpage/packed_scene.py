@@ -8,7 +8,7 @@ import numpy as np
 
 from styletrf.geometry.cameras import Camera
 from styletrf.viewer.baking import BakedLook
-from styletrf.viewer.coding import COLOR_LEVELS, Codes, packed_bytes, packed_codes
+from styletrf.viewer.coding import COLOR_LEVELS, Codes, Spacings, packed_bytes, packed_codes
 from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.viewer_content import ViewerContent
 from styletrf.viewer.webpage.block_text import block_text
@@ -32,7 +32,7 @@ class Packed:
 def packed_scene(content: ViewerContent, frames_per_second: float) -> Packed:
     """Returns all but the looks; `frames_per_second` are those of the fly-through."""
     density, render, blocks = content.density, content.render, dict[str, str]()
-    needed = density.lattice.needed
+    exact = density.lattice.needed.astype(np.uint8)
     numbers = {
         "uDepthMin": content.space.depth_min,
         "uStep": content.step_length,
@@ -49,7 +49,7 @@ def packed_scene(content: ViewerContent, frames_per_second: float) -> Packed:
         "march": numbers,
         "density": {
             "lattice": _lattice(density.lattice, blocks),
-            "values": _block(packed_codes(density.codes.codes, needed, 2), blocks),
+            "values": _block(packed_codes(density.codes.codes, exact, 2), blocks),
             "low": density.codes.low,
             "step": density.codes.step,
         },
@@ -78,8 +78,8 @@ def packed_look(look: BakedLook, thumbnail: str) -> Packed:
         "name": look.name,
         "thumbnail": thumbnail,
         "lattice": _lattice(look.lattice, blocks),
-        "colors": _values(look.codes, look.lattice, blocks),
-        "slopes": _values(look.slope_codes, look.lattice, blocks) if look.slope_codes else None,
+        "colors": _values(look.codes, look.spacings, blocks),
+        "slopes": _values(look.slope_codes, look.spacings, blocks) if look.slope_codes else None,
         "meanDirection": list(look.mean_direction),
         "power": look.weight_power,
         "background": list(look.background),
@@ -87,9 +87,9 @@ def packed_look(look: BakedLook, thumbnail: str) -> Packed:
     return Packed(values, blocks)
 
 
-def _values(codes: Codes, lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:
+def _values(codes: Codes, spacings: Spacings, blocks: dict[str, str]) -> dict[str, Any]:
     """Returns values that a texture of 8 bits holds, by what its 0 and 255 stand for."""
-    packed, gain = packed_codes(codes.codes, lattice.needed, 1), 256 // COLOR_LEVELS
+    packed, gain = packed_codes(codes.codes, spacings, 1), 256 // COLOR_LEVELS
     bounds = {"low": codes.low, "high": codes.low + 255 / gain * codes.step, "gain": gain}
     return {"values": _block(packed, blocks), **bounds}
 

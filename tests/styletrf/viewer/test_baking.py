@@ -55,7 +55,7 @@ def test_a_refit_is_nearer_than_the_colors_along_one_direction(tiny):
     assert some > none + 1
 
 
-def test_light_voxels_take_the_mean_of_their_neighbors_where_that_costs_little(tiny):
+def test_light_voxels_are_coarser_where_that_costs_little(tiny):
     scene = tiny("box")
     field, of = scene.fields["style 1"], views(scene)
     weights = seen_weights(field, of)
@@ -63,7 +63,8 @@ def test_light_voxels_take_the_mean_of_their_neighbors_where_that_costs_little(t
     thin = bake_look("", field, of, weights, RefitConfig())
     assert thin.psnr_db >= min(whole.psnr_db - 0.5, 50)
     assert np.array_equal(thin.lattice.slots, whole.lattice.slots)
-    assert thin.lattice.needed.sum() < whole.lattice.needed.sum()
+    is_exact = thin.spacings == 1
+    assert is_exact.sum() < thin.lattice.needed.sum()
     assert not (thin.lattice.needed & ~whole.lattice.needed).any()
 
 
