@@ -39,11 +39,11 @@ class BakedAppearance(ColorModel):
         self._lattice = lattice
         self._values = values if slope is None else np.concatenate([values, slope], axis=1)
         self._mean = None if slope is None else torch.as_tensor(mean_direction)
-        self._power, self._background = weight_power, background
+        self.weight_power, self._background = weight_power, background
 
     def weight_powers(self, positions: Tensor) -> float:  # noqa: ARG002
         """Returns the one power."""
-        return self._power
+        return self.weight_power
 
     def components(self, positions: Tensor, kernels: Kernels) -> Tensor:  # noqa: ARG002
         """Returns the interpolated values; points that are not stored count as 0."""

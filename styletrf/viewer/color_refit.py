@@ -3,23 +3,25 @@
     color(x, d) = sigmoid(base(x) + slope(x) . (d - mean direction))
 
 A base for each of red, green and blue, and one slope for all three: what depends on the view is
-mostly how bright a surface looks. Both are trilinear interpolations, fitted by weighted least
-squares to what cameras see (simultaneous iterative reconstruction, Gilbert 1972).
+mostly how bright a surface looks. Both are trilinear interpolations. They are fitted by weighted
+least squares to pixels and samples of what cameras see: simultaneous iterative reconstruction
+(Gilbert 1972) with the momentum of Nesterov (1983).
 Points that no camera sees take the color of the mean direction, and no slope.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Float, Int16, Int64
 from torch import Tensor
 
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.weight_sharpening import sharpened
 from styletrf.geometry.cameras import Camera, fitted_to
+from styletrf.viewer import refit_kernels
 from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.visibility import CPU, Views, heavy_samples
 
@@ -34,11 +36,13 @@ class RefitConfig:
         rays: Of all cameras together, at most about.
         rounds: Of the iteration.
         prior: How much the color of the mean direction counts, in units of a sample's weight.
+        of_samples: How much samples count, pixels count for the rest of 1.
     """
 
-    rays: int = 400_000
-    rounds: int = 8
+    rays: int = 1_600_000
+    rounds: int = 16
     prior: float = 0.02
+    of_samples: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +62,23 @@ class RefittedColors:
 
 @dataclass(frozen=True, slots=True)
 class _SeenColors:
-    """Samples: the stored points around them, the weights of these, colors, and whence seen."""
+    """Samples of rays that are heavy enough to be seen.
 
-    addresses: Int64[np.ndarray, "samples 8"]
-    weights: Float[np.ndarray, "samples 8"]
+    Attributes:
+        low: The lowest of the points around each.
+        rest: Where between them each is.
+        weights: Of the samples.
+        colors: Of the samples.
+        counts: How many samples each ray has.
+        directions: Of the rays, from the mean direction.
+    """
+
+    low: Int16[np.ndarray, "samples 3"]
+    rest: Float[np.ndarray, "samples 3"]
+    weights: Float[np.ndarray, " samples"]
     colors: Float[np.ndarray, "samples 3"]
-    directions: Float[np.ndarray, "samples 3"]
+    counts: Int64[np.ndarray, " rays"]
+    directions: Float[np.ndarray, "rays 3"]
 
 
 @torch.no_grad()
@@ -79,20 +94,39 @@ def refitted_colors(
         config: How.
     """
     mean = mean_direction(views.cameras)
-    seen = _joined(_seen_colors(field, views, lattice, config, mean))
     base = colors_along(field, lattice, torch.from_numpy(mean))
-    slope = np.zeros_like(base)
-    total = config.prior + _sums(seen, seen.weights, len(base))
-    turned = np.square(seen.directions).sum(axis=1, keepdims=True)
-    turned_total = config.prior * float(turned.mean()) + _sums(
-        seen, seen.weights * turned, len(base)
+    start = np.concatenate([base, np.zeros_like(base)], axis=1)
+    fitted = _fitted(
+        _joined(_seen_colors(field, views, lattice, config, mean)), start, lattice, config
     )
-    for _ in range(config.rounds):
-        lacking = _lacking(seen, base, slope)
-        base += _spread(seen, lacking, len(base)) / total[:, None]
-        brightness = _lacking(seen, base, slope).mean(axis=1, keepdims=True)
-        slope += _spread(seen, brightness * seen.directions, len(base)) / turned_total[:, None]
-    return RefittedColors(base, slope, mean)
+    return RefittedColors(fitted[:, :3], fitted[:, 3:], mean)
+
+
+def _fitted(
+    seen: _SeenColors,
+    start: Float[np.ndarray, "points 6"],
+    lattice: BrickLattice,
+    config: RefitConfig,
+) -> Float[np.ndarray, "points 6"]:
+    """Returns the bases and slopes after all rounds."""
+    starts, slots = np.append(0, np.cumsum(seen.counts)), lattice.slots.astype(np.int32)
+    samples = slots, seen.low, seen.rest, seen.weights
+    of_samples = np.float32(config.of_samples)
+    totals = refit_kernels.totals(*samples, starts, seen.directions, len(start), of_samples)
+    turned = float(np.square(seen.directions).sum(axis=1).mean())
+    totals += config.prior * np.array([1, turned], np.float32)
+    shares = 0.5 / totals.repeat(3, axis=1)  # bases and slopes move at once
+    values, ahead = start, start.copy()
+    for k in range(config.rounds):
+        lacking = refit_kernels.lacking(
+            *samples, seen.colors, starts, seen.directions, ahead, of_samples
+        )
+        improved = np.add(ahead, np.multiply(lacking, shares, out=lacking), out=lacking)
+        ahead = np.subtract(improved, values, out=values)
+        ahead *= np.float32(k / (k + 3))
+        ahead += improved
+        values = improved
+    return values
 
 
 def colors_along(
@@ -112,45 +146,12 @@ def colors_along(
     return np.concatenate(parts)
 
 
-def _lacking(
-    seen: _SeenColors, base: Float[np.ndarray, "points 3"], slope: Float[np.ndarray, "points 3"]
-) -> Float[np.ndarray, "samples 3"]:
-    """Returns what samples lack before the sigmoid, to first order."""
-    turned = (_at_samples(seen, slope) * seen.directions).sum(axis=1, keepdims=True)
-    shown = 1 / (1 + np.exp(-_at_samples(seen, base) - turned))
-    steepness = np.maximum(shown * (1 - shown), 0.05)
-    lacking: Float[np.ndarray, "samples 3"] = (seen.colors - shown) / steepness
-    return lacking
-
-
-def _at_samples(
-    seen: _SeenColors, values: Float[np.ndarray, "points 3"]
-) -> Float[np.ndarray, "samples 3"]:
-    """Returns the interpolated values."""
-    shares = seen.weights / np.maximum(seen.weights.sum(axis=1, keepdims=True), 1e-9)
-    columns = [(shares * values[seen.addresses, k]).sum(axis=1) for k in range(values.shape[1])]
-    return np.stack(columns, axis=1)
-
-
-def _spread(
-    seen: _SeenColors, amounts: Float[np.ndarray, "samples 3"], n_points: int
-) -> Float[np.ndarray, "points 3"]:
-    """Returns the amounts summed over the samples around each point, by their weights."""
-    columns = [_sums(seen, seen.weights * amounts[:, k, None], n_points) for k in range(3)]
-    return np.stack(columns, axis=1)
-
-
-def _sums(
-    seen: _SeenColors, amounts: Float[np.ndarray, "samples 8"], n_points: int
-) -> Float[np.ndarray, " points"]:
-    """Returns the sum of the amounts that go to each point."""
-    sums = np.bincount(seen.addresses.ravel(), amounts.ravel(), minlength=n_points)
-    return sums.astype(np.float32)
-
-
-def _joined(parts: Iterable[_SeenColors]) -> _SeenColors:
-    fields = zip(*((p.addresses, p.weights, p.colors, p.directions) for p in parts), strict=True)
-    return _SeenColors(*map(np.concatenate, fields))
+def _joined(parts: Iterator[_SeenColors]) -> _SeenColors:
+    all_parts = list(parts)
+    names = [each.name for each in fields(_SeenColors)]
+    return _SeenColors(
+        *(np.concatenate([getattr(part, name) for part in all_parts]) for name in names)
+    )
 
 
 def _seen_colors(
@@ -161,17 +162,21 @@ def _seen_colors(
     mean: Float[np.ndarray, " 3"],
 ) -> Iterator[_SeenColors]:
     """Yields the samples of each camera that are heavy enough to be seen."""
-    side = max(8, round((config.rays / len(views.cameras)) ** 0.5))
+    pixels = max(64.0, config.rays / len(views.cameras))
     kernels, appearance = kernels_for(CPU), field.appearance
     for camera in views.cameras:
-        heavy, directions = heavy_samples(field, views, fitted_to(camera, side))
+        share = min(2.0, (pixels / (camera.width * camera.height)) ** 0.5)
+        long_side = round(share * max(camera.width, camera.height))
+        heavy, directions = heavy_samples(field, views, fitted_to(camera, long_side))
         heavy = sharpened(heavy, appearance.weight_power, kernels)
         components = appearance.components(heavy.positions, kernels)
         color = appearance.decode(components, directions, heavy.ray, kernels)
-        address, share = lattice.corners(heavy.positions.numpy())
-        weights = np.where(address < 0, 0, share * heavy.weights.numpy()[:, None])
-        turned = directions[heavy.ray].numpy() - mean
-        yield _SeenColors(np.maximum(address, 0), weights, color.numpy(), turned)
+        low, rest = lattice.cells(heavy.positions.numpy())
+        counts = np.bincount(heavy.ray.numpy(), minlength=len(directions))
+        yield _SeenColors(
+            low.astype(np.int16), rest.astype(np.float32), heavy.weights.numpy(), color.numpy(),
+            counts, (directions.numpy() - mean).astype(np.float32),
+        )  # fmt: skip
 
 
 def mean_direction(cameras: Sequence[Camera]) -> Float[np.ndarray, " 3"]:

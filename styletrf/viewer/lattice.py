@@ -58,19 +58,25 @@ class BrickLattice:
     def corners(
         self, positions: Float[np.ndarray, "samples 3"]
     ) -> tuple[Int64[np.ndarray, "samples 8"], Float[np.ndarray, "samples 8"]]:
-        """Returns the addresses and the trilinear weights of the points around grid positions.
+        """Returns the addresses and the trilinear weights of the points around grid positions."""
+        low, high_share = self.cells(positions)
+        addresses, weights = [], []
+        for corner in np.indices((2, 2, 2)).reshape(3, -1).T:
+            addresses.append(self.addresses(low + corner))
+            weights.append(np.where(corner == 1, high_share, 1 - high_share).prod(axis=1))
+        return np.stack(addresses, axis=1), np.stack(weights, axis=1).astype(positions.dtype)
+
+    def cells(
+        self, positions: Float[np.ndarray, "samples 3"]
+    ) -> tuple[Int64[np.ndarray, "samples 3"], Float[np.ndarray, "samples 3"]]:
+        """Returns the lowest of the points around grid positions, and where between them these are.
 
         Positions outside the grid count as on its border.
         """
         last = np.array(self.resolution) - 1
         at = np.clip((positions + 1) / 2 * last, 0, last)
         low = np.minimum(at.astype(np.int64), last - 1)
-        high_share = at - low
-        addresses, weights = [], []
-        for corner in np.indices((2, 2, 2)).reshape(3, -1).T:
-            addresses.append(self.addresses(low + corner))
-            weights.append(np.where(corner == 1, high_share, 1 - high_share).prod(axis=1))
-        return np.stack(addresses, axis=1), np.stack(weights, axis=1).astype(positions.dtype)
+        return low, at - low
 
 
 def brick_lattice(

@@ -1,0 +1,132 @@
+"""What pictures lack of a field's colors, given to the lattice points that show it; compiled.
+
+    shown_s = sigmoid(sum_k h_k(x_s) (base_k + slope_k . d)),   h_k: trilinear weight of point k
+    lacking_r = sum_s w_s (c_s - shown_s)                       of a ray r
+
+with samples s of a ray at x_s, of weight w_s and color c_s, seen along d. Points that are not
+stored count as 0, as in the viewer.
+"""
+
+from typing import no_type_check
+
+import numba
+import numpy as np
+
+from styletrf.compiled import compiled
+from styletrf.viewer.lattice import SIDE
+
+BANDS = 2  # of rays, each with sums of its own: the result does not depend on the threads
+LEAST_STEEPNESS = np.float32(0.05)  # of the sigmoid, by which what lacks is divided
+
+
+@no_type_check
+@compiled(inline="always")
+def _around(slots, low, rest, points, shares):
+    """Sets the addresses of the 8 points around a place, and its trilinear weights."""
+    for corner in range(8):
+        x, y, z = low[0] + (corner & 1), low[1] + (corner >> 1 & 1), low[2] + (corner >> 2)
+        slot = slots[x // SIDE, y // SIDE, z // SIDE]
+        share = rest[0] if corner & 1 else 1 - rest[0]
+        share *= rest[1] if corner & 2 else 1 - rest[1]
+        share *= rest[2] if corner & 4 else 1 - rest[2]
+        points[corner] = ((max(slot, 0) * SIDE + z % SIDE) * SIDE + y % SIDE) * SIDE + x % SIDE
+        shares[corner] = share if slot >= 0 else 0
+
+
+@no_type_check
+@compiled(inline="always", fastmath=True)
+def _show(points, shares, values, direction, color):
+    """Sets `color` to what a place shows along a direction."""
+    color[:] = 0
+    for corner in range(8):
+        value = values[points[corner]]
+        turned = value[3] * direction[0] + value[4] * direction[1] + value[5] * direction[2]
+        for k in range(3):
+            color[k] += shares[corner] * (value[k] + turned)
+    for k in range(3):
+        color[k] = 1 / (1 + np.exp(-color[k]))
+
+
+@no_type_check
+@compiled(inline="always", fastmath=True)
+def _give(points, shares, amount, direction, sums):
+    """Adds an amount of each channel to the points around a place, and its mean to slopes."""
+    mean = (amount[0] + amount[1] + amount[2]) / 3
+    for corner in range(8):
+        point, share = points[corner], shares[corner]
+        for k in range(3):
+            sums[point, k] += share * amount[k]
+            sums[point, 3 + k] += share * mean * direction[k]
+
+
+@no_type_check
+@compiled(parallel=True)
+def _sum_of_bands(sums):
+    for point in numba.prange(sums.shape[1]):
+        for band in range(1, BANDS):
+            sums[0, point] += sums[band, point]
+    return sums[0]
+
+
+@no_type_check
+@compiled(parallel=True, fastmath=True)
+def lacking(slots, low, rest, weights, colors, starts, directions, values, of_samples):
+    """Returns what points lack, summed over the samples around them, `points 6`.
+
+    A sample lacks its ray's part and, `of_samples` as much, its own.
+
+    Args:
+        slots: Of the bricks, see `BrickLattice`.
+        low: The lowest of the 8 points around each sample, `samples 3`.
+        rest: Where the sample is between them, in [0, 1], `samples 3`.
+        weights: Of the samples.
+        colors: Of the samples, `samples 3`.
+        starts: The first sample of each ray, and the number of all.
+        directions: Of the rays, from the mean direction, `rays 3`.
+        values: Of the points: three of the base, three of the slope, `points 6`.
+        of_samples: In [0, 1].
+    """
+    sums = np.zeros((BANDS, len(values), 6), np.float32)
+    rays, longest = len(starts) - 1, (starts[1:] - starts[:-1]).max()
+    for band in numba.prange(BANDS):
+        points, shares = np.empty((longest, 8), np.int64), np.empty((longest, 8), np.float32)
+        missing, steepness = np.empty((longest, 3), np.float32), np.empty((longest, 3), np.float32)
+        of_ray, amount = np.empty(3, np.float32), np.empty(3, np.float32)
+        for ray in range(rays * band // BANDS, rays * (band + 1) // BANDS):
+            first, direction = starts[ray], directions[ray]
+            count = starts[ray + 1] - first
+            of_ray[:] = 0
+            for n in range(count):
+                _around(slots, low[first + n], rest[first + n], points[n], shares[n])
+                _show(points[n], shares[n], values, direction, missing[n])
+                for k in range(3):
+                    shown = missing[n, k]
+                    steepness[n, k] = max(shown * (1 - shown), LEAST_STEEPNESS)
+                    missing[n, k] = colors[first + n, k] - shown
+                    of_ray[k] += weights[first + n] * missing[n, k]
+            for n in range(count):
+                for k in range(3):
+                    both = of_samples * missing[n, k] + (1 - of_samples) * of_ray[k]
+                    amount[k] = weights[first + n] * both / steepness[n, k]
+                _give(points[n], shares[n], amount, direction, sums[band])
+    return _sum_of_bands(sums)
+
+
+@no_type_check
+@compiled(parallel=True)
+def totals(slots, low, rest, weights, starts, directions, n_points, of_samples):
+    """Returns the sums of the weights by which `lacking` gives to bases and slopes, `points 2`."""
+    sums = np.zeros((BANDS, n_points, 2), np.float32)
+    rays = len(starts) - 1
+    for band in numba.prange(BANDS):
+        points, shares = np.empty(8, np.int64), np.empty(8, np.float32)
+        for ray in range(rays * band // BANDS, rays * (band + 1) // BANDS):
+            samples = slice(starts[ray], starts[ray + 1])
+            of_ray, turned = weights[samples].sum(), np.square(directions[ray]).sum()
+            for sample in range(starts[ray], starts[ray + 1]):
+                _around(slots, low[sample], rest[sample], points, shares)
+                amount = weights[sample] * (of_samples + (1 - of_samples) * of_ray)
+                for corner in range(8):
+                    sums[band, points[corner], 0] += amount * shares[corner]
+                    sums[band, points[corner], 1] += amount * shares[corner] * turned
+    return _sum_of_bands(sums)
