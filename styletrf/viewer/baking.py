@@ -4,7 +4,9 @@ Raw densities and plain colors are exact there but for their quantization; color
 view are fitted (`color_refit`). What a picture loses by it is measured, in dB.
 """
 
+from bisect import bisect_left
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import torch
@@ -39,10 +41,10 @@ from styletrf.viewer.lattice import (
 from styletrf.viewer.visibility import Views
 
 _CHUNK = 1 << 17
-_SHARES_OF_WEIGHT = (4.0, 2.0, 1.0, 0.5, 0.25)
-"""For `spacings_of`; the first is taken with which pictures lose at most _MOST_LOSS_DB, or have
-_ENOUGH_DB."""
-_MOST_LOSS_DB, _ENOUGH_DB = 0.5, 50.0
+_SHARES_OF_WEIGHT = tuple(4 / 2 ** (k / 3) for k in range(16))
+"""For `spacings_of`, from 4 to 1/8; the first is taken with which pictures lose at most
+_MOST_LOSS_DB, or have _ENOUGH_DB."""
+_MOST_LOSS_DB, _ENOUGH_DB = 0.5, 45.5
 _SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too many bricks
 
 
@@ -174,14 +176,16 @@ def _coarsened(
     look: BakedLook, field: RadianceField, views: Views, weights: UInt8[np.ndarray, "bricks 512"]
 ) -> BakedLook:
     """Returns a look with the widest spacings with which pictures lose little."""
-    whole_db = psnr_db(field, views, appearance=look.appearance())
-    enough_db = min(whole_db - _MOST_LOSS_DB, _ENOUGH_DB)
-    for share in _SHARES_OF_WEIGHT:
+
+    @cache
+    def with_share(share: float) -> BakedLook:
         coarse = replace(look, spacings=spacings_of(weights, share))
-        coarse = replace(coarse, psnr_db=psnr_db(field, views, appearance=coarse.appearance()))
-        if coarse.psnr_db >= enough_db:
-            return coarse
-    return replace(look, psnr_db=whole_db)
+        return replace(coarse, psnr_db=psnr_db(field, views, appearance=coarse.appearance()))
+
+    enough_db = min(with_share(0.0).psnr_db - _MOST_LOSS_DB, _ENOUGH_DB)
+    shares = (*_SHARES_OF_WEIGHT, 0.0)
+    first = bisect_left(shares, enough_db, key=lambda share: with_share(share).psnr_db)
+    return with_share(shares[first])
 
 
 def require_shared_density(name: str, field: RadianceField, other: RadianceField) -> None:
