@@ -13,6 +13,7 @@ from jaxtyping import Float, Int64
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, Rendering
 from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, points_at_depth
+from styletrf.progress import Progress, silent
 from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.frames import rendered
 
@@ -57,13 +58,13 @@ class ExportViews:
     renders: Sequence[Rendering]
     device: torch.device
 
-    def pictures(self, field: RadianceField) -> Iterator[np.ndarray]:
+    def pictures(self, field: RadianceField, progress: Progress = silent) -> Iterator[np.ndarray]:
         """Yields what the cameras see of a field: 3 colors in [0, 1] for each pixel."""
         if field is self.field:
             yield from (render.color.numpy() for render in self.renders)
             return
         space, config = self.model.space, RenderConfig()
-        for render in rendered(field, space, self.cameras, config, self.device):
+        for render in rendered(field, space, self.cameras, config, self.device, progress):
             yield render.color.numpy()
 
     def points(self) -> SurfacePoints:
@@ -81,6 +82,7 @@ def export_views(
     photographed: Sequence[Camera],
     path: Sequence[Camera],
     device: torch.device,
+    progress: Progress = silent,
 ) -> ExportViews:
     """Returns views spread over the photographs and the fly-through, as many as memory allows.
 
@@ -92,6 +94,7 @@ def export_views(
         photographed: The cameras of photographs that are not held out, in the normalized world.
         path: The fly-through, in the normalized world.
         device: Where pictures are rendered.
+        progress: Called after every picture.
     """
     side = max(photographed[0].width, photographed[0].height)
     every = [*photographed, *(fitted_to(camera, side) for camera in path)]
@@ -100,7 +103,7 @@ def export_views(
     side = int(side * min(1.0, (_MOST_PIXELS / (count * pixels)) ** 0.5))
     spread = np.unique(np.linspace(0, len(every) - 1, min(count, len(every))).round().astype(int))
     cameras = [fitted_to(every[k], side) for k in spread]
-    renders = list(rendered(field, model.space, cameras, RenderConfig(), device))
+    renders = list(rendered(field, model.space, cameras, RenderConfig(), device, progress))
     return ExportViews(model, field, cameras, renders, device)
 
 

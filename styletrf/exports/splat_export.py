@@ -61,13 +61,15 @@ def export_splats(
         looks: Names, and what loads the fields; that of the photographs first.
         held_out: To measure by.
         most: Splats.
-        progress: Called after every look.
+        progress: Called after every picture of a look, and after every iteration of the fit.
 
     Returns:
         How many splats there are, the background, and what each look loses, in dB.
     """
     first = tensors_of(_placed(views, most))
-    splats, colors = fitted_splats(first, _pictures(views, looks), SplatFitConfig(), progress)
+    splats, colors = fitted_splats(
+        first, _pictures(views, looks, progress), SplatFitConfig(), progress
+    )
     in_world = moved_splats(
         splats_of_tensors(splats), np.linalg.inv(views.model.normalized_from_world)
     )
@@ -94,14 +96,14 @@ def _placed(views: ExportViews, most: int) -> Splats:
     return placed_splats(points, views.to_grid(points.positions), views.field.resolution, most)
 
 
-def _pictures(views: ExportViews, looks: Sequence[Look]) -> Pictures:
+def _pictures(views: ExportViews, looks: Sequence[Look], progress: Progress) -> Pictures:
     """Returns what the views see of all looks."""
     colors: list[list[torch.Tensor]] = [[] for _ in views.cameras]
     backgrounds = []
     for _, load in looks:
         field = load()
         backgrounds.append(_background(field))
-        for of_view, picture in zip(colors, views.pictures(field), strict=True):
+        for of_view, picture in zip(colors, views.pictures(field, progress), strict=True):
             of_view.append(torch.from_numpy(picture))
     together = [torch.cat(of_view, dim=-1) for of_view in colors]
     return Pictures(views.cameras, together, torch.cat(backgrounds))

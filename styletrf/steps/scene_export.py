@@ -43,7 +43,7 @@ def export_scene(
         file_format: See `docs/exports.md`.
         styles: Names of the styles.
         device_name: `auto`, `cpu` or `cuda`.
-        progress: Called after every style.
+        progress: Called after every picture, style and iteration.
 
     Raises:
         InputError: There is no surface to export.
@@ -52,7 +52,7 @@ def export_scene(
         report = _export_cameras(inputs, out)
     else:
         model = read_scene_model(inputs["model"] / "scene.json")
-        views = _views(inputs, model, device_name)
+        views = _views(inputs, model, device_name, progress)
         looks = _looks(inputs, views, styles)
         if file_format in ("ply", "spz"):
             held_out = _held_out(inputs["poses"], model)
@@ -69,11 +69,14 @@ def export_scene(
     (out / "export.json").write_text(text + "\n")
 
 
-def _views(inputs: Mapping[str, Path], model: SceneModel, device_name: str) -> ExportViews:
+def _views(
+    inputs: Mapping[str, Path], model: SceneModel, device_name: str, progress: Progress
+) -> ExportViews:
     fitted, _ = read_split(inputs["poses"] / "cameras.parquet")
     path = read_cameras(inputs["trajectory"] / "cameras.parquet")
     field = load_field(inputs["field"])
-    return export_views(model, field, model.normalized(fitted), path, device_named(device_name))
+    device = device_named(device_name)
+    return export_views(model, field, model.normalized(fitted), path, device, progress)
 
 
 def _looks(inputs: Mapping[str, Path], views: ExportViews, styles: Sequence[str]) -> list[Look]:

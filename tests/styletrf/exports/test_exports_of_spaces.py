@@ -49,7 +49,12 @@ def test_splats_show_what_the_field_shows_and_share_their_geometry(space: str, t
     pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
     views = views_of(space)
     held_out = HeldOut(views.cameras[:1], [views.renders[0].color.numpy()])
-    report = export_splats(tmp_path, "spz", views, looks_of(space), held_out, 6000, silent)
+    done = []
+    report = export_splats(
+        tmp_path, "spz", views, looks_of(space), held_out, 6000, lambda *work: done.append(work)
+    )
+    n_views = len(views.cameras)
+    assert done[:n_views] == [(k + 1, n_views) for k in range(n_views)]
     assert 0 < report["splats"] <= 6000
     geometry = []
     for k, (name, _) in enumerate(looks_of(space)):
