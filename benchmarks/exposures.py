@@ -32,7 +32,7 @@ from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
-from styletrf.field.training.sparse_depth import sparse_depths
+from styletrf.field.training.observed_depths import observed_depths
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.files.images import from_integers, read_rgb, to_integers
 from styletrf.geometry.camera_table import read_cameras, read_fitted_rows
@@ -140,7 +140,9 @@ def fit(
         views, torch.from_numpy(images), model.space, model.resolution,
         FieldTrainingConfig(iterations=config.iterations), kernels_for(CPU),
         free=torch.from_numpy(free_space(model, train, observed)),
-        depths=sparse_depths(model, train, observed),
+        depths=observed_depths(
+            model, train, observed, [photographs.images[k] for k in fitted], [None] * len(fitted)
+        ),
         exposures=view_exposures(train, model.exposures, CPU),
     )  # fmt: skip
     views, images = reduced(photographs, model, photographs.held_out)

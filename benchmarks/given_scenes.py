@@ -11,7 +11,7 @@ from torch import Tensor
 
 from pipeline.task import artifact
 from styletrf.capture.views import load_views
-from styletrf.field.training.sparse_depth import SparseDepths, sparse_depths
+from styletrf.field.training.observed_depths import ObservedDepths, observed_depths
 from styletrf.geometry.camera_table import read_split
 from styletrf.geometry.cameras import Camera
 from styletrf.scene.explained_pixels import explained_pixels
@@ -37,7 +37,7 @@ class GivenScene:
     train: Views
     test: Views
     free: Tensor
-    depths: SparseDepths
+    depths: ObservedDepths
 
 
 def load_given_scene(name: str, config: SceneModelConfig) -> GivenScene:
@@ -53,7 +53,8 @@ def load_given_scene(name: str, config: SceneModelConfig) -> GivenScene:
     split = read_split(folder / "cameras.parquet")
     train, test = (_views(model, folder, part) for part in split)
     free = torch.from_numpy(free_space(model, fitted, points))
-    return GivenScene(model, train, test, free, sparse_depths(model, fitted, points))
+    depths = observed_depths(model, fitted, points, photographs.images(), photographs.masks())
+    return GivenScene(model, train, test, free, depths)
 
 
 def _views(model: SceneModel, folder: Path, cameras: Sequence[Camera]) -> Views:

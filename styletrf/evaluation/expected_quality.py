@@ -28,7 +28,7 @@ from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, render_rays
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
-from styletrf.field.training.sparse_depth import sparse_depths
+from styletrf.field.training.observed_depths import ObservedDepths, observed_depths
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.cameras import Camera
@@ -107,10 +107,11 @@ def brief_fits(
         [photographs.cameras[row] for row in fitted_rows],
         photographs.points.of_images(fitted_rows),
     )
+    depths = observed_depths(model, fitted.cameras, fitted.points, fitted.images(), fitted.masks())
     fits = []
     for share in shares:
         iterations = max(round(share * config.iterations), 1)
-        field = _fitted(fitted, model, shortened(config, iterations), kernels, device)
+        field = _fitted(fitted, depths, model, shortened(config, iterations), kernels, device)
         fits.append(BriefFit(iterations, _psnr(field, model, aside, images, kernels)))
     return fits
 
@@ -124,6 +125,7 @@ def shortened(config: FieldTrainingConfig, iterations: int) -> FieldTrainingConf
 
 def _fitted(
     photographs: TrainingPhotographs,
+    depths: ObservedDepths,
     model: SceneModel,
     config: FieldTrainingConfig,
     kernels: Kernels,
@@ -138,7 +140,7 @@ def _fitted(
         config,
         kernels,
         free=torch.from_numpy(free_space(model, photographs.cameras, points)),
-        depths=sparse_depths(model, photographs.cameras, points),
+        depths=depths,
         exposures=view_exposures(photographs.cameras, model.exposures, device),
     )
     return field

@@ -13,7 +13,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import save_field
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
-from styletrf.field.training.sparse_depth import sparse_depths
+from styletrf.field.training.observed_depths import observed_depths
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.files.tables import write_curve
 from styletrf.progress import Progress
@@ -55,7 +55,7 @@ def fit_field(
         progress,
         checkpoints,
         torch.from_numpy(free_space(model, fitted, points)),
-        sparse_depths(model, fitted, points),
+        observed_depths(model, fitted, points, photographs.images(), photographs.masks()),
         view_exposures(fitted, model.exposures, device),
     )
     save_field(out, field)

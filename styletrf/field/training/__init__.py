@@ -2,6 +2,6 @@
 
 Enters: cameras, photographs and the scene's model. Leaves: a `RadianceField` and its curve.
 Begin with `trainer`; the settings are in `config`, what grows when in `schedule`, the terms
-beside the colors in `regularization`, `distortion` and `sparse_depth`, and what the finished field
-has of its last parameters in `parameter_average`.
+beside the colors in `regularization`, `distortion` and `observed_depths`, and what the finished
+field has of its last parameters in `parameter_average`.
 """

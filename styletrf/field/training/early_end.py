@@ -5,7 +5,7 @@ iterations apart. Where it rose by less than `early_gain_db`, more iterations fi
 noise and the gaps of its photographs, and the fit ends a tenth later. Elsewhere it has all of its
 iterations. From the second measurement on, it is fitted to all views. Learning rates fall as in a
 whole fit, whose end the average of the last parameters stands for. The first background, free space
-and sparse depths are those of all views throughout.
+and the depths are those of all views throughout.
 """
 
 from dataclasses import dataclass

@@ -18,7 +18,7 @@ from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.training.checkpoint import CurvePoint, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.sparse_depth import SparseDepths
+from styletrf.field.training.observed_depths import ObservedDepths
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.field.training.view_exposures import ViewExposures
 from styletrf.finiteness import parameter_stages
@@ -39,7 +39,7 @@ def train_field(
     progress: Progress = silent,
     checkpoint_dir: Path | None = None,
     free: Bool[Tensor, "cells cells cells"] | None = None,
-    depths: SparseDepths | None = None,
+    depths: ObservedDepths | None = None,
     exposures: ViewExposures | None = None,
 ) -> tuple[RadianceField, list[CurvePoint]]:
     """Returns the field fitted to the images, and its training curve.
@@ -48,8 +48,8 @@ def train_field(
     same arguments continues from it, to the same parameters up to the rounding of sums.
     The fit ends early where views that are set aside for a while no longer improve
     (`styletrf.field.training.early_end`). The cells of the grid that are `free` get no density
-    (`styletrf.scene.free_space`). Rays through sparse points end at their `depths`
-    (`styletrf.field.training.sparse_depth`). Views may have `exposures` of their own
+    (`styletrf.scene.free_space`). The rays of pixels with `depths` end there
+    (`styletrf.field.training.observed_depths`). Views may have `exposures` of their own
     (`styletrf.field.training.view_exposures`).
 
     Raises:

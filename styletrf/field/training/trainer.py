@@ -32,11 +32,11 @@ from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
 from styletrf.field.training.distortion import distortion
 from styletrf.field.training.early_end import views_aside
+from styletrf.field.training.observed_depths import ObservedDepths, depth_loss
 from styletrf.field.training.optimizer import optimizer_of, take_step
 from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.regularization import add_regularization_gradient
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
-from styletrf.field.training.sparse_depth import SparseDepths, depth_loss
 from styletrf.field.training.view_exposures import ViewExposures
 from styletrf.field.view_rays import ViewRays
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
@@ -62,7 +62,7 @@ class FieldTrainer:
         kernels: Kernels,
         checkpoint_dir: Path | None = None,
         free: Bool[Tensor, "cells cells cells"] | None = None,
-        depths: SparseDepths | None = None,
+        depths: ObservedDepths | None = None,
         exposures: ViewExposures | None = None,
     ) -> None:
         config = config.in_space(space.kind)
@@ -197,7 +197,7 @@ class FieldTrainer:
         return Sparsification(threshold, float(torch.rand((), generator=self.generator)))
 
     def _add_depth_gradient(self) -> None:
-        """Adds the gradient of some rays through sparse points."""
+        """Adds the gradient of some rays that end at a depth."""
         config, depths = self.config, self.depths
         is_over = self.iteration >= config.depth_until * config.iterations
         if not (depths and config.depth_weight) or is_over or self.iteration % config.depth_every:

@@ -11,7 +11,7 @@ from captures import orbit_cameras, points_of, seen
 
 from styletrf.capture.views import load_views
 from styletrf.errors import InputError
-from styletrf.field.training.sparse_depth import sparse_depths
+from styletrf.field.training.observed_depths import observed_depths
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.files.images import write_rgb
 from styletrf.geometry.camera_table import read_cameras, write_cameras
@@ -88,7 +88,9 @@ def fitted_to(poses: Path, out: Path) -> list[np.ndarray]:
     model = model_of_photographs(photographs, CONFIG)
     write_scene_model(out / "scene.json", model)
     cameras = model.normalized(photographs.cameras)
-    depths = sparse_depths(model, photographs.cameras, photographs.points)
+    depths = observed_depths(
+        model, photographs.cameras, photographs.points, photographs.images(), photographs.masks()
+    )
     exposures = view_exposures(photographs.cameras, model.exposures, torch.device("cpu"))
     assert exposures is not None
     return [
