@@ -12,9 +12,9 @@ so moves matter to the depth; a loss linear in w_i only removes what lies before
 share UNEXPLAINED of the rays may end anywhere: a loss is at most 3.1, so that a wrong depth cannot
 undo what many photographs show.
 
-Depths come from sparse points, and from stereo (`styletrf.scene.stereo`) for most textured pixels.
-In NDC many photographs have none: matter that is spread along rays fits them better, and what is
-near a camera and in few photographs would be lost.
+Depths come from sparse points, and of few photographs from stereo (`styletrf.scene.stereo`) for
+most textured pixels, too. Many photographs say where matter is by their colors, better than stereo
+does. In NDC they have no depths at all: matter that is spread along rays fits them better.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -34,7 +34,7 @@ from styletrf.scene.stereo.stereo_depths import Image, Mask, StereoDepth, stereo
 
 DEPTH_WINDOW = 0.05  # of a pixel's depth, on either side
 UNEXPLAINED = 0.05
-MANY_IN_NDC = 16  # photographs
+MANY = 16  # photographs
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +65,7 @@ def observed_depths(
     images: Iterable[Image],
     masks: Iterable[Mask | None],
 ) -> ObservedDepths:
-    """Returns the depths of points and those of stereo, at the working size.
-
-    None of 16 photographs or more in NDC.
+    """Returns the depths of points, and those of stereo of few photographs, at the working size.
 
     Args:
         model: Of the scene, in whose normalized world the depths are.
@@ -76,14 +74,13 @@ def observed_depths(
         images: Of the cameras, RGB in [0, 1], at any size.
         masks: Which pixels count, at the images' size; None where all of an image do.
     """
-    if model.space.kind == "ndc" and len(cameras) >= MANY_IN_NDC:
-        return ObservedDepths(torch.zeros(0).long(), torch.zeros(0, 2).double(), torch.zeros(0))
-    normalized = model.normalized(cameras)
-    maps = stereo_depths(model, cameras, points, images, masks)
-    numbers = [*range(len(cameras)), *(found.view for found in maps)]
-    of_maps = [_of_map(normalized[found.view], found) for found in maps]
-    parts = [*_of_points(model, normalized, points), *of_maps]
-    views = [np.full(len(depth), k) for k, (_, depth) in zip(numbers, parts, strict=True)]
+    normalized, are_many = model.normalized(cameras), len(cameras) >= MANY
+    parts = [(np.zeros((0, 2)), np.zeros(0))]
+    if not (are_many and model.space.kind == "ndc"):
+        parts = list(_of_points(model, normalized, points))
+    if not are_many:
+        parts += map(_of_map, normalized, stereo_depths(model, cameras, points, images, masks))
+    views = [np.full(len(depth), k % len(cameras)) for k, (_, depth) in enumerate(parts)]
     return ObservedDepths(
         torch.from_numpy(np.concatenate(views)).long(),
         torch.from_numpy(np.concatenate([pixel for pixel, _ in parts])).double(),

@@ -4,8 +4,6 @@ Sparse points are the corners that COLMAP matched. Between them, few photographs
 explained by colors right before the camera. A plane sweep finds depths for most textured pixels, at
 a size at which neighbors look alike. A depth is kept where its windows correlate and where the
 depth map of another photograph has the same surface there (Merrell et al. 2007).
-
-Of many photographs some are enough: the others say where surfaces are by their colors.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,7 +22,6 @@ from styletrf.scene.scene_model import SceneModel
 from styletrf.scene.stereo.neighbors import neighbors
 from styletrf.scene.stereo.plane_sweep import GrayView, SweptDepth, swept_depth
 
-MOST_VIEWS = 32
 LONG_SIDE_PX = 256
 LEAST_SCORE = 0.6
 TOLERANCE = 0.02  # of a depth, between two depth maps
@@ -40,12 +37,10 @@ class StereoDepth:
     """Depths of a photograph, at a small size.
 
     Attributes:
-        view: The number of the photograph.
         camera: At that size, in the normalized world.
         depth: Along the camera's axis; infinite where it is unknown.
     """
 
-    view: int
     camera: Camera
     depth: Float32[np.ndarray, "height width"]
 
@@ -57,7 +52,7 @@ def stereo_depths(
     images: Iterable[Image],
     masks: Iterable[Mask | None],
 ) -> list[StereoDepth]:
-    """Returns the depths of photographs, in the normalized world: of 32 spread ones at most.
+    """Returns the depths of all photographs, in the normalized world.
 
     Args:
         model: Of the scene.
@@ -66,12 +61,8 @@ def stereo_depths(
         images: Of the cameras, RGB in [0, 1], at any size.
         masks: Which pixels count, at the images' size; None where all of an image do.
     """
-    every = zip(model.normalized(cameras), images, masks, strict=True)
-    chosen = np.linspace(0, len(cameras) - 1, min(len(cameras), MOST_VIEWS)).round().astype(int)
-    rows = [int(k) for k in chosen]
-    views = [_small(*each) for k, each in enumerate(every) if k in rows]
-    points = points.of_images(rows)
-    compared = neighbors([cameras[k] for k in rows], points)
+    views = list(map(_small, model.normalized(cameras), images, masks))
+    compared = neighbors(cameras, points)
     in_model = transformed(model.normalized_from_world, points.xyz_world)
 
     def swept(k: int) -> SweptDepth:
@@ -82,8 +73,8 @@ def stereo_depths(
         maps = list(pool.map(swept, range(len(views))))
     cameras_small = [view.camera for view in views]
     return [
-        StereoDepth(row, view.camera, _agreed(k, cameras_small, maps, compared[k]))
-        for k, (row, view) in enumerate(zip(rows, views, strict=True))
+        StereoDepth(camera, _agreed(k, cameras_small, maps, compared[k]))
+        for k, camera in enumerate(cameras_small)
     ]
 
 

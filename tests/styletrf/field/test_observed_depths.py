@@ -11,7 +11,7 @@ from textured_scenes import textured_cameras, wall_depth, wall_picture, wall_poi
 from styletrf.field.kernels import Samples
 from styletrf.field.training.observed_depths import (
     DEPTH_WINDOW,
-    MANY_IN_NDC,
+    MANY,
     UNEXPLAINED,
     ObservedDepths,
     depth_loss,
@@ -139,9 +139,9 @@ def test_depths_of_stereo_are_those_of_the_surface_at_the_working_size():
         assert np.quantile(np.abs(errors), 0.9) < 0.03
 
 
-@pytest.mark.parametrize(("n", "has_depths"), [(MANY_IN_NDC - 1, True), (MANY_IN_NDC, False)])
+@pytest.mark.parametrize(("n", "has_depths"), [(MANY - 1, True), (MANY, False)])
 def test_in_ndc_few_photographs_have_depths(n, has_depths):
-    """Of 54 photographs of horns a rope near the camera was lost."""
+    """Of 51 photographs of horns a rope near the camera was lost."""
     cameras = forward_cameras(n)
     points = points_before(cameras)
     model = decide_scene_model(cameras, points, SceneModelConfig(space="ndc"))

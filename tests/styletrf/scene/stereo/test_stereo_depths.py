@@ -49,14 +49,6 @@ def test_masked_pixels_have_no_depths(model):
     assert np.isfinite(found.depth[:, 48:]).mean() > 0.3
 
 
-def test_of_many_photographs_some_spread_ones_have_depths(model, monkeypatch):
-    monkeypatch.setattr("styletrf.scene.stereo.stereo_depths.MOST_VIEWS", 3)
-    found = depths_of(model, map(wall_picture, textured_cameras()))
-    assert [of_view.view for of_view in found] == [0, 2, 4]
-    for of_view in found:
-        assert np.isfinite(of_view.depth).mean() > 0.3
-
-
 def test_without_points_there_are_no_depths(model):
     cameras = textured_cameras()
     none = wall_points(cameras).of_images([])
