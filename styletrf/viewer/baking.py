@@ -44,7 +44,7 @@ _CHUNK = 1 << 17
 _SHARES_OF_WEIGHT = tuple(4 / 2 ** (k / 3) for k in range(16))
 """For `spacings_of`, from 4 to 1/8; the first is taken with which pictures lose at most
 _MOST_LOSS_DB, or have _ENOUGH_DB."""
-_MOST_LOSS_DB, _ENOUGH_DB = 0.5, 45.5
+_MOST_LOSS_DB, _ENOUGH_DB = 0.5, 46.5
 _SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too many bricks
 
 
