@@ -30,7 +30,7 @@ class FieldTrainingConfig:
     depth_weight: float = 0.1  # for every iteration, see `styletrf.field.training.observed_depths`
     depth_rays: int = 1024  # of pixels with depths, every `depth_every` iterations
     depth_every: int = 4
-    depth_until: float = 0.2  # of the iterations: what is empty by then stays so
+    depth_until: float = 0.3  # of the iterations: what is empty by then stays so
     occupancy_every: int = 200
     occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]
     min_weight: float = 3e-3  # samples lighter than this get no color [rm_weight_mask_thre]

@@ -1,24 +1,26 @@
 """Depths that photographs show, in a fit: the ray of a pixel ends at its depth.
 
-With w_i the weights of the samples along such a ray, the loss of a ray is
+Few photographs can each be explained by fog right before the camera, and only depths that several
+of them agree on speak against it (DS-NeRF, Deng et al. 2022). With w_i the weights of the samples
+along such a ray, near those whose depth is within a window of the pixel's, and before those that
+are nearer to the camera, the loss of a ray is one of two:
 
-    -log((sum_{near} w_i + UNEXPLAINED) / (1 + UNEXPLAINED)),
+    sparse:  (1 - sum_{near} w_i) + sum_{before} w_i
+    dense:   -log((sum_{near} w_i + UNEXPLAINED) / (1 + UNEXPLAINED))
 
-near being the samples whose depth is within DEPTH_WINDOW of the pixel's, as a share of it. It is
-the likelihood that the ray ends there (DS-NeRF, Deng et al. 2022, eq. 4, with a box in place of a
-normal distribution): few photographs can each be explained by fog right before the camera, and only
-depths that several of them agree on speak against it. Its gradient grows where little is near, and
-so moves matter to the depth; a loss linear in w_i only removes what lies before (decision 54). A
-share UNEXPLAINED of the rays may end anywhere: a loss is at most 3.1, so that a wrong depth cannot
-undo what many photographs show.
+Sixteen photographs or more have depths of sparse points, with the terms of the line of sight
+(Rematas et al. 2022, Urban Radiance Fields, section 3.3), a box in place of a normal distribution.
+In NDC they have none: matter that is spread along rays fits them better (decision 19).
 
-Depths come from sparse points, and of few photographs from stereo (`styletrf.scene.stereo`) for
-most textured pixels, too. Many photographs say where matter is by their colors, better than stereo
-does. In NDC they have no depths at all: matter that is spread along rays fits them better.
+Fewer photographs have depths of stereo as well (`styletrf.scene.stereo`), for most textured pixels.
+There the sparse loss would empty all rays before matter has gathered at the depths. The dense loss
+is the likelihood that a ray ends at its depth. Its gradient grows where little is near, and so
+moves matter to the depth (decision 54). Both losses are bounded, by 2 and 3.1, so that a wrong
+depth cannot undo what many photographs show.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -32,18 +34,19 @@ from styletrf.scene.placement import transformed
 from styletrf.scene.scene_model import SceneModel
 from styletrf.scene.stereo.stereo_depths import Image, Mask, StereoDepth, stereo_depths
 
-DEPTH_WINDOW = 0.05  # of a pixel's depth, on either side
-UNEXPLAINED = 0.05
+SPARSE_WINDOW, DENSE_WINDOW = 0.1, 0.05  # of a pixel's depth, on either side
+UNEXPLAINED = 0.05  # share of the rays that may end anywhere
 MANY = 16  # photographs
 
 
 @dataclass(frozen=True, slots=True)
 class ObservedDepths:
-    """Pixels of views, and the depth Z of what they show."""
+    """Pixels of views, and the depth Z of what they show; dense with those of stereo."""
 
     view: Int64[Tensor, " observations"]
     pixel: Float[Tensor, "observations 2"]
     depth: Float[Tensor, " observations"]
+    are_dense: bool
 
     def __len__(self) -> int:
         return len(self.view)
@@ -51,11 +54,14 @@ class ObservedDepths:
     def drawn(self, count: int, generator: torch.Generator) -> "ObservedDepths":
         """Returns so many observations, drawn with replacement."""
         index = torch.randint(len(self), (count,), generator=generator).to(self.view.device)
-        return ObservedDepths(self.view[index], self.pixel[index], self.depth[index])
+        return replace(
+            self, view=self.view[index], pixel=self.pixel[index], depth=self.depth[index]
+        )
 
     def to(self, device: torch.device) -> "ObservedDepths":
         """Returns the observations on a device."""
-        return ObservedDepths(self.view.to(device), self.pixel.to(device), self.depth.to(device))
+        view, pixel, depth = (part.to(device) for part in (self.view, self.pixel, self.depth))
+        return replace(self, view=view, pixel=pixel, depth=depth)
 
 
 def observed_depths(
@@ -65,7 +71,7 @@ def observed_depths(
     images: Iterable[Image],
     masks: Iterable[Mask | None],
 ) -> ObservedDepths:
-    """Returns the depths of points, and those of stereo of few photographs, at the working size.
+    """Returns the depths of points, and of few photographs those of stereo, at the working size.
 
     Args:
         model: Of the scene, in whose normalized world the depths are.
@@ -74,17 +80,18 @@ def observed_depths(
         images: Of the cameras, RGB in [0, 1], at any size.
         masks: Which pixels count, at the images' size; None where all of an image do.
     """
-    normalized, are_many = model.normalized(cameras), len(cameras) >= MANY
+    normalized, are_few = model.normalized(cameras), len(cameras) < MANY
     parts = [(np.zeros((0, 2)), np.zeros(0))]
-    if not (are_many and model.space.kind == "ndc"):
+    if are_few or model.space.kind != "ndc":
         parts = list(_of_points(model, normalized, points))
-    if not are_many:
+    if are_few:
         parts += map(_of_map, normalized, stereo_depths(model, cameras, points, images, masks))
     views = [np.full(len(depth), k % len(cameras)) for k, (_, depth) in enumerate(parts)]
     return ObservedDepths(
         torch.from_numpy(np.concatenate(views)).long(),
         torch.from_numpy(np.concatenate([pixel for pixel, _ in parts])).double(),
         torch.from_numpy(np.concatenate([depth for _, depth in parts])).float(),
+        are_few,
     )
 
 
@@ -109,18 +116,19 @@ def _of_map(
     return pixels, found.depth[known].astype(np.float64)
 
 
-def depth_loss(
-    samples: Samples, segments: Segments, depth: Float[Tensor, " rays"]
-) -> Float[Tensor, ""]:
-    """Returns the mean loss of rays with a depth, differentiable in the samples' weights.
+def depth_loss(samples: Samples, segments: Segments, depths: ObservedDepths) -> Float[Tensor, ""]:
+    """Returns the mean loss of rays with depths, differentiable in the samples' weights.
 
     Args:
         samples: Along the rays.
         segments: The rays.
-        depth: Where each ray ends, along the camera's axis; above 0.
+        depths: Where each ray ends, in the order of the rays.
     """
-    reached = segments.depth_along(samples.ray, samples.s) / depth[samples.ray]
-    is_near = (reached - 1).abs() <= DEPTH_WINDOW
-    near = samples.weights.new_zeros(len(segments))
-    near = near.index_add(0, samples.ray, samples.weights * is_near)
-    return -((near + UNEXPLAINED) / (1 + UNEXPLAINED)).log().mean()
+    reached = segments.depth_along(samples.ray, samples.s) / depths.depth[samples.ray]
+    if not depths.are_dense:
+        near, before = (reached - 1).abs() <= SPARSE_WINDOW, reached < 1 - SPARSE_WINDOW
+        value = samples.weights * (before.float() - near.float())
+        return 1 + value.sum() / max(len(segments), 1)
+    near_weights = samples.weights * ((reached - 1).abs() <= DENSE_WINDOW)
+    near_sums = near_weights.new_zeros(len(segments)).index_add(0, samples.ray, near_weights)
+    return -((near_sums + UNEXPLAINED) / (1 + UNEXPLAINED)).log().mean()

@@ -204,7 +204,7 @@ class FieldTrainer:
             return
         drawn = depths.drawn(config.depth_rays, self.generator)
         segments = self.rays.segments(drawn.view, drawn.pixel)
-        loss = depth_loss(self._trace(segments), segments, drawn.depth)
+        loss = depth_loss(self._trace(segments), segments, drawn)
         (config.depth_every * config.depth_weight * loss).backward()
 
     def _grow_and_refresh(self) -> None:

@@ -1,6 +1,7 @@
 """Rays of pixels whose depth is known end there."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from textured_scenes import textured_cameras, wall_depth, wall_picture, wall_poi
 
 from styletrf.field.kernels import Samples
 from styletrf.field.training.observed_depths import (
-    DEPTH_WINDOW,
+    DENSE_WINDOW,
     MANY,
+    SPARSE_WINDOW,
     UNEXPLAINED,
     ObservedDepths,
     depth_loss,
@@ -73,16 +75,31 @@ def test_depth_is_that_of_the_projected_point(observed):
     assert np.isclose(of_view[:, None], expected[None], rtol=1e-5).any(axis=1).all()
 
 
+@pytest.mark.parametrize(
+    ("where", "expected"), [(1.0, 0.0), (1 - 2 * SPARSE_WINDOW, 2.0), (1 + 2 * SPARSE_WINDOW, 1.0)]
+)
+def test_sparse_loss_of_an_opaque_sample_tells_where_it_is(observed, where, expected):
+    """0 at the point, 1 behind it, 2 before it."""
+    assert loss_of_opaque_samples(observed, where, are_dense=False) == pytest.approx(
+        expected, abs=1e-5
+    )
+
+
 WORST = -math.log(UNEXPLAINED / (1 + UNEXPLAINED))
 
 
 @pytest.mark.parametrize(
     ("where", "expected"),
-    [(1.0, 0.0), (1 - 2 * DEPTH_WINDOW, WORST), (1 + 2 * DEPTH_WINDOW, WORST)],
+    [(1.0, 0.0), (1 - 2 * DENSE_WINDOW, WORST), (1 + 2 * DENSE_WINDOW, WORST)],
 )
-def test_loss_of_an_opaque_sample_is_0_at_its_depth_and_bounded_elsewhere(
-    observed, where, expected
-):
+def test_dense_loss_of_an_opaque_sample_is_0_at_its_depth_and_bounded(observed, where, expected):
+    assert loss_of_opaque_samples(observed, where, are_dense=True) == pytest.approx(
+        expected, abs=1e-5
+    )
+
+
+def loss_of_opaque_samples(observed, where: float, *, are_dense: bool) -> float:
+    """Returns the loss of rays that end at a share of their depths."""
     segments, depths = rays_of(observed)
     share = share_at(segments, where * depths.depth)
     reachable = (segments.depth_along(torch.arange(len(share)), share) / depths.depth) - where
@@ -90,27 +107,39 @@ def test_loss_of_an_opaque_sample_is_0_at_its_depth_and_bounded_elsewhere(
     assert there.float().mean() > 0.9
     chosen = segments[there]
     samples = along(chosen, share[there], torch.ones(int(there.sum())))
-    loss = depth_loss(samples, chosen, depths.depth[there])
-    assert float(loss) == pytest.approx(expected, abs=1e-5)
+    kept = replace(depths, depth=depths.depth[there], are_dense=are_dense)
+    return float(depth_loss(samples, chosen, kept))
 
 
-def test_the_less_matter_is_at_a_depth_the_more_it_is_pulled_there(observed):
-    """A loss linear in the weights emptied the rays instead: 14 dB of 8 photographs of horns."""
+def test_sparse_gradient_pulls_matter_from_before_a_point_to_it(observed):
+    segments, depths = rays_of(observed)
+    for where, sign in ((1.0, -1), (0.7, 1)):
+        weights = torch.full((len(segments),), 0.5, requires_grad=True)
+        samples = along(segments, share_at(segments, where * depths.depth), weights)
+        depth_loss(samples, segments, depths).backward()
+        assert (sign * weights.grad >= 0).all()
+        assert (sign * weights.grad > 0).float().mean() > 0.9
+
+
+def test_the_less_matter_is_at_a_dense_depth_the_more_it_is_pulled_there(observed):
+    """The sparse loss emptied the rays instead: 14 dB of 8 photographs of horns."""
     segments, depths = rays_of(observed)
     pulls = []
     for weight in (0.01, 0.5):
         weights = torch.full((len(segments),), weight, requires_grad=True)
         samples = along(segments, share_at(segments, depths.depth), weights)
-        depth_loss(samples, segments, depths.depth).backward()
+        depth_loss(samples, segments, replace(depths, are_dense=True)).backward()
         assert (weights.grad <= 0).all()
         pulls.append(-float(weights.grad.sum()))
     assert pulls[0] == pytest.approx(pulls[1] * (0.5 + UNEXPLAINED) / (0.01 + UNEXPLAINED))
 
 
-def test_rays_that_meet_nothing_have_the_greatest_loss(observed):
+def test_rays_that_meet_nothing_have_sparse_loss_1_and_the_greatest_dense_loss(observed):
     segments, depths = rays_of(observed)
     nothing = along(segments, torch.zeros(len(segments)), torch.zeros(len(segments)))
-    assert float(depth_loss(nothing, segments, depths.depth)) == pytest.approx(WORST)
+    assert float(depth_loss(nothing, segments, depths)) == 1
+    dense = depth_loss(nothing, segments, replace(depths, are_dense=True))
+    assert float(dense) == pytest.approx(WORST)
 
 
 def test_no_points_no_depths(observed):

@@ -11,6 +11,7 @@ from mini_scene import KERNELS
 
 from styletrf.errors import InputError
 from styletrf.viewer.baking import bake_density, bake_look, require_shared_density
+from styletrf.viewer.baking_loss import psnr_db
 from styletrf.viewer.camera_bounds import camera_bounds
 from styletrf.viewer.color_refit import RefitConfig
 from styletrf.viewer.viewer_content import RENDER
@@ -32,13 +33,18 @@ def test_baked_densities_interpolate_to_the_field(tiny, content, space):
 
 
 @pytest.mark.parametrize("space", SPACES)
-def test_plain_colors_have_45_db_and_others_30(content, space):
+def test_paintings_have_46_db_and_lose_8_bits_where_no_color_is_coarser(tiny, content, space):
+    scene = tiny(space)
     photographs, *styles = content(space).looks
     assert photographs.slope_codes is not None
     assert photographs.psnr_db > 30
     for look in styles:
         assert look.slope_codes is None
-        assert look.psnr_db > 45
+        exact = look.lattice.needed.astype(np.uint8).reshape(look.spacings.shape)
+        finest = replace(look, spacings=exact).appearance()
+        finest_db = psnr_db(scene.fields[look.name], views(scene), appearance=finest)
+        assert finest_db > 50
+        assert look.psnr_db >= min(finest_db - 0.5, 46.5)
 
 
 def views(scene) -> Views:

@@ -10,17 +10,14 @@ from styletrf.scene.stereo.plane_sweep import swept_depth
 from styletrf.scene.stereo.stereo_depths import LEAST_SCORE, TOLERANCE
 
 
-def relative_errors(view, others, nearest=2.0, farthest=8.0) -> np.ndarray:
-    """Returns the errors of confident depths, as shares of the depths."""
-    swept = swept_depth(view, others, nearest, farthest)
-    is_confident = swept.score > LEAST_SCORE
-    assert is_confident.mean() > 0.5
-    return np.abs(swept.depth / wall_depth(view.camera) - 1)[is_confident]
-
-
 def test_depths_of_a_textured_wall_are_those_of_its_plane():
+    """But for a margin of 8 pixels, which few neighbors see."""
     view, *others = map(wall_view, textured_cameras())
-    assert np.quantile(relative_errors(view, others), 0.8) < 0.02
+    swept, middle = swept_depth(view, others, 2.0, 8.0), np.s_[8:-8, 8:-8]
+    is_confident = swept.score[middle] > LEAST_SCORE
+    assert is_confident.mean() > 0.9
+    errors = np.abs(swept.depth / wall_depth(view.camera) - 1)[middle]
+    assert np.quantile(errors[is_confident], 0.95) < 0.02
 
 
 @pytest.mark.parametrize(("gain", "power"), [(0.6, 1.0), (1.0, 1.6)])
