@@ -31,6 +31,22 @@ def _interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _one_thread() -> None:
+    """Workers of pytest-xdist share the cores, so each of them computes on one thread."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        _compute_on(1)
+
+
+@pytest.fixture
+def all_cores() -> Iterator[None]:
+    """The test computes on as many threads as there are cores."""
+    _compute_on(len(os.sched_getaffinity(0)))
+    yield
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        _compute_on(1)
+
+
 @pytest.fixture(autouse=True)
 def _repeatable() -> None:
     """torch's global generator starts each test at the same seed."""
@@ -61,6 +77,14 @@ def inline() -> Iterator[None]:
     config.set("store", "executor", "inline")
     yield
     config.set("store", "executor", before)
+
+
+def _compute_on(threads: int) -> None:
+    """Sets how many threads torch and numba use, where the tests have loaded them."""
+    if torch := sys.modules.get("torch"):
+        torch.set_num_threads(threads)
+    if numba := sys.modules.get("numba"):
+        numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
 
 
 def _register() -> Any:

@@ -52,7 +52,12 @@ SETTINGS: dict[str, dict[str, Any]] = {
     },
     "PriorRenders": {"trajectory.frames": 6},
     "TrajectoryFrames": {"trajectory.frames": FRAMES},
-    "StylizedField": {"adaptation.iterations": 20, "adaptation.batch": 256},
+    "StylizedField": {
+        "adaptation.iterations": 20,
+        "adaptation.batch": 256,
+        "image.iterations": 8,
+    },
+    "QualityMetrics": {"perceptual_px": 96},
 }
 OF_THE_STYLE = {
     "StyleImage",

@@ -185,6 +185,7 @@ def test_a_fit_moves_splats_to_where_pictures_show_them_and_finds_the_colors_of_
     assert (errors(300) < 0.1 * errors(1)).all()
 
 
+@pytest.mark.usefixtures("all_cores")
 def test_a_fit_repeated_is_the_same_on_any_number_of_threads():
     splats, pictures = tensors_of(cloud(60)), [torch.full((33, 33, 3), 0.5)]
     seen, config = Pictures([camera()], pictures, BLACK), SplatFitConfig(iterations=5)

@@ -59,6 +59,7 @@ def test_the_mean_of_the_shares_gradients_is_that_of_the_batch():
     assert found[0] == found[1] == pytest.approx(weight.grad.tolist())
 
 
+@pytest.mark.usefixtures("all_cores")
 @pytest.mark.parametrize("n_parts", [1, 2, 5])
 def test_parts_are_computed_in_their_order_and_threads_are_restored(n_parts):
     before = torch.get_num_threads()
@@ -68,6 +69,7 @@ def test_parts_are_computed_in_their_order_and_threads_are_restored(n_parts):
     assert torch.get_num_threads() == before
 
 
+@pytest.mark.usefixtures("all_cores")
 def test_an_error_in_a_part_is_raised_and_threads_are_restored():
     def refuse(part):
         raise ValueError(part)

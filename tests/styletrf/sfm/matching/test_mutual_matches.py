@@ -63,6 +63,7 @@ def test_a_feature_that_is_there_twice_matches_nothing():
     assert first not in mutual_matches(twice, [some])[0][:, 1]
 
 
+@pytest.mark.usefixtures("all_cores")
 def test_neither_threads_nor_company_change_the_matches():
     first = descriptors(400, 0)
     sets = [descriptors(350, k, like=first, noise=0.4) for k in range(1, 10)]
