@@ -199,7 +199,8 @@ class FieldTrainer:
     def _add_depth_gradient(self) -> None:
         """Adds the gradient of some rays that end at a depth."""
         config, depths = self.config, self.depths
-        is_over = self.iteration >= config.depth_until * config.iterations
+        until = config.dense_depth_until if depths and depths.are_dense else config.depth_until
+        is_over = self.iteration >= until * config.iterations
         if not (depths and config.depth_weight) or is_over or self.iteration % config.depth_every:
             return
         drawn = depths.drawn(config.depth_rays, self.generator)

@@ -337,6 +337,20 @@ def test_matter_gathers_at_the_depths_of_points(scene):
     assert with_depths < 0.3 * without
 
 
+@pytest.mark.parametrize("are_dense", [True, False])
+def test_sparse_and_dense_depths_each_have_their_own_share_of_the_iterations(scene, are_dense):
+    plain = replace(CONFIG, iterations=6)
+    pixel = torch.rand(50, 2, dtype=torch.float64) * scene.images.shape[2]
+    view, depth = torch.arange(50) % len(scene.cameras), torch.full((50,), 0.5)
+    depths = ObservedDepths(view, pixel, depth, are_dense=are_dense)
+    own, other = ("dense_depth_until", "depth_until")[:: 1 if are_dense else -1]
+    ended = fit(scene, replace(plain, **{own: 0.0, other: 1.0}), depths=depths)
+    kept = fit(scene, replace(plain, **{own: 1.0, other: 0.0}), depths=depths)
+    without = fit(scene, plain).density.state_dict()
+    assert all(torch.equal(a, without[name]) for name, a in ended.density.state_dict().items())
+    assert not all(torch.equal(a, without[name]) for name, a in kept.density.state_dict().items())
+
+
 def test_power_of_the_weights_is_kept_with_the_field(scene, tmp_path):
     field = fit(scene, replace(CONFIG, iterations=2))
     field.appearance.weight_power = 1.5
