@@ -31,7 +31,7 @@ class FieldTrainingConfig:
     depth_rays: int = 1024  # of pixels with depths, every `depth_every` iterations
     depth_every: int = 4
     depth_until: float = 0.3  # of the iterations: what is empty by then stays so
-    dense_depth_until: float = 0.1  # the same of depths by stereo, whose errors cost later on
+    dense_depth_until: float = 0.1  # likewise with depths by stereo, see decision 54
     occupancy_every: int = 200
     occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]
     min_weight: float = 3e-3  # samples lighter than this get no color [rm_weight_mask_thre]

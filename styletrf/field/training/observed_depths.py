@@ -14,9 +14,9 @@ In NDC they have none: matter that is spread along rays fits them better (decisi
 
 Fewer photographs have depths of stereo as well (`styletrf.scene.stereo`), for most textured pixels.
 There the sparse loss would empty all rays before matter has gathered at the depths. The dense loss
-is the likelihood that a ray ends at its depth. Its gradient grows where little is near, and so
-moves matter to the depth (decision 54). Both losses are bounded, by 2 and 3.1, so that a wrong
-depth cannot undo what many photographs show.
+is the negative log-likelihood that a ray ends at its depth. Its gradient grows where little is
+near, and so moves matter to the depth (decision 54). Both losses are bounded, by 2 and 3.1, so that
+a wrong depth cannot undo what many photographs show.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
