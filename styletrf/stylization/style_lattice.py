@@ -2,7 +2,8 @@
 
 Strokes are as fine as the pixels of the priors. A lattice that suffices for the photographs'
 colors shows them blurred where a camera is near: in a box the lattice is as fine everywhere, and
-pixels are not. So the appearance gets lattice points by the pixel, not by the scene.
+pixels are not. So the appearance gets lattice points by the pixel, not by the scene. A lattice much
+finer than the pixels of the priors is not fixed by them, and shows noise in larger frames.
 """
 
 from collections.abc import Sequence
@@ -24,21 +25,25 @@ class StyleLatticeConfig:
     Attributes:
         points_per_px: Along a line of the image, at the depth of what a prior shows.
         share: The largest share of the places looked at that may have fewer.
-        min_scale: Of the style's lattice, times that of the field's, however far cameras are.
+        min_scale: Of the style's lattice, times that of the field's, however far cameras are, but
+            for `most_points_per_px`.
         max_scale: The same, however near they are.
+        most_points_per_px: A scale above 1 does not lead to more.
     """
 
     points_per_px: float = 0.65
     share: float = 0.25
     min_scale: float = 1.5
     max_scale: float = 2.0
+    most_points_per_px: float = 1.1
 
     def __post_init__(self) -> None:
         ordered = 0 < self.min_scale <= self.max_scale
-        if not (self.points_per_px > 0 and 0 <= self.share <= 1 and ordered):
+        points_ordered = 0 < self.points_per_px <= self.most_points_per_px
+        if not (points_ordered and 0 <= self.share <= 1 and ordered):
             raise ValueError(
-                "points_per_px is above 0, share in [0, 1], min_scale above 0 and at most"
-                f" max_scale, not {self}"
+                "points_per_px is above 0 and at most most_points_per_px, share in [0, 1],"
+                f" min_scale above 0 and at most max_scale, not {self}"
             )
 
 
@@ -51,7 +56,8 @@ def lattice_scale(
 ) -> float:
     """Returns how many times finer than `resolution` the lattice of a style is.
 
-    It is between the scales of `config`, and the smaller one where no prior shows anything.
+    It is between the scales of `config`, and the smaller one where no prior shows anything. Where
+    pixels have enough lattice points already it is smaller, down to 1.
 
     Args:
         space: Of the part of the grid that the lattice fills (`Space.within`).
@@ -65,7 +71,8 @@ def lattice_scale(
     if len(found) == 0:
         return config.min_scale
     sampled = max(float(np.quantile(found, config.share)), 1e-9)
-    return float(np.clip(config.points_per_px / sampled, config.min_scale, config.max_scale))
+    scale = float(np.clip(config.points_per_px / sampled, config.min_scale, config.max_scale))
+    return min(scale, max(1.0, config.most_points_per_px / sampled))
 
 
 def points_per_pixel(

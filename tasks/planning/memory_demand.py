@@ -20,7 +20,7 @@ from pipeline.settings import setting
 from pipeline.task import artifact
 from styletrf.errors import InputError
 from tasks.planning.build_order import is_made
-from tasks.stages.field import TrajectoryFrames
+from tasks.stages.field import PriorRenders, TrajectoryFrames
 from tasks.stages.scene import SceneCapture, SceneModel
 from tasks.stages.stage import ConfigurableStage
 
@@ -63,8 +63,8 @@ class Demand:
     """The inputs that decide the memory of a stage, in types that JSON has.
 
     `photograph_px` is the longer side of the photographs that the field is fitted to, `frame_px`
-    that of the frames, 0 for the same, and `frames` their number. `limit_bytes` is the user's limit
-    of memory, 0 for none.
+    that of the frames and `prior_px` that of the priors, 0 for the same, and `frames` the number of
+    frames. `limit_bytes` is the user's limit of memory, 0 for none.
     """
 
     stage: str
@@ -75,6 +75,7 @@ class Demand:
     video_frames: int
     limit_bytes: int
     frames: int = 0
+    prior_px: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +101,12 @@ def demands_of(stages: Iterable[luigi.Task]) -> list[Demand]:
 def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float]:
     """Returns the peak memory of a stage by cause; the sum is that of the stage."""
     growth, seen = GROWTH[demand.stage], photographs.pixels(_seen_px(demand, photographs))
+    prior = photographs.pixels(_prior_px(demand, photographs))
     return {
         "libraries": growth.libraries_mib << 20,
         "frames": growth.frame * frame_pixels(demand, photographs),
-        "photographs": growth.photographs * photographs.count * seen + growth.prior * seen,
+        "priors": growth.prior * prior,
+        "photographs": growth.photographs * photographs.count * seen,
         "grid": growth.grid * demand.grid_points,
     }
 
@@ -163,6 +166,7 @@ def demand_of(stage: ConfigurableStage) -> Demand:
         scene=str(stage.param_kwargs["scene"]),
         photograph_px=model.values()["image_long_side"],
         frame_px=path.get("long_side_px", 0),
+        prior_px=stage.upstream(PriorRenders).values().get("long_side_px", 0),
         grid_points=_grid_points(model),
         video_frames=stage.upstream(SceneCapture).values().get("video_frames", _VIDEO_FRAMES),
         limit_bytes=int(limit_gib * 2**30),
@@ -196,6 +200,11 @@ def _seen_px(demand: Demand, photographs: Photographs) -> int:
     return min(demand.photograph_px, LONGEST_PX, max(photographs.width, photographs.height))
 
 
+def _prior_px(demand: Demand, photographs: Photographs) -> int:
+    longest = min(LONGEST_PX, max(photographs.width, photographs.height))
+    return min(demand.prior_px or demand.photograph_px, longest)
+
+
 def _allowed(demand: Demand, available_bytes: int) -> int:
     return max(1, min(available_bytes, demand.limit_bytes or available_bytes))
 
@@ -209,6 +218,10 @@ def _cause(demand: Demand, photographs: Photographs, parts: dict[str, float]) ->
         "photographs": (
             f"with {photographs.count} photographs {seen} pixels long",
             "Give --quality draft or fewer photographs",
+        ),
+        "priors": (
+            f"with priors {_prior_px(demand, photographs)} pixels long",
+            "Give a smaller long_side_px in --PriorRenders-settings",
         ),
         "grid": (
             f"with a grid of up to {demand.grid_points:,} points",

@@ -85,7 +85,9 @@ def drivers_of(
     if isinstance(stage, ShardedStage) and (stage.shard or stage.shards > 1):
         numbers["part"] = 1 / int(stage.shard.partition("/")[2]) if stage.shard else _JOINING
     photographs = sizes.get(str(stage.param_kwargs.get("scene", "")))
-    return numbers | (_pixels(photographs, settings) if photographs else {})
+    if photographs:
+        numbers |= _pixels(photographs, settings, of_prior=stage.task_family in _OF_PRIORS)
+    return numbers
 
 
 def _deciding(stage: PresetStage, upstream: Mapping[str, Any]) -> Iterator[ConfigurableStage]:
@@ -99,10 +101,14 @@ def _deciding(stage: PresetStage, upstream: Mapping[str, Any]) -> Iterator[Confi
         yield stage
 
 
-def _pixels(photographs: Photographs, settings: Mapping[str, Any]) -> dict[str, float]:
+def _pixels(
+    photographs: Photographs, settings: Mapping[str, Any], *, of_prior: bool
+) -> dict[str, float]:
     longest = max(photographs.width, photographs.height)
     seen = min(int(settings.get("image_long_side", longest)), longest)
     frame = int(settings.get("long_side_px", 0)) or seen
+    if of_prior:  # a frame of the path may be larger than the photographs
+        frame = min(frame, longest)
     return {
         "photographs": photographs.count,
         "photograph_pixels": photographs.pixels(seen),

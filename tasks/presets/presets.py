@@ -66,6 +66,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "bfloat16": (True, True, False),
     },
     "PriorRenders": {
+        "long_side_px": (504, 504, 0),
         "trajectory.frames": (40, 40, 30),
         "coverage.count": (0, 0, 30),
         "render.termination": (1e-2, 3e-3, 1e-3),
@@ -73,12 +74,12 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     },
     "TrajectoryFrames": {
         "trajectory.frames": (60, 120, 120),
-        "render.termination": (1e-2, 3e-3, 1e-3),
-        "render.min_weight": (1e-2, 5e-3, 1e-3),
+        "render.termination": (1e-2, 1e-2, 1e-3),
+        "render.min_weight": (1e-2, 1e-2, 1e-3),
     },
     "StylizedFrames": {
-        "termination": (5e-2, 1e-2, 1e-3),
-        "min_weight": (5e-2, 1e-2, 1e-3),
+        "termination": (5e-2, 2e-2, 1e-3),
+        "min_weight": (5e-2, 2e-2, 1e-3),
     },
     "QualityMetrics": {
         "render.termination": (1e-2, 3e-3, 1e-3),

@@ -138,7 +138,7 @@ def _beside(knob: SweepAxis, middle: Values) -> Values:
     """Returns further settings that keep the results of a change comparable."""
     if knob.name == "photographs' size":  # frames and held-out views keep their size
         size = {"long_side_px": middle["SceneModel"]["image_long_side"]}
-        return dict.fromkeys(("TrajectoryFrames", "PriorRenders", "QualityMetrics"), size)
+        return dict.fromkeys(("TrajectoryFrames", "QualityMetrics"), size)
     return {}
 
 

@@ -62,6 +62,15 @@ def test_the_scale_stays_in_its_range():
     assert scale(camera_at(1.0), wall(0.001)) == WANTED.max_scale
 
 
+@pytest.mark.parametrize(
+    ("distance", "expected"), [(0.8, 1.5), (1.28, 1.1 / 0.8), (1.76, 1.0), (5.0, 1.0)]
+)
+def test_a_lattice_above_the_fields_has_no_more_points_than_pixels_fix(distance, expected):
+    """At a distance of 1 a pixel has 0.625 points."""
+    config = replace(WANTED, min_scale=1.5, most_points_per_px=1.1)
+    assert scale(camera_at(distance), wall(distance), config) == pytest.approx(expected)
+
+
 def test_a_quarter_of_the_surface_may_be_nearer():
     mostly_far = wall(0.6)
     mostly_far[:8] = 0.1
@@ -82,6 +91,8 @@ def test_views_of_nothing_get_the_smallest_scale():
         {"share": 2.0},
         {"max_scale": 0.5},
         {"min_scale": 0.0},
+        {"most_points_per_px": 0.5},
+        {"most_points_per_px": np.nan},
     ],
 )
 def test_settings_that_mean_nothing_are_refused(wrong):

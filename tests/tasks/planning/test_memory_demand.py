@@ -35,6 +35,7 @@ def test_nothing_takes_less_memory_where_there_is_more_of_anything(stage):
     demand = replace(DEMAND, stage=stage)
     assert taken(replace(demand, frame_px=3840)) >= taken(demand)
     assert taken(replace(demand, photograph_px=1008)) >= taken(demand)
+    assert taken(replace(demand, prior_px=1008)) >= taken(demand)
     assert taken(replace(demand, grid_points=384**3)) >= taken(demand)
     assert taken(demand, replace(SCENE, count=500)) >= taken(demand)
 
@@ -51,6 +52,15 @@ def test_photographs_count_at_the_size_they_are_worked_on():
     assert taken(field, Photographs(50, 6000, 4500)) == taken(field, SCENE)
     assert taken(replace(field, photograph_px=9999), small) == taken(field, small)
     assert taken(field, Photographs(50, 3000, 4000)) == taken(field, SCENE), "standing, too"
+
+
+def test_priors_count_at_their_own_size_and_never_above_the_photographs():
+    field = replace(DEMAND, stage="StylizedField", prior_px=504)
+    assert taken(replace(field, photograph_px=1008)) == taken(field)
+    small = Photographs(50, 400, 300)
+    assert taken(field, small) == taken(replace(field, prior_px=400), small)
+    with pytest.raises(InputError, match="with priors 1600 pixels long"):
+        require_memory([replace(field, prior_px=4000)], 1 << 30, {"yard": SCENE})
 
 
 def test_refused_is_what_takes_clearly_more_than_is_available():

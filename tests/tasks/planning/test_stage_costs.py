@@ -14,7 +14,7 @@ from pipeline.settings import current_store
 from tasks.command.graph import graph
 from tasks.planning.memory_demand import Photographs
 from tasks.planning.stage_costs import REFERENCE, CostModel, reference_costs
-from tasks.planning.stage_work import START_S, seconds_scaled
+from tasks.planning.stage_work import START_S, drivers_of, seconds_scaled
 
 SIZE = {"mini": Photographs(40, 504, 378)}
 
@@ -80,6 +80,20 @@ def test_more_work_takes_longer(more, family):
         assert (
             each.expected(stage(family, tuning=more)).seconds > each.expected(stage(family)).seconds
         )
+
+
+def test_priors_of_larger_photographs_keep_their_size_and_frames_do_not():
+    words = {"style": "p", "content": "embedded", "quality": "standard"}
+
+    def drivers(family, width_px):
+        wanted = getattr(tasks, family)(scene="mini", **words)
+        return drivers_of(wanted, {"mini": Photographs(40, width_px, width_px * 3 // 4)})
+
+    priors, of_large, of_small = (drivers("StylizedField", px) for px in (504, 1008, 252))
+    assert of_large["frame_pixels"] == priors["frame_pixels"] == 504 * 378
+    assert of_small["frame_pixels"] == 252 * 189
+    frames = drivers("StylizedFrames", 1008)
+    assert frames["frame_pixels"] == 4 * drivers("StylizedFrames", 504)["frame_pixels"]
 
 
 def test_settings_of_the_command_are_those_of_the_stage_and_not_of_the_reference():
