@@ -113,9 +113,7 @@ def _result(task: Any, folder: Path, options: argparse.Namespace) -> Result:
     cameras = {c.name: c for c in read_cameras(inputs["trajectory"] / "cameras.parquet")}
     looked_at = [cameras[name] for name in chosen_views(list(cameras), options.count)]
     blend = Blend(task.strength, task.blend, task.region)
-    frames = stylized_frames(
-        inputs, looked_at, task.values(), blend, task.device, painted_px=task.painted_px
-    )
+    frames = stylized_frames(inputs, looked_at, task.values(), blend, task.device)
     write_pictures(folder, [camera.name for camera in looked_at], frames)
     suffix = ", per frame" if task.method == "per-frame" else ""
     priors = needed["stylized"].requires()["stylized"] if "stylized" in needed else None

@@ -64,9 +64,7 @@ def frame_under(words: dict[str, Any]) -> np.ndarray:
     camera = cameras[int(FRAME * len(cameras))]
     with TemporaryDirectory() as folder:
         blend = Blend(task.strength, task.blend, task.region)
-        frames = stylized_frames(
-            inputs, [camera], task.values(), blend, task.device, painted_px=task.painted_px
-        )
+        frames = stylized_frames(inputs, [camera], task.values(), blend, task.device)
         write_pictures(Path(folder), [camera.name], frames)
         return cv2.imread(str(Path(folder, "frames", f"{camera.name}.png")))
 

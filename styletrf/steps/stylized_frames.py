@@ -31,12 +31,7 @@ from styletrf.stylization.background import (
 )
 from styletrf.stylization.color_transfer import ColorMap, map_to_painting, recolored
 from styletrf.stylization.mixed_appearance import MixedAppearance
-from styletrf.stylization.painters import (
-    Painter,
-    each_painted,
-    network_painter,
-    painting_at,
-)
+from styletrf.stylization.painters import Painter, each_painted, network_painter
 from styletrf.stylization.region import Box, Region, masked_on
 from styletrf.trajectory.frames import (
     float_images,
@@ -79,7 +74,6 @@ def render_stylized(
     progress: Progress,
     *,
     writes_depths: bool,
-    painted_px: int = 0,
 ) -> None:
     """Writes `frames/NAME.png` and `video.mp4`; a shard leaves `cameras.parquet` and no video.
 
@@ -94,7 +88,6 @@ def render_stylized(
         sharding: Which frames to render.
         progress: Called with the number of frames.
         writes_depths: Whether the depth of the frames is written beside them.
-        painted_px: The longer side at which a network paints frames, 0 for theirs.
     """
     cameras = read_cameras(inputs["trajectory"] / "cameras.parquet")
     if sharding.folders:
@@ -102,9 +95,7 @@ def render_stylized(
     else:
         shown = sharding.select(cameras)
         depths = _depths_folder(out) if writes_depths else None
-        frames = stylized_frames(
-            inputs, shown, settings, blend, device_name, progress, depths, painted_px
-        )
+        frames = stylized_frames(inputs, shown, settings, blend, device_name, progress, depths)
         write_pictures(out, [camera.name for camera in shown], frames)
     if sharding.is_shard:
         write_cameras(out / "cameras.parquet", sharding.select(cameras))
@@ -122,7 +113,6 @@ def stylized_frames(
     device_name: str,
     progress: Progress = silent,
     depths: Path | None = None,
-    painted_px: int = 0,
 ) -> Iterator[Any]:
     """Yields the frames that cameras of the trajectory see, in RGB.
 
@@ -134,12 +124,10 @@ def stylized_frames(
         device_name: `auto`, `cpu` or `cuda`.
         progress: Called with the number of frames.
         depths: A folder for the depths of the field, `NAME.exr`; without it they are not written.
-        painted_px: As of `render_stylized`.
     """
     device = device_named(device_name)
     if "network" in inputs:
-        paint = painting_at(network_painter(inputs["network"], device), painted_px)
-        return _frames_by_network(paint, blend, inputs, cameras, progress)
+        return _frames_by_network(blend, inputs, cameras, device, progress)
     config = configured(RenderConfig, settings)
     return _frames_of_field(blend, inputs, cameras, config, device, progress, depths)
 
@@ -151,7 +139,7 @@ def _depths_folder(out: Path) -> Path:
 
 
 def _frames_by_network(
-    paint: Painter, blend: Blend, inputs: Mapping[str, Path], cameras: Sequence[Camera],
+    blend: Blend, inputs: Mapping[str, Path], cameras: Sequence[Camera], device: torch.device,
     progress: Progress,
 ) -> Iterator[Any]:  # fmt: skip
     """Yields every frame, stylized independently and blended with the unstylized one by strength.
@@ -161,6 +149,7 @@ def _frames_by_network(
     ground = empty_background(float_images(inputs["trajectory"]))
     plain, again = (float_images(inputs["trajectory"], cameras) for _ in range(2))
     content = (replace_background([view], ground)[0] for view in plain)
+    paint = network_painter(inputs["network"], device)
     colors = _map_to_painting(inputs, paint, ground)
     views = each_painted(paint, content, len(cameras), progress)
     for image, before in zip(views, again, strict=True):

@@ -9,7 +9,6 @@ import torch
 from jaxtyping import Float
 from safetensors.numpy import load_file, save_file
 from torch import Tensor
-from torch.nn import functional
 
 from styletrf.errors import NotFiniteError
 from styletrf.files.images import read_rgb
@@ -26,26 +25,6 @@ def network_painter(folder: Path, device: torch.device) -> Painter:
     """Returns what paints by the network in a folder."""
     network = load_style_network(folder, device)
     return lambda image: stylize(network, image.to(device)).cpu()
-
-
-def painting_at(paint: Painter, long_side_px: int) -> Painter:
-    """Returns a painter whose strokes are as large, in a larger view, as in one of this size.
-
-    It paints the view reduced to that longer side, by the mean of the pixels, and enlarges the
-    picture by cubics. Smaller views, and all with a size of 0, are painted as they are.
-    """
-
-    def painter(image: Tensor) -> Tensor:
-        longest = max(image.shape[:2])
-        if not 0 < long_side_px < longest:
-            return paint(image)
-        size = [max(1, round(side * long_side_px / longest)) for side in image.shape[:2]]
-        reduced = functional.interpolate(image.permute(2, 0, 1)[None], size, mode="area")
-        painted = paint(reduced[0].permute(1, 2, 0)).permute(2, 0, 1)[None]
-        enlarged = functional.interpolate(painted, image.shape[:2], mode="bicubic")
-        return enlarged[0].permute(1, 2, 0).clamp(0, 1).contiguous()
-
-    return painter
 
 
 def optimizing_painter(

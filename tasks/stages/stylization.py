@@ -196,12 +196,6 @@ class StylizedFrames(ShardedStage, FrameParameters):
             needed[f"blend {style}"] = self.upstream(StylizedField, style=style, network="")
         return needed
 
-    @property
-    def painted_px(self) -> int:
-        """The longer side at which a network paints frames: that of priors; 0 for their own."""
-        px = self.upstream(PriorRenders).values().get("long_side_px", 0)
-        return int(px) if self.method == "per-frame" else 0
-
     def validate(self) -> None:
         """Rejects invalid combinations.
 
@@ -216,8 +210,7 @@ class StylizedFrames(ShardedStage, FrameParameters):
         words = {"strength": self.strength, "blend": dict(self.blend), "region": self._region()}
         part = self.shard_identity()
         own = {"own_depths": True} if self.has_own_depths else {}
-        size = {"painted_px": self.painted_px} if self.painted_px else {}
-        return {"settings": self.values(), "method": self.method, **words, **part, **own, **size}
+        return {"settings": self.values(), "method": self.method, **words, **part, **own}
 
     @property
     def has_own_depths(self) -> bool:
@@ -246,5 +239,4 @@ class StylizedFrames(ShardedStage, FrameParameters):
             self.sharding(inputs),
             run.progress,
             writes_depths=self.has_own_depths,
-            painted_px=self.painted_px,
         )
