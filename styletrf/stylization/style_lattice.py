@@ -2,8 +2,8 @@
 
 Strokes are as fine as the pixels of the priors. A lattice that suffices for the photographs'
 colors shows them blurred where a camera is near: in a box the lattice is as fine everywhere, and
-pixels are not. So the appearance gets lattice points by the pixel, not by the scene. A lattice much
-finer than the pixels of the priors is not fixed by them, and shows noise in larger frames.
+pixels are not. So the appearance gets lattice points by the pixel, not by the scene. The pixels of
+the priors do not determine a lattice that is finer than they are, and larger frames show its noise.
 """
 
 from collections.abc import Sequence
@@ -25,10 +25,9 @@ class StyleLatticeConfig:
     Attributes:
         points_per_px: Along a line of the image, at the depth of what a prior shows.
         share: The largest share of the places looked at that may have fewer.
-        min_scale: Of the style's lattice, times that of the field's, however far cameras are, but
-            for `most_points_per_px`.
+        min_scale: Of the style's lattice, times that of the field's, however far cameras are.
         max_scale: The same, however near they are.
-        most_points_per_px: A scale above 1 does not lead to more.
+        most_points_per_px: The scale is reduced, but not below 1, where a pixel would have more.
     """
 
     points_per_px: float = 0.65
@@ -57,7 +56,7 @@ def lattice_scale(
     """Returns how many times finer than `resolution` the lattice of a style is.
 
     It is between the scales of `config`, and the smaller one where no prior shows anything. Where
-    pixels have enough lattice points already it is smaller, down to 1.
+    pixels would have more points than `most_points_per_px`, it is reduced, but not below 1.
 
     Args:
         space: Of the part of the grid that the lattice fills (`Space.within`).

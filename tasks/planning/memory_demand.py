@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import luigi
@@ -100,8 +100,8 @@ def demands_of(stages: Iterable[luigi.Task]) -> list[Demand]:
 
 def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float]:
     """Returns the peak memory of a stage by cause; the sum is that of the stage."""
-    growth, seen = GROWTH[demand.stage], photographs.pixels(_seen_px(demand, photographs))
-    prior = photographs.pixels(_prior_px(demand, photographs))
+    growth = GROWTH[demand.stage]
+    seen, prior = (photographs.pixels(side(demand, photographs)) for side in (_seen_px, _prior_px))
     return {
         "libraries": growth.libraries_mib << 20,
         "frames": growth.frame * frame_pixels(demand, photographs),
@@ -201,8 +201,9 @@ def _seen_px(demand: Demand, photographs: Photographs) -> int:
 
 
 def _prior_px(demand: Demand, photographs: Photographs) -> int:
-    longest = min(LONGEST_PX, max(photographs.width, photographs.height))
-    return min(demand.prior_px or demand.photograph_px, longest)
+    """Returns the longer side of the priors, which may be above that of the field's photographs."""
+    wanted = demand.prior_px or demand.photograph_px
+    return _seen_px(replace(demand, photograph_px=wanted), photographs)
 
 
 def _allowed(demand: Demand, available_bytes: int) -> int:

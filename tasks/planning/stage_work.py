@@ -107,7 +107,7 @@ def _pixels(
     longest = max(photographs.width, photographs.height)
     seen = min(int(settings.get("image_long_side", longest)), longest)
     frame = int(settings.get("long_side_px", 0)) or seen
-    if of_prior:  # a frame of the path may be larger than the photographs
+    if of_prior:  # priors are no larger than the photographs; frames of the path may be
         frame = min(frame, longest)
     return {
         "photographs": photographs.count,

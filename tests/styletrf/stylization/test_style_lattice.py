@@ -65,7 +65,7 @@ def test_the_scale_stays_in_its_range():
 @pytest.mark.parametrize(
     ("distance", "expected"), [(0.8, 1.5), (1.28, 1.1 / 0.8), (1.76, 1.0), (5.0, 1.0)]
 )
-def test_a_lattice_above_the_fields_has_no_more_points_than_pixels_fix(distance, expected):
+def test_a_scale_above_one_gives_a_pixel_no_more_than_the_most_points(distance, expected):
     """At a distance of 1 a pixel has 0.625 points."""
     config = replace(WANTED, min_scale=1.5, most_points_per_px=1.1)
     assert scale(camera_at(distance), wall(distance), config) == pytest.approx(expected)
