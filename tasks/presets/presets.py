@@ -16,7 +16,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "max_voxels": (224**3, 384**3, 640**3),
     },
     "RadianceField": {
-        "iterations": (5000, 12000, 15000),
+        "iterations": (5000, 8000, 15000),
         "batch": (1536, 3072, 4096),
         "batch_samples": (48 << 10, 96 << 10, 0),
         "upsample_at": (
@@ -110,8 +110,8 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "image.color_weight": (3.0, 3.0, 20.0),
         "image.variance_weight": (30.0, 30.0, 0.0),
         "fit_fraction": (0.4, 0.4, 1.0),
-        "image.min_weight": (5e-2, 1e-2, 1e-3),
-        "image.termination": (5e-2, 1e-2, 1e-3),
+        "image.min_weight": (5e-2, 5e-2, 1e-3),
+        "image.termination": (5e-2, 5e-2, 1e-3),
         "content.rate": (0.8, 0.8, 0.0),
         "image_bfloat16": (True, True, False),
         "image_loss.content_layer": ("relu3_3", "relu3_3", "relu2_2"),

@@ -55,9 +55,10 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "StylizedField": {
         "adaptation.iterations": 20,
         "adaptation.batch": 256,
-        "image.iterations": 8,
+        "image.iterations": 3,
     },
     "QualityMetrics": {"perceptual_px": 96},
+    "StyleMetrics": {"frames": 2},
 }
 OF_THE_STYLE = {
     "StyleImage",

@@ -332,10 +332,10 @@ def test_a_run_lists_the_keys_it_resolved_complete_or_not():
     assert process[-1] == str(os.getpid())
 
 
-def test_ten_thousand_records_are_collected_in_seconds(store):
+def test_thousands_of_records_are_collected_in_seconds(store):
     """Half of them pinned through one chain; written without a flush, which is not the point."""
     previous, keys = "", []
-    for number in range(10_000):
+    for number in range(4_000):
         digest = typed_digest("toy", str(number).encode())
         action = action_of(str(number), *([previous] if number % 2 and previous else []))
         provenance = {"label": str(number), "task": "", "started": f"{number:06}"}
@@ -350,8 +350,8 @@ def test_ten_thousand_records_are_collected_in_seconds(store):
     pin(store, keys[-1], "last")
     started = time.process_time()
     collect_all(store)
-    assert time.process_time() - started < 40  # 5 on one idle core
-    assert len(list(store.records())) == 5_000
+    assert time.process_time() - started < 16  # 2 on one idle core
+    assert len(list(store.records())) == 2_000
 
 
 def test_a_closure_is_found_in_linear_time():

@@ -19,7 +19,7 @@ from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
 from styletrf.sfm.colmap_features import extract_features
 from styletrf.sfm.colmap_images import prepare_images
 
-COUNT, WIDTH = 9, 768
+COUNT, WIDTH = 7, 640
 
 
 def captured(folder, images):
@@ -31,7 +31,7 @@ def captured(folder, images):
 
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory):
-    """Nine panoramas of a walk, solved."""
+    """Panoramas of a walk, solved."""
     folder = tmp_path_factory.mktemp("panoramas")
     poses, images = courtyard_panoramas(COUNT, WIDTH)
     captured(folder, images)
