@@ -22,7 +22,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO, Any, final
 
-from pipeline.execution.cpu_memory import openmp_wait_settings
+from pipeline.execution.cpu_memory import allocator_settings, openmp_wait_settings
 
 _LARGEST_REQUEST_BYTES = 2**17
 _MOST_DESCRIPTORS = 253  # by Linux
@@ -185,7 +185,8 @@ def _started(
 
 def build_environment() -> dict[str, str]:
     """Returns the variables of an interpreter for builds."""
-    environment = {**os.environ, **openmp_wait_settings(os.environ), "PYTHONUNBUFFERED": "1"}
+    settings = openmp_wait_settings(os.environ) | allocator_settings(os.environ)
+    environment = {**os.environ, **settings, "PYTHONUNBUFFERED": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     return environment
 

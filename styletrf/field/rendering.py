@@ -143,7 +143,7 @@ def _where_half(
 
     Samples lie in the middle of their steps.
     """
-    before = 1 - samples.sums_before(samples.weights)[at]
+    before = 1 - samples.sums_before(samples.weights, at)
     behind = (before - samples.weights[at]).clamp(min=0)
     share = torch.log(0.5 / before) / torch.log(behind / before)
     share = torch.nan_to_num(share, nan=0.5).clamp(0, 1)  # of a sum that rounding has moved

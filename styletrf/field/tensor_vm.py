@@ -6,7 +6,7 @@ over the three axis pairs k. Planes are channels-last `[v, u, c]`, lines `[w, c]
 lie on grid coordinates -1 ... 1, the first and the last on the border.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import torch
 from jaxtyping import Float
@@ -15,7 +15,7 @@ from torch.nn import functional
 
 PLANE_AXES = ((0, 1), (0, 2), (1, 2))  # (u, v): columns, rows
 LINE_AXES = (2, 1, 0)
-_ROWS = 16
+_IN_CACHE = 1 << 17  # numbers that a CPU's cache holds while several passes read them
 
 
 class TensorVM(nn.Module):
@@ -82,17 +82,17 @@ class TensorVM(nn.Module):
     def add_total_variation_gradient(self, weight: float) -> None:
         """Adds `weight` times the gradient of `total_variation` to that of the planes, in place.
 
-        The same as its backward pass, without temporaries: these cost eight times as much. Planes
-        that have no gradient yet are left alone.
+        The same as its backward pass, without temporaries of a plane's size, which cost several
+        times as much. Planes that have no gradient yet are left alone.
         """
         for plane in self.planes:
-            for axis, n in enumerate(plane.shape[:2]):
-                if plane.grad is None or n < 2:
-                    continue
-                low, high = plane.narrow(axis, 0, n - 1), plane.narrow(axis, 1, n - 1)
-                scale = 2 * weight / low.numel()
-                plane.grad.narrow(axis, 1, n - 1).add_(high, alpha=scale).sub_(low, alpha=scale)
-                plane.grad.narrow(axis, 0, n - 1).add_(low, alpha=scale).sub_(high, alpha=scale)
+            if plane.grad is None:
+                continue
+            for first, end in _row_blocks(plane):
+                for axis, rows in ((0, slice(first, end + 1)), (1, slice(first, end))):
+                    n = plane.shape[axis]
+                    scale = 2 * weight * n / (plane.numel() * max(n - 1, 1))
+                    _add_differences(plane[rows], plane.grad[rows], axis, scale)
 
     @torch.no_grad()
     def add_l1_gradient(self, weight: float) -> None:
@@ -100,9 +100,27 @@ class TensorVM(nn.Module):
         for factor in (*self.planes, *self.lines):
             if factor.grad is None:
                 continue
-            # by blocks whose signs stay in the cache
-            for values, grad in zip(factor.split(_ROWS), factor.grad.split(_ROWS), strict=True):
-                grad.add_(values.sign(), alpha=weight / factor.numel())
+            for first, end in _row_blocks(factor):
+                sign = factor[first:end].sign()
+                factor.grad[first:end].add_(sign, alpha=weight / factor.numel())
+
+
+def _row_blocks(factor: Float[Tensor, "..."]) -> Iterator[tuple[int, int]]:
+    """Yields the first row and the end of blocks that a CPU's cache holds; on a GPU, of all."""
+    n = len(factor)
+    rows = n if factor.is_cuda else max(1, _IN_CACHE * n // factor.numel())
+    for first in range(0, n, rows):
+        yield first, min(first + rows, n)
+
+
+def _add_differences(
+    values: Float[Tensor, "v u c"], grad: Float[Tensor, "v u c"], axis: int, scale: float
+) -> None:
+    """Adds the gradient of scale / 2 times the sum of squared differences along an axis."""
+    n = max(values.shape[axis] - 1, 0)
+    difference = values.narrow(axis, min(1, n), n) - values.narrow(axis, 0, n)
+    grad.narrow(axis, min(1, n), n).add_(difference, alpha=scale)
+    grad.narrow(axis, 0, n).sub_(difference, alpha=scale)
 
 
 def _resized_plane(

@@ -60,12 +60,13 @@ def trace_forward(
     """Returns the samples; and the arguments of their softplus, and the rays' step thickness."""
     chains = _arrays(segments.origins, segments.directions, segments.ends)
     thickness = segments.step_thickness(march.scale)
-    padded = trace_numba.trace_forward(
-        *chains, *_arrays(thickness, segments.n_steps, jitter, march.occupancy),
+    n_steps = _array(segments.n_steps)
+    loose = trace_numba.trace_forward(
+        *chains, _array(thickness), n_steps, *_arrays(jitter, march.occupancy),
         _arrays(*factors[:3]), _arrays(*factors[3:]), np.float32(march.shift),
         np.float32(march.termination),
     )  # fmt: skip
-    packed = trace_numba.pack(*chains, *padded)
+    packed = trace_numba.pack(*chains, n_steps, *loose)
     *samples, shifted = (torch.from_numpy(array) for array in packed)
     return Samples(*samples), (shifted, thickness)
 

@@ -106,11 +106,16 @@ class Samples:
     positions: Float[Tensor, "samples 3"]
     weights: Float[Tensor, " samples"]
 
-    def sums_before(self, values: Float[Tensor, " samples"]) -> Float[Tensor, " samples"]:
-        """Returns, of each sample, the float64 sum of the values of its ray's samples before it."""
+    def sums_before(
+        self, values: Float[Tensor, " samples"], at: Int64[Tensor, " some"] | slice = slice(None)
+    ) -> Float[Tensor, " some"]:
+        """Returns, of each sample, the float64 sum of the values of its ray's samples before it.
+
+        Of the samples `at` some indices alone, where these are given.
+        """
         sums = values.double().cumsum(0)
         sums = torch.cat([sums.new_zeros(1), sums])
-        return sums[:-1] - sums[self.offsets[:-1]][self.ray]
+        return sums[:-1][at] - sums[self.offsets[self.ray[at]]]
 
     def reached(self, sums: Float[Tensor, " rays"]) -> Int64[Tensor, " rays"]:
         """Returns the sample at which each ray's weights have summed to so much, above 0.

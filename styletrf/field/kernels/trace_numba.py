@@ -18,6 +18,8 @@ import numpy as np
 from styletrf.compiled import compiled
 from styletrf.field.kernels.vm_numba import FAST, ONE, ZERO, vm_sum
 
+RAYS = 64  # of a block, whose samples one thread finds
+
 
 @no_type_check
 @compiled(inline="always")
@@ -64,12 +66,27 @@ def density_features(positions, planes, lines):
 
 
 @no_type_check
+@compiled()
+def _firsts(n):
+    """Returns where blocks of rays with so many samples begin, and where the last ends."""
+    n_blocks = (n.shape[0] + RAYS - 1) // RAYS
+    first = np.zeros(n_blocks + 1, np.int64)
+    for ray in range(n.shape[0]):
+        first[ray // RAYS + 1] += n[ray]
+    return np.cumsum(first)
+
+
+@no_type_check
 @compiled(parallel=True, fastmath=FAST)
 def trace_forward(
     origins, directions, ends, thickness, n_steps, jitter, occupancy, planes, lines, shift,
     termination,
 ):  # fmt: skip
-    """Returns the samples of every ray in padded rows: count, s, argument of the softplus, weight.
+    """Returns how many samples rays have, and these, loosely packed; see `pack`.
+
+    They are the s of the samples, the arguments of their softplus, and their weights. A block of
+    rays begins where all steps of the blocks before it would end, and its samples follow one
+    another: so threads need not wait for each other, and little memory is touched.
 
     Args:
         origins: Of the pieces in grid coordinates, `rays pieces 3`, see `Segments`.
@@ -85,47 +102,45 @@ def trace_forward(
         termination: Transmittance at which a ray ends.
     """
     n_rays = origins.shape[0]
-    capacity = max(n_steps.max(), 1) if n_rays > 0 else 1
+    first = _firsts(n_steps)
     count = np.zeros(n_rays, np.int64)
-    along = np.empty((n_rays, capacity), np.float32)
-    argument = np.empty((n_rays, capacity), np.float32)
-    weight = np.empty((n_rays, capacity), np.float32)
+    along = np.empty(first[-1], np.float32)
+    argument, weight = np.empty_like(along), np.empty_like(along)
     nx, ny, nz = occupancy.shape
     last = ends.shape[1] - 1
-    for ray in numba.prange(n_rays):
-        if n_steps[ray] == 0:
-            continue
-        step = ONE / np.float32(n_steps[ray])
-        transmittance = ONE
-        kept, piece = 0, 0
-        for k in range(n_steps[ray]):
-            s = (np.float32(k) + jitter[ray]) * step
-            while piece < last and s > ends[ray, piece]:
-                piece += 1
-            x = origins[ray, piece, 0] + s * directions[ray, piece, 0]
-            y = origins[ray, piece, 1] + s * directions[ray, piece, 1]
-            z = origins[ray, piece, 2] + s * directions[ray, piece, 2]
-            if occupancy[_voxel(x, nx), _voxel(y, ny), _voxel(z, nz)] == 0:
+    for block in numba.prange(first.shape[0] - 1):
+        at = first[block]
+        for ray in range(block * RAYS, min((block + 1) * RAYS, n_rays)):
+            if n_steps[ray] == 0:
                 continue
-            feature = density_feature(planes, lines, x, y, z)
-            shifted = feature + shift
-            tau = thickness[ray] * softplus(shifted)
-            w = -transmittance * np.float32(math.expm1(-tau))
-            along[ray, kept] = s
-            argument[ray, kept] = shifted
-            weight[ray, kept] = w
-            kept += 1
-            transmittance -= w
-            if transmittance < termination:
-                break
-        count[ray] = kept
+            step = ONE / np.float32(n_steps[ray])
+            transmittance = ONE
+            begin, piece = at, 0
+            for k in range(n_steps[ray]):
+                s = (np.float32(k) + jitter[ray]) * step
+                while piece < last and s > ends[ray, piece]:
+                    piece += 1
+                x = origins[ray, piece, 0] + s * directions[ray, piece, 0]
+                y = origins[ray, piece, 1] + s * directions[ray, piece, 1]
+                z = origins[ray, piece, 2] + s * directions[ray, piece, 2]
+                if occupancy[_voxel(x, nx), _voxel(y, ny), _voxel(z, nz)] == 0:
+                    continue
+                shifted = density_feature(planes, lines, x, y, z) + shift
+                tau = thickness[ray] * softplus(shifted)
+                w = -transmittance * np.float32(math.expm1(-tau))
+                along[at], argument[at], weight[at] = s, shifted, w
+                at += 1
+                transmittance -= w
+                if transmittance < termination:
+                    break
+            count[ray] = at - begin
     return count, along, argument, weight
 
 
 @no_type_check
 @compiled(parallel=True)
-def pack(origins, directions, ends, count, along, argument, weight):
-    """Returns padded samples packed ray after ray: offsets, ray, s, position, weight, argument."""
+def pack(origins, directions, ends, n_steps, count, along, argument, weight):
+    """Returns samples packed ray after ray: offsets, ray, s, position, weight, argument."""
     n_rays = count.shape[0]
     offsets = np.zeros(n_rays + 1, np.int64)
     for ray in range(n_rays):
@@ -136,19 +151,22 @@ def pack(origins, directions, ends, count, along, argument, weight):
     argument_of = np.empty(n, np.float32)
     positions = np.empty((n, 3), np.float32)
     last = ends.shape[1] - 1
-    for ray in numba.prange(n_rays):
-        piece = 0
-        for k in range(count[ray]):
-            i = offsets[ray] + k
-            s = along[ray, k]
-            while piece < last and s > ends[ray, piece]:
-                piece += 1
-            ray_of[i] = ray
-            s_of[i] = s
-            weight_of[i] = weight[ray, k]
-            argument_of[i] = argument[ray, k]
-            for axis in range(3):
-                positions[i, axis] = origins[ray, piece, axis] + s * directions[ray, piece, axis]
+    first = _firsts(n_steps)
+    for block in numba.prange(first.shape[0] - 1):
+        shift = first[block] - offsets[block * RAYS]
+        for ray in range(block * RAYS, min((block + 1) * RAYS, n_rays)):
+            piece = 0
+            for i in range(offsets[ray], offsets[ray + 1]):
+                s = along[i + shift]
+                while piece < last and s > ends[ray, piece]:
+                    piece += 1
+                ray_of[i] = ray
+                s_of[i] = s
+                weight_of[i] = weight[i + shift]
+                argument_of[i] = argument[i + shift]
+                for axis in range(3):
+                    direction = directions[ray, piece, axis]
+                    positions[i, axis] = origins[ray, piece, axis] + s * direction
     return offsets, ray_of, s_of, positions, weight_of, argument_of
 
 

@@ -208,10 +208,12 @@ def scatter_gradients(positions, samples, axes, grad, offset, plane, line):
     """
     n_rows, width, channels = plane.shape
     first, starts, order = _bands(positions, samples, axes[1], n_rows)
-    grad_plane = np.zeros(plane.shape, np.float32)
-    halo = np.zeros((BANDS, width, channels), np.float32)
-    grad_lines = np.zeros((BANDS, line.shape[0], channels), np.float32)
+    grad_plane = np.empty(plane.shape, np.float32)
+    halo = np.empty((BANDS, width, channels), np.float32)
+    grad_lines = np.empty((BANDS, line.shape[0], channels), np.float32)
     for band in numba.prange(BANDS):
+        grad_plane[first[band] : first[band + 1]] = 0  # by all threads, and into their caches
+        halo[band], grad_lines[band] = 0, 0
         buffer = np.empty((2, channels), np.float32)
         upstream = np.empty((BLOCK, channels), np.float32)
         for start in range(starts[band], starts[band + 1], BLOCK):

@@ -2,6 +2,9 @@
 
 import json
 import os
+import platform
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +13,7 @@ import pytest
 from commands import start
 
 from pipeline.execution import cpu_memory
-from pipeline.execution.cpu_memory import SPIN_COUNT, openmp_wait_settings
+from pipeline.execution.cpu_memory import SPIN_COUNT, allocator_settings, openmp_wait_settings
 from pipeline.execution.host_locks import open_locks, try_acquire
 from pipeline.settings import current_store
 
@@ -167,3 +170,35 @@ def test_how_threads_wait_is_what_the_user_says(name):
 def test_threads_of_a_build_spin_shortly():
     """Beside a busy thread, long spinning slowed a fit a hundredfold."""
     assert int(openmp_wait_settings({})[SPIN_COUNT]) < 100_000
+
+
+@pytest.mark.parametrize("name", ["MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES"])
+def test_how_memory_is_kept_is_what_the_user_says(name):
+    assert allocator_settings({name: "as the user likes"}) == {}
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="needs glibc")
+def test_a_build_has_no_page_faults_for_memory_it_has_had():
+    """Each page of a gradient was faulted in again: a sixth of a fit."""
+    environment = {**os.environ, **allocator_settings({})}
+    again = subprocess.run(
+        [sys.executable, "-c", _FAULTS_OF_A_SECOND_BLOCK],
+        env=environment,
+        capture_output=True,
+        check=True,
+    )
+    assert int(again.stdout) < 1000
+
+
+_FAULTS_OF_A_SECOND_BLOCK = """
+import resource
+
+def faults():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+for _ in range(2):
+    before = faults()
+    block = b"1" * (48 << 20)
+    del block
+print(faults() - before)
+"""
