@@ -27,6 +27,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "initial_voxels": (80**3, 96**3, 128**3),
         "tv_views": (100, 100, 1),
         "occupancy_alpha": (0.02, 0.02, 5e-3),
+        "ndc_step": (1.0, 1.4, 1.0),
         "factor_rate": (0.03, 0.03, 0.02),
         "network_rate": (3e-3, 3e-3, 1e-3),
         "field.density_ranks": ([16], [16], [4, 4, 4]),

@@ -15,7 +15,8 @@ class FieldTrainingConfig:
     batch_samples: int = 48 << 10  # more rays, up to eight times `batch`, while they have so few
     initial_voxels: int = 80**3  # [N_voxel_init]
     upsample_at: tuple[float, ...] = (0.06, 0.12, 0.2, 0.3)  # of the iterations [upsamp_list]
-    steps_per_voxel: float = 0.7  # samples along a ray per lattice point on its longest axis
+    steps_per_voxel: float = 0.7  # steps to the mean side of a voxel
+    ndc_step: float = 1.0  # the steps of NDC, whose voxels are longest along the rays, times this
     factor_rate: float = 0.03  # [lr_init]
     network_rate: float = 3e-3  # [lr_basis]
     rate_decay: float = 0.05  # over all iterations, as of the TV weights [lr_decay_target_ratio]
@@ -47,6 +48,9 @@ class FieldTrainingConfig:
             raise ValueError(f"upsample_at is {self.upsample_at}, not shares of the iterations")
         if not 0 <= self.average_share <= 1:
             raise ValueError(f"average_share is {self.average_share}, not between 0 and 1")
+        if not (self.steps_per_voxel > 0 and self.ndc_step > 0):
+            lengths = f"steps_per_voxel is {self.steps_per_voxel} and ndc_step {self.ndc_step}"
+            raise ValueError(f"{lengths}, not both above 0")
 
     def in_space(self, kind: str) -> "FieldTrainingConfig":
         """Returns the settings with what the space decides: ranks, and the weight of distortion.
@@ -59,6 +63,10 @@ class FieldTrainingConfig:
         if weight is None:
             weight = 0.0 if kind == "ndc" else 0.02
         return replace(self, field=self.field.in_space(kind), distortion_weight=weight)
+
+    def steps_in(self, kind: str) -> float:
+        """Returns the steps to the mean side of a voxel of a space."""
+        return self.steps_per_voxel / (self.ndc_step if kind == "ndc" else 1.0)
 
     @property
     def average_every(self) -> int:

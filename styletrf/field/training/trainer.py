@@ -222,7 +222,7 @@ class FieldTrainer:
 
     def begin_stage(self) -> None:
         """Sets the step length, a new optimizer and a new average for the present resolution."""
-        self.stage_start, steps_per_voxel = self.iteration, self.config.steps_per_voxel
+        self.stage_start, steps_per_voxel = self.iteration, self.config.steps_in(self.space.kind)
         self.field.step_length = march_step(self.space, self.field.resolution, steps_per_voxel)
         self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)
         self.optimizer = optimizer_of(self.field, self.config)

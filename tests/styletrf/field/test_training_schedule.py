@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
 from styletrf.geometry.space import Space
 
@@ -35,3 +36,16 @@ def test_decay_falls_from_one_to_its_ratio():
     assert decay(0.1, 0, 10) == 1
     assert decay(0.1, 10, 10) == pytest.approx(0.1)
     assert decay(0.1, 5, 10) == pytest.approx(0.1**0.5)
+
+
+def test_only_steps_of_ndc_are_longer():
+    config = FieldTrainingConfig(steps_per_voxel=0.6, ndc_step=1.5)
+    assert config.steps_in("ndc") == pytest.approx(0.4)
+    assert config.steps_in("box") == config.steps_in("unbounded") == 0.6
+
+
+@pytest.mark.parametrize("name", ["steps_per_voxel", "ndc_step"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan])
+def test_steps_without_a_length_are_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        FieldTrainingConfig(**{name: value})
