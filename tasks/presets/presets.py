@@ -38,7 +38,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "count": (1000, 8000, 80000),
     },
     "StyleNetwork": {
-        "iterations": (90, 500, 40000),
+        "iterations": (90, 200, 40000),
         "batch": (2, 2, 4),
         "crop_px": (160, 192, 256),
         "style_px": (420, 420, 256),
