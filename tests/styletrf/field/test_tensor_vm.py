@@ -47,13 +47,17 @@ def test_one_voxel_axes_have_no_neighbors_and_no_nan():
     assert factors.l1() > 0
 
 
-def test_gradients_added_in_place_are_those_of_the_backward_pass():
-    factors = TensorVM((4, 3, 1), (2, 3, 1), generator=torch.Generator().manual_seed(1))
-    (0.3 * factors.total_variation() + 0.2 * factors.l1()).backward()
+@pytest.mark.parametrize(
+    ("resolution", "scale"),
+    [((4, 3, 1), 1.0), ((700, 120, 2), 1e5)],  # the second's plane is taken in two blocks
+)
+def test_gradients_added_in_place_are_those_of_the_backward_pass(resolution, scale):
+    factors = TensorVM(resolution, (2, 3, 1), generator=torch.Generator().manual_seed(1))
+    (0.3 * scale * factors.total_variation() + 0.2 * scale * factors.l1()).backward()
     expected = [p.grad.clone() for p in factors.parameters()]
     for parameter in factors.parameters():
         parameter.grad.zero_()
-    factors.add_total_variation_gradient(0.3)
-    factors.add_l1_gradient(0.2)
+    factors.add_total_variation_gradient(0.3 * scale)
+    factors.add_l1_gradient(0.2 * scale)
     for parameter, grad in zip(factors.parameters(), expected, strict=True):
         torch.testing.assert_close(parameter.grad, grad)
