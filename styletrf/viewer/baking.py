@@ -18,8 +18,9 @@ from styletrf.field.radiance_field import RadianceField
 from styletrf.field.shading import DiffuseColor
 from styletrf.field.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 from styletrf.viewer.baked_appearance import BakedAppearance
-from styletrf.viewer.baking_loss import psnr_db
+from styletrf.viewer.baking_loss import baking_loss, loss_against, own_pictures
 from styletrf.viewer.coding import (
+    FINEST,
     Codes,
     Spacings,
     color_codes,
@@ -29,23 +30,16 @@ from styletrf.viewer.coding import (
     spacings_of,
 )
 from styletrf.viewer.color_refit import RefitConfig, refitted_colors
-from styletrf.viewer.lattice import (
-    MOST_BRICKS,
-    BrickLattice,
-    brick_lattice,
-    empty_distances,
-    greatest_around,
-    greatest_in_cells,
-    occupied_cells,
-)
+from styletrf.viewer.lattice import MOST_BRICKS, BrickLattice, empty_distances
+from styletrf.viewer.point_effects import Classes
+from styletrf.viewer.seen_points import SeenPoints, lattice_within
 from styletrf.viewer.visibility import Views
 
 _CHUNK = 1 << 17
-_SHARES_OF_WEIGHT = tuple(4 / 2 ** (k / 3) for k in range(16))
-"""For `spacings_of`, from 4 to 1/8; the first is taken with which pictures lose at most
-_MOST_LOSS_DB, or have _ENOUGH_DB."""
-_MOST_LOSS_DB, _ENOUGH_DB = 0.5, 46.5
-_SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too many bricks
+_FINEST_SPACINGS = tuple(4 / 2 ** (k / 4) for k in range(25))
+"""For `spacings_of`, from 4 to 1/16; the first is taken with which the worst of some pictures loses
+at most _MOST_LOSS_DB, or has _ENOUGH_DB."""
+_MOST_LOSS_DB, _ENOUGH_DB = 0.5, 45.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +73,8 @@ class BakedLook:
         name: Of the painting, or of the photographs.
         lattice: Of the points.
         codes: Of the colors before their sigmoid.
-        spacings: Of the codes and the slopes, see `styletrf.viewer.coding`.
+        classes: Of the points, see `styletrf.viewer.point_effects`.
+        spacings: Of the codes and the slopes in each class, see `styletrf.viewer.coding`.
         slope_codes: Of how they change with the direction; None if they do not.
         mean_direction: From which directions are counted.
         weight_power: See `styletrf.field.weight_sharpening`.
@@ -91,6 +86,7 @@ class BakedLook:
     name: str
     lattice: BrickLattice
     codes: Codes
+    classes: Classes
     spacings: Spacings
     slope_codes: Codes | None
     mean_direction: tuple[float, float, float]
@@ -101,12 +97,15 @@ class BakedLook:
 
     def appearance(self) -> BakedAppearance:
         """Returns the appearance that the viewer shows."""
-        base, slope = shown_colors(self.codes, self.spacings).values(), None
+        base, slope = self._shown(self.codes), None
         if self.slope_codes is not None:
-            slope = shown_colors(self.slope_codes, self.spacings).values()
+            slope = self._shown(self.slope_codes)
         mean = np.array(self.mean_direction, np.float32)
         background = torch.tensor(self.background)
         return BakedAppearance(self.lattice, base, self.weight_power, background, slope, mean)
+
+    def _shown(self, codes: Codes) -> Float[np.ndarray, "points 3"]:
+        return shown_colors(codes, self.classes, self.spacings).values()
 
 
 def bake_density(
@@ -121,23 +120,22 @@ def bake_density(
     """
     density = field.density
     occupancy, own = density.occupancy.numpy(), density.factors
-    factors, lattice = _within(own, occupancy, most_bricks)
+    factors, lattice = lattice_within(own, occupancy, most_bricks)
     values = lattice_values(factors, lattice)
     codes, distances = density_codes(values, lattice.needed.ravel()), empty_distances(occupancy)
     baked = BakedDensity(lattice, codes, distances, density.shift, density.scale)
     if factors is own:
         return baked
-    loss = psnr_db(field, views, density=factors)
-    return replace(baked, reduced_from=own.resolution, psnr_db=loss)
+    loss = baking_loss(field, views, density=factors)
+    return replace(baked, reduced_from=own.resolution, psnr_db=loss.mean_db)
 
 
 def bake_look(
     name: str,
     field: RadianceField,
     views: Views,
-    weights: Float[np.ndarray, "x y z"],
+    seen: SeenPoints,
     refit: RefitConfig,
-    most_bricks: int = MOST_BRICKS,
 ) -> BakedLook:
     """Returns the colors of a field.
 
@@ -145,15 +143,12 @@ def bake_look(
         name: To be shown.
         field: Whose appearance it is.
         views: That see it.
-        weights: Of the voxels that are to have colors, see `seen_weights`.
+        seen: Which points are to have colors.
         refit: How colors that depend on the view are fitted.
-        most_bricks: Of the lattice.
     """
     appearance = field.appearance
     own = appearance.factors
-    levels = np.ceil(255 * weights.clip(0, 1)).astype(np.uint8)
-    factors, lattice = _within(own, levels, most_bricks)
-    of_points = greatest_around(lattice, greatest_in_cells(levels, lattice.resolution))
+    factors, lattice = seen.within(own)
     needed = lattice.needed.ravel()
     slopes, mean = None, np.zeros(3, np.float32)
     if isinstance(appearance.shading, DiffuseColor):
@@ -165,27 +160,27 @@ def bake_look(
     (x, y, z), background = mean.tolist(), appearance.background_color().detach()
     red, green, blue = background.tolist()
     look = BakedLook(
-        name, lattice, color_codes(values, needed), spacings_of(of_points, 0.0), slopes, (x, y, z),
-        appearance.weight_power, (red, green, blue), 100.0,
+        name, lattice, color_codes(values, needed), seen.classes(field, views, lattice), FINEST,
+        slopes, (x, y, z), appearance.weight_power, (red, green, blue), 100.0,
         None if factors is own else own.resolution,
     )  # fmt: skip
-    return _coarsened(look, field, views, of_points)
+    return _coarsened(look, field, views)
 
 
-def _coarsened(
-    look: BakedLook, field: RadianceField, views: Views, weights: UInt8[np.ndarray, "bricks 512"]
-) -> BakedLook:
+def _coarsened(look: BakedLook, field: RadianceField, views: Views) -> BakedLook:
     """Returns a look with the widest spacings with which pictures lose little."""
+    own = own_pictures(field, views)
 
     @cache
-    def with_share(share: float) -> BakedLook:
-        coarse = replace(look, spacings=spacings_of(weights, share))
-        return replace(coarse, psnr_db=psnr_db(field, views, appearance=coarse.appearance()))
+    def with_spacings(spacings: Spacings) -> tuple[float, BakedLook]:
+        coarse = replace(look, spacings=spacings)
+        loss = loss_against(own, field, views, coarse.appearance())
+        return loss.least_db, replace(coarse, psnr_db=loss.mean_db)
 
-    enough_db = min(with_share(0.0).psnr_db - _MOST_LOSS_DB, _ENOUGH_DB)
-    shares = (*_SHARES_OF_WEIGHT, 0.0)
-    first = bisect_left(shares, enough_db, key=lambda share: with_share(share).psnr_db)
-    return with_share(shares[first])
+    enough_db = min(with_spacings(FINEST)[0] - _MOST_LOSS_DB, _ENOUGH_DB)
+    ways = (*map(spacings_of, _FINEST_SPACINGS), FINEST)
+    first = bisect_left(ways, enough_db, key=lambda spacings: with_spacings(spacings)[0])
+    return with_spacings(ways[first])[1]
 
 
 def require_shared_density(name: str, field: RadianceField, other: RadianceField) -> None:
@@ -221,17 +216,3 @@ def lattice_values(
         parts.append(components.sum(1, keepdim=True) if basis is None else components @ basis.T)
     values: Float[np.ndarray, "points channels"] = torch.cat(parts).numpy()
     return values
-
-
-def _within(
-    factors: TensorVM, voxels: UInt8[np.ndarray, "x y z"], most_bricks: int
-) -> tuple[TensorVM, BrickLattice]:
-    """Returns the factors and their lattice in the voxels, coarser until it has few bricks."""
-    resolution = factors.resolution
-    lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
-    while lattice.n_bricks > most_bricks:  # they grow as the square to the cube
-        share = min(_SHRINK, (most_bricks / lattice.n_bricks) ** 0.4)
-        x, y, z = (max(2, round(share * side)) for side in resolution)
-        resolution = (x, y, z)
-        lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
-    return factors if resolution == factors.resolution else factors.upsampled(resolution), lattice

@@ -1,9 +1,13 @@
 """What pictures lose by baking, measured with the field's own renderer."""
 
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
+from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import kernels_for
@@ -15,37 +19,72 @@ from styletrf.geometry.cameras import fitted_to
 from styletrf.psnr import bounded_psnr
 from styletrf.viewer.visibility import CPU, Views
 
-_LONG_SIDE_PX, _VIEWS = 320, 3
+_LONG_SIDE_PX, _VIEWS = 320, 5
 
 
-@torch.no_grad()
-def psnr_db(
+@dataclass(frozen=True, slots=True)
+class BakingLoss:
+    """The PSNR of pictures against a field's own, over five of the views, spread over all.
+
+    Attributes:
+        mean_db: Of the mean squared error; at most 100.
+        least_db: Of the view with the greatest error; at most 100.
+    """
+
+    mean_db: float
+    least_db: float
+
+
+def baking_loss(
     field: RadianceField,
     views: Views,
     *,
     appearance: ColorModel | None = None,
     density: TensorVM | None = None,
-) -> float:
-    """Returns the PSNR of pictures with another appearance or density against the field's own.
-
-    Over three of the views, spread over all, in small pictures; at most 100 dB.
+) -> BakingLoss:
+    """Returns what pictures lose by another appearance or density.
 
     Args:
         field: That is compared with.
-        views: Of which some are rendered.
+        views: Of which some are rendered, in small pictures.
         appearance: In place of the field's.
         density: Factors in place of the field's; the occupancy is the same.
     """
+    return loss_against(own_pictures(field, views), field, views, appearance, density)
+
+
+@torch.no_grad()
+def own_pictures(field: RadianceField, views: Views) -> list[Float[Tensor, "height width 3"]]:
+    """Returns the pictures of a field, small ones of some views."""
+    return list(_pictures(field, views, None))
+
+
+@torch.no_grad()
+def loss_against(
+    own: Sequence[Float[Tensor, "height width 3"]],
+    field: RadianceField,
+    views: Views,
+    appearance: ColorModel | None = None,
+    density: TensorVM | None = None,
+) -> BakingLoss:
+    """Returns what pictures lose against a field's own; see `baking_loss`."""
     other = field
     if density is not None:
         other = deepcopy(field)
         other.density.factors = density
+    errors = [
+        float((exact - shown).square().mean())
+        for exact, shown in zip(own, _pictures(other, views, appearance), strict=True)
+    ]
+    return BakingLoss(bounded_psnr(float(np.mean(errors))), bounded_psnr(max(errors)))
+
+
+def _pictures(
+    field: RadianceField, views: Views, appearance: ColorModel | None
+) -> Iterator[Float[Tensor, "height width 3"]]:
     spread = np.linspace(0, len(views.cameras) - 1, min(_VIEWS, len(views.cameras))).round()
     some = [fitted_to(views.cameras[int(k)], _LONG_SIDE_PX) for k in spread]
     rays = ViewRays(some, views.space.within(field.bounds), field.step_length, CPU)
-    kernels, errors = kernels_for(CPU), []
+    kernels = kernels_for(CPU)
     for k, camera in enumerate(some):
-        own = render_view(field, kernels, rays, k, camera, views.render).color
-        shown = render_view(other, kernels, rays, k, camera, views.render, appearance).color
-        errors.append(float((own - shown).square().mean()))
-    return bounded_psnr(float(np.mean(errors)))
+        yield render_view(field, kernels, rays, k, camera, views.render, appearance).color

@@ -1,29 +1,32 @@
-"""Values at lattice points as few bytes: whole numbers, their differences, zlib.
+"""Values at lattice points as whole numbers, and these as few bytes.
 
-A difference is a multiple of the point's spacing: 1 where a picture shows the value, more where the
-value has little weight in any picture. What no sample needs has spacing 0 and takes the mean of its
-neighbors. The browser undoes this in `webpage/unpacking.js`, without knowing the spacings.
+A value is given by its difference from the mean of its neighbors, in multiples of a spacing. The
+spacings of colors widen from class to class of what a point changes in pictures
+(`point_effects`); a point without a spacing takes the mean. The browser undoes this in
+`webpage/unpacking.js`.
 """
 
-import zlib
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 
+from styletrf.viewer.compression import in_contexts, packed_bytes, sum_before, wrapped
 from styletrf.viewer.lattice import SIDE
+from styletrf.viewer.point_effects import CLASSES, Classes
 
-FINEST_DENSITY = 1 / 32
+FINEST_DENSITY = 1 / 4
 """The step of raw densities, unless their range needs a coarser one."""
-COLOR_LEVELS = 64
-"""Of colors before their sigmoid: pictures have about 50 dB, and 256 levels would double a page."""
+COLOR_LEVELS = 128
+"""Of colors before their sigmoid, where pictures change most; elsewhere spacings are wider."""
 _MOST_OF_COLORS = (255, COLOR_LEVELS - 1, 255)
 """Of red less green, green, and blue less green; 128 is no difference."""
 LARGEST_LOGIT = 7.0
 """Beyond it colors count as black or full: 0.1 % of the brightness."""
-WIDEST_SPACING = 31
-Spacings = UInt8[np.ndarray, "bricks 512"]
-"""Of the differences at points, odd; 0 where they are 0."""
+WIDEST_SPACING = 63
+Spacings = tuple[int, ...]
+"""Of each class, odd; 0 where a point takes the mean of its neighbors, as the class 0 does."""
+FINEST: Spacings = (0,) + (1,) * CLASSES
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,19 +64,17 @@ def slope_codes(
     return _codes(values, needed, 0.0, COLOR_LEVELS - 1, float(np.quantile(counted, 0.999)))
 
 
-def spacings_of(weights: UInt8[np.ndarray, "bricks 512"], share_of_weight: float) -> Spacings:
-    """Returns spacings that a weight makes as visible as `share_of_weight` steps; none at most 31.
+def spacings_of(finest: float) -> Spacings:
+    """Returns spacings that double from class to class; none wider than WIDEST_SPACING.
+
+    Half the effect needs twice the spacing for the same error of pictures.
 
     Args:
-        weights: The greatest of each point in any picture, times 255.
-        share_of_weight: Of a step, times the weight; 0 is a spacing of 1 wherever there is weight.
+        finest: Of the class of the greatest effects, before it is rounded to an odd number.
     """
-    table = np.arange(256) / 255
-    steps = share_of_weight / np.maximum(table, 1e-9)
-    spacings = 2 * np.floor(steps / 2) + 1
-    spacings[(spacings > WIDEST_SPACING) | (table == 0)] = 0
-    found: Spacings = spacings.astype(np.uint8)[weights]
-    return found
+    wide = finest * 2.0 ** np.arange(CLASSES)
+    odd = 2 * (wide // 2).astype(int) + 1
+    return 0, *np.where(odd > WIDEST_SPACING, 0, odd).tolist()
 
 
 def _codes(
@@ -91,37 +92,58 @@ def _codes(
     return Codes(low, step, codes)
 
 
-def shown_colors(codes: Codes, spacings: Spacings) -> Codes:
-    """Returns the colors that the browser makes of what `packed_codes` returns."""
-    channels = _decorrelated(codes.codes).T.reshape(3, *spacings.shape).copy()
-    for channel, most in zip(channels, _MOST_OF_COLORS, strict=True):
-        _differences(channel, spacings, most)
-    red, green, blue = channels.reshape(3, -1)
+def shown_colors(codes: Codes, classes: Classes, spacings: Spacings) -> Codes:
+    """Returns the colors that the browser makes of what `packed_colors` returns."""
+    of_points = np.array(spacings, np.int32)[classes]
+    channels = [
+        _multiples(channel, of_points, most)[1]
+        for channel, most in zip(_channels(codes.codes), _MOST_OF_COLORS, strict=True)
+    ]
+    red, green, blue = (channel.ravel() for channel in channels)
     shown = np.stack([red + green - 128, green, blue + green - 128], axis=1)
     return replace(codes, codes=shown.clip(0, COLOR_LEVELS - 1))
 
 
-def packed_codes(
-    codes: Int[np.ndarray, "points channels"], spacings: Spacings, n_bytes: int
+def packed_colors(
+    codes: Int[np.ndarray, "points 3"], classes: Classes, spacings: Spacings
 ) -> bytes:
-    """Returns the compressed differences of codes from the mean of their neighbors.
+    """Returns compressed multiples: of red less green, then of green, then of blue less green.
 
-    These are the points before along x, y and z in the same brick. Of three channels the first and
-    the last are given by their difference from the second, and 128. The channels of a point are
-    side by side. Of two bytes the low ones of all points come before the high ones, and
-    differences are 0, -1, 1, -2 and so on, whose high bytes are mostly 0.
+    Of each channel there are the first codes of bricks, then the multiples of the other points,
+    class by class.
     """
-    of_channels = _decorrelated(codes).T.reshape(codes.shape[1], *spacings.shape)
-    most = _MOST_OF_COLORS if len(of_channels) == 3 else (256**n_bytes - 1,)
-    channels = [
-        _differences(channel.copy(), spacings, most_of_channel)
-        for channel, most_of_channel in zip(of_channels, most, strict=True)
-    ]
-    differences = np.stack(channels, axis=-1)
-    if n_bytes == 2:
-        differences = _zigzag(differences)
-    planes = [(differences >> 8 * k) & 255 for k in range(n_bytes)]
-    return packed_bytes(np.stack(planes).astype(np.uint8), zlib.Z_RLE)
+    of_points = np.array(spacings, np.int32)[classes]
+    has_multiple = of_points > 0
+    has_multiple[:, 0] = False
+    parts = []
+    for channel, most in zip(_channels(codes), _MOST_OF_COLORS, strict=True):
+        multiples, shown = _multiples(channel, of_points, most)
+        of_classes = in_contexts(multiples[has_multiple], classes[has_multiple])
+        parts += [np.diff(shown[:, 0], prepend=0), of_classes]
+    return packed_bytes(wrapped(np.concatenate(parts)))
+
+
+def packed_density(
+    codes: Int[np.ndarray, "points 1"], needed: Bool[np.ndarray, "bricks 512"]
+) -> tuple[bytes, list[int]]:
+    """Returns compressed differences of densities, and how many each of their contexts has.
+
+    Differences are 0, -1, 1, -2 and so on, by 0, 1, 2, 3. The context of a difference is the
+    number of binary digits of the sum of those before it. Low bytes come before high ones.
+    Points that are not needed take the mean of their neighbors.
+    """
+    multiples, shown = _multiples(codes.reshape(needed.shape), needed.astype(np.int32), 2**16 - 1)
+    multiples[:, 0] = shown[:, 0]
+    differences = _zigzag(multiples)
+    contexts = np.ceil(np.log2(1 + sum_before(differences))).astype(np.int64)
+    ordered = in_contexts(differences, contexts)
+    packed = packed_bytes(np.stack([ordered & 255, ordered >> 8]).astype(np.uint8))
+    return packed, np.bincount(contexts.ravel()).tolist()
+
+
+def _channels(codes: Int[np.ndarray, "points 3"]) -> list[Int[np.ndarray, "bricks 512"]]:
+    red, green, blue = codes.T.reshape(3, -1, SIDE**3)
+    return [red - green + 128, green, blue - green + 128]
 
 
 def _zigzag(differences: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
@@ -130,46 +152,25 @@ def _zigzag(differences: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
     return (signed << 1) ^ (signed >> 16)
 
 
-def _decorrelated(codes: Int[np.ndarray, "points channels"]) -> Int[np.ndarray, "points channels"]:
-    if codes.shape[1] != 3:
-        return codes
-    red, green, blue = codes.T
-    return np.stack([red - green + 128, green, blue - green + 128], axis=1)
+def _multiples(
+    codes: Int[np.ndarray, "bricks 512"], spacings: Int[np.ndarray, "bricks 512"], most: int
+) -> tuple[Int[np.ndarray, "bricks 512"], Int[np.ndarray, "bricks 512"]]:
+    """Returns the multiples of the spacings that lead from means to codes, and what they lead to.
 
-
-def packed_bytes(
-    values: UInt8[np.ndarray, "..."], strategy: int = zlib.Z_DEFAULT_STRATEGY
-) -> bytes:
-    """Returns the compressed bytes of an array in its order in memory.
-
-    Args:
-        values: The bytes.
-        strategy: Of zlib; `Z_RLE` suits noise with runs in it, since chance repetitions cost more
-            than the bytes themselves.
+    A mean is that of the points before along x, y and z in the same brick. What multiples lead to
+    is at most half a spacing off, or less than one at the ends, and from 0 to `most`. A brick
+    begins with its first code that has a spacing, which is no multiple.
     """
-    packing = zlib.compressobj(9, zlib.DEFLATED, zlib.MAX_WBITS, 9, strategy)
-    return packing.compress(np.ascontiguousarray(values).tobytes()) + packing.flush()
-
-
-def _differences(
-    codes: Int[np.ndarray, "bricks 512"], spacings: Spacings, most: int
-) -> Int[np.ndarray, "bricks 512"]:
-    """Returns codes less the mean of their neighbors, as multiples of the spacings.
-
-    A brick begins with the first code that has a spacing. `codes` then has what comes of the
-    differences: at most half a spacing off, and from 0 to `most`.
-    """
-    differences = np.zeros_like(codes)
-    first = codes[np.arange(len(codes)), (spacings > 0).argmax(axis=1)]
-    codes[:, 0] = np.where(spacings[:, 0] > 0, codes[:, 0], first)
-    differences[:, 0] = codes[:, 0]
+    by_point, spacings = np.ascontiguousarray(codes.T), np.ascontiguousarray(spacings.T)
+    multiples, shown = np.zeros_like(by_point), np.empty_like(by_point)
+    shown[0] = by_point[(spacings > 0).argmax(axis=0), np.arange(len(codes))]
     for point in range(1, SIDE**3):
         z, y, x = point // SIDE**2, point // SIDE % SIDE, point % SIDE
         steps = [step for step, at in ((1, x), (SIDE, y), (SIDE**2, z)) if at > 0]
-        mean = sum(codes[:, point - step] for step in steps) // len(steps)
-        spacing = spacings[:, point].astype(codes.dtype)
-        half, at_least_one = spacing // 2, np.maximum(spacing, 1)
-        rounded = (codes[:, point] - mean + half) // at_least_one * spacing
-        codes[:, point] = (mean + rounded).clip(0, most)
-        differences[:, point] = codes[:, point] - mean
-    return differences
+        mean = sum(shown[point - step] for step in steps) // len(steps)
+        spacing, wide = spacings[point], np.maximum(spacings[point], 1)
+        nearest = (by_point[point] - mean + spacing // 2) // wide
+        within = nearest.clip(-(mean // wide), (most - mean) // wide)
+        multiples[point] = np.where(spacing > 0, within, 0)
+        shown[point] = mean + multiples[point] * spacing
+    return np.ascontiguousarray(multiples.T), np.ascontiguousarray(shown.T)

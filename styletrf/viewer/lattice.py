@@ -90,14 +90,6 @@ def brick_lattice(
     return BrickLattice((x, y, z), slots.transpose(2, 1, 0), blocks[present])
 
 
-def greatest_around(
-    lattice: BrickLattice, cells: UInt8[np.ndarray, "cells_x cells_y cells_z"]
-) -> UInt8[np.ndarray, "bricks 512"]:
-    """Returns the greatest of the values in the cells around each point that is stored."""
-    present = lattice.slots.transpose(2, 1, 0) >= 0
-    return _greatest_by_bricks(cells)[present]
-
-
 def _greatest_by_bricks(
     cells: Shaped[np.ndarray, "cells_x cells_y cells_z"],
 ) -> Shaped[np.ndarray, "bricks_z bricks_y bricks_x 512"]:
@@ -113,7 +105,7 @@ def _greatest_by_bricks(
 
 
 def occupied_cells(
-    occupancy: UInt8[np.ndarray, "x y z"], resolution: Sequence[int]
+    occupancy: Shaped[np.ndarray, "x y z"], resolution: Sequence[int]
 ) -> Bool[np.ndarray, "cells_x cells_y cells_z"]:
     """Returns the lattice's cells with a part occupied."""
     return greatest_in_cells(occupancy != 0, resolution)

@@ -1,4 +1,4 @@
-"""What pictures lack of a field's colors, given to the lattice points that show it; compiled.
+"""What pictures show of lattice points, and lack of a field's colors; compiled.
 
     shown_s = sigmoid(sum_k h_k(x_s) (base_k + slope_k . d)),   h_k: trilinear weight of point k
     lacking_r = sum_s w_s (c_s - shown_s)                       of a ray r
@@ -130,3 +130,31 @@ def totals(slots, low, rest, weights, starts, directions, n_points, of_samples):
                     sums[band, points[corner], 0] += amount * shares[corner]
                     sums[band, points[corner], 1] += amount * shares[corner] * turned
     return _sum_of_bands(sums)
+
+
+@no_type_check
+@compiled()
+def add_squares(slots, low, rest, weights, squares, greatest):
+    """Sets `greatest` of points to at least the sums of squared weights of a picture's samples.
+
+    Args:
+        slots: Of the bricks, see `BrickLattice`.
+        low: The lowest of the 8 points around each sample, `samples 3`.
+        rest: Where the sample is between them, in [0, 1], `samples 3`.
+        weights: Of the samples.
+        squares: Zeros, one for each point; they are zeros again afterwards.
+        greatest: Of the sums so far, one for each point.
+    """
+    points, shares = np.empty(8, np.int64), np.empty(8, np.float32)
+    for sample in range(len(weights)):
+        _around(slots, low[sample], rest[sample], points, shares)
+        for corner in range(8):
+            squares[points[corner]] += (weights[sample] * shares[corner]) ** 2
+    for sample in range(len(weights)):
+        _around(slots, low[sample], rest[sample], points, shares)
+        for corner in range(8):
+            greatest[points[corner]] = max(greatest[points[corner]], squares[points[corner]])
+    for sample in range(len(weights)):
+        _around(slots, low[sample], rest[sample], points, shares)
+        for corner in range(8):
+            squares[points[corner]] = 0

@@ -22,7 +22,8 @@ from styletrf.viewer.baking import (
 from styletrf.viewer.camera_bounds import CameraBounds, camera_bounds
 from styletrf.viewer.color_refit import RefitConfig
 from styletrf.viewer.lattice import MOST_BRICKS
-from styletrf.viewer.visibility import Views, seen_weights
+from styletrf.viewer.seen_points import SeenPoints
+from styletrf.viewer.visibility import Views, seen_voxels
 
 RENDER = RenderConfig(termination=1e-2, min_weight=1e-2)
 """Of the viewer: what weighs less is not seen (docs/knobs.md)."""
@@ -66,14 +67,12 @@ class LookBaking:
     Attributes:
         field: Of the photographs, whose density all share.
         views: That see it.
-        weights: Of the voxels that they see.
-        most_bricks: Of each lattice.
+        seen: The points that have colors.
     """
 
     field: RadianceField
     views: Views
-    weights: Float[np.ndarray, "x y z"]
-    most_bricks: int
+    seen: SeenPoints
 
     def baked(self, name: str, field: RadianceField) -> BakedLook:
         """Returns the colors of a field.
@@ -82,7 +81,7 @@ class LookBaking:
             InputError: It has a density of its own.
         """
         require_shared_density(name, field, self.field)
-        return bake_look(name, field, self.views, self.weights, RefitConfig(), self.most_bricks)
+        return bake_look(name, field, self.views, self.seen, RefitConfig())
 
 
 def viewer_content(
@@ -140,8 +139,8 @@ def bake_scene(
     name, field = photographs
     bounds = camera_bounds(photographed, path)
     views = Views(model.space, [*photographed, *path], RENDER, bounds.radius)
-    density, weights = bake_density(field, views, most_bricks), seen_weights(field, views)
-    baking = LookBaking(field, views, weights, most_bricks)
+    density = bake_density(field, views, most_bricks)
+    baking = LookBaking(field, views, SeenPoints(seen_voxels(field, views), most_bricks))
     content = ViewerContent(
         scene, model.space.within(field.bounds), field.step_length, RENDER, density,
         [baking.baked(name, field)], path, bounds, model.focus, model.looking,

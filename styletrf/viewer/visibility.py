@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from styletrf.field.kernels import Samples, kernels_for
 from styletrf.field.radiance_field import RadianceField
@@ -48,10 +48,8 @@ class Views:
 
 
 @torch.no_grad()
-def seen_weights(
-    field: RadianceField, views: Views, rays: int = _RAYS
-) -> Float[np.ndarray, "x y z"]:
-    """Returns the greatest weight of a sample that a view sees in a voxel; 0 where none is seen.
+def seen_voxels(field: RadianceField, views: Views, rays: int = _RAYS) -> Bool[np.ndarray, "x y z"]:
+    """Returns where a view sees a sample.
 
     The voxels are half as long as those of the field's occupancy.
 
@@ -64,16 +62,20 @@ def seen_weights(
     for axis in range(3):
         occupancy = occupancy.repeat(2, axis)
     voxels = np.array(occupancy.shape)
-    weights = np.zeros(voxels, dtype=np.float32)
+    seen = np.zeros(voxels, dtype=bool)
     cameras = views.beside()
-    pixels = max(64.0, rays / len(cameras))
     for camera in cameras:
-        share = min(1.0, (pixels / (camera.width * camera.height)) ** 0.5)
-        width, height = (max(1, round(share * side)) for side in (camera.width, camera.height))
-        samples = heavy_samples(field, views, resized(camera, width, height))[0]
+        samples = heavy_samples(field, views, of_pixels(camera, rays / len(cameras)))[0]
         at = ((samples.positions.numpy() + 1) / 2 * voxels).astype(np.int64)
-        np.maximum.at(weights, tuple(at.clip(0, voxels - 1).T), samples.weights.numpy())
-    return np.where(occupancy != 0, weights, np.float32(0))
+        seen[tuple(at.clip(0, voxels - 1).T)] = True
+    found: Bool[np.ndarray, "x y z"] = seen & (occupancy != 0)
+    return found
+
+
+def of_pixels(camera: Camera, pixels: float) -> Camera:
+    """Returns the camera resized so that it has about so many pixels, at least 64; never larger."""
+    share = min(1.0, (max(64.0, pixels) / (camera.width * camera.height)) ** 0.5)
+    return resized(camera, *(max(1, round(share * n)) for n in (camera.width, camera.height)))
 
 
 def heavy_samples(

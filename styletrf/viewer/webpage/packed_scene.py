@@ -8,8 +8,10 @@ import numpy as np
 
 from styletrf.geometry.cameras import Camera
 from styletrf.viewer.baking import BakedLook
-from styletrf.viewer.coding import COLOR_LEVELS, Codes, Spacings, packed_bytes, packed_codes
+from styletrf.viewer.coding import COLOR_LEVELS, Codes, packed_colors, packed_density
+from styletrf.viewer.compression import packed_bytes
 from styletrf.viewer.lattice import BrickLattice
+from styletrf.viewer.point_effects import packed_classes
 from styletrf.viewer.viewer_content import ViewerContent
 from styletrf.viewer.webpage.block_text import block_text
 
@@ -32,7 +34,7 @@ class Packed:
 def packed_scene(content: ViewerContent, frames_per_second: float) -> Packed:
     """Returns all but the looks; `frames_per_second` are those of the fly-through."""
     density, render, blocks = content.density, content.render, dict[str, str]()
-    exact = density.lattice.needed.astype(np.uint8)
+    differences, counts = packed_density(density.codes.codes, density.lattice.needed)
     numbers = {
         "uDepthMin": content.space.depth_min,
         "uStep": content.step_length,
@@ -49,7 +51,8 @@ def packed_scene(content: ViewerContent, frames_per_second: float) -> Packed:
         "march": numbers,
         "density": {
             "lattice": _lattice(density.lattice, blocks),
-            "values": _block(packed_codes(density.codes.codes, exact, 2), blocks),
+            "values": _block(differences, blocks),
+            "counts": counts,
             "low": density.codes.low,
             "step": density.codes.step,
         },
@@ -74,12 +77,15 @@ def packed_scene(content: ViewerContent, frames_per_second: float) -> Packed:
 def packed_look(look: BakedLook, thumbnail: str) -> Packed:
     """Returns a look; its thumbnail is a `data:` URI."""
     blocks: dict[str, str] = {}
+    classes, counts = packed_classes(look.classes)
     values = {
         "name": look.name,
         "thumbnail": thumbnail,
         "lattice": _lattice(look.lattice, blocks),
-        "colors": _values(look.codes, look.spacings, blocks),
-        "slopes": _values(look.slope_codes, look.spacings, blocks) if look.slope_codes else None,
+        "classes": {"values": _block(classes, blocks), "counts": _block(counts, blocks)},
+        "spacings": list(look.spacings),
+        "colors": _values(look, look.codes, blocks),
+        "slopes": _values(look, look.slope_codes, blocks) if look.slope_codes else None,
         "meanDirection": list(look.mean_direction),
         "power": look.weight_power,
         "background": list(look.background),
@@ -87,9 +93,10 @@ def packed_look(look: BakedLook, thumbnail: str) -> Packed:
     return Packed(values, blocks)
 
 
-def _values(codes: Codes, spacings: Spacings, blocks: dict[str, str]) -> dict[str, Any]:
+def _values(look: BakedLook, codes: Codes, blocks: dict[str, str]) -> dict[str, Any]:
     """Returns values that a texture of 8 bits holds, by what its 0 and 255 stand for."""
-    packed, gain = packed_codes(codes.codes, spacings, 1), 256 // COLOR_LEVELS
+    packed = packed_colors(codes.codes, look.classes, look.spacings)
+    gain = 256 // COLOR_LEVELS
     bounds = {"low": codes.low, "high": codes.low + 255 / gain * codes.step, "gain": gain}
     return {"values": _block(packed, blocks), **bounds}
 

@@ -72,7 +72,7 @@ const makeRenderer = (canvas, scene, fragment) => {
   const head = `#version 300 es\n#define MAPS ${scene.maps.length}\n${scene.fetched ? "#define FETCHED\n" : ""}`;
   const march = programOf(gl, head + fragment), show = programOf(gl, SHOW);
   const mostTexels = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE);
-  const layouts = new Map(), looks = [];
+  const layouts = new Map(), classes = new Map(), looks = [];
   const target = { texture: gl.createTexture(), frame: gl.createFramebuffer(), width: 0, height: 0 };
   const FORMATS = {
     empty: [gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE], bricks: [gl.RGBA8UI, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE],
@@ -95,6 +95,11 @@ const makeRenderer = (canvas, scene, fragment) => {
       }));
     return layouts.get(name);
   };
+  const classesNamed = (look, layout) => {
+    const name = look.classes.values;
+    if (!classes.has(name)) classes.set(name, classesOf(look.classes, look.spacings.length, layout));
+    return classes.get(name);
+  };
   const bind = (unit, texture) => { gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(gl.TEXTURE_3D, texture); };
 
   const loadDensity = async () => {
@@ -111,8 +116,10 @@ const makeRenderer = (canvas, scene, fragment) => {
   };
   const loadLook = async (k) => {
     const look = scene.looks[k], layout = await layoutNamed(look.lattice);
+    const ofPoints = await classesNamed(look, layout);
     const upload = async (values) => {
-      const slabOf = await colorsOf(values, layout), bytesOfSlab = (slab) => new Uint8Array(slabOf(slab).buffer);
+      const slabOf = await colorsOf(values, look.spacings, ofPoints, layout);
+      const bytesOfSlab = (slab) => new Uint8Array(slabOf(slab).buffer);
       return slabTexture(gl, UNITS.uColorsA, FORMATS.colors, layout, bytesOfSlab);
     };
     const colorsTexture = await upload(look.colors), slopesTexture = look.slopes && await upload(look.slopes);

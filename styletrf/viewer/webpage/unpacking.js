@@ -1,4 +1,4 @@
-// From the blocks of the page to the contents of textures; the other side of coding.py.
+// From the blocks of the page to the contents of textures; the other side of coding.py and compression.py.
 const SIDE = 8, APRON = SIDE + 1, POINTS = SIDE ** 3, BUSY_MS = 50, ESCAPE = 0xE000;
 
 class Refusal extends Error {}
@@ -122,25 +122,80 @@ const slabsOf = (layout, Kind, value) => {
   return (slab) => { fillSlab(texels, layout, slab, value); return texels; };
 };
 
-const densitiesOf = async ({ values, low, step }, layout) => {
+// Where the values of each context begin, if there are so many of each.
+const startsOf = (counts) => {
+  const starts = new Uint32Array(counts.length);
+  for (let k = 1; k < counts.length; k++) starts[k] = starts[k - 1] + counts[k - 1];
+  return starts;
+};
+
+// What is before a point along x, y and z in its brick, or 0.
+const beforeX = (values, at) => (at & 7 ? values[at - 1] : 0);
+const beforeY = (values, at) => (at & 56 ? values[at - SIDE] : 0);
+const beforeZ = (values, at) => (at & 448 ? values[at - SIDE ** 2] : 0);
+
+// The points of all bricks, in parts after which the browser may rest.
+const PART = 256 * POINTS;
+
+const densitiesOf = async ({ values, counts, low, step }, layout) => {
   const n = layout.bricks.length * POINTS, codes = new Uint16Array(n), bytes = await bytesOf(values, 2 * n);
-  for (let k = 0; k < n; k++) {
-    const code = bytes[k] | bytes[n + k] << 8;
-    codes[k] = code >> 1 ^ -(code & 1);  // of 0, 1, 2, 3, 4: 0, -1, 1, -2, 2
+  const next = startsOf(counts);
+  for (let first = 0; first < n; first += PART) {
+    await rest();
+    for (let at = first; at < Math.min(first + PART, n); at++) {
+      const sum = beforeX(codes, at) + beforeY(codes, at) + beforeZ(codes, at);
+      const k = next[32 - Math.clz32(sum)]++;  // by the sum's number of digits
+      codes[at] = bytes[k] | bytes[n + k] << 8;
+    }
   }
+  for (let k = 0; k < n; k++) codes[k] = codes[k] >> 1 ^ -(codes[k] & 1);  // of 0, 1, 2, 3: 0, -1, 1, -2
   await rest();
   summed(codes, 1);
   return slabsOf(layout, Float32Array, (point) => low + step * codes[point]);
 };
 
-const colorsOf = async ({ values, gain }, layout) => {
-  const n = layout.bricks.length * POINTS, bytes = await bytesOf(values, 3 * n);
+// The class of each point, how much it changes in pictures (point_effects.py), of so many kinds; and how many
+// points of each class there are without the first ones of bricks.
+const classesOf = async ({ values, counts }, kinds, layout) => {
+  const n = layout.bricks.length * POINTS, classes = new Uint8Array(n), bytes = await bytesOf(values, n);
+  const next = startsOf(new Uint32Array((await bytesOf(counts, 4 * kinds ** 3)).buffer));
+  const sizes = new Uint32Array(kinds);
+  for (let first = 0; first < n; first += PART) {
+    await rest();
+    for (let at = first; at < Math.min(first + PART, n); at++) {
+      const context = beforeX(classes, at) + kinds * (beforeY(classes, at) + kinds * beforeZ(classes, at));
+      classes[at] = bytes[next[context]++];
+      if (at % POINTS) sizes[classes[at]]++;
+    }
+  }
+  return { classes, sizes };
+};
+
+// The texels of colors, whose multiples of the spacings of their classes are given class by class.
+const colorsOf = async ({ values, gain }, spacings, { classes, sizes }, layout) => {
+  const bricks = layout.bricks.length, used = sizes.map((size, k) => (spacings[k] ? size : 0));
+  const channel = bricks + used.reduce((a, b) => a + b), bytes = await bytesOf(values, 3 * channel);
+  const codes = new Uint8Array(3 * classes.length), next = startsOf(used).map((start) => bricks + start);
+  const firsts = [0, 0, 0];
+  for (let brick = 0; brick < bricks; brick++) {
+    if (!(brick & 255)) await rest();
+    let to = 3 * POINTS * brick;
+    for (let k = 0; k < 3; k++) codes[to++] = firsts[k] = firsts[k] + bytes[k * channel + brick] & 255;
+    for (let at = POINTS * brick + 1; at < POINTS * (brick + 1); at++, to += 3) {
+      const kind = classes[at], spacing = spacings[kind];
+      if (!spacing) continue;
+      const from = next[kind]++;
+      codes[to] = spacing * bytes[from];
+      codes[to + 1] = spacing * bytes[from + channel];
+      codes[to + 2] = spacing * bytes[from + 2 * channel];
+    }
+  }
   await rest();
-  summed(bytes, 3);
+  summed(codes, 3);
   const most = Math.floor(255 / gain);
-  const within = (code) => (code < 0 ? 0 : code > most ? most : code);  // a mean of neighbors may lie beyond
+  const within = (code) => (code < 0 ? 0 : code > most ? most : code);  // a sum of two means may lie beyond
   return slabsOf(layout, Uint32Array, (point) => {
-    const at = 3 * point, green = bytes[at + 1];
-    return gain * (within(bytes[at] + green - 128) | green << 8 | within(bytes[at + 2] + green - 128) << 16);
+    const at = 3 * point, green = codes[at + 1];
+    return gain * (within(codes[at] + green - 128) | green << 8 | within(codes[at + 2] + green - 128) << 16);
   });
 };

@@ -11,13 +11,17 @@ from mini_scene import KERNELS
 
 from styletrf.errors import InputError
 from styletrf.viewer.baking import bake_density, bake_look, require_shared_density
-from styletrf.viewer.baking_loss import psnr_db
+from styletrf.viewer.baking_loss import baking_loss
 from styletrf.viewer.camera_bounds import camera_bounds
+from styletrf.viewer.coding import FINEST
 from styletrf.viewer.color_refit import RefitConfig
+from styletrf.viewer.lattice import MOST_BRICKS
+from styletrf.viewer.point_effects import effect_classes, point_effects
+from styletrf.viewer.seen_points import SeenPoints
 from styletrf.viewer.viewer_content import RENDER
-from styletrf.viewer.visibility import Views, heavy_samples, seen_weights
+from styletrf.viewer.visibility import Views, heavy_samples, seen_voxels
 
-EVERYWHERE = np.ones((1, 1, 1), np.float32)
+EVERYWHERE = SeenPoints(np.ones((1, 1, 1), bool), MOST_BRICKS)
 SPACES = ["ndc", "box", "unbounded"]
 
 
@@ -33,18 +37,19 @@ def test_baked_densities_interpolate_to_the_field(tiny, content, space):
 
 
 @pytest.mark.parametrize("space", SPACES)
-def test_paintings_have_46_db_and_lose_8_bits_where_no_color_is_coarser(tiny, content, space):
+def test_every_picture_of_paintings_has_45_db_or_loses_little(tiny, content, space):
     scene = tiny(space)
     photographs, *styles = content(space).looks
     assert photographs.slope_codes is not None
     assert photographs.psnr_db > 30
     for look in styles:
         assert look.slope_codes is None
-        exact = look.lattice.needed.astype(np.uint8).reshape(look.spacings.shape)
-        finest = replace(look, spacings=exact).appearance()
-        finest_db = psnr_db(scene.fields[look.name], views(scene), appearance=finest)
-        assert finest_db > 50
-        assert look.psnr_db >= min(finest_db - 0.5, 46.5)
+        loss, finest = (
+            baking_loss(scene.fields[look.name], views(scene), appearance=each.appearance())
+            for each in (look, replace(look, spacings=FINEST))
+        )
+        assert finest.least_db > 50
+        assert loss.least_db >= min(finest.least_db - 0.5, 45.5)
 
 
 def views(scene) -> Views:
@@ -61,17 +66,15 @@ def test_a_refit_is_nearer_than_the_colors_along_one_direction(tiny):
     assert some > none + 1
 
 
-def test_light_voxels_are_coarser_where_that_costs_little(tiny):
+def test_points_with_little_effect_are_coarser_or_take_the_mean_of_their_neighbors(tiny):
     scene = tiny("box")
     field, of = scene.fields["style 1"], views(scene)
-    weights = seen_weights(field, of)
-    whole = bake_look("", field, of, (weights > 0).astype(np.float32), RefitConfig())
-    thin = bake_look("", field, of, weights, RefitConfig())
-    assert thin.psnr_db >= min(whole.psnr_db - 0.5, 46.5)
-    assert np.array_equal(thin.lattice.slots, whole.lattice.slots)
-    is_exact = thin.spacings == 1
-    assert is_exact.sum() < thin.lattice.needed.sum()
-    assert not (thin.lattice.needed & ~whole.lattice.needed).any()
+    seen = SeenPoints(seen_voxels(field, of), MOST_BRICKS)
+    look = bake_look("", field, of, seen, RefitConfig())
+    assert list(look.spacings[1:]) != list(FINEST[1:])
+    effects = point_effects(field, of, look.lattice)
+    np.testing.assert_array_equal(look.classes, effect_classes(effects))
+    assert not effects[~look.lattice.needed].any()
 
 
 def test_a_lattice_with_too_many_bricks_is_made_coarser_and_says_what_that_costs(tiny):

@@ -7,75 +7,160 @@ import pytest
 
 from styletrf.viewer.coding import (
     COLOR_LEVELS,
+    FINEST,
+    WIDEST_SPACING,
     Codes,
     color_codes,
     density_codes,
-    packed_codes,
+    packed_colors,
+    packed_density,
     shown_colors,
     spacings_of,
 )
+from styletrf.viewer.compression import before
+from styletrf.viewer.point_effects import CLASSES, effect_classes, packed_classes
 
 BRICKS = 3
+ALL = np.ones((BRICKS, 512), np.uint8)  # every point in the first class
 
 
-def unpacked(packed: bytes, channels: int, n_bytes: int) -> np.ndarray:
-    """What the browser does in `unpacking.js`."""
-    planes = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(n_bytes, -1, 512, channels)
-    codes = sum(planes[k].astype(np.int64) << 8 * k for k in range(n_bytes))
-    codes = codes.transpose(2, 0, 1).copy()
-    if n_bytes == 2:
-        codes = ((codes >> 1) ^ -(codes & 1)) % 2**16
+def summed(differences: np.ndarray, modulus: int) -> np.ndarray:
+    """What `summed` in `unpacking.js` does."""
+    codes = differences.astype(np.int64)
     for point in range(1, 512):
         steps = [step for step, of in ((1, 7), (8, 56), (64, 448)) if point & of]
-        mean = sum(codes[..., point - step] for step in steps) // len(steps)
-        codes[..., point] = (codes[..., point] + mean) % 2 ** (8 * n_bytes)
-    if channels == 3:
-        codes[[0, 2]] += codes[1] - 128
-    return codes.reshape(channels, -1).T
+        mean = sum(codes[:, point - step] for step in steps) // len(steps)
+        codes[:, point] = (codes[:, point] + mean) % modulus
+    return codes
 
 
-@pytest.mark.parametrize(("channels", "n_bytes"), [(1, 2), (3, 1)])
-def test_codes_of_spacing_1_come_back(channels, n_bytes):
-    rng = np.random.default_rng(0)
-    codes = rng.integers(0, COLOR_LEVELS if channels == 3 else 2**16, (BRICKS * 512, channels))
-    spacings = (rng.random((BRICKS, 512)) < 0.5).astype(np.uint8)
-    back = unpacked(packed_codes(codes, spacings, n_bytes), channels, n_bytes)
-    is_exact = spacings.ravel() == 1
-    np.testing.assert_array_equal(back[is_exact], codes[is_exact])
+def unpacked_colors(packed: bytes, classes: np.ndarray, spacings: tuple[int, ...]) -> np.ndarray:
+    """What `colorsOf` in `unpacking.js` does."""
+    of_channels = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(3, -1)
+    found = []
+    for values in of_channels:
+        codes, rest = np.zeros(classes.shape, np.int64), values[len(classes) :]
+        codes[:, 0] = np.cumsum(values[: len(classes)]) % 256
+        for kind, spacing in enumerate(spacings):
+            of_kind = classes == kind
+            of_kind[:, 0] = False
+            if spacing:
+                here, rest = np.split(rest, [of_kind.sum()])
+                codes[of_kind] = spacing * here.astype(np.int64)
+        assert not rest.size
+        found.append(summed(codes, 256).ravel())
+    red, green, blue = found
+    return np.stack([red + green - 128, green, blue + green - 128], axis=1)
 
 
-def test_codes_without_a_spacing_take_no_room():
+def unpacked_density(packed: bytes, counts: list[int]) -> np.ndarray:
+    """What `densitiesOf` in `unpacking.js` does."""
+    low, high = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(2, -1).astype(np.int64)
+    starts, values = np.append(0, np.cumsum(counts)), low | high << 8
+    zigzag = np.zeros((len(values) // 512, 512), np.int64)
+    for brick in zigzag:
+        for at in range(512):
+            steps = [step for step, of in ((1, 7), (8, 56), (64, 448)) if at & of]
+            context = int(sum(brick[at - step] for step in steps)).bit_length()
+            brick[at] = values[starts[context]]
+            starts[context] += 1
+    return summed(((zigzag >> 1) ^ -(zigzag & 1)) % 2**16, 2**16)
+
+
+def unpacked_classes(packed: bytes, counts: bytes) -> np.ndarray:
+    """What `classesOf` in `unpacking.js` does."""
+    values = np.frombuffer(zlib.decompress(packed), np.uint8)
+    starts = np.append(0, np.cumsum(np.frombuffer(zlib.decompress(counts), "<u4").astype(int)))
+    classes = np.zeros((len(values) // 512, 512), np.int64)
+    for brick in classes:
+        for at in range(512):
+            steps = ((1, 7, 1), (8, 56, CLASSES + 1), (64, 448, (CLASSES + 1) ** 2))
+            context = sum(brick[at - step] * of for step, mask, of in steps if at & mask)
+            brick[at] = values[starts[context]]
+            starts[context] += 1
+    return classes
+
+
+def test_colors_of_spacing_1_come_back():
     codes = np.random.default_rng(0).integers(0, COLOR_LEVELS, (BRICKS * 512, 3))
-    nothing = np.zeros((BRICKS, 512), np.uint8)
-    assert len(packed_codes(codes, nothing, 1)) < 100
+    back = unpacked_colors(packed_colors(codes, ALL, FINEST), ALL, FINEST)
+    np.testing.assert_array_equal(back, codes)
 
 
-def test_a_channel_is_at_most_half_its_spacing_off():
+@pytest.mark.parametrize("most", [3, 2**16])
+def test_densities_come_back_where_they_are_needed(most):
     rng = np.random.default_rng(0)
-    codes = rng.integers(0, 2**16, (BRICKS * 512, 1))
-    spacings = (2 * rng.integers(0, 16, (BRICKS, 512)) + 1).astype(np.uint8)
-    back = unpacked(packed_codes(codes, spacings, 2), 1, 2)
-    assert (np.abs(back - codes).ravel() <= spacings.ravel() // 2).all()
+    codes = rng.integers(0, most, (BRICKS * 512, 1))
+    needed = rng.random((BRICKS, 512)) < 0.7
+    packed, counts = packed_density(codes, needed)
+    back = unpacked_density(packed, counts)
+    np.testing.assert_array_equal(back[needed], codes.reshape(back.shape)[needed])
+
+
+def test_classes_come_back():
+    classes = np.random.default_rng(0).integers(0, CLASSES + 1, (BRICKS, 512)).astype(np.uint8)
+    np.testing.assert_array_equal(unpacked_classes(*packed_classes(classes)), classes)
+
+
+def test_points_without_a_spacing_take_no_room():
+    codes = np.random.default_rng(0).integers(0, COLOR_LEVELS, (BRICKS * 512, 3))
+    assert len(packed_colors(codes, np.zeros((BRICKS, 512), np.uint8), FINEST)) < 100
+    assert len(packed_colors(codes, ALL, (0,) * (CLASSES + 1))) < 100
 
 
 def test_wider_spacings_take_less_room():
     codes = np.random.default_rng(0).integers(0, COLOR_LEVELS, (BRICKS * 512, 3))
-    sizes = [
-        len(packed_codes(codes, np.full((BRICKS, 512), spacing, np.uint8), 1))
-        for spacing in (1, 5, 15, 31)
-    ]
+    sizes = [len(packed_colors(codes, ALL, (0, spacing))) for spacing in (1, 5, 15, 31)]
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-1] < sizes[0] / 2
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 4.0])
-def test_spacings_are_odd_and_widen_where_weights_fall(share):
-    spacings = spacings_of(np.arange(256, dtype=np.uint8)[None].repeat(2, 1), share).ravel()
-    used = spacings[spacings > 0]
-    assert spacings[0] == 0
+def test_values_that_their_contexts_tell_apart_take_less_room():
+    rng = np.random.default_rng(0)
+    classes = rng.integers(1, 3, (40, 512)).astype(np.uint8)
+    smooth = np.full(classes.shape, COLOR_LEVELS // 2)
+    noise = rng.integers(-32, 32, classes.shape)
+    codes = (smooth + np.where(classes == 2, noise, 0)).reshape(-1, 1).repeat(3, axis=1)
+    spacings = (0, 63, 1)  # the first class has nearly no differences
+    mixed = packed_colors(codes, np.full_like(classes, 2), spacings)
+    assert len(packed_colors(codes, classes, spacings)) < 0.7 * len(mixed)
+
+
+@pytest.mark.parametrize("finest", [1e-3, 0.7, 4.0])
+def test_spacings_are_odd_and_at_most_double_and_one_from_class_to_class(finest):
+    none, *spacings = spacings_of(finest)
+    assert none == 0
+    used = np.array([spacing for spacing in spacings if spacing])
+    assert spacings == [*used, *[0] * (CLASSES - len(used))]
     assert (used % 2 == 1).all()
-    assert (np.diff(used.astype(int)) <= 0).all()
-    assert ((used - 1) * (np.flatnonzero(spacings) // 2) / 255 <= share).all()
+    assert used.max() <= WIDEST_SPACING
+    assert (np.diff(used) >= 0).all()
+    assert (used <= 1 + finest * 2.0 ** np.arange(len(used))).all()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_classes_halve_from_one_to_the_next_whatever_the_scale(scale):
+    effects = scale * np.append(1.0, 0.5 ** np.arange(511)).reshape(1, 512).clip(1e-12)
+    classes = effect_classes(effects.astype(np.float32))[0].astype(int)
+    assert classes[1] == 1
+    assert not classes[-1]
+    used = classes[classes > 0]
+    assert set(used) == set(range(1, CLASSES + 1))
+    assert (np.diff(used) >= 0).all()
+    assert not classes[len(used) :].any()
+
+
+def test_effects_of_nothing_are_no_class():
+    assert not effect_classes(np.zeros((2, 512), np.float32)).any()
+
+
+def test_before_is_the_neighbor_in_the_same_brick():
+    values = np.arange(1, 1025).reshape(2, 512)
+    for axis, (step, side) in enumerate([(1, 8), (8, 64), (64, 512)]):
+        found = before(values, axis)
+        begins = np.arange(512) % side < step
+        assert not found[:, begins].any()
+        np.testing.assert_array_equal(found[:, ~begins], values[:, ~begins] - step)
 
 
 @pytest.mark.parametrize("scale", [0.0, 1.0, 1e4])
@@ -83,7 +168,7 @@ def test_codes_are_within_half_a_step(scale):
     values = (scale * np.random.default_rng(0).normal(size=(512, 1))).astype(np.float32)
     found = density_codes(values, np.ones(512, bool))
     assert np.abs(found.values() - values).max() <= 0.51 * found.step
-    assert found.step <= max(1 / 32, 10 * scale / 65535)
+    assert found.step <= max(1 / 4, 10 * scale / 65535)
 
 
 def test_colors_count_as_full_or_black_beyond_a_limit():
@@ -96,8 +181,9 @@ def test_colors_count_as_full_or_black_beyond_a_limit():
 @pytest.mark.parametrize("spread", [20, COLOR_LEVELS])
 def test_a_look_shows_what_the_browser_makes_of_its_codes(spread):
     rng = np.random.default_rng(0)
-    codes = rng.integers(0, spread, (3 * 512, 3)).astype(np.int32)
-    spacings = rng.choice(np.array([0, 1, 3, 31], np.uint8), (3, 512))
-    shown = shown_colors(Codes(0.0, 1.0, codes), spacings).codes
-    back = unpacked(packed_codes(codes, spacings, 1), 3, 1)
+    codes = rng.integers(0, spread, (BRICKS * 512, 3)).astype(np.int32)
+    classes = rng.integers(0, CLASSES + 1, (BRICKS, 512)).astype(np.uint8)
+    spacings = spacings_of(0.5)
+    shown = shown_colors(Codes(0.0, 1.0, codes), classes, spacings).codes
+    back = unpacked_colors(packed_colors(codes, classes, spacings), classes, spacings)
     np.testing.assert_array_equal(shown, back.clip(0, COLOR_LEVELS - 1))

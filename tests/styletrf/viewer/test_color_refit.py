@@ -5,7 +5,7 @@ from copy import deepcopy
 import pytest
 
 from styletrf.viewer.baked_appearance import BakedAppearance
-from styletrf.viewer.baking_loss import psnr_db
+from styletrf.viewer.baking_loss import baking_loss
 from styletrf.viewer.color_refit import RefitConfig, refitted_colors
 from styletrf.viewer.viewer_content import RENDER
 from styletrf.viewer.visibility import Views
@@ -28,7 +28,7 @@ def fitted_db(of_the_form, **config) -> float:
         lattice, found.base, field.appearance.weight_power, field.appearance.background_color(),
         found.slope, found.mean_direction,
     )  # fmt: skip
-    return psnr_db(field, views, appearance=appearance)
+    return baking_loss(field, views, appearance=appearance).mean_db
 
 
 @pytest.mark.parametrize("of_samples", [0.0, 0.2, 1.0])

@@ -1,0 +1,54 @@
+"""The lattice points that views show, and the classes of what these change in pictures."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Shaped
+
+from styletrf.field.radiance_field import RadianceField
+from styletrf.field.tensor_vm import TensorVM
+from styletrf.viewer.lattice import BrickLattice, brick_lattice, occupied_cells
+from styletrf.viewer.point_effects import Classes, effect_classes, point_effects
+from styletrf.viewer.visibility import Views
+
+_SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too many bricks
+
+
+@dataclass(frozen=True, slots=True)
+class SeenPoints:
+    """Which points of a lattice have colors.
+
+    Attributes:
+        voxels: That views see, see `seen_voxels`.
+        most_bricks: Of each lattice.
+        found: Classes by the lattice's points and the weight power, which styles share.
+    """
+
+    voxels: Bool[np.ndarray, "x y z"]
+    most_bricks: int
+    found: dict[tuple[tuple[int, int, int], float], Classes] = field(default_factory=dict)
+
+    def within(self, factors: TensorVM) -> tuple[TensorVM, BrickLattice]:
+        """Returns the factors and their lattice; see `lattice_within`."""
+        return lattice_within(factors, self.voxels, self.most_bricks)
+
+    def classes(self, field: RadianceField, views: Views, lattice: BrickLattice) -> Classes:
+        """Returns the classes of a field's points; see `point_effects`."""
+        key = lattice.resolution, field.appearance.weight_power
+        if key not in self.found:
+            self.found[key] = effect_classes(point_effects(field, views, lattice))
+        return self.found[key]
+
+
+def lattice_within(
+    factors: TensorVM, voxels: Shaped[np.ndarray, "x y z"], most_bricks: int
+) -> tuple[TensorVM, BrickLattice]:
+    """Returns the factors and their lattice in the voxels, coarser until it has few bricks."""
+    resolution = factors.resolution
+    lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
+    while lattice.n_bricks > most_bricks:  # they grow as the square to the cube
+        share = min(_SHRINK, (most_bricks / lattice.n_bricks) ** 0.4)
+        x, y, z = (max(2, round(share * side)) for side in resolution)
+        resolution = (x, y, z)
+        lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
+    return factors if resolution == factors.resolution else factors.upsampled(resolution), lattice
