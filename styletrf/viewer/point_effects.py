@@ -23,7 +23,7 @@ CLASSES = 6
 """Of effects, halved from one to the next; and the class 0 of points with less or none."""
 Classes = UInt8[np.ndarray, "bricks 512"]
 _RAYS = 3_000_000  # of all cameras together, about
-_GREATEST = 0.99  # share of points whose effects are below that of the first class
+_GREATEST = 0.99  # quantile of the effects that counts as the greatest
 
 
 @torch.no_grad()
