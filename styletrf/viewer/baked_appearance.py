@@ -7,6 +7,7 @@ from torch import Tensor
 
 from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import Kernels
+from styletrf.viewer import lattice_kernels
 from styletrf.viewer.lattice import BrickLattice
 
 
@@ -47,12 +48,10 @@ class BakedAppearance(ColorModel):
 
     def components(self, positions: Tensor, kernels: Kernels) -> Tensor:  # noqa: ARG002
         """Returns the interpolated values; points that are not stored count as 0."""
-        address, weight = self._lattice.corners(positions.numpy())
-        weight = np.where(address < 0, 0, weight)
-        values = np.zeros((len(address), self._values.shape[1]), np.float32)
-        for corner in range(8):
-            values += weight[:, corner, None] * self._values[address[:, corner]]
-        return torch.from_numpy(values)
+        low, rest = self._lattice.cells(positions.numpy())
+        rest = rest.astype(np.float32)
+        found = lattice_kernels.interpolated(self._lattice.slots, low, rest, self._values)
+        return torch.from_numpy(found)
 
     def decode(
         self,

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from styletrf.viewer import coding_kernels
 from styletrf.viewer.compression import in_contexts, packed_bytes, sum_before, wrapped
 from styletrf.viewer.lattice import SIDE
 from styletrf.viewer.point_effects import CLASSES, Classes
@@ -96,7 +97,7 @@ def shown_colors(codes: Codes, classes: Classes, spacings: Spacings) -> Codes:
     """Returns the colors that the browser makes of what `packed_colors` returns."""
     of_points = np.array(spacings, np.int32)[classes]
     channels = [
-        _multiples(channel, of_points, most)[1]
+        coding_kernels.multiples(channel, of_points, most)[1]
         for channel, most in zip(_channels(codes.codes), _MOST_OF_COLORS, strict=True)
     ]
     red, green, blue = (channel.ravel() for channel in channels)
@@ -117,7 +118,7 @@ def packed_colors(
     has_multiple[:, 0] = False
     parts = []
     for channel, most in zip(_channels(codes), _MOST_OF_COLORS, strict=True):
-        multiples, shown = _multiples(channel, of_points, most)
+        multiples, shown = coding_kernels.multiples(channel, of_points, most)
         of_classes = in_contexts(multiples[has_multiple], classes[has_multiple])
         parts += [np.diff(shown[:, 0], prepend=0), of_classes]
     return packed_bytes(wrapped(np.concatenate(parts)))
@@ -132,7 +133,8 @@ def packed_density(
     number of binary digits of the sum of those before it. Low bytes come before high ones.
     Points that are not needed take the mean of their neighbors.
     """
-    multiples, shown = _multiples(codes.reshape(needed.shape), needed.astype(np.int32), 2**16 - 1)
+    by_brick, spacings = codes.astype(np.int32).reshape(needed.shape), needed.astype(np.int32)
+    multiples, shown = coding_kernels.multiples(by_brick, spacings, 2**16 - 1)
     multiples[:, 0] = shown[:, 0]
     differences = _zigzag(multiples)
     contexts = np.ceil(np.log2(1 + sum_before(differences))).astype(np.int64)
@@ -142,35 +144,11 @@ def packed_density(
 
 
 def _channels(codes: Int[np.ndarray, "points 3"]) -> list[Int[np.ndarray, "bricks 512"]]:
-    red, green, blue = codes.T.reshape(3, -1, SIDE**3)
-    return [red - green + 128, green, blue - green + 128]
+    red, green, blue = codes.astype(np.int32).T.reshape(3, -1, SIDE**3)
+    return [red - green + 128, np.ascontiguousarray(green), blue - green + 128]
 
 
 def _zigzag(differences: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
     """Returns 0, 1, 2, 3, 4 of 0, -1, 1, -2, 2, and so on, by modulo 2^16."""
     signed = (differences + 2**15) % 2**16 - 2**15
     return (signed << 1) ^ (signed >> 16)
-
-
-def _multiples(
-    codes: Int[np.ndarray, "bricks 512"], spacings: Int[np.ndarray, "bricks 512"], most: int
-) -> tuple[Int[np.ndarray, "bricks 512"], Int[np.ndarray, "bricks 512"]]:
-    """Returns the multiples of the spacings that lead from means to codes, and what they lead to.
-
-    A mean is that of the points before along x, y and z in the same brick. What multiples lead to
-    is at most half a spacing off, or less than one at the ends, and from 0 to `most`. A brick
-    begins with its first code that has a spacing, which is no multiple.
-    """
-    by_point, spacings = np.ascontiguousarray(codes.T), np.ascontiguousarray(spacings.T)
-    multiples, shown = np.zeros_like(by_point), np.empty_like(by_point)
-    shown[0] = by_point[(spacings > 0).argmax(axis=0), np.arange(len(codes))]
-    for point in range(1, SIDE**3):
-        z, y, x = point // SIDE**2, point // SIDE % SIDE, point % SIDE
-        steps = [step for step, at in ((1, x), (SIDE, y), (SIDE**2, z)) if at > 0]
-        mean = sum(shown[point - step] for step in steps) // len(steps)
-        spacing, wide = spacings[point], np.maximum(spacings[point], 1)
-        nearest = (by_point[point] - mean + spacing // 2) // wide
-        within = nearest.clip(-(mean // wide), (most - mean) // wide)
-        multiples[point] = np.where(spacing > 0, within, 0)
-        shown[point] = mean + multiples[point] * spacing
-    return np.ascontiguousarray(multiples.T), np.ascontiguousarray(shown.T)

@@ -109,7 +109,7 @@ def _fitted(
     config: RefitConfig,
 ) -> Float[np.ndarray, "points 6"]:
     """Returns the bases and slopes after all rounds."""
-    starts, slots = np.append(0, np.cumsum(seen.counts)), lattice.slots.astype(np.int32)
+    starts, slots = np.append(0, np.cumsum(seen.counts)), lattice.slots
     samples = slots, seen.low, seen.rest, seen.weights
     of_samples = np.float32(config.of_samples)
     totals = refit_kernels.totals(*samples, starts, seen.directions, len(start), of_samples)

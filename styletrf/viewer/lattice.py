@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int64, Shaped, UInt8
+from jaxtyping import Bool, Float, Int32, Int64, Shaped, UInt8
 
 SIDE = 8
 """Points of a brick along each axis; a lattice's last bricks may reach beyond its points."""
@@ -27,7 +27,7 @@ class BrickLattice:
     """
 
     resolution: tuple[int, int, int]
-    slots: Int64[np.ndarray, "x y z"]
+    slots: Int32[np.ndarray, "x y z"]
     needed: Bool[np.ndarray, "bricks 512"]
 
     @property
@@ -47,24 +47,6 @@ class BrickLattice:
         points = (SIDE * self.bricks()[:, None] + local).reshape(-1, 3)
         within: Int64[np.ndarray, "points 3"] = np.minimum(points, np.array(self.resolution) - 1)
         return within
-
-    def addresses(self, points: Int64[np.ndarray, "points 3"]) -> Int64[np.ndarray, " points"]:
-        """Returns where the values of lattice points are stored; -1 where they are not."""
-        brick, local = np.divmod(points, SIDE)
-        slot = self.slots[tuple(brick.T)]
-        within = local @ np.array([1, SIDE, SIDE * SIDE])
-        return np.where(slot < 0, -1, slot * SIDE**3 + within)
-
-    def corners(
-        self, positions: Float[np.ndarray, "samples 3"]
-    ) -> tuple[Int64[np.ndarray, "samples 8"], Float[np.ndarray, "samples 8"]]:
-        """Returns the addresses and the trilinear weights of the points around grid positions."""
-        low, high_share = self.cells(positions)
-        addresses, weights = [], []
-        for corner in np.indices((2, 2, 2)).reshape(3, -1).T:
-            addresses.append(self.addresses(low + corner))
-            weights.append(np.where(corner == 1, high_share, 1 - high_share).prod(axis=1))
-        return np.stack(addresses, axis=1), np.stack(weights, axis=1).astype(positions.dtype)
 
     def cells(
         self, positions: Float[np.ndarray, "samples 3"]
@@ -87,7 +69,8 @@ def brick_lattice(
     blocks = _greatest_by_bricks(cells)
     present = blocks.any(axis=3)
     slots = np.where(present, np.cumsum(present).reshape(present.shape) - 1, -1)
-    return BrickLattice((x, y, z), slots.transpose(2, 1, 0), blocks[present])
+    by_axes = np.ascontiguousarray(slots.transpose(2, 1, 0), np.int32)
+    return BrickLattice((x, y, z), by_axes, blocks[present])
 
 
 def _greatest_by_bricks(

@@ -14,7 +14,7 @@ from jaxtyping import Float, UInt8
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.weight_sharpening import sharpened
-from styletrf.viewer import refit_kernels
+from styletrf.viewer import lattice_kernels
 from styletrf.viewer.compression import before, in_contexts, packed_bytes
 from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.visibility import CPU, Views, heavy_samples, of_pixels
@@ -37,19 +37,20 @@ def point_effects(
         views: That see it, with those beside them.
         lattice: Of the points.
     """
-    slots, kernels = lattice.slots.astype(np.int32), kernels_for(CPU)
-    squares = np.zeros((2, lattice.needed.size), np.float32)  # of a camera, and the greatest
+    kernels = kernels_for(CPU)
+    sums = np.zeros((lattice.needed.size, 3), np.float32)
     cameras = views.beside()
-    for camera in cameras:
+    for picture, camera in enumerate(cameras, start=1):
         small = of_pixels(camera, _RAYS / len(cameras))
         samples = sharpened(
             heavy_samples(field, views, small)[0], field.appearance.weight_power, kernels
         )
         low, rest = lattice.cells(samples.positions.numpy())
-        refit_kernels.add_squares(
-            slots, low, rest.astype(np.float32), samples.weights.numpy(), *squares
-        )
-    effects: Float[np.ndarray, "bricks 512"] = np.sqrt(squares[1]).reshape(lattice.needed.shape)
+        at = lattice.slots, low, rest.astype(np.float32)
+        lattice_kernels.add_squares(*at, samples.weights.numpy(), picture, sums)
+    effects: Float[np.ndarray, "bricks 512"] = np.sqrt(sums[:, 1:].max(axis=1)).reshape(
+        lattice.needed.shape
+    )
     return np.where(lattice.needed, effects, np.float32(0))
 
 

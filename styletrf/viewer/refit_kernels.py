@@ -13,24 +13,10 @@ import numba
 import numpy as np
 
 from styletrf.compiled import compiled
-from styletrf.viewer.lattice import SIDE
+from styletrf.viewer.lattice_kernels import around
 
 BANDS = 2  # of rays, each with sums of its own: the result does not depend on the threads
 LEAST_STEEPNESS = np.float32(0.05)  # of the sigmoid, by which what lacks is divided
-
-
-@no_type_check
-@compiled(inline="always")
-def _around(slots, low, rest, points, shares):
-    """Sets the addresses of the 8 points around a place, and its trilinear weights."""
-    for corner in range(8):
-        x, y, z = low[0] + (corner & 1), low[1] + (corner >> 1 & 1), low[2] + (corner >> 2)
-        slot = slots[x // SIDE, y // SIDE, z // SIDE]
-        share = rest[0] if corner & 1 else 1 - rest[0]
-        share *= rest[1] if corner & 2 else 1 - rest[1]
-        share *= rest[2] if corner & 4 else 1 - rest[2]
-        points[corner] = ((max(slot, 0) * SIDE + z % SIDE) * SIDE + y % SIDE) * SIDE + x % SIDE
-        shares[corner] = share if slot >= 0 else 0
 
 
 @no_type_check
@@ -97,7 +83,7 @@ def lacking(slots, low, rest, weights, colors, starts, directions, values, of_sa
             count = starts[ray + 1] - first
             of_ray[:] = 0
             for n in range(count):
-                _around(slots, low[first + n], rest[first + n], points[n], shares[n])
+                around(slots, low[first + n], rest[first + n], points[n], shares[n])
                 _show(points[n], shares[n], values, direction, missing[n])
                 for k in range(3):
                     shown = missing[n, k]
@@ -124,37 +110,9 @@ def totals(slots, low, rest, weights, starts, directions, n_points, of_samples):
             samples = slice(starts[ray], starts[ray + 1])
             of_ray, turned = weights[samples].sum(), np.square(directions[ray]).sum()
             for sample in range(starts[ray], starts[ray + 1]):
-                _around(slots, low[sample], rest[sample], points, shares)
+                around(slots, low[sample], rest[sample], points, shares)
                 amount = weights[sample] * (of_samples + (1 - of_samples) * of_ray)
                 for corner in range(8):
                     sums[band, points[corner], 0] += amount * shares[corner]
                     sums[band, points[corner], 1] += amount * shares[corner] * turned
     return _sum_of_bands(sums)
-
-
-@no_type_check
-@compiled()
-def add_squares(slots, low, rest, weights, squares, greatest):
-    """Sets `greatest` of points to at least the sums of squared weights of a picture's samples.
-
-    Args:
-        slots: Of the bricks, see `BrickLattice`.
-        low: The lowest of the 8 points around each sample, `samples 3`.
-        rest: Where the sample is between them, in [0, 1], `samples 3`.
-        weights: Of the samples.
-        squares: Zeros, one for each point; they are zeros again afterwards.
-        greatest: Of the sums so far, one for each point.
-    """
-    points, shares = np.empty(8, np.int64), np.empty(8, np.float32)
-    for sample in range(len(weights)):
-        _around(slots, low[sample], rest[sample], points, shares)
-        for corner in range(8):
-            squares[points[corner]] += (weights[sample] * shares[corner]) ** 2
-    for sample in range(len(weights)):
-        _around(slots, low[sample], rest[sample], points, shares)
-        for corner in range(8):
-            greatest[points[corner]] = max(greatest[points[corner]], squares[points[corner]])
-    for sample in range(len(weights)):
-        _around(slots, low[sample], rest[sample], points, shares)
-        for corner in range(8):
-            squares[points[corner]] = 0

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from lattice_positions import positions_in
+from lattice_positions import corners, positions_in
 from mini_scene import KERNELS
 
 from styletrf.errors import InputError
@@ -29,7 +29,7 @@ SPACES = ["ndc", "box", "unbounded"]
 def test_baked_densities_interpolate_to_the_field(tiny, content, space):
     field, baked = tiny(space).fields["Photographs"], content(space).density
     at = positions_in(field.density.occupancy.numpy(), 0).astype(np.float32)
-    addresses, weights = baked.lattice.corners(at)
+    addresses, weights = corners(baked.lattice, at)
     shown = (weights * baked.codes.values()[addresses, 0]).sum(axis=1)
     exact = KERNELS.density(field.density.factors, torch.from_numpy(at)).detach().numpy()
     assert baked.reduced_from is None
@@ -97,7 +97,7 @@ def test_what_a_camera_within_the_bounds_sees_has_colors(tiny, content):
         pose = camera.world_from_camera.copy()
         pose[:, 3] += 0.5 * radius * pose[:, k % 2]
         heavy, _ = heavy_samples(field, of, replace(camera, world_from_camera=pose))
-        addresses, _ = lattice.corners(heavy.positions.numpy())
+        addresses, _ = corners(lattice, heavy.positions.numpy())
         assert (addresses >= 0).all(axis=1).mean() > 0.995
         own = lattice.needed.ravel()[addresses].all(axis=1)
         assert own[heavy.weights.detach().numpy() >= 0.1].mean() > 0.99

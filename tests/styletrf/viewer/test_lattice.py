@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lattice_positions import positions_in
+from lattice_positions import addresses, corners, positions_in
 
 from styletrf.viewer.lattice import BrickLattice, brick_lattice, empty_distances, occupied_cells
 
@@ -23,10 +23,10 @@ def lattice_of(occupied: np.ndarray, resolution) -> BrickLattice:
 def test_all_points_around_a_sample_are_stored(seed, shape, resolution):
     occupied = occupancy(seed, shape)
     lattice = lattice_of(occupied, resolution)
-    addresses, weights = lattice.corners(positions_in(occupied, seed))
+    of_points, weights = corners(lattice, positions_in(occupied, seed))
     counted = weights > 1e-6
-    assert (addresses[counted] >= 0).all()
-    assert lattice.needed.ravel()[addresses[counted]].all()
+    assert (of_points[counted] >= 0).all()
+    assert lattice.needed.ravel()[of_points[counted]].all()
     np.testing.assert_allclose(weights.sum(axis=1), 1)
 
 
@@ -35,7 +35,7 @@ def test_addresses_lead_to_the_points_and_no_brick_is_idle(seed, shape, resoluti
     lattice = lattice_of(occupancy(seed, shape), resolution)
     assert lattice.needed.any(axis=1).all()
     stored = np.flatnonzero(lattice.needed)
-    np.testing.assert_array_equal(lattice.addresses(lattice.points()[stored]), stored)
+    np.testing.assert_array_equal(addresses(lattice, lattice.points()[stored]), stored)
 
 
 @given(st.integers(0, 99), SHAPES)
@@ -56,5 +56,5 @@ def test_interpolation_is_exact_for_what_is_linear_along_each_axis(resolution):
         return 1 + x - 2 * y * z + 3 * x * y * z
 
     values = of(*(2 * lattice.points() / (np.array(resolution) - 1) - 1).T)
-    addresses, weights = lattice.corners(at)
-    np.testing.assert_allclose((weights * values[addresses]).sum(axis=1), of(*at.T))
+    of_points, weights = corners(lattice, at)
+    np.testing.assert_allclose((weights * values[of_points]).sum(axis=1), of(*at.T))

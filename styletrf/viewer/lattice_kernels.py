@@ -1,0 +1,73 @@
+"""Sums over the lattice points around samples; compiled.
+
+    value(x) = sum_k h_k(x) value_k,   h_k: trilinear weight of point k
+
+Points that are not stored count as 0, as in the viewer.
+"""
+
+from typing import no_type_check
+
+import numba
+import numpy as np
+
+from styletrf.compiled import compiled
+from styletrf.viewer.lattice import SIDE
+
+
+@no_type_check
+@compiled(inline="always")
+def around(slots, low, rest, points, shares):
+    """Sets the addresses of the 8 points around a place, and its trilinear weights."""
+    for corner in range(8):
+        x, y, z = low[0] + (corner & 1), low[1] + (corner >> 1 & 1), low[2] + (corner >> 2)
+        slot = slots[x // SIDE, y // SIDE, z // SIDE]
+        share = rest[0] if corner & 1 else 1 - rest[0]
+        share *= rest[1] if corner & 2 else 1 - rest[1]
+        share *= rest[2] if corner & 4 else 1 - rest[2]
+        points[corner] = ((max(slot, 0) * SIDE + z % SIDE) * SIDE + y % SIDE) * SIDE + x % SIDE
+        shares[corner] = share if slot >= 0 else 0
+
+
+@no_type_check
+@compiled(parallel=True)
+def interpolated(slots, low, rest, values):
+    """Returns the interpolated values of samples, `samples channels`.
+
+    Args:
+        slots: Of the bricks, see `BrickLattice`.
+        low: The lowest of the 8 points around each sample, `samples 3`.
+        rest: Where the sample is between them, in [0, 1], `samples 3`.
+        values: Of the points, `points channels`.
+    """
+    found = np.zeros((len(low), values.shape[1]), values.dtype)
+    for sample in numba.prange(len(low)):
+        points, shares = np.empty(8, np.int64), np.empty(8, rest.dtype)
+        around(slots, low[sample], rest[sample], points, shares)
+        for corner in range(8):
+            for channel in range(values.shape[1]):
+                found[sample, channel] += shares[corner] * values[points[corner], channel]
+    return found
+
+
+@no_type_check
+@compiled()
+def add_squares(slots, low, rest, weights, picture, sums):
+    """Adds the squared weights of a picture's samples to the points around them.
+
+    Args:
+        slots: Of the bricks, see `BrickLattice`.
+        low: The lowest of the 8 points around each sample, `samples 3`.
+        rest: Where the sample is between them, in [0, 1], `samples 3`.
+        weights: Of the samples.
+        picture: Its number, from 1.
+        sums: Of each point the last picture that shows it, its sum, and the greatest sum of the
+            pictures before, `points 3`. Zeros, before the first.
+    """
+    points, shares = np.empty(8, np.int64), np.empty(8, np.float32)
+    for sample in range(len(weights)):
+        around(slots, low[sample], rest[sample], points, shares)
+        for corner in range(8):
+            of_point = sums[points[corner]]
+            if of_point[0] != picture:
+                of_point[0], of_point[1], of_point[2] = picture, 0, max(of_point[1], of_point[2])
+            of_point[1] += (weights[sample] * shares[corner]) ** 2
