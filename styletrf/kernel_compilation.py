@@ -49,7 +49,7 @@ def compile_viewer_kernels() -> None:
     lattice_kernels.interpolated(slots, low, rest, values)
     lattice_kernels.add_squares(slots, low, rest, weights, 1, np.zeros((512, 3), np.float32))
     codes = np.zeros((1, 512), np.int32)
-    coding_kernels.multiples(codes, codes, 1)
+    coding_kernels.multiples(codes, codes, 1, 1)
     starts, of_samples = np.array([0, 1]), np.float32(0)
     samples = slots, low.astype(np.int16), rest, weights
     refit_kernels.totals(*samples, starts, rest, 512, of_samples)

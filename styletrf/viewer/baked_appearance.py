@@ -9,10 +9,11 @@ from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import Kernels
 from styletrf.viewer import lattice_kernels
 from styletrf.viewer.lattice import BrickLattice
+from styletrf.viewer.view_directions import ViewDirections
 
 
 class BakedAppearance(ColorModel):
-    """color(x, d) = sigmoid(base(x) + slope(x) . (d - mean direction)), both trilinear.
+    """color(x, d) = sigmoid(base(x) + slope(x) . t(d)), both trilinear; t: see `ViewDirections`.
 
     Without slopes it is the same from everywhere.
     """
@@ -24,7 +25,7 @@ class BakedAppearance(ColorModel):
         weight_power: float,
         background: Float[Tensor, " 3"],
         slope: Float[np.ndarray, "points 3"] | None = None,
-        mean_direction: Float[np.ndarray, " 3"] | None = None,
+        directions: ViewDirections | None = None,
     ) -> None:
         """Takes what is shown.
 
@@ -34,12 +35,12 @@ class BakedAppearance(ColorModel):
             weight_power: See `styletrf.field.weight_sharpening`.
             background: The color behind everything, in [0, 1].
             slope: How all channels change with the direction; see `color_refit`.
-            mean_direction: From which directions are counted, where there are slopes.
+            directions: By which directions are turned, where there are slopes.
         """
         super().__init__()
         self._lattice = lattice
         self._values = values if slope is None else np.concatenate([values, slope], axis=1)
-        self._mean = None if slope is None else torch.as_tensor(mean_direction)
+        self._directions = directions
         self.weight_power, self._background = weight_power, background
 
     def weight_powers(self, positions: Tensor) -> float:  # noqa: ARG002
@@ -62,9 +63,9 @@ class BakedAppearance(ColorModel):
     ) -> Tensor:
         """Returns the colors."""
         base, slope = components[:, :3], components[:, 3:]
-        if self._mean is None:
+        if self._directions is None:
             return torch.sigmoid(base)
-        turned = view_directions[ray] - self._mean
+        turned = torch.from_numpy(self._directions.turned(view_directions.numpy()))[ray]
         return torch.sigmoid(base + (slope * turned).sum(dim=1, keepdim=True))
 
     def background_color(self) -> Tensor:

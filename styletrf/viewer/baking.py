@@ -33,13 +33,14 @@ from styletrf.viewer.color_refit import RefitConfig, refitted_colors
 from styletrf.viewer.lattice import MOST_BRICKS, BrickLattice, empty_distances
 from styletrf.viewer.point_effects import Classes
 from styletrf.viewer.seen_points import SeenPoints, lattice_within
+from styletrf.viewer.view_directions import ViewDirections
 from styletrf.viewer.visibility import Views
 
 _CHUNK = 1 << 17
-_FINEST_SPACINGS = tuple(4 / 2 ** (k / 4) for k in range(25))
-"""For `spacings_of`, from 4 to 1/16; the first is taken with which the worst of some pictures loses
+_FINEST_SPACINGS = tuple(8 / 2 ** (k / 4) for k in range(29))
+"""For `spacings_of`, from 8 to 1/16; the first is taken with which the worst of some pictures loses
 at most _MOST_LOSS_DB, or has _ENOUGH_DB."""
-_MOST_LOSS_DB, _ENOUGH_DB = 0.5, 45.5
+_MOST_LOSS_DB, _ENOUGH_DB = 0.2, 45.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ class BakedLook:
         classes: Of the points, see `styletrf.viewer.point_effects`.
         spacings: Of the codes and the slopes in each class, see `styletrf.viewer.coding`.
         slope_codes: Of how they change with the direction; None if they do not.
-        mean_direction: From which directions are counted.
+        directions: By which directions are turned; None if there are no slopes.
         weight_power: See `styletrf.field.weight_sharpening`.
         background: The color behind everything.
         psnr_db: Of pictures with these colors against pictures with the appearance's own.
@@ -89,7 +90,7 @@ class BakedLook:
     classes: Classes
     spacings: Spacings
     slope_codes: Codes | None
-    mean_direction: tuple[float, float, float]
+    directions: ViewDirections | None
     weight_power: float
     background: tuple[float, float, float]
     psnr_db: float
@@ -100,9 +101,8 @@ class BakedLook:
         base, slope = self._shown(self.codes), None
         if self.slope_codes is not None:
             slope = self._shown(self.slope_codes)
-        mean = np.array(self.mean_direction, np.float32)
-        background = torch.tensor(self.background)
-        return BakedAppearance(self.lattice, base, self.weight_power, background, slope, mean)
+        background, directions = torch.tensor(self.background), self.directions
+        return BakedAppearance(self.lattice, base, self.weight_power, background, slope, directions)
 
     def _shown(self, codes: Codes) -> Float[np.ndarray, "points 3"]:
         return shown_colors(codes, self.classes, self.spacings).values()
@@ -148,21 +148,21 @@ def bake_look(
     """
     appearance = field.appearance
     own = appearance.factors
-    factors, lattice = seen.within(own)
-    needed = lattice.needed.ravel()
-    slopes, mean = None, np.zeros(3, np.float32)
+    slopes = directions = None
     if isinstance(appearance.shading, DiffuseColor):
+        factors, lattice = seen.within(own)
         values = lattice_values(factors, lattice, appearance.shading.basis.weight.detach())
+        colors = color_codes(values, lattice.needed.ravel())
     else:
+        lattice = seen.lattice(seen.finer(own.resolution))
         fitted = refitted_colors(field, views, lattice, refit)
-        values, mean = fitted.base, fitted.mean_direction
-        slopes = slope_codes(fitted.slope, needed)
-    (x, y, z), background = mean.tolist(), appearance.background_color().detach()
-    red, green, blue = background.tolist()
+        colors, directions = color_codes(fitted.base, lattice.needed.ravel()), fitted.directions
+        slopes = slope_codes(fitted.slope, colors.step)
+    red, green, blue = appearance.background_color().detach().tolist()
     look = BakedLook(
-        name, lattice, color_codes(values, needed), seen.classes(field, views, lattice), FINEST,
-        slopes, (x, y, z), appearance.weight_power, (red, green, blue), 100.0,
-        None if factors is own else own.resolution,
+        name, lattice, colors, seen.classes(field, views, lattice), FINEST, slopes, directions,
+        appearance.weight_power, (red, green, blue), 100.0,
+        own.resolution if max(lattice.resolution) < max(own.resolution) else None,
     )  # fmt: skip
     return _coarsened(look, field, views)
 

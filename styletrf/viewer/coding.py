@@ -18,13 +18,14 @@ from styletrf.viewer.point_effects import CLASSES, Classes
 
 FINEST_DENSITY = 1 / 4
 """The step of raw densities, unless their range needs a coarser one."""
-COLOR_LEVELS = 128
-"""Of colors before their sigmoid, where pictures change most; elsewhere spacings are wider."""
-_MOST_OF_COLORS = (255, COLOR_LEVELS - 1, 255)
-"""Of red less green, green, and blue less green; 128 is no difference."""
+MOST_OF_COLORS = 254
+"""The greatest code of colors before their sigmoid, and of slopes."""
+_LARGEST_MULTIPLE = 127  # to either side of 0, in a byte
+_SLOPES_FINER = 2
+"""The step of colors in that of slopes: these are less than that of colors at most points."""
 LARGEST_LOGIT = 7.0
 """Beyond it colors count as black or full: 0.1 % of the brightness."""
-WIDEST_SPACING = 63
+WIDEST_SPACING = 127
 Spacings = tuple[int, ...]
 """Of each class, odd; 0 where a point takes the mean of its neighbors, as the class 0 does."""
 FINEST: Spacings = (0,) + (1,) * CLASSES
@@ -32,11 +33,19 @@ FINEST: Spacings = (0,) + (1,) * CLASSES
 
 @dataclass(frozen=True, slots=True)
 class Codes:
-    """Whole numbers that stand for values: `low + step * code`."""
+    """Whole numbers that stand for values: `low + step * code`.
+
+    Attributes:
+        low: What 0 stands for.
+        step: From one to the next.
+        codes: Not less than 0.
+        by_green: Whether the first and the last of three channels are stored less the second.
+    """
 
     low: float
     step: float
     codes: Int[np.ndarray, "points channels"]
+    by_green: bool = False
 
     def values(self) -> Float[np.ndarray, "points channels"]:
         """Returns the values, in float32."""
@@ -53,16 +62,22 @@ def density_codes(
 def color_codes(
     values: Float[np.ndarray, "points 3"], needed: Bool[np.ndarray, " points"]
 ) -> Codes:
-    """Returns colors before their sigmoid by COLOR_LEVELS."""
-    return _codes(values, needed, 0.0, COLOR_LEVELS - 1, LARGEST_LOGIT)
+    """Returns colors before their sigmoid."""
+    found = _codes(values, needed, 0.0, MOST_OF_COLORS, LARGEST_LOGIT)
+    return replace(found, by_green=True)
 
 
-def slope_codes(
-    values: Float[np.ndarray, "points 3"], needed: Bool[np.ndarray, " points"]
-) -> Codes:
-    """Returns slopes of colors by COLOR_LEVELS; the steepest in a thousand are less steep then."""
-    counted = np.abs(values[needed]) if needed.any() else np.zeros(1)
-    return _codes(values, needed, 0.0, COLOR_LEVELS - 1, float(np.quantile(counted, 0.999)))
+def slope_codes(values: Float[np.ndarray, "points 3"], color_step: float) -> Codes:
+    """Returns slopes of colors; those that are steeper than codes reach are less steep then.
+
+    Args:
+        values: Along the axes of `ViewDirections`.
+        color_step: Of the colors' codes. Directions are about 1 along each axis, so an error of a
+            slope changes a picture as much as one of a color.
+    """
+    step, middle = color_step / _SLOPES_FINER, MOST_OF_COLORS // 2
+    codes = np.clip(np.rint(values / step), -middle, middle).astype(np.int32)
+    return Codes(-middle * step, step, codes + middle)
 
 
 def spacings_of(finest: float) -> Spacings:
@@ -94,33 +109,32 @@ def _codes(
 
 
 def shown_colors(codes: Codes, classes: Classes, spacings: Spacings) -> Codes:
-    """Returns the colors that the browser makes of what `packed_colors` returns."""
+    """Returns the colors or slopes that the browser makes of what `packed_colors` returns."""
     of_points = np.array(spacings, np.int32)[classes]
-    channels = [
-        coding_kernels.multiples(channel, of_points, most)[1]
-        for channel, most in zip(_channels(codes.codes), _MOST_OF_COLORS, strict=True)
-    ]
-    red, green, blue = (channel.ravel() for channel in channels)
-    shown = np.stack([red + green - 128, green, blue + green - 128], axis=1)
-    return replace(codes, codes=shown.clip(0, COLOR_LEVELS - 1))
+    first, green, last = (
+        coding_kernels.multiples(channel, of_points, most, _LARGEST_MULTIPLE)[1].ravel()
+        for channel, most in _channels(codes)
+    )
+    if codes.by_green:
+        first, last = first + green - MOST_OF_COLORS, last + green - MOST_OF_COLORS
+    return replace(codes, codes=np.stack([first, green, last], axis=1).clip(0, MOST_OF_COLORS))
 
 
-def packed_colors(
-    codes: Int[np.ndarray, "points 3"], classes: Classes, spacings: Spacings
-) -> bytes:
-    """Returns compressed multiples: of red less green, then of green, then of blue less green.
+def packed_colors(codes: Codes, classes: Classes, spacings: Spacings) -> bytes:
+    """Returns compressed multiples of three channels, one after another.
 
-    Of each channel there are the first codes of bricks, then the multiples of the other points,
-    class by class.
+    Of each channel there are the first codes of bricks, less the least that they can be, by
+    differences; then the multiples of the other points, class by class.
     """
     of_points = np.array(spacings, np.int32)[classes]
     has_multiple = of_points > 0
     has_multiple[:, 0] = False
     parts = []
-    for channel, most in zip(_channels(codes), _MOST_OF_COLORS, strict=True):
-        multiples, shown = coding_kernels.multiples(channel, of_points, most)
+    for channel, most in _channels(codes):
+        multiples, shown = coding_kernels.multiples(channel, of_points, most, _LARGEST_MULTIPLE)
+        firsts = shown[:, 0] - (most // 2 - _LARGEST_MULTIPLE)
         of_classes = in_contexts(multiples[has_multiple], classes[has_multiple])
-        parts += [np.diff(shown[:, 0], prepend=0), of_classes]
+        parts += [np.diff(firsts, prepend=0), of_classes]
     return packed_bytes(wrapped(np.concatenate(parts)))
 
 
@@ -134,7 +148,8 @@ def packed_density(
     Points that are not needed take the mean of their neighbors.
     """
     by_brick, spacings = codes.astype(np.int32).reshape(needed.shape), needed.astype(np.int32)
-    multiples, shown = coding_kernels.multiples(by_brick, spacings, 2**16 - 1)
+    most = 2**16 - 1
+    multiples, shown = coding_kernels.multiples(by_brick, spacings, most, most)
     multiples[:, 0] = shown[:, 0]
     differences = _zigzag(multiples)
     contexts = np.ceil(np.log2(1 + sum_before(differences))).astype(np.int64)
@@ -143,9 +158,15 @@ def packed_density(
     return packed, np.bincount(contexts.ravel()).tolist()
 
 
-def _channels(codes: Int[np.ndarray, "points 3"]) -> list[Int[np.ndarray, "bricks 512"]]:
-    red, green, blue = codes.astype(np.int32).T.reshape(3, -1, SIDE**3)
-    return [red - green + 128, np.ascontiguousarray(green), blue - green + 128]
+def _channels(codes: Codes) -> list[tuple[Int[np.ndarray, "bricks 512"], int]]:
+    """Returns the channels that are stored, and the greatest code of each."""
+    by_channel = np.ascontiguousarray(codes.codes.T, np.int32).reshape(3, -1, SIDE**3)
+    if not codes.by_green:
+        return [(channel, MOST_OF_COLORS) for channel in by_channel]
+    red, green, blue = by_channel
+    apart = [each - green + MOST_OF_COLORS for each in (red, blue)]
+    most = 2 * MOST_OF_COLORS
+    return [(apart[0], most), (green, MOST_OF_COLORS), (apart[1], most)]
 
 
 def _zigzag(differences: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:

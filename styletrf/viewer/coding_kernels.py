@@ -35,27 +35,31 @@ def _mean_before(shown, point):
 
 @no_type_check
 @compiled(parallel=True)
-def multiples(codes, spacings, most):
+def multiples(codes, spacings, most, largest):
     """Returns the multiples of the spacings that lead from means to codes, and what they lead to.
 
     What multiples lead to is at most half a spacing off, or less than one at the ends, and from 0
-    to `most`. A brick begins with its first code that has a spacing, which is no multiple.
+    to `most`; farther off where the multiple would be more than `largest`. A brick begins with its
+    first code that has a spacing, which is no multiple; it is at most `largest` from the middle.
 
     Args:
         codes: Of the points, `bricks 512`.
         spacings: Of the points; 0 for one that takes the mean, `bricks 512`.
         most: The greatest code.
+        largest: Of the multiples, to either side.
     """
     found, shown = np.zeros_like(codes), np.empty_like(codes)
     for brick in numba.prange(len(codes)):
         of_codes, of_spacings, of_shown = codes[brick], spacings[brick], shown[brick]
-        of_shown[0] = of_codes[_first_with_spacing(of_spacings)]
+        from_middle = of_codes[_first_with_spacing(of_spacings)] - most // 2
+        of_shown[0] = most // 2 + min(max(from_middle, -largest), largest)
         for point in range(1, SIDE**3):
             mean, spacing = _mean_before(of_shown, point), of_spacings[point]
             multiple = 0
             if spacing > 0:
                 nearest = (of_codes[point] - mean + spacing // 2) // spacing
-                multiple = min(max(nearest, -(mean // spacing)), (most - mean) // spacing)
+                within = min(max(nearest, -(mean // spacing)), (most - mean) // spacing)
+                multiple = min(max(within, -largest), largest)
             found[brick, point] = multiple
             of_shown[point] = mean + multiple * spacing
     return found, shown

@@ -1,15 +1,16 @@
 """Colors that depend on the view, fitted by values at lattice points.
 
-    color(x, d) = sigmoid(base(x) + slope(x) . (d - mean direction))
+    color(x, d) = sigmoid(base(x) + slope(x) . t(d)),   t: see `styletrf.viewer.view_directions`
 
 A base for each of red, green and blue, and one slope for all three: what depends on the view is
 mostly how bright a surface looks. Both are trilinear interpolations. They are fitted by weighted
-least squares to pixels and samples of what cameras see: simultaneous iterative reconstruction
-(Gilbert 1972) with the momentum of Nesterov (1983).
+least squares to pixels and samples of what cameras see: simultaneous algebraic reconstruction
+(Andersen and Kak 1984) by subsets of the cameras, with the momentum of Nesterov (1983) from pass to
+pass.
 Points that no camera sees take the color of the mean direction, and no slope.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -23,6 +24,7 @@ from styletrf.field.weight_sharpening import sharpened
 from styletrf.geometry.cameras import Camera, fitted_to
 from styletrf.viewer import refit_kernels
 from styletrf.viewer.lattice import BrickLattice
+from styletrf.viewer.view_directions import ViewDirections, view_directions
 from styletrf.viewer.visibility import CPU, Views, heavy_samples
 
 _CHUNK = 1 << 17
@@ -34,13 +36,15 @@ class RefitConfig:
 
     Attributes:
         rays: Of all cameras together, at most about.
-        rounds: Of the iteration.
+        passes: Over all rays.
+        subsets: Of the cameras, one after another in a pass.
         prior: How much the color of the mean direction counts, in units of a sample's weight.
         of_samples: How much samples count, pixels count for the rest of 1.
     """
 
-    rays: int = 1_600_000
-    rounds: int = 16
+    rays: int = 4_000_000
+    passes: int = 6
+    subsets: int = 4
     prior: float = 0.02
     of_samples: float = 0.2
 
@@ -51,13 +55,13 @@ class RefittedColors:
 
     Attributes:
         base: Red, green and blue.
-        slope: Along the axes of the normalized world.
-        mean_direction: From which directions are counted.
+        slope: Along the axes of `directions`.
+        directions: By which the views' directions are turned.
     """
 
     base: Float[np.ndarray, "points 3"]
     slope: Float[np.ndarray, "points 3"]
-    mean_direction: Float[np.ndarray, " 3"]
+    directions: ViewDirections
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +74,7 @@ class _SeenColors:
         weights: Of the samples.
         colors: Of the samples.
         counts: How many samples each ray has.
-        directions: Of the rays, from the mean direction.
+        turned: The directions of the rays, see `ViewDirections`.
     """
 
     low: Int16[np.ndarray, "samples 3"]
@@ -78,7 +82,12 @@ class _SeenColors:
     weights: Float[np.ndarray, " samples"]
     colors: Float[np.ndarray, "samples 3"]
     counts: Int64[np.ndarray, " rays"]
-    directions: Float[np.ndarray, "rays 3"]
+    turned: Float[np.ndarray, "rays 3"]
+
+    @property
+    def starts(self) -> Int64[np.ndarray, " rays_and_one"]:
+        """The first sample of each ray, and the number of all."""
+        return np.append(0, np.cumsum(self.counts))
 
 
 @torch.no_grad()
@@ -93,35 +102,35 @@ def refitted_colors(
         lattice: Of the points.
         config: How.
     """
-    mean = mean_direction(views.cameras)
-    base = colors_along(field, lattice, torch.from_numpy(mean))
+    directions = view_directions(views, field.step_length)
+    base = colors_along(field, lattice, torch.from_numpy(directions.mean))
     start = np.concatenate([base, np.zeros_like(base)], axis=1)
-    fitted = _fitted(
-        _joined(_seen_colors(field, views, lattice, config, mean)), start, lattice, config
-    )
-    return RefittedColors(fitted[:, :3], fitted[:, 3:], mean)
+    fitted = _fitted(_subsets(field, views, lattice, config, directions), start, lattice, config)
+    return RefittedColors(fitted[:, :3], fitted[:, 3:], directions)
 
 
 def _fitted(
-    seen: _SeenColors,
+    subsets: Sequence[_SeenColors],
     start: Float[np.ndarray, "points 6"],
     lattice: BrickLattice,
     config: RefitConfig,
 ) -> Float[np.ndarray, "points 6"]:
-    """Returns the bases and slopes after all rounds."""
-    starts, slots = np.append(0, np.cumsum(seen.counts)), lattice.slots
-    samples = slots, seen.low, seen.rest, seen.weights
-    of_samples = np.float32(config.of_samples)
-    totals = refit_kernels.totals(*samples, starts, seen.directions, len(start), of_samples)
-    turned = float(np.square(seen.directions).sum(axis=1).mean())
-    totals += config.prior * np.array([1, turned], np.float32)
-    shares = 0.5 / totals.repeat(3, axis=1)  # bases and slopes move at once
+    """Returns the bases and slopes after all passes."""
+    of_samples, shares = np.float32(config.of_samples), []
+    for seen in subsets:
+        samples = lattice.slots, seen.low, seen.rest, seen.weights
+        totals = refit_kernels.totals(*samples, seen.starts, seen.turned, len(start), of_samples)
+        shares.append(0.5 / (totals + np.float32(config.prior)))  # bases and slopes move at once
     values, ahead = start, start.copy()
-    for k in range(config.rounds):
-        lacking = refit_kernels.lacking(
-            *samples, seen.colors, starts, seen.directions, ahead, of_samples
-        )
-        improved = np.add(ahead, np.multiply(lacking, shares, out=lacking), out=lacking)
+    for k in range(config.passes):
+        for seen, share in zip(subsets, shares, strict=True):
+            samples = lattice.slots, seen.low, seen.rest, seen.weights
+            lacking = refit_kernels.lacking(
+                *samples, seen.colors, seen.starts, seen.turned, ahead, of_samples
+            )
+            lacking.reshape(-1, 2, 3)[:] *= share[:, :, None]
+            ahead += lacking
+        improved = ahead
         ahead = np.subtract(improved, values, out=values)
         ahead *= np.float32(k / (k + 3))
         ahead += improved
@@ -146,40 +155,50 @@ def colors_along(
     return np.concatenate(parts)
 
 
-def _joined(parts: Iterator[_SeenColors]) -> _SeenColors:
-    all_parts = list(parts)
-    names = [each.name for each in fields(_SeenColors)]
-    return _SeenColors(
-        *(np.concatenate([getattr(part, name) for part in all_parts]) for name in names)
-    )
+def _subsets(
+    field: RadianceField,
+    views: Views,
+    lattice: BrickLattice,
+    config: RefitConfig,
+    directions: ViewDirections,
+) -> list[_SeenColors]:
+    """Returns what is seen by each subset of the cameras, every so many-th of them."""
+    n_subsets = min(config.subsets, len(views.cameras))
+    found = []
+    for first in range(n_subsets):
+        cameras = views.cameras[first::n_subsets]
+        pixels = max(64.0, config.rays / len(views.cameras))
+        parts = [
+            _seen_colors(field, views, lattice, camera, pixels, directions) for camera in cameras
+        ]
+        names = [each.name for each in fields(_SeenColors)]
+        found.append(
+            _SeenColors(
+                *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+            )
+        )
+    return found
 
 
 def _seen_colors(
     field: RadianceField,
     views: Views,
     lattice: BrickLattice,
-    config: RefitConfig,
-    mean: Float[np.ndarray, " 3"],
-) -> Iterator[_SeenColors]:
-    """Yields the samples of each camera that are heavy enough to be seen."""
-    pixels = max(64.0, config.rays / len(views.cameras))
+    camera: Camera,
+    pixels: float,
+    directions: ViewDirections,
+) -> _SeenColors:
+    """Returns the samples of a camera that are heavy enough to be seen, of about so many pixels."""
     kernels, appearance = kernels_for(CPU), field.appearance
-    for camera in views.cameras:
-        share = min(2.0, (pixels / (camera.width * camera.height)) ** 0.5)
-        long_side = round(share * max(camera.width, camera.height))
-        heavy, directions = heavy_samples(field, views, fitted_to(camera, long_side))
-        heavy = sharpened(heavy, appearance.weight_power, kernels)
-        components = appearance.components(heavy.positions, kernels)
-        color = appearance.decode(components, directions, heavy.ray, kernels)
-        low, rest = lattice.cells(heavy.positions.numpy())
-        counts = np.bincount(heavy.ray.numpy(), minlength=len(directions))
-        yield _SeenColors(
-            low.astype(np.int16), rest.astype(np.float32), heavy.weights.numpy(), color.numpy(),
-            counts, (directions.numpy() - mean).astype(np.float32),
-        )  # fmt: skip
-
-
-def mean_direction(cameras: Sequence[Camera]) -> Float[np.ndarray, " 3"]:
-    """Returns the mean of where cameras look, in the normalized world; short if all around."""
-    mean: Float[np.ndarray, " 3"] = np.mean([camera.forward_world for camera in cameras], axis=0)
-    return mean.astype(np.float32)
+    share = min(2.0, (pixels / (camera.width * camera.height)) ** 0.5)
+    long_side = round(share * max(camera.width, camera.height))
+    heavy, along = heavy_samples(field, views, fitted_to(camera, long_side))
+    heavy = sharpened(heavy, appearance.weight_power, kernels)
+    components = appearance.components(heavy.positions, kernels)
+    color = appearance.decode(components, along, heavy.ray, kernels)
+    low, rest = lattice.cells(heavy.positions.numpy())
+    counts = np.bincount(heavy.ray.numpy(), minlength=len(along))
+    return _SeenColors(
+        low.astype(np.int16), rest.astype(np.float32), heavy.weights.numpy(), color.numpy(),
+        counts, directions.turned(along.numpy()),
+    )  # fmt: skip

@@ -1,10 +1,10 @@
 """What pictures show of lattice points, and lack of a field's colors; compiled.
 
-    shown_s = sigmoid(sum_k h_k(x_s) (base_k + slope_k . d)),   h_k: trilinear weight of point k
+    shown_s = sigmoid(sum_k h_k(x_s) (base_k + slope_k . t)),   h_k: trilinear weight of point k
     lacking_r = sum_s w_s (c_s - shown_s)                       of a ray r
 
-with samples s of a ray at x_s, of weight w_s and color c_s, seen along d. Points that are not
-stored count as 0, as in the viewer.
+with samples s of a ray at x_s, of weight w_s and color c_s, and the ray's turned direction t.
+Points that are not stored count as 0, as in the viewer.
 """
 
 from typing import no_type_check
@@ -68,7 +68,7 @@ def lacking(slots, low, rest, weights, colors, starts, directions, values, of_sa
         weights: Of the samples.
         colors: Of the samples, `samples 3`.
         starts: The first sample of each ray, and the number of all.
-        directions: Of the rays, from the mean direction, `rays 3`.
+        directions: Of the rays, turned, see `ViewDirections`, `rays 3`.
         values: Of the points: three of the base, three of the slope, `points 6`.
         of_samples: In [0, 1].
     """

@@ -11,6 +11,9 @@ from styletrf.viewer.lattice import BrickLattice, brick_lattice, occupied_cells
 from styletrf.viewer.point_effects import Classes, effect_classes, point_effects
 from styletrf.viewer.visibility import Views
 
+Resolution = tuple[int, int, int]
+"""Points along x, y and z."""
+_FINER = 1.5
 _SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too many bricks
 
 
@@ -21,16 +24,33 @@ class SeenPoints:
     Attributes:
         voxels: That views see, see `seen_voxels`.
         most_bricks: Of each lattice.
+        of_paintings: The points of their lattices, None if there is no painting yet.
         found: Classes by the lattice's points and the weight power, which styles share.
     """
 
     voxels: Bool[np.ndarray, "x y z"]
     most_bricks: int
-    found: dict[tuple[tuple[int, int, int], float], Classes] = field(default_factory=dict)
+    of_paintings: Resolution | None = None
+    found: dict[tuple[Resolution, float], Classes] = field(default_factory=dict)
 
     def within(self, factors: TensorVM) -> tuple[TensorVM, BrickLattice]:
         """Returns the factors and their lattice; see `lattice_within`."""
         return lattice_within(factors, self.voxels, self.most_bricks)
+
+    def lattice(self, resolution: Resolution) -> BrickLattice:
+        """Returns the lattice of so many points, or a coarser one until it has few bricks."""
+        return _lattice_within(resolution, self.voxels, self.most_bricks)
+
+    def finer(self, resolution: Resolution) -> Resolution:
+        """Returns the points that a refit needs of colors between whose points features are bent.
+
+        They are those of the paintings, so that classes of points are shared with some of these,
+        or else half as many again along each axis.
+        """
+        if self.of_paintings is not None:
+            return self.of_paintings
+        x, y, z = (round(_FINER * side) for side in resolution)
+        return x, y, z
 
     def classes(self, field: RadianceField, views: Views, lattice: BrickLattice) -> Classes:
         """Returns the classes of a field's points; see `point_effects`."""
@@ -44,11 +64,18 @@ def lattice_within(
     factors: TensorVM, voxels: Shaped[np.ndarray, "x y z"], most_bricks: int
 ) -> tuple[TensorVM, BrickLattice]:
     """Returns the factors and their lattice in the voxels, coarser until it has few bricks."""
-    resolution = factors.resolution
+    lattice = _lattice_within(factors.resolution, voxels, most_bricks)
+    if lattice.resolution == factors.resolution:
+        return factors, lattice
+    return factors.upsampled(lattice.resolution), lattice
+
+
+def _lattice_within(
+    resolution: Resolution, voxels: Shaped[np.ndarray, "x y z"], most_bricks: int
+) -> BrickLattice:
     lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
     while lattice.n_bricks > most_bricks:  # they grow as the square to the cube
         share = min(_SHRINK, (most_bricks / lattice.n_bricks) ** 0.4)
-        x, y, z = (max(2, round(share * side)) for side in resolution)
-        resolution = (x, y, z)
-        lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
-    return factors if resolution == factors.resolution else factors.upsampled(resolution), lattice
+        x, y, z = (max(2, round(share * side)) for side in lattice.resolution)
+        lattice = brick_lattice(occupied_cells(voxels, (x, y, z)), (x, y, z))
+    return lattice

@@ -22,7 +22,7 @@ from styletrf.viewer.baking import (
 from styletrf.viewer.camera_bounds import CameraBounds, camera_bounds
 from styletrf.viewer.color_refit import RefitConfig
 from styletrf.viewer.lattice import MOST_BRICKS
-from styletrf.viewer.seen_points import SeenPoints
+from styletrf.viewer.seen_points import Resolution, SeenPoints
 from styletrf.viewer.visibility import Views, seen_voxels
 
 RENDER = RenderConfig(termination=1e-2, min_weight=1e-2)
@@ -109,7 +109,10 @@ def viewer_content(
         InputError: A field has a density of its own.
     """
     (name, load), *others = fields
-    content, baking = bake_scene(scene, model, (name, load()), photographed, path, most_bricks)
+    of_paintings = others[0][1]().appearance.factors.resolution if others else None
+    content, baking = bake_scene(
+        scene, model, (name, load()), photographed, path, most_bricks, of_paintings
+    )
     looks = list(content.looks)
     for style, load_stylized in others:
         progress(len(looks), len(fields))
@@ -125,6 +128,7 @@ def bake_scene(
     photographed: Sequence[Camera],
     path: Sequence[Camera],
     most_bricks: int = MOST_BRICKS,
+    of_paintings: Resolution | None = None,
 ) -> tuple[ViewerContent, LookBaking]:
     """Returns the scene with the look of the photographs alone, and what bakes further looks.
 
@@ -135,12 +139,14 @@ def bake_scene(
         photographed: The photographs' cameras, in the normalized world.
         path: The fly-through, in the normalized world.
         most_bricks: Of each lattice.
+        of_paintings: The points of further looks' lattices, None if they are not known.
     """
     name, field = photographs
     bounds = camera_bounds(photographed, path)
     views = Views(model.space, [*photographed, *path], RENDER, bounds.radius)
     density = bake_density(field, views, most_bricks)
-    baking = LookBaking(field, views, SeenPoints(seen_voxels(field, views), most_bricks))
+    seen = SeenPoints(seen_voxels(field, views), most_bricks, of_paintings)
+    baking = LookBaking(field, views, seen)
     content = ViewerContent(
         scene, model.space.within(field.bounds), field.step_length, RENDER, density,
         [baking.baked(name, field)], path, bounds, model.focus, model.looking,

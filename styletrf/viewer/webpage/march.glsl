@@ -13,6 +13,7 @@ uniform sampler3D uDensity, uColorsA, uColorsB, uSlopesA, uSlopesB;
 uniform vec3 uDensityLast, uLastA, uLastB;  // the last lattice point along each axis
 uniform vec4 uRangeA, uRangeB;  // low and high of colors, then of slopes
 uniform vec3 uMeanA, uMeanB, uViewAcross, uViewDown, uViewAhead;  // directions in the world
+uniform mat3 uAxesA, uAxesB;  // that turn directions, see view_directions.py
 uniform vec3 uBackgroundA, uBackgroundB;
 uniform vec2 uPowers;
 uniform float uShareB, uSplit;  // of the second look; and left of which pixel it stands alone
@@ -68,7 +69,7 @@ float softplus(float x) { return max(x, 0.0) + log(1.0 + exp(-abs(x))); }
 
 vec3 sigmoid(vec3 x) { return 1.0 / (1.0 + exp(-x)); }
 
-// What a color gains along a direction, see color_refit.py; nothing where the range has no width.
+// What a color gains along a direction that is turned, see color_refit.py; nothing where the range has no width.
 float gain(sampler3D slopes, usampler3D bricks, vec3 last, vec4 range, vec3 position, vec3 turned) {
   if (range.z == range.w) return 0.0;
   vec3 slope = mix(vec3(range.z), vec3(range.w), lookup(slopes, bricks, last, position).rgb);
@@ -79,11 +80,11 @@ vec3 colorAt(vec3 position, vec3 view, float shareB) {
   vec3 a = vec3(0), b = vec3(0);
   if (shareB < 1.0) {
     vec3 base = mix(vec3(uRangeA.x), vec3(uRangeA.y), lookup(uColorsA, uBricksA, uLastA, position).rgb);
-    a = sigmoid(base + gain(uSlopesA, uBricksA, uLastA, uRangeA, position, view - uMeanA));
+    a = sigmoid(base + gain(uSlopesA, uBricksA, uLastA, uRangeA, position, uAxesA * (view - uMeanA)));
   }
   if (shareB > 0.0) {
     vec3 base = mix(vec3(uRangeB.x), vec3(uRangeB.y), lookup(uColorsB, uBricksB, uLastB, position).rgb);
-    b = sigmoid(base + gain(uSlopesB, uBricksB, uLastB, uRangeB, position, view - uMeanB));
+    b = sigmoid(base + gain(uSlopesB, uBricksB, uLastB, uRangeB, position, uAxesB * (view - uMeanB)));
   }
   return mix(a, b, shareB);
 }

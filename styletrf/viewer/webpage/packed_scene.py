@@ -8,10 +8,11 @@ import numpy as np
 
 from styletrf.geometry.cameras import Camera
 from styletrf.viewer.baking import BakedLook
-from styletrf.viewer.coding import COLOR_LEVELS, Codes, packed_colors, packed_density
+from styletrf.viewer.coding import Codes, packed_colors, packed_density
 from styletrf.viewer.compression import packed_bytes
 from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.point_effects import packed_classes
+from styletrf.viewer.view_directions import ViewDirections
 from styletrf.viewer.viewer_content import ViewerContent
 from styletrf.viewer.webpage.block_text import block_text
 
@@ -86,7 +87,7 @@ def packed_look(look: BakedLook, thumbnail: str) -> Packed:
         "spacings": list(look.spacings),
         "colors": _values(look, look.codes, blocks),
         "slopes": _values(look, look.slope_codes, blocks) if look.slope_codes else None,
-        "meanDirection": list(look.mean_direction),
+        "directions": _directions(look.directions),
         "power": look.weight_power,
         "background": list(look.background),
     }
@@ -95,10 +96,16 @@ def packed_look(look: BakedLook, thumbnail: str) -> Packed:
 
 def _values(look: BakedLook, codes: Codes, blocks: dict[str, str]) -> dict[str, Any]:
     """Returns values that a texture of 8 bits holds, by what its 0 and 255 stand for."""
-    packed = packed_colors(codes.codes, look.classes, look.spacings)
-    gain = 256 // COLOR_LEVELS
-    bounds = {"low": codes.low, "high": codes.low + 255 / gain * codes.step, "gain": gain}
+    packed = packed_colors(codes, look.classes, look.spacings)
+    bounds = {"low": codes.low, "high": codes.low + 255 * codes.step, "byGreen": codes.by_green}
     return {"values": _block(packed, blocks), **bounds}
+
+
+def _directions(directions: ViewDirections | None) -> dict[str, Any] | None:
+    """Returns what turns directions; axes row by row."""
+    if directions is None:
+        return None
+    return {"mean": directions.mean.tolist(), "axes": directions.axes.ravel().tolist()}
 
 
 def _lattice(lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:

@@ -144,9 +144,11 @@ const makeRenderer = (canvas, scene, fragment) => {
     bind(UNITS[`uColors${letter}`], look.colorsTexture);
     bind(UNITS[`uSlopes${letter}`], look.slopesTexture ?? look.colorsTexture);
     const { low, high } = look.slopes ?? { low: 0, high: 0 };
+    const { mean, axes } = look.directions ?? { mean: [0, 0, 0], axes: new Array(9).fill(0) };
     gl.uniform3fv(march.place(`uLast${letter}`), look.layout.last);
     gl.uniform4f(march.place(`uRange${letter}`), look.colors.low, look.colors.high, low, high);
-    gl.uniform3fv(march.place(`uMean${letter}`), look.meanDirection);
+    gl.uniform3fv(march.place(`uMean${letter}`), mean);
+    gl.uniformMatrix3fv(march.place(`uAxes${letter}`), true, axes);
     gl.uniform3fv(march.place(`uBackground${letter}`), look.background);
   };
 
@@ -198,7 +200,7 @@ const makeRenderer = (canvas, scene, fragment) => {
     const bricksTexture = one(UNITS.uDensityBricks, FORMATS.bricks, new Uint8Array(4), gl.NEAREST);
     const colorsTexture = one(UNITS.uColorsA, FORMATS.colors, new Uint8Array(4), gl.LINEAR);
     const layout = { last: [1, 1, 1], bricksTexture }, colors = { low: 0, high: 0 }, none = [0, 0, 0];
-    const look = { layout, colors, colorsTexture, meanDirection: none, background: none, power: 1 };
+    const look = { layout, colors, colorsTexture, background: none, power: 1 };
     drawLooks({ view: scene.path[0], width: 1, height: 1, shareB: 0 }, look, look);
     present();
   };

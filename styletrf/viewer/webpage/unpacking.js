@@ -171,31 +171,35 @@ const classesOf = async ({ values, counts }, kinds, layout) => {
   return { classes, sizes };
 };
 
-// The texels of colors, whose multiples of the spacings of their classes are given class by class.
-const colorsOf = async ({ values, gain }, spacings, { classes, sizes }, layout) => {
+// The texels of colors or slopes, whose multiples of the spacings of their classes are given class by class.
+const MOST_OF_COLORS = 254;
+const colorsOf = async ({ values, byGreen }, spacings, { classes, sizes }, layout) => {
   const bricks = layout.bricks.length, used = sizes.map((size, k) => (spacings[k] ? size : 0));
   const channel = bricks + used.reduce((a, b) => a + b), bytes = await bytesOf(values, 3 * channel);
-  const codes = new Uint8Array(3 * classes.length), next = startsOf(used).map((start) => bricks + start);
-  const firsts = [0, 0, 0];
+  const multiples = new Int8Array(bytes.buffer), codes = new Int16Array(3 * classes.length), next = startsOf(used).map((start) => bricks + start);
+  const firsts = [0, 0, 0], apart = byGreen ? MOST_OF_COLORS : 0;  // that stands for no difference from green
+  const leasts = [apart / 2, 0, apart / 2];  // of the first codes of bricks
   for (let brick = 0; brick < bricks; brick++) {
     if (!(brick & 255)) await rest();
     let to = 3 * POINTS * brick;
-    for (let k = 0; k < 3; k++) codes[to++] = firsts[k] = firsts[k] + bytes[k * channel + brick] & 255;
+    for (let k = 0; k < 3; k++) {
+      firsts[k] = firsts[k] + bytes[k * channel + brick] & 255;
+      codes[to++] = leasts[k] + firsts[k];
+    }
     for (let at = POINTS * brick + 1; at < POINTS * (brick + 1); at++, to += 3) {
       const kind = classes[at], spacing = spacings[kind];
       if (!spacing) continue;
       const from = next[kind]++;
-      codes[to] = spacing * bytes[from];
-      codes[to + 1] = spacing * bytes[from + channel];
-      codes[to + 2] = spacing * bytes[from + 2 * channel];
+      codes[to] = spacing * multiples[from];
+      codes[to + 1] = spacing * multiples[from + channel];
+      codes[to + 2] = spacing * multiples[from + 2 * channel];
     }
   }
   await rest();
   summed(codes, 3);
-  const most = Math.floor(255 / gain);
-  const within = (code) => (code < 0 ? 0 : code > most ? most : code);  // a sum of two means may lie beyond
+  const within = (code) => (code < 0 ? 0 : code > MOST_OF_COLORS ? MOST_OF_COLORS : code);  // a sum of means may lie beyond
   return slabsOf(layout, Uint32Array, (point) => {
-    const at = 3 * point, green = codes[at + 1];
-    return gain * (within(codes[at] + green - 128) | green << 8 | within(codes[at + 2] + green - 128) << 16);
+    const at = 3 * point, second = codes[at + 1], added = byGreen ? second - apart : 0;
+    return within(codes[at] + added) | second << 8 | within(codes[at + 2] + added) << 16;
   });
 };

@@ -49,7 +49,7 @@ def test_every_picture_of_paintings_has_45_db_or_loses_little(tiny, content, spa
             for each in (look, replace(look, spacings=FINEST))
         )
         assert finest.least_db > 50
-        assert loss.least_db >= min(finest.least_db - 0.5, 45.5)
+        assert loss.least_db >= min(finest.least_db - 0.2, 45.5)
 
 
 def views(scene) -> Views:
@@ -60,8 +60,8 @@ def test_a_refit_is_nearer_than_the_colors_along_one_direction(tiny):
     scene = tiny("box")
     field = scene.fields["Photographs"]
     none, some = (
-        bake_look("", field, views(scene), EVERYWHERE, RefitConfig(rounds=rounds)).psnr_db
-        for rounds in (0, 6)
+        bake_look("", field, views(scene), EVERYWHERE, RefitConfig(passes=passes)).psnr_db
+        for passes in (0, 2)
     )
     assert some > none + 1
 

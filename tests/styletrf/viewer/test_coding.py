@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from styletrf.viewer.coding import (
-    COLOR_LEVELS,
     FINEST,
+    MOST_OF_COLORS,
     WIDEST_SPACING,
     Codes,
     color_codes,
@@ -15,6 +15,7 @@ from styletrf.viewer.coding import (
     packed_colors,
     packed_density,
     shown_colors,
+    slope_codes,
     spacings_of,
 )
 from styletrf.viewer.compression import before
@@ -34,13 +35,16 @@ def summed(differences: np.ndarray, modulus: int) -> np.ndarray:
     return codes
 
 
-def unpacked_colors(packed: bytes, classes: np.ndarray, spacings: tuple[int, ...]) -> np.ndarray:
+def unpacked_colors(
+    packed: bytes, classes: np.ndarray, spacings: tuple[int, ...], by_green: bool
+) -> np.ndarray:
     """What `colorsOf` in `unpacking.js` does."""
     of_channels = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(3, -1)
-    found = []
-    for values in of_channels:
-        codes, rest = np.zeros(classes.shape, np.int64), values[len(classes) :]
-        codes[:, 0] = np.cumsum(values[: len(classes)]) % 256
+    found, multiples = [], of_channels.view(np.int8)
+    apart = MOST_OF_COLORS if by_green else 0
+    for k in range(3):
+        codes, rest = np.zeros(classes.shape, np.int64), multiples[k, len(classes) :]
+        codes[:, 0] = np.cumsum(of_channels[k, : len(classes)]) % 256 + (k != 1) * apart // 2
         for kind, spacing in enumerate(spacings):
             of_kind = classes == kind
             of_kind[:, 0] = False
@@ -48,9 +52,10 @@ def unpacked_colors(packed: bytes, classes: np.ndarray, spacings: tuple[int, ...
                 here, rest = np.split(rest, [of_kind.sum()])
                 codes[of_kind] = spacing * here.astype(np.int64)
         assert not rest.size
-        found.append(summed(codes, 256).ravel())
-    red, green, blue = found
-    return np.stack([red + green - 128, green, blue + green - 128], axis=1)
+        found.append(summed(codes, 2**16).ravel())
+    first, second, last = found
+    added = second - apart if by_green else 0
+    return np.stack([first + added, second, last + added], axis=1)
 
 
 def unpacked_density(packed: bytes, counts: list[int]) -> np.ndarray:
@@ -81,10 +86,32 @@ def unpacked_classes(packed: bytes, counts: bytes) -> np.ndarray:
     return classes
 
 
-def test_colors_of_spacing_1_come_back():
-    codes = np.random.default_rng(0).integers(0, COLOR_LEVELS, (BRICKS * 512, 3))
-    back = unpacked_colors(packed_colors(codes, ALL, FINEST), ALL, FINEST)
-    np.testing.assert_array_equal(back, codes)
+def of_colors(codes: np.ndarray, by_green: bool = True) -> Codes:
+    return Codes(0.0, 1.0, codes.astype(np.int32), by_green)
+
+
+def random_codes(most: int) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, most + 1, (BRICKS * 512, 3))
+
+
+@pytest.mark.parametrize("by_green", [True, False])
+def test_colors_of_spacing_1_come_back(by_green):
+    codes = random_codes(63)
+    packed = packed_colors(of_colors(codes, by_green), ALL, FINEST)
+    np.testing.assert_array_equal(unpacked_colors(packed, ALL, FINEST, by_green), codes)
+
+
+def test_colors_that_a_byte_cannot_lead_to_are_reached_a_point_later():
+    red, blue = [MOST_OF_COLORS, 0, 0], [0, 0, MOST_OF_COLORS]
+    codes = np.array([*[red] * 256, *[blue] * 256])
+    packed = packed_colors(of_colors(codes), ALL[:1], FINEST)
+    back = unpacked_colors(packed, ALL[:1], FINEST, by_green=True)
+    wrong = (back != codes).any(axis=1)
+    layers = wrong.reshape(8, 64)
+    assert wrong[0]
+    assert wrong.sum() <= 64  # the first point, and some of the layer that differs from the one before
+    assert not np.delete(layers, [0, 4], axis=0).any()
+    assert layers[0].sum() == 1
 
 
 @pytest.mark.parametrize("most", [3, 2**16])
@@ -103,14 +130,14 @@ def test_classes_come_back():
 
 
 def test_points_without_a_spacing_take_no_room():
-    codes = np.random.default_rng(0).integers(0, COLOR_LEVELS, (BRICKS * 512, 3))
-    assert len(packed_colors(codes, np.zeros((BRICKS, 512), np.uint8), FINEST)) < 100
-    assert len(packed_colors(codes, ALL, (0,) * (CLASSES + 1))) < 100
+    codes = random_codes(MOST_OF_COLORS)
+    assert len(packed_colors(of_colors(codes), np.zeros((BRICKS, 512), np.uint8), FINEST)) < 100
+    assert len(packed_colors(of_colors(codes), ALL, (0,) * (CLASSES + 1))) < 100
 
 
 def test_wider_spacings_take_less_room():
-    codes = np.random.default_rng(0).integers(0, COLOR_LEVELS, (BRICKS * 512, 3))
-    sizes = [len(packed_colors(codes, ALL, (0, spacing))) for spacing in (1, 5, 15, 31)]
+    codes = random_codes(MOST_OF_COLORS)
+    sizes = [len(packed_colors(of_colors(codes), ALL, (0, spacing))) for spacing in (1, 9, 31, 63)]
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-1] < sizes[0] / 2
 
@@ -118,12 +145,12 @@ def test_wider_spacings_take_less_room():
 def test_values_that_their_contexts_tell_apart_take_less_room():
     rng = np.random.default_rng(0)
     classes = rng.integers(1, 3, (40, 512)).astype(np.uint8)
-    smooth = np.full(classes.shape, COLOR_LEVELS // 2)
-    noise = rng.integers(-32, 32, classes.shape)
+    smooth = np.full(classes.shape, MOST_OF_COLORS // 2)
+    noise = rng.integers(-63, 64, classes.shape)
     codes = (smooth + np.where(classes == 2, noise, 0)).reshape(-1, 1).repeat(3, axis=1)
-    spacings = (0, 63, 1)  # the first class has nearly no differences
-    mixed = packed_colors(codes, np.full_like(classes, 2), spacings)
-    assert len(packed_colors(codes, classes, spacings)) < 0.7 * len(mixed)
+    spacings = (0, 127, 1)  # the first class has nearly no differences
+    mixed = packed_colors(of_colors(codes), np.full_like(classes, 2), spacings)
+    assert len(packed_colors(of_colors(codes), classes, spacings)) < 0.7 * len(mixed)
 
 
 @pytest.mark.parametrize("finest", [1e-3, 0.7, 4.0])
@@ -178,12 +205,21 @@ def test_colors_count_as_full_or_black_beyond_a_limit():
     np.testing.assert_allclose(shown, [[0, 0.5, 1]] * 512, atol=0.03)
 
 
-@pytest.mark.parametrize("spread", [20, COLOR_LEVELS])
-def test_a_look_shows_what_the_browser_makes_of_its_codes(spread):
+@pytest.mark.parametrize("by_green", [True, False])
+@pytest.mark.parametrize("most", [20, MOST_OF_COLORS])
+def test_a_look_shows_what_the_browser_makes_of_its_codes(most, by_green):
     rng = np.random.default_rng(0)
-    codes = rng.integers(0, spread, (BRICKS * 512, 3)).astype(np.int32)
+    codes = of_colors(random_codes(most), by_green)
     classes = rng.integers(0, CLASSES + 1, (BRICKS, 512)).astype(np.uint8)
     spacings = spacings_of(0.5)
-    shown = shown_colors(Codes(0.0, 1.0, codes), classes, spacings).codes
-    back = unpacked_colors(packed_colors(codes, classes, spacings), classes, spacings)
-    np.testing.assert_array_equal(shown, back.clip(0, COLOR_LEVELS - 1))
+    shown = shown_colors(codes, classes, spacings).codes
+    back = unpacked_colors(packed_colors(codes, classes, spacings), classes, spacings, by_green)
+    np.testing.assert_array_equal(shown, back.clip(0, MOST_OF_COLORS))
+
+
+def test_slopes_are_within_half_a_step_or_as_steep_as_codes_reach():
+    slopes = np.random.default_rng(0).normal(0, 2, (512, 3)).astype(np.float32)
+    found = slope_codes(slopes, 14 / MOST_OF_COLORS)
+    steepest = MOST_OF_COLORS // 2 * found.step
+    assert found.step < 14 / MOST_OF_COLORS
+    assert np.abs(found.values() - slopes.clip(-steepest, steepest)).max() <= 0.51 * found.step

@@ -26,7 +26,7 @@ def fitted_db(of_the_form, **config) -> float:
     found = refitted_colors(field, views, lattice, RefitConfig(rays=100_000, **config))
     appearance = BakedAppearance(
         lattice, found.base, field.appearance.weight_power, field.appearance.background_color(),
-        found.slope, found.mean_direction,
+        found.slope, found.directions,
     )  # fmt: skip
     return baking_loss(field, views, appearance=appearance).mean_db
 
@@ -34,7 +34,7 @@ def fitted_db(of_the_form, **config) -> float:
 @pytest.mark.parametrize("of_samples", [0.0, 0.2, 1.0])
 def test_colors_of_the_form_that_is_fitted_are_found(of_the_form, of_samples):
     none, some, many = (
-        fitted_db(of_the_form, rounds=rounds, of_samples=of_samples, prior=1e-3)
-        for rounds in (0, 8, 64)
+        fitted_db(of_the_form, passes=passes, of_samples=of_samples, prior=1e-3)
+        for passes in (0, 2, 16)
     )
     assert none + 3 < some < many
