@@ -53,7 +53,8 @@ def compile_viewer_kernels() -> None:
     starts, of_samples = np.array([0, 1]), np.float32(0)
     samples = slots, low.astype(np.int16), rest, weights
     refit_kernels.totals(*samples, starts, rest, 512, of_samples)
-    refit_kernels.lacking(*samples, rest, starts, rest, values, of_samples)
+    sums = np.empty((refit_kernels.BANDS, *values.shape), np.float32)
+    refit_kernels.lacking(*samples, rest, starts, rest, values, of_samples, sums)
 
 
 def compile_all_but_the_field() -> None:

@@ -49,7 +49,10 @@ class Codes:
 
     def values(self) -> Float[np.ndarray, "points channels"]:
         """Returns the values, in float32."""
-        return (self.low + self.step * self.codes).astype(np.float32)
+        found: Float[np.ndarray, "points channels"] = self.codes.astype(np.float32)
+        found *= np.float32(self.step)
+        found += np.float32(self.low)
+        return found
 
 
 def density_codes(

@@ -122,11 +122,12 @@ def _fitted(
         totals = refit_kernels.totals(*samples, seen.starts, seen.turned, len(start), of_samples)
         shares.append(0.5 / (totals + np.float32(config.prior)))  # bases and slopes move at once
     values, ahead = start, start.copy()
+    sums = np.empty((refit_kernels.BANDS, *start.shape), np.float32)
     for k in range(config.passes):
         for seen, share in zip(subsets, shares, strict=True):
             samples = lattice.slots, seen.low, seen.rest, seen.weights
             lacking = refit_kernels.lacking(
-                *samples, seen.colors, seen.starts, seen.turned, ahead, of_samples
+                *samples, seen.colors, seen.starts, seen.turned, ahead, of_samples, sums
             )
             lacking.reshape(-1, 2, 3)[:] *= share[:, :, None]
             ahead += lacking

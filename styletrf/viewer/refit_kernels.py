@@ -56,7 +56,7 @@ def _sum_of_bands(sums):
 
 @no_type_check
 @compiled(parallel=True, fastmath=True)
-def lacking(slots, low, rest, weights, colors, starts, directions, values, of_samples):
+def lacking(slots, low, rest, weights, colors, starts, directions, values, of_samples, sums):
     """Returns what points lack, summed over the samples around them, `points 6`.
 
     A sample lacks its ray's part and, `of_samples` as much, its own.
@@ -71,13 +71,14 @@ def lacking(slots, low, rest, weights, colors, starts, directions, values, of_sa
         directions: Of the rays, turned, see `ViewDirections`, `rays 3`.
         values: Of the points: three of the base, three of the slope, `points 6`.
         of_samples: In [0, 1].
+        sums: Room for the sums of bands, `BANDS points 6`; the first of them is returned.
     """
-    sums = np.zeros((BANDS, len(values), 6), np.float32)
     rays, longest = len(starts) - 1, (starts[1:] - starts[:-1]).max()
     for band in numba.prange(BANDS):
         points, shares = np.empty((longest, 8), np.int64), np.empty((longest, 8), np.float32)
         missing, steepness = np.empty((longest, 3), np.float32), np.empty((longest, 3), np.float32)
         of_ray, amount = np.empty(3, np.float32), np.empty(3, np.float32)
+        sums[band] = 0
         for ray in range(rays * band // BANDS, rays * (band + 1) // BANDS):
             first, direction = starts[ray], directions[ray]
             count = starts[ray + 1] - first

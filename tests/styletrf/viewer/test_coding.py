@@ -109,7 +109,9 @@ def test_colors_that_a_byte_cannot_lead_to_are_reached_a_point_later():
     wrong = (back != codes).any(axis=1)
     layers = wrong.reshape(8, 64)
     assert wrong[0]
-    assert wrong.sum() <= 64  # the first point, and some of the layer that differs from the one before
+    assert (
+        wrong.sum() <= 64
+    )  # the first point, and some of the layer that differs from the one before
     assert not np.delete(layers, [0, 4], axis=0).any()
     assert layers[0].sum() == 1
 
