@@ -147,24 +147,30 @@ def bake_look(
         refit: How colors that depend on the view are fitted.
     """
     appearance = field.appearance
-    own = appearance.factors
-    slopes = directions = None
-    if isinstance(appearance.shading, DiffuseColor):
-        factors, lattice = seen.within(own)
-        values = lattice_values(factors, lattice, appearance.shading.basis.weight.detach())
-        colors = color_codes(values, lattice.needed.ravel())
-    else:
-        lattice = seen.lattice(seen.finer(own.resolution))
-        fitted = refitted_colors(field, views, lattice, refit)
-        colors, directions = color_codes(fitted.base, lattice.needed.ravel()), fitted.directions
-        slopes = slope_codes(fitted.slope, colors.step)
+    lattice, colors, slopes, directions = _colors(field, views, seen, refit)
+    own = appearance.factors.resolution
     red, green, blue = appearance.background_color().detach().tolist()
     look = BakedLook(
         name, lattice, colors, seen.classes(field, views, lattice), FINEST, slopes, directions,
         appearance.weight_power, (red, green, blue), 100.0,
-        own.resolution if max(lattice.resolution) < max(own.resolution) else None,
+        own if max(lattice.resolution) < max(own) else None,
     )  # fmt: skip
     return _coarsened(look, field, views)
+
+
+def _colors(
+    field: RadianceField, views: Views, seen: SeenPoints, refit: RefitConfig
+) -> tuple[BrickLattice, Codes, Codes | None, ViewDirections | None]:
+    """Returns the colors of points, and their slopes where they depend on the view."""
+    own, shading = field.appearance.factors, field.appearance.shading
+    if isinstance(shading, DiffuseColor):
+        factors, lattice = seen.within(own)
+        values = lattice_values(factors, lattice, shading.basis.weight.detach())
+        return lattice, color_codes(values, lattice.needed.ravel()), None, None
+    lattice = seen.lattice(seen.finer(own.resolution))
+    fitted = refitted_colors(field, views, lattice, refit)
+    colors = color_codes(fitted.base, lattice.needed.ravel())
+    return lattice, colors, slope_codes(fitted.slope, colors.step), fitted.directions
 
 
 def _coarsened(look: BakedLook, field: RadianceField, views: Views) -> BakedLook:

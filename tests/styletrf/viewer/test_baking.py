@@ -77,6 +77,14 @@ def test_points_with_little_effect_are_coarser_or_take_the_mean_of_their_neighbo
     assert not effects[~look.lattice.needed].any()
 
 
+def test_photographs_share_the_points_and_classes_of_a_painting_with_the_same_weights(content):
+    photographs, same, sharper = content("box").looks
+    assert photographs.weight_power == same.weight_power != sharper.weight_power
+    assert photographs.lattice.resolution == same.lattice.resolution
+    assert photographs.classes is same.classes
+    assert photographs.classes is not sharper.classes
+
+
 def test_a_lattice_with_too_many_bricks_is_made_coarser_and_says_what_that_costs(tiny):
     scene = tiny("ndc")
     field = scene.fields["style 1"]
