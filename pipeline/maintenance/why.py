@@ -27,8 +27,8 @@ class Explanation:
 
     Attributes:
         task: The task.
-        state: "up to date", "to be shown", "collected", "the first of its family", "cannot be
-            made", "differs from KEY" or "waits for LABELS".
+        state: "up to date", "to be shown", "collected", "the first of its family", "the first
+            of its files", "cannot be made", "differs from KEY" or "waits for LABELS".
         differences: What differs, by its path: then and now. Of a task that waits, an input that
             is not there yet counts as different.
     """
@@ -92,7 +92,10 @@ def _state(
         return ("up to date" if task.published() else "to be shown"), {}
     if not family:
         return "the first of its family", {}
-    nearest, differences = _nearest(task, action, family, store)
+    alike = [each for each in family if _reads_alike(each.action, action)]
+    if not alike:
+        return "the first of its files", {}
+    nearest, differences = _nearest(task, action, alike, store)
     if missing:
         return waits, differences
     return (f"differs from {nearest.action.key[:12]}" if differences else "collected"), differences
@@ -105,6 +108,11 @@ def _foreseen(task: StoredTask, missing: Mapping[str, StoredTask]) -> Action:
     there = {n: t for n, t in task.requires().items() if n not in missing}
     digests = {n: str(record.output.digest) for n, t in there.items() if (record := t.record())}
     return task.action_with({**digests, **dict.fromkeys(missing, TO_BE_MADE)})
+
+
+def _reads_alike(then: Action, now: Action) -> bool:
+    """Whether two actions read a file of one name; a list of all others would explain nothing."""
+    return not now.sources or bool(then.sources.keys() & now.sources.keys())
 
 
 def _nearest(

@@ -137,6 +137,7 @@ def _reasons(why: Explanation) -> Iterator[str]:
 
 STATES = {
     "the first of its family": "never made here",
+    "the first of its files": "never made of these files",
     "collected": "its artifact was collected",
 }
 """Reasons of stages without a difference, by the state that `explanations` reports."""

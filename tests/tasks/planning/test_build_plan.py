@@ -1,6 +1,7 @@
 """`--plan`: what a command would do, without doing it."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,6 +60,28 @@ def test_what_was_made_is_found_and_a_changed_parameter_is_named():
     changed = mini(tuning={"SceneCapture": {"leave_out": ["a.png"]}})
     (stage,) = (s for s in plan_of(changed).stages if s.task.task_family == "SceneCapture")
     assert any("leave_out" in reason for reason in stage.reasons)
+
+
+@pytest.mark.usefixtures("inline")
+def test_a_scene_of_other_photographs_is_new_and_an_exchanged_photograph_is_named(
+    photographs, tmp_path, monkeypatch
+):
+    data = shutil.copytree(photographs, tmp_path / "data")
+    monkeypatch.setenv("STYLETRF_DATA", str(data))
+    tasks.SceneCapture(scene="mini").run()
+    images = data / "scenes/mini/images"
+    exchanged = shutil.copytree(images, data / "scenes/exchanged/images")
+    shutil.copy(images / "b.png", exchanged / "a.png")
+    new = shutil.copytree(images, data / "scenes/new/images")
+    for image in list(new.iterdir()):
+        image.rename(new / f"new_{image.name}")
+
+    def reasons(scene: str) -> list[str]:
+        stages = plan_of(mini(scene=scene)).stages
+        return [r for s in stages if s.task.task_family == "SceneCapture" for r in s.reasons]
+
+    assert reasons("new") == ["never made of these files"]
+    assert any("a.png" in reason for reason in reasons("exchanged"))
 
 
 @pytest.mark.usefixtures("inline")
