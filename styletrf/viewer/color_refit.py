@@ -25,9 +25,10 @@ from styletrf.geometry.cameras import Camera, fitted_to
 from styletrf.viewer import refit_kernels
 from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.view_directions import ViewDirections, view_directions
-from styletrf.viewer.visibility import CPU, Views, heavy_samples
+from styletrf.viewer.visibility import CPU, Views, heavy_samples, of_pixels
 
 _CHUNK = 1 << 17
+_FEW_PIXELS = 500.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +36,14 @@ class RefitConfig:
     """How colors are fitted.
 
     Attributes:
-        rays: Of all cameras together, at most about.
+        samples: Of the rays of all cameras together, at most about: by these grow time and memory.
         passes: Over all rays.
         subsets: Of the cameras, one after another in a pass.
         prior: How much the color of the mean direction counts, in units of a sample's weight.
         of_samples: How much samples count, pixels count for the rest of 1.
     """
 
-    rays: int = 4_000_000
+    samples: int = 36_000_000
     passes: int = 6
     subsets: int = 4
     prior: float = 0.02
@@ -165,10 +166,10 @@ def _subsets(
 ) -> list[_SeenColors]:
     """Returns what is seen by each subset of the cameras, every so many-th of them."""
     n_subsets = min(config.subsets, len(views.cameras))
+    pixels = config.samples / len(views.cameras) / _samples_of_ray(field, views)
     found = []
     for first in range(n_subsets):
         cameras = views.cameras[first::n_subsets]
-        pixels = max(64.0, config.rays / len(views.cameras))
         parts = [
             _seen_colors(field, views, lattice, camera, pixels, directions) for camera in cameras
         ]
@@ -181,6 +182,13 @@ def _subsets(
     return found
 
 
+def _samples_of_ray(field: RadianceField, views: Views) -> float:
+    """Returns how many samples a ray has that are heavy enough to be seen, at least 1."""
+    few = [of_pixels(camera, _FEW_PIXELS) for camera in views.cameras]
+    samples = sum(len(heavy_samples(field, views, camera)[0].weights) for camera in few)
+    return max(1.0, samples / sum(camera.width * camera.height for camera in few))
+
+
 def _seen_colors(
     field: RadianceField,
     views: Views,
@@ -191,7 +199,7 @@ def _seen_colors(
 ) -> _SeenColors:
     """Returns the samples of a camera that are heavy enough to be seen, of about so many pixels."""
     kernels, appearance = kernels_for(CPU), field.appearance
-    share = min(2.0, (pixels / (camera.width * camera.height)) ** 0.5)
+    share = min(2.0, (max(64.0, pixels) / (camera.width * camera.height)) ** 0.5)
     long_side = round(share * max(camera.width, camera.height))
     heavy, along = heavy_samples(field, views, fitted_to(camera, long_side))
     heavy = sharpened(heavy, appearance.weight_power, kernels)

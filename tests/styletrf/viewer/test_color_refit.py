@@ -23,7 +23,7 @@ def of_the_form(tiny, content):
 
 def fitted_db(of_the_form, **config) -> float:
     field, views, lattice = of_the_form
-    found = refitted_colors(field, views, lattice, RefitConfig(rays=100_000, **config))
+    found = refitted_colors(field, views, lattice, RefitConfig(samples=500_000, **config))
     appearance = BakedAppearance(
         lattice, found.base, field.appearance.weight_power, field.appearance.background_color(),
         found.slope, found.directions,
