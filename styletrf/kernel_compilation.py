@@ -42,14 +42,14 @@ def compile_viewer_kernels() -> None:
     """Runs each kernel of the viewer on a brick, in the types of baking."""
     import numpy as np
 
-    from styletrf.viewer import coding_kernels, lattice_kernels, refit_kernels
+    from styletrf.viewer import lattice_kernels, refit_kernels
 
     slots, low = np.zeros((2, 2, 2), np.int32), np.zeros((1, 3), np.int64)
     rest, weights, values = (np.zeros(shape, np.float32) for shape in ((1, 3), 1, (512, 6)))
     lattice_kernels.interpolated(slots, low, rest, values)
     lattice_kernels.add_squares(slots, low, rest, weights, 1, np.zeros((512, 3), np.float32))
     codes = np.zeros((1, 512), np.int32)
-    coding_kernels.multiples(codes, codes, 1, 1)
+    lattice_kernels.multiples(codes, codes, 1, 1)
     starts, of_samples = np.array([0, 1]), np.float32(0)
     samples = slots, low.astype(np.int16), rest, weights
     refit_kernels.totals(*samples, starts, rest, 512, of_samples)

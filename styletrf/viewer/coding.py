@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from styletrf.viewer import coding_kernels
+from styletrf.viewer import lattice_kernels
 from styletrf.viewer.compression import in_contexts, packed_bytes, sum_before, wrapped
 from styletrf.viewer.lattice import SIDE
 from styletrf.viewer.point_effects import CLASSES, Classes
@@ -115,7 +115,7 @@ def shown_colors(codes: Codes, classes: Classes, spacings: Spacings) -> Codes:
     """Returns the colors or slopes that the browser makes of what `packed_colors` returns."""
     of_points = np.array(spacings, np.int32)[classes]
     first, green, last = (
-        coding_kernels.multiples(channel, of_points, most, _LARGEST_MULTIPLE)[1].ravel()
+        lattice_kernels.multiples(channel, of_points, most, _LARGEST_MULTIPLE)[1].ravel()
         for channel, most in _channels(codes)
     )
     if codes.by_green:
@@ -134,7 +134,7 @@ def packed_colors(codes: Codes, classes: Classes, spacings: Spacings) -> bytes:
     has_multiple[:, 0] = False
     parts = []
     for channel, most in _channels(codes):
-        multiples, shown = coding_kernels.multiples(channel, of_points, most, _LARGEST_MULTIPLE)
+        multiples, shown = lattice_kernels.multiples(channel, of_points, most, _LARGEST_MULTIPLE)
         firsts = shown[:, 0] - (most // 2 - _LARGEST_MULTIPLE)
         of_classes = in_contexts(multiples[has_multiple], classes[has_multiple])
         parts += [np.diff(firsts, prepend=0), of_classes]
@@ -152,7 +152,7 @@ def packed_density(
     """
     by_brick, spacings = codes.astype(np.int32).reshape(needed.shape), needed.astype(np.int32)
     most = 2**16 - 1
-    multiples, shown = coding_kernels.multiples(by_brick, spacings, most, most)
+    multiples, shown = lattice_kernels.multiples(by_brick, spacings, most, most)
     multiples[:, 0] = shown[:, 0]
     differences = _zigzag(multiples)
     contexts = np.ceil(np.log2(1 + sum_before(differences))).astype(np.int64)

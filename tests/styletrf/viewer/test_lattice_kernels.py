@@ -7,7 +7,7 @@ from lattice_positions import corners, positions_in
 from mini_scene import KERNELS
 
 from styletrf.kernel_compilation import compile_viewer_kernels
-from styletrf.viewer import coding_kernels, lattice_kernels, refit_kernels
+from styletrf.viewer import lattice_kernels, refit_kernels
 from styletrf.viewer.baked_appearance import BakedAppearance
 from styletrf.viewer.lattice import brick_lattice, occupied_cells
 
@@ -50,7 +50,7 @@ def test_squares_are_the_greatest_of_the_sums_of_pictures():
 
 def test_the_installation_compiles_what_baking_runs(content):
     kernels = (
-        lattice_kernels.interpolated, lattice_kernels.add_squares, coding_kernels.multiples,
+        lattice_kernels.interpolated, lattice_kernels.add_squares, lattice_kernels.multiples,
         refit_kernels.totals, refit_kernels.lacking,
     )  # fmt: skip
     compile_viewer_kernels()
