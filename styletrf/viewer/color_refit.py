@@ -36,7 +36,7 @@ class RefitConfig:
     """How colors are fitted.
 
     Attributes:
-        samples: Of the rays of all cameras together, at most about: by these grow time and memory.
+        samples: Of the rays of all cameras together, at most about; time and memory grow with them.
         passes: Over all rays.
         subsets: Of the cameras, one after another in a pass.
         prior: How much the color of the mean direction counts, in units of a sample's weight.

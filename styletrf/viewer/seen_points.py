@@ -25,7 +25,7 @@ class SeenPoints:
         voxels: That views see, see `seen_voxels`.
         most_bricks: Of each lattice.
         of_paintings: The points of their lattices, None if there is no painting yet.
-        found: Classes by the lattice's points and the weight power, which styles share.
+        found: Classes by the lattice's points and the weight power, which looks share.
     """
 
     voxels: Bool[np.ndarray, "x y z"]
@@ -42,10 +42,11 @@ class SeenPoints:
         return _lattice_within(resolution, self.voxels, self.most_bricks)
 
     def finer(self, resolution: Resolution) -> Resolution:
-        """Returns the points that a refit needs of colors between whose points features are bent.
+        """Returns the points at which a refit fits the colors of a field with so many points.
 
-        They are those of the paintings, so that classes of points are shared with some of these,
-        or else half as many again along each axis.
+        A color network bends features between a field's own points, so these are too few. The
+        points of paintings serve, for then photographs and paintings share classes; where no
+        painting is known, there are half as many again along each axis.
         """
         if self.of_paintings is not None:
             return self.of_paintings

@@ -102,10 +102,11 @@ def _values(look: BakedLook, codes: Codes, blocks: dict[str, str]) -> dict[str, 
 
 
 def _directions(directions: ViewDirections | None) -> dict[str, Any] | None:
-    """Returns what turns directions; axes row by row."""
+    """Returns what turns directions, in six digits; axes row by row."""
     if directions is None:
         return None
-    return {"mean": directions.mean.tolist(), "axes": directions.axes.ravel().tolist()}
+    parts = {"mean": directions.mean, "axes": directions.axes.ravel()}
+    return {name: [float(f"{x:.6g}") for x in values] for name, values in parts.items()}
 
 
 def _lattice(lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:

@@ -176,7 +176,8 @@ const MOST_OF_COLORS = 254;
 const colorsOf = async ({ values, byGreen }, spacings, { classes, sizes }, layout) => {
   const bricks = layout.bricks.length, used = sizes.map((size, k) => (spacings[k] ? size : 0));
   const channel = bricks + used.reduce((a, b) => a + b), bytes = await bytesOf(values, 3 * channel);
-  const multiples = new Int8Array(bytes.buffer), codes = new Int16Array(3 * classes.length), next = startsOf(used).map((start) => bricks + start);
+  const multiples = new Int8Array(bytes.buffer), codes = new Int16Array(3 * classes.length);
+  const next = startsOf(used).map((start) => bricks + start);
   const firsts = [0, 0, 0], apart = byGreen ? MOST_OF_COLORS : 0;  // that stands for no difference from green
   const leasts = [apart / 2, 0, apart / 2];  // of the first codes of bricks
   for (let brick = 0; brick < bricks; brick++) {

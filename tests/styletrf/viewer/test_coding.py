@@ -5,6 +5,7 @@ import zlib
 import numpy as np
 import pytest
 
+from styletrf.viewer import lattice_kernels
 from styletrf.viewer.coding import (
     FINEST,
     MOST_OF_COLORS,
@@ -129,6 +130,14 @@ def test_densities_come_back_where_they_are_needed(most):
 def test_classes_come_back():
     classes = np.random.default_rng(0).integers(0, CLASSES + 1, (BRICKS, 512)).astype(np.uint8)
     np.testing.assert_array_equal(unpacked_classes(*packed_classes(classes)), classes)
+
+
+def test_a_channel_is_at_most_half_its_spacing_off():
+    rng, most = np.random.default_rng(0), 2**16 - 1
+    codes = rng.integers(0, most + 1, (BRICKS, 512), np.int32)
+    spacings = 2 * rng.integers(0, 16, codes.shape, np.int32) + 1
+    _, shown = lattice_kernels.multiples(codes, spacings, most, most)
+    assert (np.abs(shown - codes) <= spacings // 2).all()
 
 
 def test_points_without_a_spacing_take_no_room():

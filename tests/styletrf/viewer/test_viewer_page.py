@@ -71,7 +71,7 @@ def test_the_density_is_there_once_and_a_coarser_lattice_is_named(content, tmp_p
     baked = content("ndc")
     one = written(replace(baked, looks=baked.looks[:1]), tmp_path / "a.html")
     both = written(replace(baked, looks=baked.looks[:1] * 2), tmp_path / "b.html")
-    assert both.stat().st_size - one.stat().st_size < 3000
+    assert both.stat().st_size - one.stat().st_size < 2000
     coarse = replace(baked.density, reduced_from=(300, 200, 100), psnr_db=41.26)
     page = Tags(written(replace(baked, density=coarse), tmp_path / "c.html"))
     assert "300 x 200 x 100 points is too large for a page" in page.text
