@@ -91,3 +91,8 @@ class BoolParameter(_Flag, luigi.BoolParameter):
     """A flag: given or not."""
 
     allowed = "true or false"
+
+
+def workers_of_command() -> int:
+    """How many builds the command of this process runs at once (`--workers`)."""
+    return max(1, int(luigi.interface.core().workers))  # type: ignore[no-untyped-call]

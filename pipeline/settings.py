@@ -78,11 +78,6 @@ def configured_path(section: str, name: str) -> Path:
     return folder / setting(section, name)
 
 
-def workers_of_command() -> int:
-    """How many builds the command of this process runs at once (`--workers`)."""
-    return max(1, int(luigi.interface.core().workers))  # type: ignore[no-untyped-call]
-
-
 @functools.cache
 def _defines(file: str, section: str, name: str) -> bool:
     config = configparser.ConfigParser(interpolation=None, strict=False)

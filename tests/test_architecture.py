@@ -32,11 +32,9 @@ def test_every_name_in_an_answer_stands_in_a_file_of_that_answer(row: str):
 
 @pytest.mark.parametrize("package", ["styletrf", "tasks"])
 def test_the_layers_it_draws_are_those_that_are_checked(package: str):
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    contracts = project["tool"]["importlinter"]["contracts"]
     (layers,) = (
         each["layers"]
-        for each in contracts
+        for each in _contracts()
         if each["type"] == "layers" and each.get("containers") == [package]
     )
     blocks = re.findall(r"^```\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
@@ -47,6 +45,22 @@ def test_a_package_has_at_most_sixteen_files():
     modules = [path for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
     sizes = Counter(path.parent for path in modules if path.name != "__init__.py")
     assert {folder: size for folder, size in sizes.items() if size > 16} == {}
+
+
+def test_the_core_of_the_pipeline_can_be_read_in_an_hour():
+    (core,) = (
+        set(each["source_modules"]) for each in _contracts() if each["name"].startswith("the core ")
+    )
+    outside = {"pipeline.command", "pipeline.parameters", "pipeline.task", "pipeline.__main__"}
+    files = {f"pipeline.{path.stem}": path for path in (ROOT / "pipeline").glob("*.py")}
+    assert files.keys() - outside - {"pipeline.__init__"} == core
+    lines = sum(len(files[name].read_text(encoding="utf-8").splitlines()) for name in core)
+    assert lines <= 1600
+
+
+def _contracts() -> list[dict]:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    return project["tool"]["importlinter"]["contracts"]
 
 
 def test_tests_import_nothing_of_other_tests():

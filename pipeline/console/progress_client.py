@@ -12,7 +12,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 
-from pipeline.settings import workers_of_command
+from pipeline.parameters import workers_of_command
 
 _MAX_CHARACTERS = 300  # of a string; Linux may split a write of more than 4 KiB to a pipe
 _SECONDS_TO_CLOSE = 5.0

@@ -10,7 +10,7 @@ from pipeline.artifact_task import ArtifactTask
 from pipeline.execution.cost_history import Cost, cost_history, cost_of_similar
 from pipeline.execution.cpu_memory import CpuAllocation, allocate, usable_cores
 from pipeline.execution.gpu import VISIBLE, Lease, leased
-from pipeline.settings import workers_of_command
+from pipeline.parameters import workers_of_command
 from pipeline.store import Store
 
 CORES = "STYLETRF_CORES"

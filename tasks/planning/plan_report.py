@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from pipeline.execution.cpu_memory import usable_cores
-from pipeline.settings import workers_of_command
+from pipeline.parameters import workers_of_command
 from styletrf.reports.page import duration
 from tasks.planning.build_plan import BuildPlan, StagePlan, plan_of
 
