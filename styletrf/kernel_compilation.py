@@ -54,7 +54,8 @@ def compile_viewer_kernels() -> None:
     samples = slots, low.astype(np.int16), rest, weights
     refit_kernels.totals(*samples, starts, rest, 512, of_samples)
     sums = np.empty((refit_kernels.BANDS, *values.shape), np.float32)
-    refit_kernels.lacking(*samples, rest, starts, rest, values, of_samples, sums)
+    tint = np.zeros((19, 3), np.float32)
+    refit_kernels.lacking(*samples, rest, starts, rest, tint, values, of_samples, sums)
 
 
 def compile_all_but_the_field() -> None:

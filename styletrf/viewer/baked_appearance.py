@@ -13,9 +13,9 @@ from styletrf.viewer.view_directions import ViewDirections
 
 
 class BakedAppearance(ColorModel):
-    """color(x, d) = sigmoid(base(x) + slope(x) . t(d)), both trilinear; t: see `ViewDirections`.
+    """color(x, d) = sigmoid(base(x) + slope(x) . t(d) + tint(d)), base and slope trilinear.
 
-    Without slopes it is the same from everywhere.
+    For t and tint see `ViewDirections`. Without slopes it is the same from everywhere.
     """
 
     def __init__(
@@ -65,8 +65,10 @@ class BakedAppearance(ColorModel):
         base, slope = components[:, :3], components[:, 3:]
         if self._directions is None:
             return torch.sigmoid(base)
-        turned = torch.from_numpy(self._directions.turned(view_directions.numpy()))[ray]
-        return torch.sigmoid(base + (slope * turned).sum(dim=1, keepdim=True))
+        of_rays = self._directions.turned(view_directions.numpy())
+        turned = torch.from_numpy(of_rays)[ray]
+        tints = torch.from_numpy(self._directions.tints(of_rays))[ray]
+        return torch.sigmoid(base + (slope * turned).sum(dim=1, keepdim=True) + tints)
 
     def background_color(self) -> Tensor:
         """Returns the color behind everything."""

@@ -1,17 +1,20 @@
 """Colors that depend on the view, fitted by values at lattice points.
 
-    color(x, d) = sigmoid(base(x) + slope(x) . t(d)),   t: see `styletrf.viewer.view_directions`
+    color(x, d) = sigmoid(base(x) + slope(x) . t(d) + tint(d))
 
 A base for each of red, green and blue, and one slope for all three: what depends on the view is
-mostly how bright a surface looks. Both are trilinear interpolations. They are fitted by weighted
+mostly how bright a surface looks. Both are trilinear interpolations. The tint is the same
+everywhere: light and exposure change with the direction of a photograph. For it and t see
+`styletrf.viewer.view_directions`. They are fitted by weighted
 least squares to pixels and samples of what cameras see: simultaneous algebraic reconstruction
 (Andersen and Kak 1984) by subsets of the cameras, with the momentum of Nesterov (1983) from pass to
-pass.
+pass; and, of the tint, a step of Gauss and Newton before them all and after each subset.
 Points that no camera sees take the color of the mean direction, and no slope.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -28,6 +31,9 @@ from styletrf.viewer.view_directions import ViewDirections, view_directions
 from styletrf.viewer.visibility import CPU, Views, heavy_samples, of_pixels
 
 _CHUNK = 1 << 17
+_TINT_SHARE, _TINT_DAMPING = np.float32(0.6), 1e-4
+"""Of what the tint lacks, for colors move at once; and what is added to its equations' diagonal."""
+_LEAST_SQUARE = 1e-12
 _FEW_PIXELS = 500.0
 
 
@@ -44,7 +50,7 @@ class RefitConfig:
     """
 
     samples: int = 36_000_000
-    passes: int = 6
+    passes: int = 8
     subsets: int = 4
     prior: float = 0.02
     of_samples: float = 0.2
@@ -57,7 +63,7 @@ class RefittedColors:
     Attributes:
         base: Red, green and blue.
         slope: Along the axes of `directions`.
-        directions: By which the views' directions are turned.
+        directions: By which the views' directions are turned, with the tint.
     """
 
     base: Float[np.ndarray, "points 3"]
@@ -106,38 +112,70 @@ def refitted_colors(
     directions = view_directions(views, field.step_length)
     base = colors_along(field, lattice, torch.from_numpy(directions.mean))
     start = np.concatenate([base, np.zeros_like(base)], axis=1)
-    fitted = _fitted(_subsets(field, views, lattice, config, directions), start, lattice, config)
-    return RefittedColors(fitted[:, :3], fitted[:, 3:], directions)
+    subsets = _subsets(field, views, lattice, config, directions)
+    fitted, tint = _fitted(subsets, start, directions.tint, lattice, config)
+    return RefittedColors(fitted[:, :3], fitted[:, 3:], replace(directions, tint=tint))
 
 
 def _fitted(
     subsets: Sequence[_SeenColors],
     start: Float[np.ndarray, "points 6"],
+    tint: Float[np.ndarray, "monomials 3"],
     lattice: BrickLattice,
     config: RefitConfig,
-) -> Float[np.ndarray, "points 6"]:
-    """Returns the bases and slopes after all passes."""
-    of_samples, shares = np.float32(config.of_samples), []
-    for seen in subsets:
-        samples = lattice.slots, seen.low, seen.rest, seen.weights
-        totals = refit_kernels.totals(*samples, seen.starts, seen.turned, len(start), of_samples)
-        shares.append(0.5 / (totals + np.float32(config.prior)))  # bases and slopes move at once
-    values, ahead = start, start.copy()
+) -> tuple[Float[np.ndarray, "points 6"], Float[np.ndarray, "monomials 3"]]:
+    """Returns the bases and slopes, and the tint, after all passes; the tint begins them."""
+    of_samples = np.float32(config.of_samples)
     sums = np.empty((refit_kernels.BANDS, *start.shape), np.float32)
+
+    def lacking(seen: _SeenColors) -> tuple[Any, Any]:
+        samples = lattice.slots, seen.low, seen.rest, seen.weights, seen.colors
+        rays = seen.starts, seen.turned
+        found: tuple[Any, Any] = refit_kernels.lacking(
+            *samples, *rays, tint, ahead, of_samples, sums
+        )
+        return found
+
+    values, ahead = start, start.copy()
+    shares = [_shares(seen, len(start), lattice, config) for seen in subsets]
+    tint = tint + _lacking_tint(sum(lacking(seen)[1] for seen in subsets))
     for k in range(config.passes):
+        equations = np.zeros((3, len(tint), len(tint) + 1))
         for seen, share in zip(subsets, shares, strict=True):
-            samples = lattice.slots, seen.low, seen.rest, seen.weights
-            lacking = refit_kernels.lacking(
-                *samples, seen.colors, seen.starts, seen.turned, ahead, of_samples, sums
-            )
-            lacking.reshape(-1, 2, 3)[:] *= share[:, :, None]
-            ahead += lacking
+            of_points, of_tint = lacking(seen)
+            of_points.reshape(-1, 2, 3)[:] *= share[:, :, None]
+            ahead += of_points
+            equations += of_tint
+        tint = tint + _TINT_SHARE * _lacking_tint(equations)
         improved = ahead
         ahead = np.subtract(improved, values, out=values)
         ahead *= np.float32(k / (k + 3))
         ahead += improved
         values = improved
-    return values
+    return values, tint
+
+
+def _shares(
+    seen: _SeenColors, n_points: int, lattice: BrickLattice, config: RefitConfig
+) -> Float[np.ndarray, "points 2"]:
+    """Returns the shares of what points lack that bases and slopes are given; both move at once."""
+    samples = lattice.slots, seen.low, seen.rest, seen.weights
+    of_samples = np.float32(config.of_samples)
+    totals = refit_kernels.totals(*samples, seen.starts, seen.turned, n_points, of_samples)
+    shares: Float[np.ndarray, "points 2"] = 0.5 / (totals + np.float32(config.prior))
+    return shares
+
+
+def _lacking_tint(
+    equations: Float[np.ndarray, "3 monomials monomials_and_one"],
+) -> Float[np.ndarray, "monomials 3"]:
+    """Returns what the tint lacks, of its normal equations; damped as by Levenberg (1944)."""
+    above, right = equations[..., :-1], equations[..., -1:]
+    squares = above + np.triu(above, 1).transpose(0, 2, 1)
+    one = np.eye(squares.shape[-1])
+    damped = squares + (_TINT_DAMPING * squares + _LEAST_SQUARE) * one
+    lacking: Float[np.ndarray, "monomials 3"] = np.linalg.solve(damped, right)[..., 0].T
+    return lacking.astype(np.float32)
 
 
 def colors_along(

@@ -1,10 +1,14 @@
 """What pictures show of lattice points, and lack of a field's colors; compiled.
 
-    shown_s = sigmoid(sum_k h_k(x_s) (base_k + slope_k . t)),   h_k: trilinear weight of point k
-    lacking_r = sum_s w_s (c_s - shown_s)                       of a ray r
+    shown_s = sigmoid(sum_k h_k(x_s) (base_k + slope_k . t) + tint),   h_k: trilinear weight of k
+    lacking_r = sum_s w_s (c_s - shown_s)                              of a ray r
 
 with samples s of a ray at x_s, of weight w_s and color c_s, and the ray's turned direction t.
 Points that are not stored count as 0, as in the viewer.
+
+A tint sum_k c_k q_k(t) that lacks dc changes a ray's color by J dc, with J_k = q_k sum_s w_s
+shown_s (1 - shown_s). The sums over all rays of J J^T and J lacking_r are the normal equations of
+what it lacks.
 """
 
 from typing import no_type_check
@@ -21,9 +25,9 @@ LEAST_STEEPNESS = np.float32(0.05)  # of the sigmoid, by which what lacks is div
 
 @no_type_check
 @compiled(inline="always", fastmath=True)
-def _show(points, shares, values, direction, color):
+def _show(points, shares, values, direction, tint, color):
     """Sets `color` to what a place shows along a direction."""
-    color[:] = 0
+    color[:] = tint
     for corner in range(8):
         value = values[points[corner]]
         turned = value[3] * direction[0] + value[4] * direction[1] + value[5] * direction[2]
@@ -46,6 +50,39 @@ def _give(points, shares, amount, direction, sums):
 
 
 @no_type_check
+@compiled(inline="always", fastmath=True)
+def _tint(direction, tint, monomials, color):
+    """Sets `monomials` and `color` to those of a direction; in the order of `MONOMIALS`."""
+    color[:] = 0
+    n = 0
+    for i in range(3):
+        monomials[n] = direction[i]
+        n += 1
+        for j in range(i, 3):
+            monomials[n] = direction[i] * direction[j]
+            n += 1
+            for k in range(j, 3):
+                monomials[n] = direction[i] * direction[j] * direction[k]
+                n += 1
+    for n in range(len(monomials)):
+        for channel in range(3):
+            color[channel] += monomials[n] * tint[n, channel]
+
+
+@no_type_check
+@compiled(inline="always", fastmath=True)
+def _add_equations(monomials, steepness, lacking, equations):
+    """Adds a ray's part to the normal equations of each channel, from the diagonal on."""
+    n_monomials = len(monomials)
+    for channel in range(3):
+        for row in range(n_monomials):
+            factor = steepness[channel] * monomials[row]
+            for column in range(row, n_monomials):
+                equations[channel, row, column] += factor * steepness[channel] * monomials[column]
+            equations[channel, row, n_monomials] += factor * lacking[channel]
+
+
+@no_type_check
 @compiled(parallel=True)
 def _sum_of_bands(sums):
     for point in numba.prange(sums.shape[1]):
@@ -56,10 +93,12 @@ def _sum_of_bands(sums):
 
 @no_type_check
 @compiled(parallel=True, fastmath=True)
-def lacking(slots, low, rest, weights, colors, starts, directions, values, of_samples, sums):
-    """Returns what points lack, summed over the samples around them, `points 6`.
+def lacking(slots, low, rest, weights, colors, starts, directions, tint, values, of_samples, sums):
+    """Returns what points lack, and the equations of what the tint lacks.
 
-    A sample lacks its ray's part and, `of_samples` as much, its own.
+    Points lack the sums over the samples around them, `points 6`: a sample lacks its ray's part
+    and, `of_samples` as much, its own. The equations are those above of each channel, `3 monomials
+    monomials_and_one`: J J^T from its diagonal on, and the right side last.
 
     Args:
         slots: Of the bricks, see `BrickLattice`.
@@ -69,34 +108,41 @@ def lacking(slots, low, rest, weights, colors, starts, directions, values, of_sa
         colors: Of the samples, `samples 3`.
         starts: The first sample of each ray, and the number of all.
         directions: Of the rays, turned, see `ViewDirections`, `rays 3`.
+        tint: c_k, see `ViewDirections`, `monomials 3`.
         values: Of the points: three of the base, three of the slope, `points 6`.
         of_samples: In [0, 1].
         sums: Room for the sums of bands, `BANDS points 6`; the first of them is returned.
     """
     rays, longest = len(starts) - 1, (starts[1:] - starts[:-1]).max()
+    equations = np.zeros((BANDS, 3, len(tint), len(tint) + 1), np.float64)
     for band in numba.prange(BANDS):
         points, shares = np.empty((longest, 8), np.int64), np.empty((longest, 8), np.float32)
         missing, steepness = np.empty((longest, 3), np.float32), np.empty((longest, 3), np.float32)
         of_ray, amount = np.empty(3, np.float32), np.empty(3, np.float32)
+        steepness_of_ray, tint_of_ray = np.empty(3, np.float32), np.empty(3, np.float32)
+        monomials = np.empty(len(tint), np.float32)
         sums[band] = 0
         for ray in range(rays * band // BANDS, rays * (band + 1) // BANDS):
             first, direction = starts[ray], directions[ray]
             count = starts[ray + 1] - first
-            of_ray[:] = 0
+            of_ray[:], steepness_of_ray[:] = 0, 0
+            _tint(direction, tint, monomials, tint_of_ray)
             for n in range(count):
                 around(slots, low[first + n], rest[first + n], points[n], shares[n])
-                _show(points[n], shares[n], values, direction, missing[n])
+                _show(points[n], shares[n], values, direction, tint_of_ray, missing[n])
                 for k in range(3):
                     shown = missing[n, k]
                     steepness[n, k] = max(shown * (1 - shown), LEAST_STEEPNESS)
                     missing[n, k] = colors[first + n, k] - shown
                     of_ray[k] += weights[first + n] * missing[n, k]
+                    steepness_of_ray[k] += weights[first + n] * steepness[n, k]
+            _add_equations(monomials, steepness_of_ray, of_ray, equations[band])
             for n in range(count):
                 for k in range(3):
                     both = of_samples * missing[n, k] + (1 - of_samples) * of_ray[k]
                     amount[k] = weights[first + n] * both / steepness[n, k]
                 _give(points[n], shares[n], amount, direction, sums[band])
-    return _sum_of_bands(sums)
+    return _sum_of_bands(sums), equations.sum(axis=0)
 
 
 @no_type_check

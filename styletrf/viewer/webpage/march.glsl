@@ -14,12 +14,14 @@ uniform vec3 uDensityLast, uLastA, uLastB;  // the last lattice point along each
 uniform vec4 uRangeA, uRangeB;  // low and high of colors, then of slopes
 uniform vec3 uMeanA, uMeanB, uViewAcross, uViewDown, uViewAhead;  // directions in the world
 uniform mat3 uAxesA, uAxesB;  // that turn directions, see view_directions.py
+uniform vec3 uLeastA, uMostA, uTintA[MONOMIALS], uLeastB, uMostB, uTintB[MONOMIALS];
 uniform vec3 uBackgroundA, uBackgroundB;
 uniform vec2 uPowers;
 uniform float uShareB, uSplit;  // of the second look; and left of which pixel it stands alone
 out vec4 fragment;
 
 const float FAR = 1e30;
+vec3 turnedA, turnedB, tintA, tintB;  // of the pixel's direction
 
 vec4 slope(int map, vec2 pixel) {
   return pixel.x * uAcross[map] + pixel.y * uDown[map] + uAhead[map];
@@ -69,6 +71,20 @@ float softplus(float x) { return max(x, 0.0) + log(1.0 + exp(-abs(x))); }
 
 vec3 sigmoid(vec3 x) { return 1.0 / (1.0 + exp(-x)); }
 
+// What all colors gain along a direction that is turned, see view_directions.py.
+vec3 tint(vec3 turned, vec3 least, vec3 most, vec3 coefficients[MONOMIALS]) {
+  vec3 t = clamp(turned, least, most), sum = vec3(0);
+  int n = 0;
+  for (int i = 0; i < 3; i++) {
+    sum += t[i] * coefficients[n++];
+    for (int j = i; j < 3; j++) {
+      sum += t[i] * t[j] * coefficients[n++];
+      for (int k = j; k < 3; k++) sum += t[i] * t[j] * t[k] * coefficients[n++];
+    }
+  }
+  return sum;
+}
+
 // What a color gains along a direction that is turned, see color_refit.py; nothing where the range has no width.
 float gain(sampler3D slopes, usampler3D bricks, vec3 last, vec4 range, vec3 position, vec3 turned) {
   if (range.z == range.w) return 0.0;
@@ -76,15 +92,15 @@ float gain(sampler3D slopes, usampler3D bricks, vec3 last, vec4 range, vec3 posi
   return dot(slope, turned);
 }
 
-vec3 colorAt(vec3 position, vec3 view, float shareB) {
+vec3 colorAt(vec3 position, float shareB) {
   vec3 a = vec3(0), b = vec3(0);
   if (shareB < 1.0) {
     vec3 base = mix(vec3(uRangeA.x), vec3(uRangeA.y), lookup(uColorsA, uBricksA, uLastA, position).rgb);
-    a = sigmoid(base + gain(uSlopesA, uBricksA, uLastA, uRangeA, position, uAxesA * (view - uMeanA)));
+    a = sigmoid(base + gain(uSlopesA, uBricksA, uLastA, uRangeA, position, turnedA) + tintA);
   }
   if (shareB > 0.0) {
     vec3 base = mix(vec3(uRangeB.x), vec3(uRangeB.y), lookup(uColorsB, uBricksB, uLastB, position).rgb);
-    b = sigmoid(base + gain(uSlopesB, uBricksB, uLastB, uRangeB, position, uAxesB * (view - uMeanB)));
+    b = sigmoid(base + gain(uSlopesB, uBricksB, uLastB, uRangeB, position, turnedB) + tintB);
   }
   return mix(a, b, shareB);
 }
@@ -104,6 +120,8 @@ void main() {
   float power = mix(uPowers.x, uPowers.y, shareB);
   vec3 background = mix(uBackgroundA, uBackgroundB, shareB);
   vec3 view = normalize(pixel.x * uViewAcross + pixel.y * uViewDown + uViewAhead);
+  turnedA = uAxesA * (view - uMeanA), turnedB = uAxesB * (view - uMeanB);
+  tintA = tint(turnedA, uLeastA, uMostA, uTintA), tintB = tint(turnedB, uLeastB, uMostB, uTintB);
   fragment = vec4(background, 1);
 
   vec4 slopes[MAPS];
@@ -155,7 +173,7 @@ void main() {
       opacity += weight;
       if (weight > uMinWeight) {
         float counted = pow(weight, power);
-        sum += counted * colorAt(position, view, shareB);
+        sum += counted * colorAt(position, shareB);
         kept += counted;
       } else if (weight > heaviest) {
         heaviest = weight, hazeAt = position;
@@ -163,6 +181,6 @@ void main() {
       if (transmittance < uTermination) break;
     }
   }
-  if (kept == 0.0 && opacity > uMinWeight) sum = colorAt(hazeAt, view, shareB), kept = 1.0;
+  if (kept == 0.0 && opacity > uMinWeight) sum = colorAt(hazeAt, shareB), kept = 1.0;
   if (kept > 0.0) fragment.rgb = mix(background, sum / kept, min(opacity, 1.0));
 }

@@ -1,7 +1,7 @@
 """What the page's script reads: JSON, and the blocks of data that it names."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -87,7 +87,7 @@ def packed_look(look: BakedLook, thumbnail: str) -> Packed:
         "spacings": list(look.spacings),
         "colors": _values(look, look.codes, blocks),
         "slopes": _values(look, look.slope_codes, blocks) if look.slope_codes else None,
-        "directions": _directions(look.directions),
+        "directions": _directions(look.directions, blocks),
         "power": look.weight_power,
         "background": list(look.background),
     }
@@ -101,12 +101,12 @@ def _values(look: BakedLook, codes: Codes, blocks: dict[str, str]) -> dict[str, 
     return {"values": _block(packed, blocks), **bounds}
 
 
-def _directions(directions: ViewDirections | None) -> dict[str, Any] | None:
-    """Returns what turns directions, in six digits; axes row by row."""
+def _directions(directions: ViewDirections | None, blocks: dict[str, str]) -> str | None:
+    """Returns the block with what turns directions, and the tint; axes row by row."""
     if directions is None:
         return None
-    parts = {"mean": directions.mean, "axes": directions.axes.ravel()}
-    return {name: [float(f"{x:.6g}") for x in values] for name, values in parts.items()}
+    parts = [part.ravel() for part in asdict(directions).values()]
+    return _block(packed_bytes(np.concatenate(parts).astype("<f4").view(np.uint8)), blocks)
 
 
 def _lattice(lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:

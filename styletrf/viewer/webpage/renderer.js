@@ -69,7 +69,7 @@ const makeRenderer = (canvas, scene, fragment) => {
   const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
   if (!gl) throw new Refusal("This viewer needs WebGL2. Use a browser of 2021 or later, with hardware acceleration on.");
   const isFine = Boolean(gl.getExtension("EXT_color_buffer_float"));
-  const head = `#version 300 es\n#define MAPS ${scene.maps.length}\n${scene.fetched ? "#define FETCHED\n" : ""}`;
+  const head = `#version 300 es\n#define MAPS ${scene.maps.length}\n#define MONOMIALS ${MONOMIALS}\n${scene.fetched ? "#define FETCHED\n" : ""}`;
   const march = programOf(gl, head + fragment), show = programOf(gl, SHOW);
   const mostTexels = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE);
   const layouts = new Map(), classes = new Map(), looks = [];
@@ -124,7 +124,7 @@ const makeRenderer = (canvas, scene, fragment) => {
     };
     const colorsTexture = await upload(look.colors), slopesTexture = look.slopes && await upload(look.slopes);
     if (gl.getError() === gl.OUT_OF_MEMORY) throw new Refusal("The graphics card has too little memory for this scene.");
-    looks[k] = { ...look, layout, colorsTexture, slopesTexture };
+    looks[k] = { ...look, layout, colorsTexture, slopesTexture, directions: await directionsOf(look.directions) };
   };
 
   const resize = (width, height) => {
@@ -144,11 +144,14 @@ const makeRenderer = (canvas, scene, fragment) => {
     bind(UNITS[`uColors${letter}`], look.colorsTexture);
     bind(UNITS[`uSlopes${letter}`], look.slopesTexture ?? look.colorsTexture);
     const { low, high } = look.slopes ?? { low: 0, high: 0 };
-    const { mean, axes } = look.directions ?? { mean: [0, 0, 0], axes: new Array(9).fill(0) };
+    const { mean, axes, least, most, tint } = look.directions;
     gl.uniform3fv(march.place(`uLast${letter}`), look.layout.last);
     gl.uniform4f(march.place(`uRange${letter}`), look.colors.low, look.colors.high, low, high);
     gl.uniform3fv(march.place(`uMean${letter}`), mean);
     gl.uniformMatrix3fv(march.place(`uAxes${letter}`), true, axes);
+    gl.uniform3fv(march.place(`uLeast${letter}`), least);
+    gl.uniform3fv(march.place(`uMost${letter}`), most);
+    gl.uniform3fv(march.place(`uTint${letter}`), tint);
     gl.uniform3fv(march.place(`uBackground${letter}`), look.background);
   };
 
@@ -199,8 +202,9 @@ const makeRenderer = (canvas, scene, fragment) => {
     one(UNITS.uDensity, FORMATS.density, new Float32Array(1), gl.LINEAR);
     const bricksTexture = one(UNITS.uDensityBricks, FORMATS.bricks, new Uint8Array(4), gl.NEAREST);
     const colorsTexture = one(UNITS.uColorsA, FORMATS.colors, new Uint8Array(4), gl.LINEAR);
-    const layout = { last: [1, 1, 1], bricksTexture }, colors = { low: 0, high: 0 }, none = [0, 0, 0];
-    const look = { layout, colors, colorsTexture, background: none, power: 1 };
+    const layout = { last: [1, 1, 1], bricksTexture }, colors = { low: 0, high: 0 };
+    const directions = NO_DIRECTIONS, background = [0, 0, 0];
+    const look = { layout, colors, colorsTexture, directions, background, power: 1 };
     drawLooks({ view: scene.path[0], width: 1, height: 1, shareB: 0 }, look, look);
     present();
   };

@@ -66,6 +66,17 @@ const placeOf = (layout, slot) => {
   return [slot % across, Math.floor(slot / across) % across, Math.floor(slot / across ** 2)];
 };
 
+// What turns directions, and how all colors change with them; see view_directions.py.
+const MONOMIALS = 19, OF_DIRECTIONS = { mean: 3, axes: 9, least: 3, most: 3, tint: 3 * MONOMIALS };
+const NO_DIRECTIONS = Object.fromEntries(Object.entries(OF_DIRECTIONS).map(([name, n]) => [name, new Float32Array(n)]));
+const directionsOf = async (block) => {
+  if (!block) return NO_DIRECTIONS;
+  const size = Object.values(OF_DIRECTIONS).reduce((a, b) => a + b);
+  const numbers = new Float32Array((await bytesOf(block, 4 * size)).buffer);
+  let next = 0;
+  return Object.fromEntries(Object.entries(OF_DIRECTIONS).map(([name, n]) => [name, numbers.slice(next, next += n)]));
+};
+
 // The texture that leads from a brick to its place: x, y, z of it, and 1.
 const directoryOf = (layout) => {
   const places = new Uint8Array(layout.slots.length * 4);
