@@ -33,7 +33,8 @@ from styletrf.viewer.visibility import CPU, Views, heavy_samples, of_pixels
 _CHUNK = 1 << 17
 _TINT_SHARE, _TINT_DAMPING = np.float32(0.6), 1e-4
 """Of what the tint lacks, for colors move at once; and what is added to its equations' diagonal."""
-_LEAST_SQUARE = 1e-12
+_LEAST_SQUARE, _TINT_EVERY = 1e-12, 8
+"""Of the diagonal; and so many-th ray tells what the tint lacks."""
 _FEW_PIXELS = 500.0
 
 
@@ -132,7 +133,7 @@ def _fitted(
         samples = lattice.slots, seen.low, seen.rest, seen.weights, seen.colors
         rays = seen.starts, seen.turned
         found: tuple[Any, Any] = refit_kernels.lacking(
-            *samples, *rays, tint, ahead, of_samples, sums
+            *samples, *rays, tint, _TINT_EVERY, ahead, of_samples, sums
         )
         return found
 

@@ -7,7 +7,7 @@ with samples s of a ray at x_s, of weight w_s and color c_s, and the ray's turne
 Points that are not stored count as 0, as in the viewer.
 
 A tint sum_k c_k q_k(t) that lacks dc changes a ray's color by J dc, with J_k = q_k sum_s w_s
-shown_s (1 - shown_s). The sums over all rays of J J^T and J lacking_r are the normal equations of
+shown_s (1 - shown_s). The sums over rays of J J^T and J lacking_r are the normal equations of
 what it lacks.
 """
 
@@ -93,7 +93,9 @@ def _sum_of_bands(sums):
 
 @no_type_check
 @compiled(parallel=True, fastmath=True)
-def lacking(slots, low, rest, weights, colors, starts, directions, tint, values, of_samples, sums):
+def lacking(
+    slots, low, rest, weights, colors, starts, directions, tint, every, values, of_samples, sums
+):  # fmt: skip
     """Returns what points lack, and the equations of what the tint lacks.
 
     Points lack the sums over the samples around them, `points 6`: a sample lacks its ray's part
@@ -109,6 +111,7 @@ def lacking(slots, low, rest, weights, colors, starts, directions, tint, values,
         starts: The first sample of each ray, and the number of all.
         directions: Of the rays, turned, see `ViewDirections`, `rays 3`.
         tint: c_k, see `ViewDirections`, `monomials 3`.
+        every: So many-th ray enters the equations.
         values: Of the points: three of the base, three of the slope, `points 6`.
         of_samples: In [0, 1].
         sums: Room for the sums of bands, `BANDS points 6`; the first of them is returned.
@@ -136,7 +139,8 @@ def lacking(slots, low, rest, weights, colors, starts, directions, tint, values,
                     missing[n, k] = colors[first + n, k] - shown
                     of_ray[k] += weights[first + n] * missing[n, k]
                     steepness_of_ray[k] += weights[first + n] * steepness[n, k]
-            _add_equations(monomials, steepness_of_ray, of_ray, equations[band])
+            if ray % every == 0:
+                _add_equations(monomials, steepness_of_ray, of_ray, equations[band])
             for n in range(count):
                 for k in range(3):
                     both = of_samples * missing[n, k] + (1 - of_samples) * of_ray[k]

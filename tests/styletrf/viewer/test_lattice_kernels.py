@@ -76,7 +76,7 @@ def test_the_equations_of_a_tint_are_of_the_derivatives_of_what_rays_lack():
     right = [each.T @ lacking(torch.from_numpy(tint))[:, k] for k, each in enumerate(of_channels)]
     _, found = refit_kernels.lacking(
         lattice.slots, low.astype(np.int16), *(part.astype(np.float32) for part in (rest, weights)),
-        colors.astype(np.float32), starts, turned.astype(np.float32), tint.astype(np.float32),
+        colors.astype(np.float32), starts, turned.astype(np.float32), tint.astype(np.float32), 1,
         values.astype(np.float32), np.float32(0.2),
         np.empty((refit_kernels.BANDS, *values.shape), np.float32),
     )  # fmt: skip
