@@ -43,6 +43,7 @@ def compile_viewer_kernels() -> None:
     import numpy as np
 
     from styletrf.viewer import lattice_kernels, refit_kernels
+    from styletrf.viewer.view_directions import MONOMIALS
 
     slots, low = np.zeros((2, 2, 2), np.int32), np.zeros((1, 3), np.int64)
     rest, weights, values = (np.zeros(shape, np.float32) for shape in ((1, 3), 1, (512, 6)))
@@ -54,7 +55,7 @@ def compile_viewer_kernels() -> None:
     samples = slots, low.astype(np.int16), rest, weights
     refit_kernels.totals(*samples, starts, rest, 512, of_samples)
     sums = np.empty((refit_kernels.BANDS, *values.shape), np.float32)
-    tint = np.zeros((19, 3), np.float32)
+    tint = np.zeros((len(MONOMIALS), 3), np.float32)
     refit_kernels.lacking(*samples, rest, starts, rest, tint, 1, values, of_samples, sums)
 
 

@@ -35,7 +35,7 @@ class BakedAppearance(ColorModel):
             weight_power: See `styletrf.field.weight_sharpening`.
             background: The color behind everything, in [0, 1].
             slope: How all channels change with the direction; see `color_refit`.
-            directions: By which directions are turned, where there are slopes.
+            directions: What turns directions, and the tint, where there are slopes.
         """
         super().__init__()
         self._lattice = lattice

@@ -77,7 +77,7 @@ class BakedLook:
         classes: Of the points, see `styletrf.viewer.point_effects`.
         spacings: Of the codes and the slopes in each class, see `styletrf.viewer.coding`.
         slope_codes: Of how they change with the direction; None if they do not.
-        directions: By which directions are turned; None if there are no slopes.
+        directions: What turns directions, and the tint; None if there are no slopes.
         weight_power: See `styletrf.field.weight_sharpening`.
         background: The color behind everything.
         psnr_db: Of pictures with these colors against pictures with the appearance's own.

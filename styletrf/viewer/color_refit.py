@@ -4,12 +4,14 @@
 
 A base for each of red, green and blue, and one slope for all three: what depends on the view is
 mostly how bright a surface looks. Both are trilinear interpolations. The tint is the same
-everywhere: light and exposure change with the direction of a photograph. For it and t see
-`styletrf.viewer.view_directions`. They are fitted by weighted
+everywhere: light and exposure change with the direction of a photograph. For the tint and t see
+`styletrf.viewer.view_directions`.
+
+Bases, slopes and tint are fitted by weighted
 least squares to pixels and samples of what cameras see: simultaneous algebraic reconstruction
 (Andersen and Kak 1984) by subsets of the cameras, with the momentum of Nesterov (1983) from pass to
-pass; and, of the tint, a step of Gauss and Newton before them all and after each subset.
-Points that no camera sees take the color of the mean direction, and no slope.
+pass. The tint takes a step of Gauss and Newton before the first pass and after each one.
+Points that no camera sees keep the color of the mean direction, without a slope.
 """
 
 from collections.abc import Sequence
@@ -31,10 +33,12 @@ from styletrf.viewer.view_directions import ViewDirections, view_directions
 from styletrf.viewer.visibility import CPU, Views, heavy_samples, of_pixels
 
 _CHUNK = 1 << 17
-_TINT_SHARE, _TINT_DAMPING = np.float32(0.6), 1e-4
-"""Of what the tint lacks, for colors move at once; and what is added to its equations' diagonal."""
-_LEAST_SQUARE, _TINT_EVERY = 1e-12, 8
-"""Of the diagonal; and so many-th ray tells what the tint lacks."""
+_TINT_SHARE = np.float32(0.6)
+"""The part of what the tint lacks that it is given after a pass, because points move, too."""
+_TINT_DAMPING, _LEAST_SQUARE = 1e-4, 1e-12
+"""The share that is added to the diagonal of the tint's equations, and the least value there."""
+_TINT_EVERY = 8
+"""Every eighth ray enters these equations."""
 _FEW_PIXELS = 500.0
 
 
@@ -125,7 +129,10 @@ def _fitted(
     lattice: BrickLattice,
     config: RefitConfig,
 ) -> tuple[Float[np.ndarray, "points 6"], Float[np.ndarray, "monomials 3"]]:
-    """Returns the bases and slopes, and the tint, after all passes; the tint begins them."""
+    """Returns the bases and slopes, and the tint, after all passes.
+
+    The tint of the starting colors costs one pass more.
+    """
     of_samples = np.float32(config.of_samples)
     sums = np.empty((refit_kernels.BANDS, *start.shape), np.float32)
 
@@ -170,9 +177,9 @@ def _shares(
 def _lacking_tint(
     equations: Float[np.ndarray, "3 monomials monomials_and_one"],
 ) -> Float[np.ndarray, "monomials 3"]:
-    """Returns what the tint lacks, of its normal equations; damped as by Levenberg (1944)."""
-    above, right = equations[..., :-1], equations[..., -1:]
-    squares = above + np.triu(above, 1).transpose(0, 2, 1)
+    """Returns what the tint lacks, of its normal equations; damped as by Marquardt (1963)."""
+    upper, right = equations[..., :-1], equations[..., -1:]
+    squares = upper + np.triu(upper, 1).transpose(0, 2, 1)
     one = np.eye(squares.shape[-1])
     damped = squares + (_TINT_DAMPING * squares + _LEAST_SQUARE) * one
     lacking: Float[np.ndarray, "monomials 3"] = np.linalg.solve(damped, right)[..., 0].T

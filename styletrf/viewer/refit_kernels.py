@@ -8,7 +8,8 @@ Points that are not stored count as 0, as in the viewer.
 
 A tint sum_k c_k q_k(t) that lacks dc changes a ray's color by J dc, with J_k = q_k sum_s w_s
 shown_s (1 - shown_s). The sums over rays of J J^T and J lacking_r are the normal equations of
-what it lacks.
+what it lacks. As for points, no steepness shown_s (1 - shown_s) counts for less than
+LEAST_STEEPNESS: so white and black colors change by little.
 """
 
 from typing import no_type_check
@@ -20,7 +21,7 @@ from styletrf.compiled import compiled
 from styletrf.viewer.lattice_kernels import around
 
 BANDS = 2  # of rays, each with sums of its own: the result does not depend on the threads
-LEAST_STEEPNESS = np.float32(0.05)  # of the sigmoid, by which what lacks is divided
+LEAST_STEEPNESS = np.float32(0.05)  # of the sigmoid
 
 
 @no_type_check
@@ -111,7 +112,7 @@ def lacking(
         starts: The first sample of each ray, and the number of all.
         directions: Of the rays, turned, see `ViewDirections`, `rays 3`.
         tint: c_k, see `ViewDirections`, `monomials 3`.
-        every: So many-th ray enters the equations.
+        every: Every n-th ray enters the equations.
         values: Of the points: three of the base, three of the slope, `points 6`.
         of_samples: In [0, 1].
         sums: Room for the sums of bands, `BANDS points 6`; the first of them is returned.

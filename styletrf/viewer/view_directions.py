@@ -1,11 +1,14 @@
 """How the directions differ that views see along, and how all colors change with them.
 
     t(d) = A (d - m),   A = diag(1 / s_1, 1 / s_2, 1 / s_3) V^T
-    tint(d) = sum_k c_k q_k(t(d)),   q_k: the 19 monomials of degrees 1 to 3
+    tint(d) = sum_k c_k q_k(clip(t(d), least, most)),   q_k: the 19 monomials of degrees 1 to 3
 
 with the mean m of the directions, and the root mean square s_i of their differences from it along
 the principal axis i, a column of V. So t is about 1 along each axis, whether views look the same
-way or from all around. Beyond the directions of the views the tint is that of the nearest t.
+way or from all around. Each t_i is clipped to those of the views: a polynomial grows beyond them.
+
+Directions have length 1, so they lie on a surface, on which the 19 monomials span 16 functions with
+the constant. Several coefficients give the same tint; the damping of the fit takes small ones.
 """
 
 import itertools
@@ -27,7 +30,7 @@ MONOMIALS = sorted(
     for degree in (1, 2, 3)
     for axes in itertools.combinations_with_replacement(range(3), degree)
 )
-"""The axes that each multiplies, in the order of the shader's loops."""
+"""The axes whose coordinates each monomial multiplies, in the order of the shader's loops."""
 
 
 @dataclass(frozen=True, slots=True)

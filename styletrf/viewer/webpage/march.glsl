@@ -120,8 +120,6 @@ void main() {
   float power = mix(uPowers.x, uPowers.y, shareB);
   vec3 background = mix(uBackgroundA, uBackgroundB, shareB);
   vec3 view = normalize(pixel.x * uViewAcross + pixel.y * uViewDown + uViewAhead);
-  turnedA = uAxesA * (view - uMeanA), turnedB = uAxesB * (view - uMeanB);
-  tintA = tint(turnedA, uLeastA, uMostA, uTintA), tintB = tint(turnedB, uLeastB, uMostB, uTintB);
   fragment = vec4(background, 1);
 
   vec4 slopes[MAPS];
@@ -137,6 +135,9 @@ void main() {
   }
   int steps = int(ceil(total / uStep));
   if (steps == 0) return;
+  turnedA = uAxesA * (view - uMeanA), turnedB = uAxesB * (view - uMeanB);
+  if (shareB < 1.0) tintA = tint(turnedA, uLeastA, uMostA, uTintA);
+  if (shareB > 0.0) tintB = tint(turnedB, uLeastB, uMostB, uTintB);
 
   float thickness = total / float(steps) * uScale, ends = 0.0;
   vec3 voxels = vec3(textureSize(uEmpty, 0)), sum = vec3(0), hazeAt = vec3(0);

@@ -1,7 +1,7 @@
 """What the page's script reads: JSON, and the blocks of data that it names."""
 
 import hashlib
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -105,7 +105,8 @@ def _directions(directions: ViewDirections | None, blocks: dict[str, str]) -> st
     """Returns the block with what turns directions, and the tint; axes row by row."""
     if directions is None:
         return None
-    parts = [part.ravel() for part in asdict(directions).values()]
+    names = ("mean", "axes", "least", "most", "tint")  # as OF_DIRECTIONS of unpacking.js
+    parts = [getattr(directions, name).ravel() for name in names]
     return _block(packed_bytes(np.concatenate(parts).astype("<f4").view(np.uint8)), blocks)
 
 

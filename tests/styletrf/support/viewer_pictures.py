@@ -3,6 +3,7 @@
 import numpy as np
 import torch
 
+from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import kernels_for
 from styletrf.field.rendering import render_view
 from styletrf.field.view_rays import ViewRays
@@ -18,6 +19,7 @@ LOOKS = [  # a, b, share of b, split
     (1, 0, 0.0, -1),
     (2, 0, 0.0, -1),
     (1, 2, 0.5, -1),
+    (1, 0, 0.4, -1),
     (1, 2, 1.0, -1),
     (1, 2, 0.3, 0.5),
 ]
@@ -76,6 +78,37 @@ CLICKS = """
 """
 
 
+class TwoColors(ColorModel):
+    """The mean of two colors of each sample by their shares, of which one may be baked."""
+
+    def __init__(self, one: ColorModel, other: ColorModel, share_of_other: float) -> None:
+        super().__init__()
+        self.both, self.shares = (one, other), (1 - share_of_other, share_of_other)
+        self.columns: list[int] = []
+
+    def mean(self, values):
+        return sum(share * value for share, value in zip(self.shares, values, strict=True))
+
+    def weight_powers(self, positions):
+        return self.mean([each.weight_powers(positions) for each in self.both])
+
+    def components(self, positions, kernels):
+        parts = [each.components(positions, kernels) for each in self.both]
+        self.columns = [part.shape[1] for part in parts]
+        return torch.cat(parts, dim=1)
+
+    def decode(self, components, view_directions, ray, kernels):
+        parts = components.split(self.columns, dim=1)
+        colors = [
+            each.decode(part.contiguous(), view_directions, ray, kernels)
+            for each, part in zip(self.both, parts, strict=True)
+        ]
+        return self.mean(colors)
+
+    def background_color(self):
+        return self.mean([each.background_color() for each in self.both])
+
+
 def rendered(scene, baked, camera, a: int, b: int, share_b: float, split: float) -> np.ndarray:
     """What the CPU renders: of the photographs what is baked, of styles the fields themselves."""
     fields = list(scene.fields.values())
@@ -86,7 +119,12 @@ def rendered(scene, baked, camera, a: int, b: int, share_b: float, split: float)
         one, other = appearances[a], appearances[b]
         appearance = {0.0: one, 1.0: other}.get(share)
         if appearance is None:
-            appearance = MixedAppearance([one, other], [1 - share, share])
+            is_baked = 0 in (a, b)
+            appearance = (
+                TwoColors(one, other, share)
+                if is_baked
+                else MixedAppearance([one, other], [1 - share, share])
+            )
         kernels = kernels_for(CPU)
         return render_view(fields[0], kernels, rays, 0, camera, RENDER, appearance).color.numpy()
 

@@ -80,4 +80,12 @@ def test_a_tint_that_all_colors_have_is_found(of_the_form_with_a_tint):
         ).mean_db
         for each in (found.directions, without)
     )  # fmt: skip
+    assert with_tint > 40
     assert no_tint + 10 < with_tint
+
+
+def test_of_two_cameras_colors_are_found_as_well(of_the_form):
+    field, views, lattice = of_the_form
+    two = field, replace(views, cameras=views.cameras[:2]), lattice
+    start, end = (fitted_db(two, passes=passes) for passes in (0, RefitConfig().passes))
+    assert start + 3 < end
