@@ -7,16 +7,15 @@ mostly how bright a surface looks. Both are trilinear interpolations. The tint i
 everywhere: light and exposure change with the direction of a photograph. For the tint and t see
 `styletrf.viewer.view_directions`.
 
-Bases, slopes and tint are fitted by weighted
-least squares to pixels and samples of what cameras see: simultaneous algebraic reconstruction
-(Andersen and Kak 1984) by subsets of the cameras, with the momentum of Nesterov (1983) from pass to
-pass. The tint takes a step of Gauss and Newton before the first pass and after each one.
+Bases, slopes and tint are fitted by weighted least squares to pixels and samples of what cameras
+see. Bases and slopes follow simultaneous algebraic reconstruction (Andersen and Kak 1984) by
+subsets of the cameras, with the momentum of Nesterov (1983) from pass to pass. The tint takes a
+step of Gauss and Newton before the first pass and after each one.
 Points that no camera sees keep the color of the mean direction, without a slope.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 import torch
@@ -133,24 +132,15 @@ def _fitted(
 
     The tint of the starting colors costs one pass more.
     """
-    of_samples = np.float32(config.of_samples)
     sums = np.empty((refit_kernels.BANDS, *start.shape), np.float32)
-
-    def lacking(seen: _SeenColors) -> tuple[Any, Any]:
-        samples = lattice.slots, seen.low, seen.rest, seen.weights, seen.colors
-        rays = seen.starts, seen.turned
-        found: tuple[Any, Any] = refit_kernels.lacking(
-            *samples, *rays, tint, _TINT_EVERY, ahead, of_samples, sums
-        )
-        return found
-
     values, ahead = start, start.copy()
     shares = [_shares(seen, len(start), lattice, config) for seen in subsets]
-    tint = tint + _lacking_tint(sum(lacking(seen)[1] for seen in subsets))
+    of_start = [_lacking(seen, tint, ahead, lattice, config, sums)[1] for seen in subsets]
+    tint = tint + _lacking_tint(np.sum(of_start, axis=0))
     for k in range(config.passes):
         equations = np.zeros((3, len(tint), len(tint) + 1))
         for seen, share in zip(subsets, shares, strict=True):
-            of_points, of_tint = lacking(seen)
+            of_points, of_tint = _lacking(seen, tint, ahead, lattice, config, sums)
             of_points.reshape(-1, 2, 3)[:] *= share[:, :, None]
             ahead += of_points
             equations += of_tint
@@ -161,6 +151,22 @@ def _fitted(
         ahead += improved
         values = improved
     return values, tint
+
+
+def _lacking(
+    seen: _SeenColors,
+    tint: Float[np.ndarray, "monomials 3"],
+    values: Float[np.ndarray, "points 6"],
+    lattice: BrickLattice,
+    config: RefitConfig,
+    sums: Float[np.ndarray, "bands points 6"],
+) -> tuple[Float[np.ndarray, "points 6"], Float[np.ndarray, "3 monomials monomials_and_one"]]:
+    """Returns what points lack, in `sums`, and the tint's equations; see `refit_kernels`."""
+    of_points, equations = refit_kernels.lacking(
+        lattice.slots, seen.low, seen.rest, seen.weights, seen.colors, seen.starts, seen.turned,
+        tint, _TINT_EVERY, values, np.float32(config.of_samples), sums,
+    )  # fmt: skip
+    return of_points, equations
 
 
 def _shares(

@@ -52,9 +52,9 @@ def _give(points, shares, amount, direction, sums):
 
 @no_type_check
 @compiled(inline="always", fastmath=True)
-def _tint(direction, tint, monomials, color):
-    """Sets `monomials` and `color` to those of a direction; in the order of `MONOMIALS`."""
-    color[:] = 0
+def _set_tint(direction, coefficients, monomials, tint):
+    """Sets the monomials, in the order of `MONOMIALS`, and the tint to those of a direction."""
+    tint[:] = 0
     n = 0
     for i in range(3):
         monomials[n] = direction[i]
@@ -67,7 +67,7 @@ def _tint(direction, tint, monomials, color):
                 n += 1
     for n in range(len(monomials)):
         for channel in range(3):
-            color[channel] += monomials[n] * tint[n, channel]
+            tint[channel] += monomials[n] * coefficients[n, channel]
 
 
 @no_type_check
@@ -95,7 +95,8 @@ def _sum_of_bands(sums):
 @no_type_check
 @compiled(parallel=True, fastmath=True)
 def lacking(
-    slots, low, rest, weights, colors, starts, directions, tint, every, values, of_samples, sums
+    slots, low, rest, weights, colors, starts, directions, coefficients, every, values, of_samples,
+    sums,
 ):  # fmt: skip
     """Returns what points lack, and the equations of what the tint lacks.
 
@@ -111,26 +112,26 @@ def lacking(
         colors: Of the samples, `samples 3`.
         starts: The first sample of each ray, and the number of all.
         directions: Of the rays, turned, see `ViewDirections`, `rays 3`.
-        tint: c_k, see `ViewDirections`, `monomials 3`.
+        coefficients: c_k of the tint, see `ViewDirections`, `monomials 3`.
         every: Every n-th ray enters the equations.
         values: Of the points: three of the base, three of the slope, `points 6`.
         of_samples: In [0, 1].
         sums: Room for the sums of bands, `BANDS points 6`; the first of them is returned.
     """
     rays, longest = len(starts) - 1, (starts[1:] - starts[:-1]).max()
-    equations = np.zeros((BANDS, 3, len(tint), len(tint) + 1), np.float64)
+    equations = np.zeros((BANDS, 3, len(coefficients), len(coefficients) + 1), np.float64)
     for band in numba.prange(BANDS):
         points, shares = np.empty((longest, 8), np.int64), np.empty((longest, 8), np.float32)
         missing, steepness = np.empty((longest, 3), np.float32), np.empty((longest, 3), np.float32)
         of_ray, amount = np.empty(3, np.float32), np.empty(3, np.float32)
         steepness_of_ray, tint_of_ray = np.empty(3, np.float32), np.empty(3, np.float32)
-        monomials = np.empty(len(tint), np.float32)
+        monomials = np.empty(len(coefficients), np.float32)
         sums[band] = 0
         for ray in range(rays * band // BANDS, rays * (band + 1) // BANDS):
             first, direction = starts[ray], directions[ray]
             count = starts[ray + 1] - first
             of_ray[:], steepness_of_ray[:] = 0, 0
-            _tint(direction, tint, monomials, tint_of_ray)
+            _set_tint(direction, coefficients, monomials, tint_of_ray)
             for n in range(count):
                 around(slots, low[first + n], rest[first + n], points[n], shares[n])
                 _show(points[n], shares[n], values, direction, tint_of_ray, missing[n])
