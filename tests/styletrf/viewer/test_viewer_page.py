@@ -16,7 +16,7 @@ import pytest
 from headless import answer_of, needs_chromium, opened, page_text
 from written_viewers import written
 
-HOSTILE = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)> $body & ünï"
+HOSTILE = "</script><script>ran=1</script>\"'><img src=x onerror=ran=2> $body & ünï"
 
 
 class Tags(HTMLParser):
@@ -49,6 +49,27 @@ def test_names_stay_text(content, tmp_path):
     assert found.text.count(HOSTILE) >= 3
     inside = re.search(r'id="scene">(.*?)</script>', page_text(page), re.S)
     assert json.loads(inside[1])["looks"][1]["name"] == HOSTILE
+
+
+USED = """
+  const { choose, shown } = await viewer, find = (what) => document.querySelector(what);
+  for (const id of ["halve", "save", "addKey", "preview", "play", "play"]) find(`#${id}`).click();
+  choose(2);
+  await until(() => location.hash.includes("style="));
+  const texts = (selector) => [...document.querySelectorAll(selector)].map((e) => e.textContent);
+  const made = document.querySelectorAll("main script, main img[onerror]").length;
+  return { names: texts("h1, #looks span, #left"), made, hasRun: "ran" in window };
+"""
+
+
+@needs_chromium
+def test_no_script_of_a_name_runs_in_a_browser(content, tmp_path):
+    page = written(hostile(content("ndc")), tmp_path / "viewer.html")
+    with opened(page.as_uri()) as shown:
+        answer = shown.run(USED)
+        assert shown.errors == []
+    assert answer["names"] == [HOSTILE] * 5
+    assert (answer["made"], answer["hasRun"]) == (0, False)
 
 
 def test_the_policy_allows_the_one_script_and_no_network(content, tmp_path):
@@ -84,6 +105,19 @@ NOTICE = """
   return { notice: notice.hidden ? "" : notice.textContent };
 """
 WITHOUT_WEBGL = "<script>HTMLCanvasElement.prototype.getContext = () => null;</script>"
+SMALL_TEXTURES = """<script>
+const parameter = WebGL2RenderingContext.prototype.getParameter;
+WebGL2RenderingContext.prototype.getParameter = function (name) {
+  return name === this.MAX_3D_TEXTURE_SIZE ? 8 : parameter.call(this, name);
+};
+</script>"""
+NO_MEMORY = """<script>
+WebGL2RenderingContext.prototype.getError = function () { return this.OUT_OF_MEMORY; };
+</script>"""
+
+
+def with_script(script: str):
+    return lambda text: text.replace("<head>", "<head>" + script)
 
 
 SHOWN = """
@@ -127,10 +161,12 @@ def test_a_page_is_shown_though_its_server_says_that_all_pages_are_in_utf_8(cont
     ("change", "message"),
     [
         (lambda text: text[: -len(text) // 3], "This file is incomplete"),
-        (lambda text: text.replace("<head>", "<head>" + WITHOUT_WEBGL), "This viewer needs WebGL2"),
+        (with_script(WITHOUT_WEBGL), "This viewer needs WebGL2"),
+        (with_script(SMALL_TEXTURES), "larger than the graphics card's textures"),
+        (with_script(NO_MEMORY), "too little memory for this scene"),
         (lambda text: re.sub(r'(id="data-\w+">.).{20}', r"\1" + "A" * 20, text), "is damaged"),
     ],
-    ids=["truncated", "without WebGL2", "damaged"],
+    ids=["truncated", "without WebGL2", "small textures", "no memory", "damaged"],
 )
 def test_a_page_that_cannot_be_shown_says_why(content, tmp_path, change, message):
     page = written(content("ndc"), tmp_path / "viewer.html")
@@ -138,3 +174,19 @@ def test_a_page_that_cannot_be_shown_says_why(content, tmp_path, change, message
     answer = answer_of(page, NOTICE, 800)
     assert message in answer["notice"]
     assert answer["errors"] == []
+
+
+LOST = """
+  const { loop } = await viewer, notice = document.querySelector("#notice");
+  await until(() => loop.isSettled());
+  document.querySelector("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext();
+  await until(() => !notice.hidden);
+  return notice.textContent;
+"""
+
+
+@needs_chromium
+def test_a_page_whose_graphics_card_gives_up_says_so(content, tmp_path):
+    page = written(content("ndc"), tmp_path / "viewer.html")
+    with opened(page.as_uri()) as shown:
+        assert "Load the page again" in shown.run(LOST)

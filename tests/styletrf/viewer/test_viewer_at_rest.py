@@ -1,0 +1,176 @@
+"""What the page shows of a view that stands still, and how it comes there."""
+
+import base64
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from headless import OpenPage, needs_chromium, opened, with_text
+from viewer_pictures import psnr, rendered
+from written_viewers import written
+
+from styletrf.geometry.cameras import Camera
+
+pytestmark = needs_chromium
+PAINTING = 1
+
+
+@pytest.fixture(scope="module")
+def page_file(content, tmp_path_factory) -> Path:
+    """Returns a viewer of small pictures."""
+    page = written(content("box"), tmp_path_factory.mktemp("viewer") / "viewer.html")
+    with_text(page, page, '"mostPixels": 1600', '"mostPixels": 48')
+    return page
+
+
+@pytest.fixture(scope="module")
+def page(page_file: Path) -> Iterator[OpenPage]:
+    with opened(page_file.as_uri()) as shown:
+        shown.run("await viewer;")
+        yield shown
+        assert shown.errors == []
+
+
+AT_REST = """
+  const { loop, renderer, navigation, picture } = await viewer;
+  const { width, height } = document.querySelector("canvas");
+  await until(() => / mean of 16 /.test(document.querySelector("#status").textContent));
+  await until(() => loop.isSettled());
+  const view = { ...navigation.view(width, height), width, height };
+"""
+MEAN = (
+    AT_REST
+    + """
+  const colors = renderer.read(), { a, b, shareB, split } = picture(width, height);
+  const moved = (offset) => {
+    renderer.draw({ view, a, b, shareB, split, width, height, offset });
+    return renderer.read();
+  };
+  const pictures = OFFSETS.map(moved), far = moved([3, -2]);
+  loop.change();
+  return { view, colors, pictures, far };
+"""
+)
+
+
+def halton(k: int, base: int) -> float:
+    value, share = 0.0, 1 / base
+    while k:
+        value, k, share = value + share * (k % base), k // base, share / base
+    return value
+
+
+def test_a_view_at_rest_is_the_mean_of_sixteen_pictures_moved_within_a_pixel(page, tiny, content):
+    offsets = [(0, 0), *((halton(k, 2) - 0.5, halton(k, 3) - 0.5) for k in range(1, 16))]
+    shown = page.run(MEAN.replace("OFFSETS", json.dumps(offsets)))
+    pictures, colors = np.array(shown["pictures"]), np.array(shown["colors"])
+    away = [np.square(colors - each).mean() for each in (pictures.mean(axis=0), pictures[0])]
+    assert away[0] < away[1] / 8  # sums are of 16 bits
+    camera = camera_of(shown["view"], tiny("box").cameras[0])
+    moved = replace(camera, cx=camera.cx - 3, cy=camera.cy + 2)
+    expected = rendered(tiny("box"), content("box"), moved, PAINTING, 0, 0, -1)
+    assert psnr(np.reshape(shown["far"], expected.shape), expected) >= 45
+
+
+def camera_of(view: dict, example: Camera) -> Camera:
+    lens = {name: float(view[name]) for name in ("fx", "fy", "cx", "cy")}
+    size = {name: view[name] for name in ("width", "height")}
+    pose = np.reshape(view["pose"], (3, 4))
+    return replace(example, world_from_camera=pose, **lens, **size)
+
+
+SAVED = (
+    AT_REST
+    + """
+  const blobs = [], remembered = URL.createObjectURL;
+  URL.createObjectURL = (blob) => { blobs.push(blob); return remembered(blob); };
+  document.querySelector("#save").click();
+  await until(() => blobs.length);
+  URL.createObjectURL = remembered;
+  const bytes = new Uint8Array(await blobs[0].arrayBuffer());
+  return { view, colors: renderer.read(), png: btoa(String.fromCharCode(...bytes)) };
+"""
+)
+
+
+def test_a_picture_at_rest_is_saved_as_it_is_shown(page):
+    shown = page.run(SAVED)
+    data = np.frombuffer(base64.b64decode(shown["png"]), np.uint8)
+    saved = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1] / 255
+    assert saved.shape == (shown["view"]["height"], shown["view"]["width"], 3)
+    colors = np.reshape(shown["colors"], saved.shape)
+    assert np.abs(saved - colors).max() <= 1 / 255
+
+
+SWITCHED = """
+  const { loop, renderer, choose, shown } = await viewer, drawn = [];
+  await until(() => loop.isSettled());
+  const { draw, present } = renderer;
+  renderer.draw = (picture) => { drawn.push(picture); return draw(picture); };
+  renderer.present = () => { drawn.push("shown"); return present(); };
+  let frames = 0;
+  const count = () => { frames++; if (!drawn.includes("shown")) requestAnimationFrame(count); };
+  choose(shown.a === 1 ? 2 : 1);
+  requestAnimationFrame(count);
+  await until(() => drawn.includes("shown"));
+  Object.assign(renderer, { draw, present });
+  const first = drawn.slice(0, drawn.indexOf("shown"));
+  return { chosen: shown.a, looks: first.map(({ a }) => a), frames,
+           isWhole: first.length === 1 && first[0].end === first[0].height };
+"""
+
+
+def test_the_next_picture_after_a_switch_is_the_whole_other_painting(page):
+    for _ in range(2):
+        answer = page.run(SWITCHED)
+        assert answer["looks"] == [answer["chosen"]]
+        assert answer["isWhole"]
+        assert answer["frames"] <= 3
+
+
+PLACED = """
+  const { navigation, shown, refresh } = await viewer;
+  navigation.walk(0.3, 0.1, 0.2);
+  navigation.turn(0.2, -0.1);
+  navigation.zoomBy(1.7);
+  Object.assign(shown, { a: 2, b: 1, share: 0.25, split: 0.75 });
+  refresh();
+  await until(() => location.hash.includes("split"));
+  return { view: navigation.toText(), href: location.href };
+"""
+FOUND = """
+  const { navigation, shown } = await viewer;
+  const { a, b, share, split } = shown;
+  return { view: navigation.toText(), shown: [a, b, share, split] };
+"""
+
+
+def test_a_link_shows_the_same_view_and_looks(page_file):
+    with opened(page_file.as_uri()) as first:
+        placed = first.run(PLACED)
+    with opened(placed["href"]) as second:
+        found = second.run(FOUND)
+        assert second.errors == []
+    assert found["shown"] == [2, 1, 0.25, 0.75]
+    view = [np.array(text.split(","), float) for text in (placed["view"], found["view"])]
+    np.testing.assert_allclose(view[0], view[1], atol=2e-6)
+
+
+def test_a_link_beyond_what_photographs_support_leads_to_where_they_do(page_file):
+    far = re.sub(r"$", "#view=1e6,0,0,3,0.1,0,50", page_file.as_uri())
+    nearest = """
+      const { scene, navigation } = await viewer, at = navigation.pose();
+      const away = ({ center }) => Math.hypot(...center.map((v, i) => v - at[4 * i + 3]));
+      const zoom = navigation.toText().split(",").at(-1);
+      return [Math.min(...scene.guides.map(away)) / scene.radius, zoom];
+    """
+    with opened(far) as shown:
+        away, zoom = shown.run(nearest)
+        assert shown.errors == []
+    assert away < 1.001
+    assert float(zoom) == 8
