@@ -1,5 +1,8 @@
 """A viewer in Chromium against the field's own renderer: size, PSNR, times, samples.
 
+It shows each look, and of the photographs, the first painting and the second one halves of two at
+each sample, and two beside each other.
+
 python benchmarks/viewer.py horns mosaic udnie --quality draft
 
 The stages are those of `luigi --module tasks Viewer` with the same words, which has to have run.
@@ -10,6 +13,7 @@ import argparse
 import json
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +22,7 @@ import torch
 from task_of import task_of
 
 from pipeline.task import artifact
+from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, load_stylized_field
 from styletrf.field.rendering import render_view
@@ -27,6 +32,7 @@ from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
 from styletrf.geometry.space import Space
 from styletrf.psnr import bounded_psnr
 from styletrf.scene.scene_model import read_scene_model
+from styletrf.stylization.mixed_appearance import MixedAppearance
 from styletrf.viewer.viewer_content import RENDER
 from tasks.results.viewer import PHOTOGRAPHS, Viewer
 
@@ -58,6 +64,23 @@ PROBE = """
 """
 
 
+@dataclass(frozen=True)
+class Shown:
+    """What a page is to show: looks by their numbers in it.
+
+    Attributes:
+        a: The look of which there is 1 - share_b, and the only one to the right of the split.
+        b: The other one.
+        share_b: How much of it there is, where nothing is split.
+        split: The share of the width that is to the left of the split; -1 without one.
+    """
+
+    a: int
+    b: int
+    share_b: float = 0.0
+    split: float = -1.0
+
+
 def main() -> None:
     """Print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -76,28 +99,36 @@ def main() -> None:
     spread = np.linspace(0, len(path) - 1, VIEWS).round().astype(int)
     cameras = [fitted_to(path[k], given.long_side) for k in spread]
     print(f"{page.stat().st_size / 1e6:.2f} MB")  # noqa: T201
-    for look, name in enumerate([PHOTOGRAPHS, *given.styles]):
-        stylized = inputs.get(f"stylized {name}")
-        of = inputs["field"]
-        field = load_stylized_field(of, stylized) if stylized else load_field(of)
-        measure(page, look, name, field, space.space, cameras)
+    of, names = inputs["field"], [PHOTOGRAPHS, *given.styles]
+    stylized = [load_stylized_field(of, inputs[f"stylized {name}"]) for name in given.styles]
+    fields = [load_field(of), *stylized]
+    for shown in all_shown(len(fields)):
+        measure(page, shown, names, fields, space.space, cameras)
+
+
+def all_shown(looks: int) -> list[Shown]:
+    """Returns each look, halves of two at each sample, and two beside each other."""
+    pairs = [pair for pair in ((0, 1), (1, 2)) if max(pair) < looks]
+    halves = [Shown(*pair, share_b=0.5) for pair in pairs]
+    return [*(Shown(k, k) for k in range(looks)), *halves, *(Shown(*p, split=0.5) for p in pairs)]
 
 
 def measure(
-    page: Path, look: int, name: str, field: RadianceField, space: Space, cameras: list[Camera]
-) -> None:
-    """Prints the figures of one look."""
+    page: Path, shown: Shown, names: list[str], fields: list[RadianceField], space: Space,
+    cameras: list[Camera],
+) -> None:  # fmt: skip
+    """Prints the figures of one thing that is shown."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "viewer.html"
         with_text(page, copy, "<head>", "<head>" + WATCH)
-        cases = json.dumps([case(camera, look) for camera in cameras])
+        cases = json.dumps([case(camera, shown) for camera in cameras])
         answer = answer_of(copy, PROBE.replace("CASES", cases), 1000, seconds=300)
     if answer["errors"]:
         raise SystemExit(answer["errors"])
-    rays = ViewRays(cameras, space.within(field.bounds), field.step_length, CPU)
-    kernels, found = kernels_for(CPU), []
+    rays = ViewRays(cameras, space.within(fields[0].bounds), fields[0].step_length, CPU)
+    found = []
     for k, (camera, shot) in enumerate(zip(cameras, answer["shots"], strict=True)):
-        exact = render_view(field, kernels, rays, k, camera, RENDER).color.numpy()
+        exact = picture(fields, shown, rays, k, camera)
         error = float(np.square(np.array(shot).reshape(exact.shape) / 1000 - exact).mean())
         found.append(bounded_psnr(error))
     size = f"{cameras[0].width} x {cameras[0].height}"
@@ -105,16 +136,43 @@ def measure(
     seconds = f"first picture {first:.2f} s after opening, load event {load:.2f}, all {ready:.2f} s"
     psnr = f"{np.mean(found):.2f} dB (least {min(found):.2f})"
     times = f"{np.median(answer['ms']):.0f} ms a picture of {size}"
-    samples = samples_in_words(field, rays, cameras[0])
-    print(f"{name}: {psnr}, {times}, {seconds}, {samples}")  # noqa: T201
+    samples = samples_in_words(fields[shown.a], rays, cameras[0])
+    print(f"{in_words(shown, names)}: {psnr}, {times}, {seconds}, {samples}")  # noqa: T201
 
 
-def case(camera: Camera, look: int) -> dict[str, Any]:
+def in_words(shown: Shown, names: list[str]) -> str:
+    """Returns what is shown."""
+    if shown.a == shown.b:
+        return names[shown.a]
+    how = "beside" if shown.split >= 0 else "and half"
+    return f"{names[shown.b]} {how} {names[shown.a]}"
+
+
+def picture(
+    fields: list[RadianceField], shown: Shown, rays: ViewRays, view: int, camera: Camera
+) -> np.ndarray:
+    """Returns what the CPU renders."""
+    kernels, looks = kernels_for(CPU), [fields[k].appearance for k in (shown.a, shown.b)]
+
+    def rendered(appearance: ColorModel) -> np.ndarray:
+        with torch.no_grad():
+            one = render_view(fields[0], kernels, rays, view, camera, RENDER, appearance)
+        return one.color.numpy()
+
+    if shown.split >= 0:
+        left = (np.arange(camera.width) + 0.5 < shown.split * camera.width)[None, :, None]
+        return np.where(left, rendered(looks[1]), rendered(looks[0]))
+    if shown.share_b in (0, 1):
+        return rendered(looks[round(shown.share_b)])
+    return rendered(MixedAppearance(looks, [1 - shown.share_b, shown.share_b]))
+
+
+def case(camera: Camera, shown: Shown) -> dict[str, Any]:
     """Returns what the page is to draw."""
     lens = {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
     view = {"pose": camera.world_from_camera.ravel().tolist(), **lens}
-    size = {"width": camera.width, "height": camera.height}
-    return {"view": view, "a": look, "b": look, "shareB": 0.0, **size}
+    looks = {"a": shown.a, "b": shown.b, "shareB": shown.share_b, "split": shown.split}
+    return {"view": view, **looks, "width": camera.width, "height": camera.height}
 
 
 def samples_in_words(field: RadianceField, rays: ViewRays, camera: Camera) -> str:
