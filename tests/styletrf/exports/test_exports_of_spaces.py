@@ -95,6 +95,21 @@ def test_points_and_meshes_lie_where_a_view_saw_them(space: str, tmp_path: Path)
     assert json.dumps(report)
 
 
+def test_an_export_notes_where_pictures_have_no_definite_surface(tmp_path: Path):
+    pytest.importorskip("trimesh", reason="trimesh is not installed (extra export)")
+    views, reports = views_of("box"), []
+    for mean_of_median in (1.0, 1.2):  # a mean far behind the median is that of mist
+        renders = [
+            replace(r, median_depth=r.depth, depth=mean_of_median * r.depth) for r in views.renders
+        ]
+        given = replace(views, renders=renders)
+        reports.append(export_points(tmp_path, given, looks_of("box"), silent))
+    definite, mist = reports
+    assert definite["surface_share"] > 0.5
+    assert mist["surface_share"] == 0
+    assert mist["note"] != definite["note"]
+
+
 def test_in_unbounded_space_a_ball_is_a_ball():
     pytest.importorskip("skimage", reason="scikit-image is not installed (extra export)")
     views = [camera_around(angle) for angle in np.linspace(0, 2 * np.pi, 9)[:-1]]

@@ -88,15 +88,18 @@ def test_the_same_content_gives_the_same_bytes(content, tmp_path):
     assert pages[0] == pages[1]
 
 
-def test_the_density_is_there_once_and_a_coarser_lattice_is_named(content, tmp_path):
+def test_the_density_is_there_once_and_coarser_lattices_are_named(content, tmp_path):
     baked = content("ndc")
     one = written(replace(baked, looks=baked.looks[:1]), tmp_path / "a.html")
     both = written(replace(baked, looks=baked.looks[:1] * 2), tmp_path / "b.html")
     assert both.stat().st_size - one.stat().st_size < 2000
     coarse = replace(baked.density, reduced_from=(300, 200, 100), psnr_db=41.26)
-    page = Tags(written(replace(baked, density=coarse), tmp_path / "c.html"))
-    assert "300 x 200 x 100 points is too large for a page" in page.text
-    assert "within 41.3 dB" in page.text
+    look = replace(baked.looks[0], reduced_from=(400, 300, 150), psnr_db=33.33)
+    reduced = replace(baked, density=coarse, looks=[look])
+    page = Tags(written(reduced, tmp_path / "c.html"))
+    for points, loss in (("300 x 200 x 100", "41.3"), ("400 x 300 x 150", "33.3")):
+        assert f"{points} points is too large for a page" in page.text
+        assert f"within {loss} dB" in page.text
 
 
 NOTICE = """
