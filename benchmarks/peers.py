@@ -1,6 +1,6 @@
 """PSNR against wall time of nerfstudio's nerfacto, on the photographs and poses of our fit.
 
-python3 -m venv DIR && DIR/bin/pip install torch==2.14.1 torchvision==0.29.1 nerfstudio==1.1.5
+python3 -m venv DIR && DIR/bin/pip install torch==2.13.0 torchvision==0.28.0 nerfstudio==1.1.5
 python benchmarks/peers.py horns --nerfstudio DIR/bin --folder OUT --minutes 2 5 10 30
 
 Both have the photographs, poses and held-out views of `CameraPoses` at `draft`. nerfacto runs on
@@ -29,8 +29,15 @@ TRAIN = (
     "--steps-per-save", "10", "--steps-per-eval-batch", "0", "--steps-per-eval-image", "0",
     "--steps-per-eval-all-images", "0", "--experiment-name", "peer", "--timestamp", "run",
 )  # fmt: skip
+OPERATORS = """
+import torch
+library = torch.library.Library("torchvision", "DEF")
+for name in ("nms", "qnms"):
+    library.define(name + "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+"""
+"""Declares what torchvision cannot load without CUDA; nerfacto calls none of it."""
 ALEXNET = """
-import sys, torch, torchvision
+import sys, torchvision
 torch.save(torchvision.models.alexnet().state_dict(), sys.argv[1])
 """
 """Random weights: nerfacto loads some for LPIPS, which is not used here, from the network."""
@@ -61,9 +68,10 @@ def trained(nerfstudio: Path, data: Path, folder: Path, minutes: list[float]) ->
     """Trains nerfacto; returns its checkpoints of after so many minutes."""
     weights = folder / "hub/checkpoints/alexnet-owt-7be5be79.pth"
     weights.parent.mkdir(parents=True, exist_ok=True)
-    subprocess.run([nerfstudio / "python", "-c", ALEXNET, weights], check=True)
-    command = [nerfstudio / "ns-train", "nerfacto", *TRAIN, "--output-dir", folder, "--data", data]
-    process = subprocess.Popen([*map(str, command), *DATA], env=_environment(folder))
+    subprocess.run([nerfstudio / "python", "-c", OPERATORS + ALEXNET, weights], check=True)
+    words = ["nerfacto", *TRAIN, "--output-dir", folder, "--data", data, *DATA]
+    command = _command(nerfstudio, "train", *words)
+    process = subprocess.Popen(command, env=_environment(folder))
     try:
         _latest(process, folder / RUN)
         begun, kept = time.monotonic(), []
@@ -76,6 +84,12 @@ def trained(nerfstudio: Path, data: Path, folder: Path, minutes: list[float]) ->
     finally:
         process.kill()
     return kept
+
+
+def _command(nerfstudio: Path, script: str, *words: str | Path) -> list[str]:
+    """Returns what runs ns-train or ns-eval."""
+    text = f"{OPERATORS}\nfrom nerfstudio.scripts.{script} import entrypoint\nentrypoint()\n"
+    return [str(nerfstudio / "python"), "-c", text, *map(str, words)]
 
 
 def _environment(folder: Path) -> dict[str, str]:
@@ -99,8 +113,8 @@ def evaluated(nerfstudio: Path, folder: Path, checkpoint: Path) -> dict[str, flo
         other.unlink()
     os.link(checkpoint, folder / RUN / checkpoint.name)
     config, report = (folder / RUN).parent / "config.yml", checkpoint.with_suffix(".json")
-    command = [nerfstudio / "ns-eval", "--load-config", config, "--output-path", report]
-    subprocess.run([*map(str, command)], check=True, env=_environment(folder))
+    command = _command(nerfstudio, "eval", "--load-config", config, "--output-path", report)
+    subprocess.run(command, check=True, env=_environment(folder))
     psnr = json.loads(report.read_text())["results"]["psnr"]
     return {"steps": int(checkpoint.stem.removeprefix("step-")), "psnr": psnr}
 
