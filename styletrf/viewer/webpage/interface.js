@@ -1,4 +1,4 @@
-// Controls: pointers, keys, paintings, mixing, and the page's address.
+// Paintings, mixing, buttons, playing, and the page's address.
 const $ = (id) => document.getElementById(id);
 const refuse = (error) => {
   $("notice").textContent = error instanceof Refusal ? error.message : `The viewer stopped: ${error.message ?? error}`;
@@ -21,8 +21,8 @@ const start = async () => {
   canvas.addEventListener("webglcontextlost", () => refuse(new Refusal("The graphics card gave up. Load the page again.")));
   const begun = performance.now(), photographs = 0;
   const shown = { a: Math.min(1, scene.looks.length - 1), b: photographs, share: 1, split: -1, frame: 0, isPlaying: false, clip: null };
-  const keys = new Set(), touched = new Set();  // those of HELD that are down
-  let loop = null, last = 0, loaded = "", editor = null;
+  const memory = makeLookMemory(renderer, scene.mostBytes);
+  let loop = null, last = 0, loaded = () => "", editor = null;
   const change = () => { loop?.change(); remember(); };
 
   // The address: the view, what is shown, and how.
@@ -37,16 +37,19 @@ const start = async () => {
       try { history.replaceState(null, "", `#${words}`); } catch { /* a page within another may have no address */ }
     }, 300);
   };
+  // Takes all from the address but the looks, which it returns: they may have to be loaded.
   const recall = () => {
+    const asked = { a: shown.a, b: shown.b };
     const words = new URLSearchParams(location.hash.slice(1)), numberOf = (name) => scene.looks.findIndex((look) => look.name === name);
     const among = (v) => (numberOf(v) >= 0 ? numberOf(v) : clamp(Math.floor(+v) || 0, 0, scene.looks.length - 1));
     navigation.fromText(words.get("view"));
-    if (words.has("show")) shown.a = clamp(Math.floor(+words.get("show")) || 0, 0, scene.looks.length - 1);
-    if (numberOf(words.get("style")) >= 0) shown.a = numberOf(words.get("style"));
-    if (words.has("with")) shown.b = among(words.get("with"));
+    if (words.has("show")) asked.a = clamp(Math.floor(+words.get("show")) || 0, 0, scene.looks.length - 1);
+    if (numberOf(words.get("style")) >= 0) asked.a = numberOf(words.get("style"));
+    if (words.has("with")) asked.b = among(words.get("with"));
     if (words.has("share")) shown.share = clamp(+words.get("share") || 0, 0, 1);
     shown.split = words.has("split") ? clamp(+words.get("split") || 0, 0, 1) : -1;
     editor?.fromText(words.get("path"));
+    return asked;
   };
 
   // Paintings.
@@ -64,18 +67,35 @@ const start = async () => {
     labels.push(label);
   };
   scene.looks.forEach(addLabel);
-  const choose = (k) => {
-    if (k === shown.b) shown.b = shown.a;
-    shown.a = k;
+  const report = (text) => { $("report").hidden = !text; $("report").textContent = text; };
+  const reportNoRoom = (k) => report(`The graphics card has too little memory for ${scene.looks[k].name} beside what is shown.`);
+  const isShown = (k) => k === shown.a || k === shown.b;
+  let wanted = null;
+  // Shows two looks, at once if they are loaded.
+  const show = async (asked) => {
+    wanted = asked;
+    report("");
+    for (const k of [asked.a, asked.b]) {
+      if (renderer.isLoaded(k)) continue;
+      report(`Loading ${scene.looks[k].name} ...`);
+      const isHeld = await memory.load(k, (old) => !isShown(old) && old !== asked.a);
+      if (wanted !== asked) return;
+      report("");
+      if (!isHeld) { reportNoRoom(k); return refresh(); }
+    }
+    memory.use(asked.b);
+    memory.use(asked.a);
+    Object.assign(shown, asked);
     refresh();
   };
+  const choose = (k) => show({ a: k, b: k === shown.b ? shown.a : shown.b }).catch(refuse);
   const refresh = () => {
     const isSplit = shown.split >= 0, isSingle = scene.looks.length < 2;
     labels.forEach((label, k) => {
       label.firstChild.checked = k === shown.a;
-      label.firstChild.disabled = !renderer.isLoaded(k);
       label.classList.toggle("chosen", k === shown.a);
-      $("other").options[k].disabled = k === shown.a || !renderer.isLoaded(k);
+      label.classList.toggle("unloaded", !renderer.isLoaded(k));
+      $("other").options[k].disabled = k === shown.a;
     });
     $("other").value = shown.b;
     $("share").value = shown.share;
@@ -112,10 +132,10 @@ const start = async () => {
     halve: () => { shown.split = shown.split < 0 ? 0.5 : -1; refresh(); },
     reset: () => { Object.assign(shown, { isPlaying: false, frame: 0, clip: null }); navigation.show(scene.path[0].pose); refresh(); },
     full: () => (document.fullscreenElement ? document.exitFullscreen() : $("main").requestFullscreen()).catch(() => {}),
-    save: () => {
-      const { width, height } = canvas;
-      const isAtRest = loop.isAtRest();
-      if (!isAtRest) renderer.draw({ ...picture(width, height), width, height });
+    save: async () => {
+      const { width, height } = canvas, isAtRest = loop.isAtRest();
+      if (isAtRest) await loop.whole();
+      else renderer.draw({ ...picture(width, height), width, height });
       renderer.present();
       canvas.toBlob((blob) => offer(blob, `${scene.name}-${scene.looks[shown.a].name}.png`));
       if (!isAtRest) loop.change();
@@ -123,75 +143,21 @@ const start = async () => {
   };
   for (const [id, act] of Object.entries(toggles)) $(id).addEventListener("click", act);
   $("full").hidden = !document.fullscreenEnabled;
-  $("other").addEventListener("change", () => { shown.b = +$("other").value; refresh(); });
+  $("other").addEventListener("change", () => show({ a: shown.a, b: +$("other").value }).catch(refuse));
   $("share").addEventListener("input", () => { shown.share = +$("share").value; refresh(); });
   $("split").addEventListener("input", () => { shown.split = +$("split").value; refresh(); });
-  addEventListener("hashchange", () => { recall(); refresh(); });
+  addEventListener("hashchange", () => show(recall()).catch(refuse));
 
-  // Pointers: one turns, with Shift or the right button it slides; two slide and zoom.
-  const pointers = new Map();
   const stop = () => { if (shown.isPlaying) { shown.isPlaying = false; refresh(); } };
-  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  canvas.addEventListener("pointerdown", (event) => {
-    stop();
-    pointers.set(event.pointerId, [event.clientX, event.clientY]);
-    try { canvas.setPointerCapture(event.pointerId); } catch { /* it was released meanwhile */ }
-  });
-  for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, (event) => pointers.delete(event.pointerId));
-  canvas.addEventListener("pointermove", (event) => {
-    const before = pointers.get(event.pointerId);
-    if (!before) return;
-    const now = [event.clientX, event.clientY], tall = canvas.clientHeight || 1;
-    const by = [(now[0] - before[0]) / tall, (now[1] - before[1]) / tall];
-    pointers.set(event.pointerId, now);
-    const others = [...pointers].filter(([id]) => id !== event.pointerId);
-    if (others.length) {
-      const apart = ([x, y]) => Math.hypot(x - others[0][1][0], y - others[0][1][1]) || 1;
-      navigation.zoomBy(apart(now) / apart(before));
-      navigation.slide(by[0] / 2, by[1] / 2);
-    } else if (event.shiftKey || event.buttons & 2) navigation.slide(...by);
-    else navigation.turn(...by);
-    change();
-  });
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    navigation.zoomBy(Math.exp(-event.deltaY * (event.deltaMode ? 0.03 : 0.0015)));
-    change();
-  }, { passive: false });
-
-  // Keys, on the canvas: held ones move by the time they are held.
-  const HELD = {
-    ArrowLeft: [-1, 0, "turn"], ArrowRight: [1, 0, "turn"], ArrowUp: [0, -1, "turn"], ArrowDown: [0, 1, "turn"],
-    w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, 1, 0], e: [0, -1, 0],
-  };
-  const STEP = 0.1;  // of the radius
   const PRESSED = { " ": "play", x: "halve", p: "save", f: "full", Home: "reset" };
-  canvas.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key, number = +key - 1;
-    if (HELD[key]) { stop(); keys.add(key); }
-    else if (PRESSED[key] && !event.repeat) toggles[PRESSED[key]]();
-    else if ("+=-".includes(key)) { navigation.zoomBy(key === "-" ? 0.9 : 1 / 0.9); change(); }
-    else if (key === "k" && !event.repeat) $("addKey").click();
-    else if (renderer.isLoaded(number)) choose(number);
-    else return;
-    event.preventDefault();
-  });
-  canvas.addEventListener("keyup", (event) => keys.delete(event.key.length === 1 ? event.key.toLowerCase() : event.key));
-  canvas.addEventListener("blur", () => keys.clear());
-
-  // The same by buttons, for fingers. Screen readers click without a pointer.
-  for (const button of $("walk").children) {
-    const key = button.dataset.key, release = () => touched.delete(key);
-    button.addEventListener("pointerdown", () => { stop(); touched.add(key); });
-    for (const kind of ["pointerup", "pointercancel", "pointerleave"]) button.addEventListener(kind, release);
-    button.addEventListener("contextmenu", (event) => event.preventDefault());  // of a long touch
-    button.addEventListener("click", (event) => {
-      if (event.detail) return;
-      navigation.walk(...HELD[key].map((v) => v * STEP));
-      change();
-    });
-  }
+  const press = (key, isRepeated) => {
+    const act = toggles[PRESSED[key]] ?? (key === "k" && (() => $("addKey").click()));
+    if (act && !isRepeated) act();
+    else if (scene.looks[+key - 1]) choose(+key - 1);
+    else return Boolean(act);
+    return true;
+  };
+  const move = takeInput(canvas, $("walk"), navigation, { stop, change, press });
 
   const advance = (frames) => {
     const clip = shown.clip, count = clip?.frames.length ?? navigation.frames;
@@ -206,21 +172,19 @@ const start = async () => {
     return navigation.show(pose, zoom);
   };
   const next = (now) => {
-    const seconds = Math.min(0.1, (now - last) / 1000);
+    const seconds = Math.min(0.1, (now - last) / 1000), isMoved = move(seconds);
     last = now;
-    const held = new Set([...keys, ...touched]);
-    for (const key of held) {
-      const [x, y, z] = HELD[key];
-      if (z === "turn") navigation.steer(x * seconds, y * seconds);
-      else navigation.walk(x * seconds, y * seconds, z * seconds);
-    }
     if (shown.isPlaying) advance(seconds * scene.framesPerSecond);
-    if (held.size || shown.isPlaying) remember();
-    return held.size > 0 || shown.isPlaying;
+    if (isMoved || shown.isPlaying) remember();
+    return isMoved || shown.isPlaying;
+  };
+  const looksInWords = () => {
+    const n = scene.looks.length, some = memory.count() < n ? `${memory.count()} of ` : "";
+    return `${some}${n} look${n > 1 ? "s" : ""} of ${(memory.bytes() / 1e6).toFixed(0)} MB`;
   };
   const tell = ({ width, height, ms, count }) => {
     const pictures = count > 1 ? `, mean of ${count} pictures` : "";
-    $("status").textContent = `${loaded}${width} x ${height} in ${ms.toFixed(ms < 10 ? 1 : 0)} ms${pictures}`;
+    $("status").textContent = `${loaded()}${width} x ${height} in ${ms.toFixed(ms < 10 ? 1 : 0)} ms${pictures}`;
   };
 
   const fit = () => {
@@ -233,11 +197,11 @@ const start = async () => {
   };
   $("main").style.setProperty("--aspect", navigation.aspect);
   new ResizeObserver(fit).observe(canvas);
-  recall();
+  Object.assign(shown, recall());
   fit();
   renderer.warmUp();
   const bricks = await renderer.loadDensity();
-  await renderer.loadLook(shown.a);
+  if (!await memory.load(shown.a)) throw new Refusal(NO_ROOM);
   $("notice").hidden = true;
   loop = makeLoop(canvas, renderer, { next, picture, tell });
   editor = makePathEditor(scene, navigation, {
@@ -252,25 +216,24 @@ const start = async () => {
       return renderer.read();
     },
   });
-  recall();
+  recall();  // the key frames
   refresh();
   await loop.start();
   const first = performance.now() - begun;
-  for (let k = 0; k < scene.looks.length; k++) {
-    if (!renderer.isLoaded(k)) {
-      await new Promise((go) => setTimeout(go, isCalm ? 0 : 30));
-      await renderer.loadLook(k);
-      refresh();
-    }
+  for (const k of [shown.b, ...scene.looks.keys()]) {
+    if (renderer.isLoaded(k)) continue;
+    await new Promise((go) => setTimeout(go, isCalm ? 0 : 30));
+    if (!await memory.load(k) && k === shown.b) reportNoRoom(k);
+    refresh();
   }
-  const looks = scene.looks.length, second = performance.now() - begun;
-  loaded = `${looks} look${looks > 1 ? "s" : ""}, ${bricks} bricks of 512 points, loaded in ${(first / 1000).toFixed(1)} s, all in ${(second / 1000).toFixed(1)} s; `;
+  const second = performance.now() - begun;
+  loaded = () => `${looksInWords()}, ${bricks} bricks of 512 points, loaded in ${(first / 1000).toFixed(1)} s, all in ${(second / 1000).toFixed(1)} s; `;
   refresh();
   if (scene.isLive) {
     offerSaving(editor, () => ({ a: shown.a, b: shown.b, share: shown.share }));
     followServer(scene, async (look) => {
       scene.looks.push(look);
-      await renderer.loadLook(scene.looks.length - 1);
+      await memory.load(scene.looks.length - 1);
       addLabel(look, scene.looks.length - 1);
       refresh();
     }).catch(refuse);

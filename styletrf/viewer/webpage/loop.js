@@ -14,6 +14,7 @@ const halton = (k, base) => {
 const makeLoop = (canvas, renderer, { next, picture, tell }) => {
   const pass = { count: 0, row: 0, scale: 1, isMoving: true };
   let perPixelMs = FIRST_PIXEL_MS, isBusy = false, isStale = true, changed = performance.now();
+  const waiting = [];
   let hasShown = null;
   const isShown = new Promise((go) => { hasShown = go; });  // a first picture
 
@@ -44,6 +45,7 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
     renderer.present();
     pass.count++;
     hasShown();
+    if (isWhole()) waiting.splice(0).forEach((go) => go());
     tell({ width, height, ms: perPixelMs * width * height, count: pass.count });
   };
   const frame = (now) => {
@@ -52,12 +54,14 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
     if (next(now)) change();
     const isMoving = performance.now() - changed < SETTLED_MS;
     if (isStale || isMoving !== pass.isMoving) restart(isMoving);
-    if (pass.count >= mostPictures()) return;
+    if (pass.row === 0 && pass.count >= mostPictures()) return;  // never between parts of a picture
     isBusy = true;
     step().catch(refuse).finally(() => { isBusy = false; });
   };
   const isAtRest = () => !isStale && !pass.isMoving && pass.count > 0;  // what is shown is a mean
-  const isSettled = () => !isBusy && isAtRest();
+  const isWhole = () => isAtRest() && pass.row === 0;  // and so is all that is drawn
+  const isFinished = () => !isBusy && isWhole() && pass.count >= mostPictures();
+  const whole = () => new Promise((go) => (isWhole() && !isBusy ? go() : waiting.push(go)));
   const start = () => { requestAnimationFrame(frame); return isShown; };
-  return { change, isAtRest, isSettled, start };
+  return { change, isAtRest, isSettled: () => !isBusy && isAtRest(), isFinished, whole, start };
 };

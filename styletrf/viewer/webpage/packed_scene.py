@@ -17,6 +17,8 @@ from styletrf.viewer.viewer_content import ViewerContent
 from styletrf.viewer.webpage.block_text import block_text
 
 _MOST_PIXELS_WIDE = 1600
+_MOST_BYTES = 512 << 20
+"""Of the textures of looks that a page keeps in the graphics card's memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +71,7 @@ def packed_scene(content: ViewerContent, frames_per_second: float) -> Packed:
         "focus": list(content.focus),
         "looking": content.looking,
         "mostPixels": _MOST_PIXELS_WIDE,
+        "mostBytes": _MOST_BYTES,
         "framesPerSecond": frames_per_second,
         "worldFromNormalized": content.world_from_normalized.reshape(-1).tolist(),
     }

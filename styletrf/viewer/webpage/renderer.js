@@ -10,6 +10,8 @@ uniform vec2 uSize;
 out vec4 fragment;
 void main() { fragment = vec4(texture(uShown, gl_FragCoord.xy / uSize).rgb, 1); }`;
 
+const NO_ROOM = "The graphics card has too little memory for this scene.";
+
 const programOf = (gl, fragment) => {
   const program = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, WHOLE], [gl.FRAGMENT_SHADER, fragment]]) {
@@ -40,17 +42,20 @@ const texture3D = (gl, unit, format, size, texels, filter) => {
   return texture;
 };
 
-// A texture of bricks; slabOf gives the texels of all bricks at one depth.
+const sizeOf = (layout) => [layout.across * APRON, layout.across * APRON, layout.deep * APRON];
+
+// A texture of bricks, or null if there is no memory; slabOf gives the texels of all bricks at one depth.
 const slabTexture = async (gl, unit, format, layout, slabOf) => {
-  const wide = layout.across * APRON, size = [wide, wide, layout.deep * APRON];
-  const texture = texture3D(gl, unit, format, size, null, gl.LINEAR);
+  const size = sizeOf(layout), [wide] = size, texture = texture3D(gl, unit, format, size, null, gl.LINEAR);
+  const without = () => { gl.deleteTexture(texture); return null; };
+  if (gl.getError() === gl.OUT_OF_MEMORY) return without();
   for (let slab = 0; slab < layout.deep; slab++) {
     await rest();
     gl.activeTexture(gl.TEXTURE0 + unit);  // pictures may be drawn meanwhile
     gl.bindTexture(gl.TEXTURE_3D, texture);
     gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, slab * APRON, wide, wide, APRON, format[1], format[2], slabOf(slab));
   }
-  return texture;
+  return gl.getError() === gl.OUT_OF_MEMORY ? without() : texture;  // some allocate late
 };
 
 // The homogeneous grid points along the ray of a pixel: start + Z (x across + y down + ahead).
@@ -106,6 +111,7 @@ const makeRenderer = (canvas, scene, fragment) => {
     const { density, empty } = scene, layout = await layoutNamed(density.lattice);
     const slabOf = await densitiesOf(density, layout);
     const texture = await slabTexture(gl, UNITS.uDensity, FORMATS.density, layout, slabOf);
+    if (!texture) throw new Refusal(NO_ROOM);
     bind(UNITS.uDensity, texture);
     bind(UNITS.uDensityBricks, layout.bricksTexture);
     const voxels = await bytesOf(empty.values, empty.size.reduce((a, b) => a * b));
@@ -114,6 +120,12 @@ const makeRenderer = (canvas, scene, fragment) => {
     gl.uniform3fv(march.place("uDensityLast"), layout.last);
     return layout.bricks.length;
   };
+  // Of the textures of a look.
+  const sizeOfLook = async (k) => {
+    const look = scene.looks[k], texels = sizeOf(await layoutNamed(look.lattice)).reduce((a, b) => a * b);
+    return (look.slopes ? 2 : 1) * 4 * texels;
+  };
+  // Resolves to whether there was room.
   const loadLook = async (k) => {
     const look = scene.looks[k], layout = await layoutNamed(look.lattice);
     const ofPoints = await classesNamed(look, layout);
@@ -123,9 +135,17 @@ const makeRenderer = (canvas, scene, fragment) => {
       return slabTexture(gl, UNITS.uColorsA, FORMATS.colors, layout, bytesOfSlab);
     };
     const colorsTexture = await upload(look.colors), slopesTexture = look.slopes && await upload(look.slopes);
-    if (gl.getError() === gl.OUT_OF_MEMORY) throw new Refusal("The graphics card has too little memory for this scene.");
-    looks[k] = { ...look, layout, colorsTexture, slopesTexture, directions: await directionsOf(look.directions) };
+    const loaded = { ...look, layout, colorsTexture, slopesTexture, directions: await directionsOf(look.directions) };
+    if (!colorsTexture || (look.slopes && !slopesTexture)) return free(loaded);
+    looks[k] = loaded;
+    return true;
   };
+  const free = (look) => {
+    gl.deleteTexture(look.colorsTexture);
+    gl.deleteTexture(look.slopesTexture);
+    return false;
+  };
+  const dropLook = (k) => { free(looks[k]); delete looks[k]; };
 
   const resize = (width, height) => {
     if (target.width === width && target.height === height) return;
@@ -231,5 +251,5 @@ const makeRenderer = (canvas, scene, fragment) => {
     };
     setTimeout(ask, 0);
   });
-  return { warmUp, loadDensity, loadLook, isLoaded: (k) => Boolean(looks[k]), draw, present, read, fence, addsUp: isFine };
+  return { warmUp, loadDensity, sizeOfLook, loadLook, dropLook, isLoaded: (k) => Boolean(looks[k]), draw, present, read, fence, addsUp: isFine };
 };

@@ -20,11 +20,13 @@ _MARCH = Path(__file__).with_name("march.glsl").read_text(encoding="utf-8")
 _SCRIPTS = (
     Path(__file__).with_name("unpacking.js"),
     Path(__file__).with_name("renderer.js"),
+    Path(__file__).with_name("look_memory.js"),
     Path(__file__).with_name("navigation.js"),
     Path(__file__).with_name("camera_curve.js"),
     Path(__file__).with_name("path_editor.js"),
     Path(__file__).with_name("live.js"),
     Path(__file__).with_name("loop.js"),
+    Path(__file__).with_name("input.js"),
     Path(__file__).with_name("interface.js"),
 )
 _SCRIPT = "\n".join(script.read_text(encoding="utf-8") for script in _SCRIPTS)

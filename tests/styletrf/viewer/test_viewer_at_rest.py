@@ -2,7 +2,6 @@
 
 import base64
 import json
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -23,8 +22,12 @@ PAINTING = 1
 @pytest.fixture(scope="module")
 def page_file(content, tmp_path_factory) -> Path:
     """Returns a viewer of small pictures."""
-    page = written(content("box"), tmp_path_factory.mktemp("viewer") / "viewer.html")
-    with_text(page, page, '"mostPixels": 1600', '"mostPixels": 48')
+    return small(content("box"), tmp_path_factory.mktemp("viewer") / "viewer.html", 48)
+
+
+def small(content, path: Path, width: int) -> Path:
+    page = written(content, path)
+    with_text(page, page, '"mostPixels": 1600', f'"mostPixels": {width}')
     return page
 
 
@@ -40,7 +43,7 @@ AT_REST = """
   const { loop, renderer, navigation, picture } = await viewer;
   const { width, height } = document.querySelector("canvas");
   const status = () => document.querySelector("#status").textContent;
-  for (let last = ""; !/mean of/.test(last) || last !== status() || !loop.isSettled();) {
+  for (let last = ""; !/mean of/.test(last) || last !== status() || !loop.isFinished();) {
     last = status();
     await new Promise((r) => setTimeout(r, 300));
   }
@@ -89,16 +92,27 @@ def camera_of(view: dict, example: Camera) -> Camera:
     return replace(example, world_from_camera=pose, **lens, **size)
 
 
-SAVED = (
-    AT_REST
-    + """
+SAVES = """
   const blobs = [], remembered = URL.createObjectURL;
   URL.createObjectURL = (blob) => { blobs.push(blob); return remembered(blob); };
+  const saved = async () => {
+    await until(() => blobs.length);
+    URL.createObjectURL = remembered;
+    const bytes = new Uint8Array(await blobs[0].arrayBuffer());
+    return btoa(String.fromCharCode(...bytes));
+  };
+"""
+SAVED = (
+    AT_REST
+    + SAVES
+    + """
+  const colors = renderer.read(), { draw } = renderer;
+  let drawn = 0;
+  renderer.draw = (picture) => { drawn++; draw(picture); };
   document.querySelector("#save").click();
-  await until(() => blobs.length);
-  URL.createObjectURL = remembered;
-  const bytes = new Uint8Array(await blobs[0].arrayBuffer());
-  return { view, colors: renderer.read(), png: btoa(String.fromCharCode(...bytes)) };
+  const png = await saved();
+  renderer.draw = draw;
+  return { view, colors, drawn, png };
 """
 )
 
@@ -108,8 +122,70 @@ def test_a_picture_at_rest_is_saved_as_it_is_shown(page):
     data = np.frombuffer(base64.b64decode(shown["png"]), np.uint8)
     saved = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1] / 255
     assert saved.shape == (shown["view"]["height"], shown["view"]["width"], 3)
-    colors = np.reshape(shown["colors"], saved.shape)
-    assert np.abs(saved - colors).max() <= 1 / 255
+    assert np.abs(saved - np.reshape(shown["colors"], saved.shape)).max() <= 1 / 255
+    assert shown["drawn"] == 0  # nothing but the mean
+
+
+SAVED_MEANWHILE = (
+    SAVES
+    + """
+  const { draw, present } = renderer;
+  let done = [], isAsked = false;
+  renderer.draw = (picture) => {
+    draw(picture);
+    done.push(picture.end < picture.height ? "part" : "whole");
+    if (isAsked || picture.count < 2 || picture.end === picture.height) return;
+    [isAsked, done] = [true, ["part"]];
+    document.querySelector("#save").click();
+  };
+  renderer.present = () => { done.push("shown"); present(); };
+  loop.change();
+  await saved();
+  Object.assign(renderer, { draw, present });
+  return done;
+"""
+)
+
+
+def test_a_picture_is_saved_when_it_is_whole(content, tmp_path):
+    """While a picture was drawn in parts, it was saved with some parts newer than others."""
+    page = small(content("ndc"), tmp_path / "viewer.html", 160)
+    with opened(page.as_uri()) as shown:
+        done = shown.run("const { renderer, loop } = await viewer;" + SLOW + SAVED_MEANWHILE)
+        assert shown.errors == []
+    assert done[0] == "part"
+    assert done[done.index("shown") - 1] == "whole"
+
+
+SLOW = """
+  const { fence } = renderer;
+  renderer.fence = async () => { await fence(); await new Promise((r) => setTimeout(r, 60)); };
+"""
+
+
+SLOWER = """
+  const { renderer, loop } = await viewer, { draw, fence } = renderer;
+  let isSlow = false, last = null;
+  renderer.fence = async () => {
+    await fence();
+    await new Promise((r) => setTimeout(r, isSlow ? 1500 : 60));
+  };
+  renderer.draw = (picture) => {
+    draw(picture);
+    last = picture;
+    isSlow ||= picture.count === 2 && picture.end < picture.height;
+  };
+  loop.change();
+  await until(() => isSlow && loop.isFinished());
+  return last.end === last.height;
+"""
+
+
+def test_a_picture_that_was_begun_is_drawn_to_its_end_on_a_card_that_becomes_slow(page_file):
+    """It ended at a part, so a view at rest stayed half a mean, and half one picture more."""
+    with opened(page_file.as_uri()) as shown:
+        assert shown.run(SLOWER)
+        assert shown.errors == []
 
 
 SWITCHED = """
@@ -163,7 +239,7 @@ def test_a_link_shows_the_same_view_and_looks(page_file):
 
 
 def test_a_link_beyond_what_photographs_support_leads_to_where_they_do(page_file):
-    far = re.sub(r"$", "#view=1e6,0,0,3,0.1,0,50", page_file.as_uri())
+    far = f"{page_file.as_uri()}#view=1e6,0,0,3,0.1,0,50"
     nearest = """
       const { scene, navigation } = await viewer, at = navigation.pose();
       const away = ({ center }) => Math.hypot(...center.map((v, i) => v - at[4 * i + 3]));
@@ -175,3 +251,33 @@ def test_a_link_beyond_what_photographs_support_leads_to_where_they_do(page_file
         assert shown.errors == []
     assert away < 1.001
     assert float(zoom) == 8
+
+
+MOVED = """
+  const { loop, renderer } = await viewer, { draw } = renderer;
+  const canvas = document.querySelector("canvas");
+  FENCE
+  let scale = 0, pictures = 0;
+  renderer.draw = (picture) => { scale = picture.width / canvas.width; pictures++; draw(picture); };
+  for (const first = pictures; pictures < first + 12;) {
+    loop.change();
+    await new Promise(requestAnimationFrame);
+  }
+  const moving = scale;
+  await until(() => loop.isSettled());
+  renderer.draw = draw;
+  return { moving, still: scale };
+"""
+QUICK = "renderer.fence = async () => {};"
+
+
+@pytest.mark.parametrize(("fence", "is_coarse"), [(SLOW, True), (QUICK, False)])
+def test_a_moving_picture_is_as_coarse_as_the_graphics_card_is_slow(
+    content, tmp_path, fence, is_coarse
+):
+    page = small(content("ndc"), tmp_path / "viewer.html", 160)
+    with opened(page.as_uri()) as shown:
+        widths = shown.run(MOVED.replace("FENCE", fence))
+        assert shown.errors == []
+    assert (widths["moving"] < 0.5) == is_coarse
+    assert widths["still"] == 1

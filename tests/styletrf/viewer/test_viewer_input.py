@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from headless import OpenPage, needs_chromium, opened
+from headless import OpenPage, needs_chromium, opened, with_text
 from written_viewers import written
 
 pytestmark = needs_chromium
@@ -28,6 +28,7 @@ class View(NamedTuple):
 def pages(content, tmp_path_factory) -> Iterator[dict[int, OpenPage]]:
     """Returns the same viewer on a desktop and on a phone, by the width of the window."""
     page = written(content("ndc"), tmp_path_factory.mktemp("viewer") / "viewer.html")
+    with_text(page, page, '"mostPixels": 1600', '"mostPixels": 160')
     with opened(page.as_uri()) as desktop, opened(page.as_uri(), 390) as phone:
         for each in (desktop, phone):
             each.run("await viewer;")
@@ -45,8 +46,19 @@ def phone(pages) -> Iterator[OpenPage]:
     yield from begun(pages[390])
 
 
+BEGINNING = """
+  const { shown, refresh } = await viewer, find = (what) => document.querySelector(what);
+  if (document.fullscreenElement) await document.exitFullscreen();
+  find("#canvas").blur();  // releases held keys
+  find("#reset").click();
+  Object.assign(shown, { a: 1, b: 0, share: 1, split: -1 });
+  refresh();
+  find("#canvas").focus();
+"""
+
+
 def begun(page: OpenPage) -> Iterator[OpenPage]:
-    page.run("document.querySelector('#reset').click(); document.querySelector('#canvas').focus();")
+    page.run(BEGINNING)
     yield page
     assert page.errors == []
 
@@ -106,12 +118,17 @@ def press(page: OpenPage, name: str) -> None:
     key(page, name, "keyUp")
 
 
+def wheel(page: OpenPage, place: dict[str, float], by_px: float) -> None:
+    words = {"type": "mouseWheel", "deltaX": 0, "deltaY": by_px}
+    page.command("Input.dispatchMouseEvent", **place, **words)
+
+
 def test_a_wheel_zooms_both_ways_and_does_not_scroll(desktop):
+    desktop.run("document.body.style.height = '3000px';")
     begin, place = seen(desktop), on_picture(desktop)
     for delta in (-300, 200):
         before = json.dumps(desktop.run("return (await viewer).navigation.toText();"))
-        wheel = {"type": "mouseWheel", "deltaX": 0, "deltaY": delta}
-        desktop.command("Input.dispatchMouseEvent", **place, **wheel)
+        wheel(desktop, place, delta)
         desktop.run(
             f"const {{ navigation: n }} = await viewer; await until(() => n.toText() !== {before});"
         )
@@ -119,14 +136,50 @@ def test_a_wheel_zooms_both_ways_and_does_not_scroll(desktop):
     assert end.zoom == pytest.approx(np.exp(0.0015 * 100), rel=1e-4)
     assert desktop.run("return scrollY;") == 0
     np.testing.assert_array_equal(end.center, begin.center)
+    wheel(desktop, {"x": 500, "y": 850}, 200)  # below the picture
+    desktop.run("await until(() => scrollY > 0);")
+    desktop.run("document.body.style.height = ''; scrollTo(0, 0);")
 
 
-def test_a_drag_turns_about_what_is_seen(desktop):
-    begin, frame = seen(desktop), axes(desktop)
-    drag(desktop, (40, 0))
+PIVOT = """
+  const { scene, navigation } = await viewer, pose = navigation.pose();
+  const [ahead, center] = [2, 3].map((k) => [0, 4, 8].map((i) => pose[i + k]));
+  const depth = scene.focus.reduce((sum, v, i) => sum + (v - center[i]) * ahead[i], 0);
+  return center.map((v, i) => v + Math.max(scene.radius, depth) * ahead[i]);
+"""
+
+
+@pytest.mark.parametrize(("by_px", "way"), [((40, 0), (-1, 0, 0)), ((0, 30), (0, -1, 0))])
+def test_a_drag_turns_about_what_is_seen_which_follows_the_hand(desktop, by_px, way):
+    begin, frame, pivot = seen(desktop), axes(desktop), np.array(desktop.run(PIVOT))
+    drag(desktop, by_px)
     end = seen(desktop)
-    assert end.yaw != begin.yaw
-    assert abs(moved(begin, end, frame)[0]) > 0.9  # past what it turns about
+    assert moved(begin, end, frame) @ way > 0.9  # the camera, against the hand
+    ahead = (pivot - end.center) / np.linalg.norm(pivot - end.center)
+    assert ahead @ axes(desktop)[:, 2] > 1 - 1e-9
+    apart = [np.linalg.norm(pivot - each.center) for each in (begin, end)]
+    assert apart[1] == pytest.approx(apart[0], rel=1e-4)
+
+
+def test_the_line_of_a_split_follows_the_hand(desktop):
+    press(desktop, "x")
+    box = desktop.run(
+        "const { x, y, width, height } = document.querySelector('#split').getBoundingClientRect();"
+        "return { x: x + width / 2, y: y + height / 2, width };"
+    )
+    place, words = {"x": box["x"], "y": box["y"]}, {"button": "left", "clickCount": 1}
+    desktop.command("Input.dispatchMouseEvent", type="mousePressed", **place, **words, buttons=1)
+    place["x"] -= box["width"] / 4
+    desktop.command("Input.dispatchMouseEvent", type="mouseMoved", **place, **words, buttons=1)
+    desktop.command("Input.dispatchMouseEvent", type="mouseReleased", **place, **words)
+    edge = (
+        "const edge = document.querySelector('#edge').getBoundingClientRect();"
+        "const stage = document.querySelector('#stage').getBoundingClientRect();"
+        "return [(await viewer).shown.split, (edge.x + edge.width / 2 - stage.x) / stage.width];"
+    )
+    share, shown_at = desktop.run(edge)
+    assert share == pytest.approx(0.25, abs=0.02)
+    assert shown_at == pytest.approx(share, abs=0.005)
 
 
 @pytest.mark.parametrize(("button", "modifiers"), [("left", SHIFT), ("right", 0)])
@@ -179,8 +232,15 @@ WAYS = {
     "e": (0, -1, 0),
 }
 STILL = """
-  const { navigation, loop } = await viewer, before = navigation.toText();
-  await new Promise((r) => setTimeout(r, 250));
+  const { navigation, loop, renderer } = await viewer, before = navigation.toText();
+  const { draw } = renderer;
+  let chances = 0;  // to move: one before each drawing, and one in each frame without any
+  renderer.draw = (picture) => { chances++; draw(picture); };
+  while (chances < 4 && before === navigation.toText()) {
+    await new Promise(requestAnimationFrame);
+    if (loop.isFinished()) chances++;
+  }
+  renderer.draw = draw;
   return before === navigation.toText();
 """
 MOVES = """
@@ -266,6 +326,16 @@ def test_k_adds_a_key_frame(desktop):
     before = desktop.run(count)
     press(desktop, "k")
     assert desktop.run(count) == before + 1
+
+
+def test_p_saves_a_picture(desktop):
+    desktop.run("""
+      window.saved = [];
+      HTMLAnchorElement.prototype.click = function () { window.saved.push(this.download); };
+    """)
+    press(desktop, "p")
+    desktop.run("await until(() => window.saved.length);")
+    assert desktop.run("return window.saved;") == ["the yard-style 1.png"]
 
 
 def test_f_fills_the_screen_and_leaves_it_again(desktop):

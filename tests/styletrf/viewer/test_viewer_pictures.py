@@ -46,7 +46,7 @@ const draws = [], requestLater = requestAnimationFrame;
 requestAnimationFrame = (draw) => draws.push(draw);
 </script>"""
 BEFORE_AND_AFTER = """
-  const unloaded = () => document.querySelectorAll("#looks input:disabled").length;
+  const unloaded = () => document.querySelectorAll("#looks .unloaded").length;
   await until(() => document.querySelector("#notice").hidden && draws.length);
   await new Promise((r) => setTimeout(r, 300));
   const before = unloaded();
