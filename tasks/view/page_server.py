@@ -94,6 +94,16 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
+def warning_of(host: str) -> str:
+    """Returns what to know before listening on an address that other machines reach, else ""."""
+    if is_loopback(host):
+        return ""
+    return (
+        f"Warning: whoever reaches {host} and has this address sees the scene, and can save a path."
+        " The connection is not encrypted."
+    )
+
+
 def is_own_host(header: str, host: str) -> bool:
     """Returns whether a Host header can be of a page of this server.
 

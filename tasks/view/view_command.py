@@ -25,7 +25,7 @@ from tasks.results.viewer import PHOTOGRAPHS, Viewer
 from tasks.stages.style import StyleImage
 from tasks.stages.stylization import StylizedField
 from tasks.view.live_viewer import LiveViewer
-from tasks.view.page_server import LOOPBACK, PageServer, is_loopback
+from tasks.view.page_server import LOOPBACK, PageServer, warning_of
 from tasks.view.path_command import path_command
 from tasks.view.store_watch import Bake, adapted_styles, best_quality, known_styles, watch_store
 
@@ -136,9 +136,6 @@ def _live_viewer(viewer: Viewer, file: Path, words: Sequence[str]) -> tuple[Live
 
 def _print_address(server: PageServer) -> None:
     """Prints where the page is, and a warning where other machines reach it."""
-    if not is_loopback(server.host):
-        sys.stderr.write(
-            f"Warning: whoever reaches {server.host} and has this address sees the scene, and can"
-            " save a path. The connection is not encrypted.\n"
-        )
+    if warning := warning_of(server.host):
+        sys.stderr.write(warning + "\n")
     print(f"Ctrl-C stops it. Open\n{server.address}", flush=True)  # noqa: T201

@@ -245,17 +245,20 @@ def test_another_style_builds_only_what_depends_on_it_and_comes_into_an_open_vie
     workplace: Workplace,
 ):
     with viewing(workplace.words("yard"), workplace.environment()) as viewer:
+        assert viewer.address.startswith("http://127.0.0.1:")  # by default, this machine alone
         assert viewer.looks(2) == ["Photographs", "brush"]
         other = workplace.command(*workplace.result("dots"))
         assert viewer.looks(3) == ["Photographs", "brush", "dots"]
         pose = {"position": [0, 0, 0], "orientation": [1, 0, 0, 0]}
         path = {"key_frames": [pose], "closed": False, "easing": 0}
-        request = {"path": path, "seconds": 2, "a": 2, "b": 0, "share": 1}
+        request = {"path": path, "seconds": 0.5, "a": 2, "b": 0, "share": 1}
         saved = viewer.asked("path", request)
         assert viewer.interrupted() == 0
     assert Path(saved["file"]) == workplace.root / "out/yard/camera-path.json"
-    planned = workplace.luigi(*shlex.split(saved["command"])[1:], "--plan")
-    assert planned.status == 0, planned.screen
+    rendered = workplace.luigi(*shlex.split(saved["command"])[1:])
+    assert rendered.status == 0, rendered.screen
+    assert rendered.started[0] == "TrajectoryFrames"
+    assert video_info(rendered.report.with_name("video.mp4")).frames == 12
     assert other.status == 0, other.screen
     assert set(other.started) == OF_THE_STYLE
     assert other.report.parent.name == "dots"

@@ -44,6 +44,14 @@ CASES = [
     ("ConsistencyMetrics", {}, ("unstylized", "frames/0002.exr", "R")),
     ("ConsistencyMetrics", {}, ("perceptual", "vgg16.safetensors", "conv2_1.weight")),
     ("StylizationMetrics", {}, ("unstylized", "frames/0003.exr", "G")),
+    ("Viewer", {}, FIELD),
+    ("Viewer", {}, DENSITY),
+    ("Viewer", {}, ("stylized p", "appearance.safetensors", "shading.basis.weight")),
+    ("Viewer", {}, POSES),
+    ("Export", {"format": "ply"}, FIELD),
+    ("Export", {"format": "ply"}, DENSITY),
+    ("Export", {"format": "ply"}, ("stylized p", "appearance.safetensors", "shading.basis.weight")),
+    ("Export", {"format": "cameras"}, POSES),
 ]  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from styletrf.errors import InputError
-from tasks.view.page_server import MOST_BYTES, PageServer, is_own_host
+from tasks.view.page_server import MOST_BYTES, PageServer, is_own_host, warning_of
 
 TOKEN = "a-token-that-nobody-guesses"
 PATH = {"key_frames": [{"position": [0, 0, 0], "orientation": [1, 0, 0, 0]}]}
@@ -106,6 +106,18 @@ def test_a_name_that_is_not_the_servers_is_refused(served, host):
 )
 def test_the_names_of_a_server_are_its_address_and_what_leads_to_it_alone(header, host, is_own):
     assert is_own_host(header, host) is is_own
+
+
+def test_only_an_address_that_others_reach_has_a_warning():
+    assert [warning_of(host) for host in ("127.0.0.1", "::1", "localhost", "127.8.8.8")] == [""] * 4
+    for host in ("0.0.0.0", "::", "10.0.0.7", "studio"):
+        assert host in warning_of(host)
+        assert "not encrypted" in warning_of(host)
+
+
+def test_a_server_answers_at_its_own_address_alone(served):
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.2", served.port), timeout=30).close()
 
 
 def test_a_path_is_saved_in_its_one_file(served):
