@@ -1,4 +1,4 @@
-"""A viewer in Chromium against the field's own renderer: size, PSNR, times, samples.
+"""A viewer in Chromium against the field's own renderer: size, PSNR, times, samples and fetches.
 
 It shows each look, and of the photographs, the first painting and the second one halves of two at
 each sample, and two beside each other.
@@ -28,7 +28,7 @@ from styletrf.field.radiance_field import RadianceField, load_field, load_styliz
 from styletrf.field.rendering import render_view
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.camera_table import read_cameras
-from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
+from styletrf.geometry.cameras import Camera, fitted_to
 from styletrf.geometry.space import Space
 from styletrf.psnr import bounded_psnr
 from styletrf.scene.scene_model import read_scene_model
@@ -37,7 +37,7 @@ from styletrf.viewer.viewer_content import RENDER
 from tasks.results.viewer import PHOTOGRAPHS, Viewer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
-from headless import answer_of, with_text  # type: ignore[import-not-found]
+from headless import answer_of, page_text  # type: ignore[import-not-found]
 
 CPU = torch.device("cpu")
 VIEWS = 5
@@ -58,10 +58,18 @@ PROBE = """
     renderer.draw(each);
     const colors = renderer.read();
     ms.push(performance.now() - begun);
-    shots.push(colors.map((v) => Math.round(v * 1000)));
+    shots.push(colors.map((v) => +v.toFixed(5)));
   }
   return { shots, ms, loaded, first, ready };
 """
+COUNTED = {  # in the shader, so that a pixel's color is how often its ray asks for each, over MOST
+    "fragment = vec4(background, 1);": "fragment = vec4(0, 0, 0, 1); vec3 asked = vec3(0);",
+    "uint empty = texelFetch(": "asked.x += 1.0; uint empty = texelFetch(",
+    "float raw = lookup(": "asked.y += 1.0; float raw = lookup(",
+    "sum += counted * colorAt(": "asked.z += 1.0; sum += counted * colorAt(",
+    "if (kept > 0.0) fragment.rgb =": "fragment.rgb = asked / MOST; if (false) fragment.rgb =",
+}
+MOST = 2048.0
 
 
 @dataclass(frozen=True)
@@ -118,26 +126,38 @@ def measure(
     cameras: list[Camera],
 ) -> None:  # fmt: skip
     """Prints the figures of one thing that is shown."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "viewer.html"
-        with_text(page, copy, "<head>", "<head>" + WATCH)
-        cases = json.dumps([case(camera, shown) for camera in cameras])
-        answer = answer_of(copy, PROBE.replace("CASES", cases), 1000, seconds=300)
-    if answer["errors"]:
-        raise SystemExit(answer["errors"])
+    cases = [case(camera, shown) for camera in cameras]
+    answer = answered(page, cases, {"<head>": "<head>" + WATCH})
     rays = ViewRays(cameras, space.within(fields[0].bounds), fields[0].step_length, CPU)
     found = []
     for k, (camera, shot) in enumerate(zip(cameras, answer["shots"], strict=True)):
         exact = picture(fields, shown, rays, k, camera)
-        error = float(np.square(np.array(shot).reshape(exact.shape) / 1000 - exact).mean())
+        error = float(np.square(np.array(shot).reshape(exact.shape) - exact).mean())
         found.append(bounded_psnr(error))
     size = f"{cameras[0].width} x {cameras[0].height}"
     load, first, ready = (answer[name] / 1000 for name in ("loaded", "first", "ready"))
     seconds = f"first picture {first:.2f} s after opening, load event {load:.2f}, all {ready:.2f} s"
     psnr = f"{np.mean(found):.2f} dB (least {min(found):.2f})"
     times = f"{np.median(answer['ms']):.0f} ms a picture of {size}"
-    samples = samples_in_words(fields[shown.a], rays, cameras[0])
-    print(f"{in_words(shown, names)}: {psnr}, {times}, {seconds}, {samples}")  # noqa: T201
+    asked = asked_in_words(page, cases)
+    print(f"{in_words(shown, names)}: {psnr}, {times}, {seconds}, {asked}")  # noqa: T201
+
+
+def answered(page: Path, cases: list[dict[str, Any]], replaced: dict[str, str]) -> dict[str, Any]:
+    """Returns what a page with some texts replaced draws, and when."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "viewer.html"
+        text = page_text(page)
+        for old, new in replaced.items():
+            if old not in text:
+                raise SystemExit(f"{page} has no {old}")
+            text = text.replace(old, new)
+        copy.write_text(text, encoding="utf-16")
+        probe = PROBE.replace("CASES", json.dumps(cases))
+        answer: dict[str, Any] = answer_of(copy, probe, 1000, seconds=300)
+    if answer["errors"]:
+        raise SystemExit(answer["errors"])
+    return answer
 
 
 def in_words(shown: Shown, names: list[str]) -> str:
@@ -175,17 +195,12 @@ def case(camera: Camera, shown: Shown) -> dict[str, Any]:
     return {"view": view, **looks, "width": camera.width, "height": camera.height}
 
 
-def samples_in_words(field: RadianceField, rays: ViewRays, camera: Camera) -> str:
-    """Returns how many samples and colors a ray of the first picture takes."""
-    kernels = kernels_for(CPU)
-    segments = rays.segments(0, torch.from_numpy(pixel_centers(camera.width, camera.height)))
-    jitter = torch.full_like(segments.lengths, 0.5)
-    march = field.density.march(RENDER.termination)
-    with torch.no_grad():
-        samples = kernels.trace(field.density.factors, segments, jitter, march)
-        heavy = kernels.prune(samples, RENDER.min_weight)
-    n = len(segments)
-    return f"{len(samples.ray) / n:.1f} densities and {len(heavy.ray) / n:.1f} colors a ray"
+def asked_in_words(page: Path, cases: list[dict[str, Any]]) -> str:
+    """Returns how many voxels, densities and colors a ray asks for, in the mean of the pictures."""
+    counted = {old: new.replace("MOST", str(MOST)) for old, new in COUNTED.items()}
+    shots = answered(page, cases, {"<head>": "<head>" + WATCH, **counted})["shots"]
+    voxels, densities, colors = MOST * np.mean([np.reshape(s, (-1, 3)).mean(0) for s in shots], 0)
+    return f"a ray asks for {voxels:.1f} voxels, {densities:.1f} densities, {colors:.1f} colors"
 
 
 if __name__ == "__main__":
