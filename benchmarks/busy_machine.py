@@ -30,6 +30,8 @@ CPU = torch.device("cpu")
 BUSY = "while True: pass"
 CHUNKS = {"field": 8, "network": 4}
 """Iterations of one call of the workloads."""
+IMAGES = 2
+"""Of a batch of the style network at `draft` and `standard`."""
 SETTINGS: dict[str, dict[str, str]] = {
     "as it is": {},
     "GOMP_SPINCOUNT=2000": {"GOMP_SPINCOUNT": "2000"},
@@ -45,7 +47,7 @@ def count(kind: str, seconds: float) -> int:
     """Returns the iterations of a workload in so many seconds, after a first that compiles."""
     if kind == "adaptation":
         return _count_adaptation(seconds)
-    steps = (field_steps if kind == "field" else network_steps)(CPU)
+    steps = field_steps(CPU) if kind == "field" else network_steps(CPU, IMAGES)
     steps()
     return CHUNKS[kind] * _calls(steps, seconds)
 

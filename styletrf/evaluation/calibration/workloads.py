@@ -139,10 +139,15 @@ def field_trainer(device: torch.device) -> FieldTrainer:
     return FieldTrainer(cameras, [image, image], space, resolution, config, kernels)
 
 
-def network_steps(device: torch.device) -> Callable[[], None]:
-    """Returns what takes some iterations of a style training on random weights."""
-    config = StyleTrainingConfig(batch=1, crop_px=_CROP_PX, style_px=_CROP_PX, predictor_weight=0.0)
-    config = replace(config, color_weight=0.0)
+def network_steps(device: torch.device, images: int = 1) -> Callable[[], None]:
+    """Returns what takes some iterations of a style training on random weights.
+
+    Args:
+        device: Where it trains.
+        images: Of a batch, which cores share.
+    """
+    config = StyleTrainingConfig(batch=images, crop_px=_CROP_PX, style_px=_CROP_PX)
+    config = replace(config, predictor_weight=0.0, color_weight=0.0)
     painting = torch.from_numpy(_picture(_CROP_PX).astype(np.float32) / 255)
     network = TransferNetwork(TransferNetworkConfig(), torch.Generator().manual_seed(0))
     training = new_training(network.to(device))
@@ -150,7 +155,7 @@ def network_steps(device: torch.device) -> Callable[[], None]:
         torch.manual_seed(0)
         vgg = VGG16().to(device)
     step = StyleStep(config, vgg, painting)
-    content = painting.movedim(2, 0)[None]
+    content = painting.movedim(2, 0)[None].repeat(images, 1, 1, 1)
 
     def steps() -> None:
         for k in range(_NETWORK_STEPS):
