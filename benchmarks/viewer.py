@@ -28,7 +28,7 @@ from styletrf.field.radiance_field import RadianceField, load_field, load_styliz
 from styletrf.field.rendering import render_view
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.camera_table import read_cameras
-from styletrf.geometry.cameras import Camera, fitted_to
+from styletrf.geometry.cameras import Camera, resized
 from styletrf.geometry.space import Space
 from styletrf.psnr import bounded_psnr
 from styletrf.scene.scene_model import read_scene_model
@@ -105,13 +105,19 @@ def main() -> None:
     page, space = artifact(viewer) / "viewer.html", read_scene_model(inputs["model"] / "scene.json")
     path = read_cameras(inputs["trajectory"] / "cameras.parquet")
     spread = np.linspace(0, len(path) - 1, VIEWS).round().astype(int)
-    cameras = [fitted_to(path[k], given.long_side) for k in spread]
+    cameras = [sized(path[k], given.long_side) for k in spread]
     print(f"{page.stat().st_size / 1e6:.2f} MB")  # noqa: T201
     of, names = inputs["field"], [PHOTOGRAPHS, *given.styles]
     stylized = [load_stylized_field(of, inputs[f"stylized {name}"]) for name in given.styles]
     fields = [load_field(of), *stylized]
     for shown in all_shown(len(fields)):
         measure(page, shown, names, fields, space.space, cameras)
+
+
+def sized(camera: Camera, long_side: int) -> Camera:
+    """Returns a camera of larger or smaller pictures of the same view."""
+    scale = long_side / max(camera.width, camera.height)
+    return resized(camera, round(camera.width * scale), round(camera.height * scale))
 
 
 def all_shown(looks: int) -> list[Shown]:
@@ -154,7 +160,7 @@ def answered(page: Path, cases: list[dict[str, Any]], replaced: dict[str, str]) 
             text = text.replace(old, new)
         copy.write_text(text, encoding="utf-16")
         probe = PROBE.replace("CASES", json.dumps(cases))
-        answer: dict[str, Any] = answer_of(copy, probe, 1000, seconds=300)
+        answer: dict[str, Any] = answer_of(copy, probe, 1000, seconds=600)
     if answer["errors"]:
         raise SystemExit(answer["errors"])
     return answer

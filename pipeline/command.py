@@ -16,9 +16,10 @@ from luigi.cmdline import luigi_run
 from luigi.cmdline_parser import CmdlineParser
 from luigi.execution_summary import LuigiStatusCode
 from luigi.interface import PidLockAlreadyTakenExit
+from luigi.parameter import MissingParameterException
 from luigi.retcodes import retcode
 from luigi.setup_logging import InterfaceLogging
-from luigi.task_register import TaskClassException
+from luigi.task_register import Register, TaskClassException
 
 from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_tasks
 from pipeline.console.log_handler import in_one_line
@@ -85,6 +86,9 @@ def take_over_luigi(module: str) -> None:
 def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]) -> int:
     try:
         task = parser.get_task_obj()  # type: ignore[no-untyped-call]
+    except MissingParameterException:
+        sys.stderr.write(f"{_missing_in_words(parser)}\n")
+        return int(retcode().unhandled_exception)  # type: ignore[no-untyped-call]
     except Exception:  # noqa: BLE001  whatever it is, it is reported
         _luigi_log.exception("The command cannot be read")
         return int(retcode().unhandled_exception)  # type: ignore[no-untyped-call]
@@ -98,6 +102,17 @@ def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]
     close_progress()
     own = end(task)
     return status if own is None else own
+
+
+def _missing_in_words(parser: CmdlineParser) -> str:
+    """Returns which parameters a command lacks, with what each of them is."""
+    given, family = parser.known_args, parser.known_args.root_task
+    missing = [
+        f"--{name.replace('_', '-')} ({parameter.description})"
+        for name, parameter in Register.get_task_cls(family).get_params()  # type: ignore[no-untyped-call]
+        if getattr(given, name, None) is None and not parameter.has_task_value(family, name)
+    ]
+    return f"{family} needs {' and '.join(missing)}."
 
 
 def _luigi_status(task: luigi.Task) -> int:

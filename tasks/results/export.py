@@ -7,7 +7,6 @@ from typing import Any, cast
 from pipeline.parameters import ChoiceParameter, ListParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
-from styletrf.errors import InputError
 from tasks.machine.optional_dependencies import EXPORT_PACKAGES, export_versions
 from tasks.results.scene_in_styles import SceneInStyles
 from tasks.stages.field import RadianceField, TrajectoryFrames
@@ -56,9 +55,6 @@ class Export(SceneInStyles):
             InputError: It says what to give, or to install, instead.
         """
         super().validate()
-        if PHOTOGRAPHS in self.styles:
-            problem = f"has {PHOTOGRAPHS}, the name of what is not stylized"
-            raise InputError(f"--styles {list(self.styles)}", problem, "Rename the painting")
         export_versions(self.format)
 
     def requires(self) -> Mapping[str, Stage]:

@@ -26,6 +26,11 @@ class SceneInStyles(LinkedStage, PathParameters):
     strategy = StyleParameters.strategy
     match = StyleParameters.match
     rounds = StyleParameters.rounds
+    keep_going = luigi.BoolParameter(
+        significant=False,
+        description="builds all that needs no painting, photographs or weights that cannot be used,"
+        " instead of stopping",
+    )
 
     def validate(self) -> None:
         """Rejects styles that are not each one name, and strategies that change the geometry.
@@ -38,6 +43,9 @@ class SceneInStyles(LinkedStage, PathParameters):
         if not all(isinstance(style, str) and style for style in self.styles):
             problem = "contains an entry that is not the name of an image in data/styles"
             raise InputError(subject, problem, 'Give such as ["mosaic"]')
+        if any(style.casefold() == "photographs" for style in self.styles):
+            problem = "has the name of what is not stylized"
+            raise InputError(subject, problem, "Rename the painting")
         if len(set(self.styles)) < len(self.styles):
             raise InputError(subject, "names one twice", "Name each once")
         if self.strategy != "s3":

@@ -70,8 +70,9 @@ class PageServer(ThreadingHTTPServer):
         try:
             super().__init__((host, port), _Handler)
         except (OSError, OverflowError) as error:
-            problem = f"cannot be listened on: {getattr(error, 'strerror', None) or error}"
-            remedy = "Give another --port, or none for a free one"
+            reason = str(getattr(error, "strerror", None) or error).rstrip(".")
+            problem = f"cannot be listened on: {reason}"
+            remedy = "Give an address of this machine as --host, and a free port as --port or none"
             raise InputError(f"--host {host} --port {port}", problem, remedy) from error
 
     def handle_error(self, request: Any, client_address: Any) -> None:

@@ -55,7 +55,11 @@ def _parser() -> ArgumentParser:
     parser.add_argument(
         "--quality", choices=PRESETS, help="by default the one with the most styles in the store"
     )
-    parser.add_argument("--host", default=LOOPBACK, help="the address to listen on")
+    parser.add_argument(
+        "--host",
+        default=LOOPBACK,
+        help="the address to listen on, by default 127.0.0.1, which only this machine reaches",
+    )
     parser.add_argument("--port", type=int, default=0, help="by default a free one")
     parser.add_argument(
         "--path-file", type=Path, help="where paths are saved; out/SCENE/camera-path.json"

@@ -91,7 +91,9 @@ def page_text(page: Path) -> str:
 
 def with_text(page: Path, copy: Path, old: str, new: str) -> None:
     """Writes a copy of a page with a text replaced, in UTF-16, which scripts in it may need."""
-    copy.write_text(page_text(page).replace(old, new), encoding="utf-16")
+    text = page_text(page)
+    assert old in text, f"{page} has no {old}"
+    copy.write_text(text.replace(old, new), encoding="utf-16")
 
 
 @contextmanager

@@ -68,29 +68,42 @@ const start = async () => {
   };
   scene.looks.forEach(addLabel);
   const report = (text) => { $("report").hidden = !text; $("report").textContent = text; };
-  const reportNoRoom = (k) => report(`The graphics card has too little memory for ${scene.looks[k].name} beside what is shown.`);
-  const isShown = (k) => k === shown.a || k === shown.b;
-  let wanted = null;
-  // Shows two looks, at once if they are loaded.
-  const show = async (asked) => {
-    wanted = asked;
-    report("");
-    for (const k of [asked.a, asked.b]) {
+  // Of the looks, `shown` has the chosen ones. What is visible are those of them that are loaded.
+  let visibleA = shown.a;
+  const isMixed = () => shown.share < 1 || shown.split >= 0;
+  const visible = () => {
+    if (renderer.isLoaded(shown.a)) visibleA = shown.a;
+    if (!renderer.isLoaded(shown.b)) return { a: visibleA, b: visibleA, share: 1, split: -1 };
+    return { a: visibleA, b: shown.b, share: shown.share, split: shown.split };
+  };
+  // Loads the chosen looks. One that nobody sees yet takes no other's place.
+  const loadChosen = async () => {
+    for (const which of ["a", "b"]) {
+      const k = shown[which], isSeen = () => shown.a === k || (shown.b === k && isMixed());
       if (renderer.isLoaded(k)) continue;
-      report(`Loading ${scene.looks[k].name} ...`);
-      const isHeld = await memory.load(k, (old) => !isShown(old) && old !== asked.a);
-      if (wanted !== asked) return;
-      report("");
-      if (!isHeld) { reportNoRoom(k); return refresh(); }
+      const wasSeen = isSeen();
+      if (wasSeen) report(`Loading ${scene.looks[k].name} ...`);
+      const mayGo = (old) => isSeen() && ![visibleA, shown.a, isMixed() && shown.b].includes(old);
+      const isHeld = await memory.load(k, mayGo);
+      if (!wasSeen || !isSeen()) continue;
+      report(isHeld ? "" : `The graphics card has too little memory for ${scene.looks[k].name} beside what is shown.`);
+      if (!isHeld && k === shown.a) Object.assign(shown, { a: visibleA, b: shown.b === visibleA ? k : shown.b });
+      else if (!isHeld) Object.assign(shown, { share: 1, split: -1 });
+      refresh();
     }
-    memory.use(asked.b);
-    memory.use(asked.a);
-    Object.assign(shown, asked);
     refresh();
   };
-  const choose = (k) => show({ a: k, b: k === shown.b ? shown.a : shown.b }).catch(refuse);
+  const show = (changes) => {
+    Object.assign(shown, changes);
+    report("");
+    refresh();
+    if (![shown.a, shown.b].every(renderer.isLoaded)) loadChosen().catch(refuse);
+  };
+  const choose = (k) => show({ a: k, b: k === shown.b ? shown.a : shown.b });
   const refresh = () => {
-    const isSplit = shown.split >= 0, isSingle = scene.looks.length < 2;
+    const { a, b, share, split } = visible(), isSplit = split >= 0, isSingle = scene.looks.length < 2;
+    memory.use(b);
+    memory.use(a);
     labels.forEach((label, k) => {
       label.firstChild.checked = k === shown.a;
       label.classList.toggle("chosen", k === shown.a);
@@ -101,13 +114,13 @@ const start = async () => {
     $("share").value = shown.share;
     $("share").disabled = isSplit || isSingle;
     $("halve").disabled = $("other").disabled = isSingle;
-    $("shareText").value = `${Math.round(100 * shown.share)} % ${scene.looks[shown.a].name}`;
+    $("shareText").value = `${Math.round(100 * share)} % ${scene.looks[a].name}`;
     $("halve").setAttribute("aria-pressed", isSplit);
     $("split").hidden = $("edge").hidden = $("sides").hidden = !isSplit;
-    if (isSplit) $("split").value = shown.split;
-    $("stage").style.setProperty("--split", `${100 * shown.split}%`);
-    $("left").textContent = scene.looks[shown.b].name;
-    $("right").textContent = scene.looks[shown.a].name;
+    if (isSplit) $("split").value = split;
+    $("stage").style.setProperty("--split", `${100 * split}%`);
+    $("left").textContent = scene.looks[b].name;
+    $("right").textContent = scene.looks[a].name;
     for (const [id, isOn, text] of [["play", !shown.clip, "Play"], ["preview", shown.clip, "Preview"]]) {
       const isPlaying = shown.isPlaying && Boolean(isOn);
       $(id).setAttribute("aria-pressed", isPlaying);
@@ -116,10 +129,10 @@ const start = async () => {
     canvas.setAttribute("aria-label", `${scene.name} in the style of ${scene.looks[shown.a].name}. Arrow keys turn, W A S D walk, plus and minus zoom.`);
     change();
   };
-  const picture = (width, height) => ({
-    view: navigation.view(width, height), a: shown.a, b: renderer.isLoaded(shown.b) ? shown.b : shown.a,
-    shareB: 1 - shown.share, split: shown.split,
-  });
+  const picture = (width, height) => {
+    const { a, b, share, split } = visible();
+    return { view: navigation.view(width, height), a, b, shareB: 1 - share, split };
+  };
 
   // Buttons and sliders.
   const toggles = {
@@ -129,24 +142,24 @@ const start = async () => {
       shown.clip = null;
       refresh();
     },
-    halve: () => { shown.split = shown.split < 0 ? 0.5 : -1; refresh(); },
+    halve: () => show({ split: shown.split < 0 ? 0.5 : -1 }),
     reset: () => { Object.assign(shown, { isPlaying: false, frame: 0, clip: null }); navigation.show(scene.path[0].pose); refresh(); },
     full: () => (document.fullscreenElement ? document.exitFullscreen() : $("main").requestFullscreen()).catch(() => {}),
     save: async () => {
-      const { width, height } = canvas, isAtRest = loop.isAtRest();
-      if (isAtRest) await loop.whole();
-      else renderer.draw({ ...picture(width, height), width, height });
+      const { width, height } = canvas, asked = picture(width, height);
+      const name = `${scene.name}-${scene.looks[asked.a].name}.png`, isWhole = await loop.whole();
+      if (!isWhole) renderer.draw({ ...asked, width, height });
       renderer.present();
-      canvas.toBlob((blob) => offer(blob, `${scene.name}-${scene.looks[shown.a].name}.png`));
-      if (!isAtRest) loop.change();
+      canvas.toBlob((blob) => offer(blob, name));
+      if (!isWhole) loop.change();
     },
   };
   for (const [id, act] of Object.entries(toggles)) $(id).addEventListener("click", act);
   $("full").hidden = !document.fullscreenEnabled;
-  $("other").addEventListener("change", () => show({ a: shown.a, b: +$("other").value }).catch(refuse));
-  $("share").addEventListener("input", () => { shown.share = +$("share").value; refresh(); });
+  $("other").addEventListener("change", () => show({ b: +$("other").value }));
+  $("share").addEventListener("input", () => show({ share: +$("share").value }));
   $("split").addEventListener("input", () => { shown.split = +$("split").value; refresh(); });
-  addEventListener("hashchange", () => show(recall()).catch(refuse));
+  addEventListener("hashchange", () => show(recall()));
 
   const stop = () => { if (shown.isPlaying) { shown.isPlaying = false; refresh(); } };
   const PRESSED = { " ": "play", x: "halve", p: "save", f: "full", Home: "reset" };
@@ -180,7 +193,7 @@ const start = async () => {
   };
   const looksInWords = () => {
     const n = scene.looks.length, some = memory.count() < n ? `${memory.count()} of ` : "";
-    return `${some}${n} look${n > 1 ? "s" : ""} of ${(memory.bytes() / 1e6).toFixed(0)} MB`;
+    return `${some}${n} look${n > 1 ? "s" : ""} loaded (${(memory.bytes() / 1e6).toFixed(0)} MB of textures)`;
   };
   const tell = ({ width, height, ms, count }) => {
     const pictures = count > 1 ? `, mean of ${count} pictures` : "";
@@ -220,21 +233,22 @@ const start = async () => {
   refresh();
   await loop.start();
   const first = performance.now() - begun;
-  for (const k of [shown.b, ...scene.looks.keys()]) {
+  if (isMixed()) await loadChosen();
+  for (const k of scene.looks.keys()) {
     if (renderer.isLoaded(k)) continue;
     await new Promise((go) => setTimeout(go, isCalm ? 0 : 30));
-    if (!await memory.load(k) && k === shown.b) reportNoRoom(k);
+    await memory.load(k);
     refresh();
   }
   const second = performance.now() - begun;
-  loaded = () => `${looksInWords()}, ${bricks} bricks of 512 points, loaded in ${(first / 1000).toFixed(1)} s, all in ${(second / 1000).toFixed(1)} s; `;
+  loaded = () => `${looksInWords()}, ${bricks} bricks of 512 points, the first picture after ${(first / 1000).toFixed(1)} s, the last look after ${(second / 1000).toFixed(1)} s; `;
   refresh();
   if (scene.isLive) {
     offerSaving(editor, () => ({ a: shown.a, b: shown.b, share: shown.share }));
     followServer(scene, async (look) => {
       scene.looks.push(look);
-      await memory.load(scene.looks.length - 1);
       addLabel(look, scene.looks.length - 1);
+      await memory.load(scene.looks.length - 1);
       refresh();
     }).catch(refuse);
   }

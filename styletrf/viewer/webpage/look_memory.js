@@ -14,7 +14,7 @@ const makeLookMemory = (renderer, mostBytes) => {
     for (;;) {
       if (!held.size || bytes() + size <= most) {
         if (await renderer.loadLook(k)) return Boolean(held.set(k, size));
-        most = bytes();  // the graphics card has no room for more
+        most = bytes() + size - 1;  // the graphics card has no room for so much
       }
       const oldest = [...held.keys()].find(mayGo);
       if (oldest === undefined) return false;

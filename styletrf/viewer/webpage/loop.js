@@ -18,7 +18,11 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
   let hasShown = null;
   const isShown = new Promise((go) => { hasShown = go; });  // a first picture
 
-  const change = () => { changed = performance.now(); isStale = true; };
+  const change = () => {
+    changed = performance.now();
+    isStale = true;
+    waiting.splice(0).forEach((go) => go(false));
+  };
   const restart = (isMoving) => {
     const most = MOVING_MS / perPixelMs / (canvas.width * canvas.height);
     const scale = isMoving ? SCALES.find((s) => s * s <= most) ?? SCALES.at(-1) : 1;
@@ -45,7 +49,7 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
     renderer.present();
     pass.count++;
     hasShown();
-    if (isWhole()) waiting.splice(0).forEach((go) => go());
+    if (isWhole()) waiting.splice(0).forEach((go) => go(true));
     tell({ width, height, ms: perPixelMs * width * height, count: pass.count });
   };
   const frame = (now) => {
@@ -61,7 +65,8 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
   const isAtRest = () => !isStale && !pass.isMoving && pass.count > 0;  // what is shown is a mean
   const isWhole = () => isAtRest() && pass.row === 0;  // and so is all that is drawn
   const isFinished = () => !isBusy && isWhole() && pass.count >= mostPictures();
-  const whole = () => new Promise((go) => (isWhole() && !isBusy ? go() : waiting.push(go)));
+  // Resolves to true when a whole picture at rest is drawn, and to false if the view is not at rest.
+  const whole = () => new Promise((go) => (isAtRest() && (isBusy || pass.row) ? waiting.push(go) : go(isAtRest())));
   const start = () => { requestAnimationFrame(frame); return isShown; };
-  return { change, isAtRest, isSettled: () => !isBusy && isAtRest(), isFinished, whole, start };
+  return { change, isSettled: () => !isBusy && isAtRest(), isFinished, whole, start };
 };

@@ -17,7 +17,7 @@ from styletrf.viewer.viewer_content import ViewerContent
 from styletrf.viewer.webpage.block_text import block_text
 
 _MOST_PIXELS_WIDE = 1600
-_MOST_BYTES = 512 << 20
+_MOST_BYTES = 512_000_000
 """Of the textures of looks that a page keeps in the graphics card's memory."""
 
 

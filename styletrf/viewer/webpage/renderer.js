@@ -42,20 +42,24 @@ const texture3D = (gl, unit, format, size, texels, filter) => {
   return texture;
 };
 
+// Whether memory ran out since this was asked the last time; a card may report several errors.
+const hasRunOut = (gl) => Array.from({ length: 8 }, () => gl.getError()).includes(gl.OUT_OF_MEMORY);
+
 const sizeOf = (layout) => [layout.across * APRON, layout.across * APRON, layout.deep * APRON];
 
 // A texture of bricks, or null if there is no memory; slabOf gives the texels of all bricks at one depth.
 const slabTexture = async (gl, unit, format, layout, slabOf) => {
+  hasRunOut(gl);  // for what was drawn before
   const size = sizeOf(layout), [wide] = size, texture = texture3D(gl, unit, format, size, null, gl.LINEAR);
   const without = () => { gl.deleteTexture(texture); return null; };
-  if (gl.getError() === gl.OUT_OF_MEMORY) return without();
+  if (hasRunOut(gl)) return without();
   for (let slab = 0; slab < layout.deep; slab++) {
     await rest();
     gl.activeTexture(gl.TEXTURE0 + unit);  // pictures may be drawn meanwhile
     gl.bindTexture(gl.TEXTURE_3D, texture);
     gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, slab * APRON, wide, wide, APRON, format[1], format[2], slabOf(slab));
   }
-  return gl.getError() === gl.OUT_OF_MEMORY ? without() : texture;  // some allocate late
+  return hasRunOut(gl) ? without() : texture;  // some allocate late
 };
 
 // The homogeneous grid points along the ray of a pixel: start + Z (x across + y down + ahead).

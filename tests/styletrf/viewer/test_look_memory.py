@@ -74,7 +74,7 @@ def sizes(page) -> list[int]:
 
 
 def with_budget(page: Path, copy: Path, room: int) -> Path:
-    with_text(page, copy, '"mostBytes": 536870912', f'"mostBytes": {room}')
+    with_text(page, copy, '"mostBytes": 512000000', f'"mostBytes": {room}')
     return copy
 
 
@@ -116,13 +116,84 @@ def test_a_page_with_room_for_one_painting_shows_it_and_says_so_of_others(
     assert "too little memory for style 2 beside what is shown" in state["report"]
 
 
-def test_the_painting_that_was_chosen_last_is_shown(page, sizes, tmp_path):
-    """One that is loaded is chosen while another one is loading."""
-    with opened(with_budget(page, tmp_path / "viewer.html", sum(sizes) - 1).as_uri()) as shown:
-        state = shown.run(
-            STATE + "const { choose } = await viewer, both = [choose(3), choose(2)];"
-            "await Promise.all(both); return state();"
-        )
+@pytest.mark.parametrize("limited", [with_budget, with_card])
+def test_with_room_for_two_paintings_every_painting_is_shown_in_turn(
+    page, sizes, tmp_path, limited
+):
+    """Photographs that had no room, and that nobody saw, forbade every other painting."""
+    with opened(limited(page, tmp_path / "viewer.html", sizes[1] + sizes[2]).as_uri()) as shown:
+        begin = shown.run(STATE + "return state();")
+        states = [shown.run(CHOSEN.replace("NUMBER", str(k))) for k in (2, 3, 1)]
         assert shown.errors == []
-    assert state["shown"] == state["checked"] == 2
-    assert state["report"] == ""
+    assert begin["held"] == [False, True, True, False]
+    assert [state["shown"] for state in states] == [2, 3, 1]
+    for state in states:
+        assert (sum(state["held"]), state["report"], state["notice"]) == (2, "", False)
+
+
+MIXED = (
+    STATE
+    + """
+  const isDone = () => !find("#report").textContent.startsWith("Loading");
+  find("#share").value = 0.5;
+  find("#share").dispatchEvent(new Event("input"));
+  await until(isDone);
+  const mixed = { ...state(), share: shown.share, text: find("#shareText").value };
+  find("#halve").click();
+  await until(isDone);
+  return [mixed, { ...state(), share: shown.share, isSplit: !find("#sides").hidden }];
+"""
+)
+
+
+def test_photographs_without_room_are_not_mixed_and_the_page_says_so(page, sizes, tmp_path):
+    """Their name stood beside a split that showed the painting on both sides."""
+    with opened(with_budget(page, tmp_path / "viewer.html", sizes[1]).as_uri()) as shown:
+        mixed, split = shown.run(MIXED)
+        assert shown.errors == []
+    for state in (mixed, split):
+        assert "too little memory for Photographs" in state["report"]
+        assert (state["share"], state["shown"]) == (1, 1)
+    assert mixed["text"] == "100 % style 1"
+    assert not split["isSplit"]
+
+
+def test_photographs_that_nobody_sees_give_way_and_come_back_to_be_mixed(page, sizes, tmp_path):
+    room = sizes[0] + sizes[1]
+    with opened(with_budget(page, tmp_path / "viewer.html", room).as_uri()) as shown:
+        begin = shown.run(STATE + "return state();")
+        other = shown.run(CHOSEN.replace("NUMBER", "2"))
+        mixed, _ = shown.run(MIXED)
+        assert shown.errors == []
+    assert begin["held"] == [True, True, False, False]
+    assert (other["shown"], other["held"]) == (2, [False, True, True, False])
+    assert (mixed["share"], mixed["held"]) == (0.5, [True, False, True, False])
+
+
+HASTY = (
+    STATE
+    + """
+  const { choose } = await viewer;
+  choose(3);
+  choose(2);
+  location.hash = "style=again&with=style+2&share=0.5";
+  await until(() => shown.a === 3);
+  choose(1);
+  await until(() => !find("#report").textContent.startsWith("Loading"));
+  await new Promise((r) => setTimeout(r, 300));
+  return state();
+"""
+)
+
+
+@pytest.mark.parametrize("room_for", [3, 4])
+def test_what_was_chosen_last_is_shown_whatever_was_chosen_while_it_was_loading(
+    page, sizes, tmp_path, room_for
+):
+    """A painting gave way to one that was no longer wanted, and the page stopped."""
+    room = sum(sizes[:room_for])
+    with opened(with_budget(page, tmp_path / "viewer.html", room).as_uri()) as shown:
+        state = shown.run(HASTY)
+        assert shown.errors == []
+    assert state["shown"] == state["checked"] == 1
+    assert (state["notice"], state["report"]) == (False, "")

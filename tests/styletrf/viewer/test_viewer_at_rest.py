@@ -126,6 +126,10 @@ def test_a_picture_at_rest_is_saved_as_it_is_shown(page):
     assert shown["drawn"] == 0  # nothing but the mean
 
 
+SLOW = """
+  const { fence } = renderer;
+  renderer.fence = async () => { await fence(); await new Promise((r) => setTimeout(r, 60)); };
+"""
 SAVED_MEANWHILE = (
     SAVES
     + """
@@ -149,7 +153,7 @@ SAVED_MEANWHILE = (
 
 def test_a_picture_is_saved_when_it_is_whole(content, tmp_path):
     """While a picture was drawn in parts, it was saved with some parts newer than others."""
-    page = small(content("ndc"), tmp_path / "viewer.html", 160)
+    page = small(content("ndc"), tmp_path / "viewer.html", 48)
     with opened(page.as_uri()) as shown:
         done = shown.run("const { renderer, loop } = await viewer;" + SLOW + SAVED_MEANWHILE)
         assert shown.errors == []
@@ -157,10 +161,37 @@ def test_a_picture_is_saved_when_it_is_whole(content, tmp_path):
     assert done[done.index("shown") - 1] == "whole"
 
 
-SLOW = """
-  const { fence } = renderer;
-  renderer.fence = async () => { await fence(); await new Promise((r) => setTimeout(r, 60)); };
+SAVED_AND_MOVED = (
+    SAVES
+    + """
+  const { draw } = renderer, drawn = [], find = (what) => document.querySelector(what);
+  let clicked = null;
+  renderer.draw = (picture) => {
+    draw(picture);
+    if (clicked) drawn.push(picture);
+    if (clicked || picture.count < 2 || picture.end === picture.height) return;
+    clicked = picture.view.pose.join();
+    find("#save").click();
+    find("#play").click();
+  };
+  loop.change();
+  await saved();
+  find("#play").click();
+  renderer.draw = draw;
+  const { width } = find("#canvas");
+  const whole = drawn.filter((picture) => picture.end === undefined && picture.width === width);
+  return whole.map(({ view }) => view.pose.join() === clicked);
 """
+)
+
+
+def test_a_picture_of_a_view_that_moves_on_is_saved_as_it_was_at_the_click(content, tmp_path):
+    """It was saved when the view stood still again, which then was another one."""
+    page = small(content("ndc"), tmp_path / "viewer.html", 48)
+    with opened(page.as_uri()) as shown:
+        script = "const { renderer, loop } = await viewer;" + SLOW + SAVED_AND_MOVED
+        assert shown.run(script) == [True]
+        assert shown.errors == []
 
 
 SLOWER = """

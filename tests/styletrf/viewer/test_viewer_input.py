@@ -192,6 +192,21 @@ def test_shift_or_the_right_button_slides_with_the_hand(desktop, button, modifie
     assert (end.yaw, end.pitch, end.zoom) == (begin.yaw, begin.pitch, begin.zoom)
 
 
+def test_the_picture_stays_in_its_place_whatever_the_page_says_of_it(phone):
+    """It moved under the fingers when the line above it grew by the words of what was loaded."""
+    places = phone.run("""
+      const { loop } = await viewer, canvas = document.querySelector("#canvas");
+      const status = document.querySelector("#status"), places = [];
+      for (const text of ["", status.textContent, "many words ".repeat(40)]) {
+        status.textContent = text;
+        places.push(canvas.getBoundingClientRect().y);
+      }
+      loop.change();
+      return places;
+    """)
+    assert len(set(places)) == 1
+
+
 def test_two_fingers_apart_zoom_by_how_far_they_move_apart(phone):
     begin = seen(phone)
     touch(phone, "touchStart", (150, 100), (200, 100))

@@ -44,6 +44,19 @@ def test_stage_of_a_command_stops_where_a_source_failed(failed_painting):
         require_sources(stage(failed_painting, "CameraPoses"), failed_painting)
 
 
+@pytest.mark.usefixtures("failed_painting")
+@pytest.mark.parametrize("result", [tasks.Viewer, tasks.Export])
+def test_a_viewer_and_an_export_stop_where_a_painting_cannot_be_read(result):
+    """They fitted the whole field first, for a painting that is not there."""
+    more = {"format": "ply"} if result is tasks.Export else {}
+    words = {name: value for name, value in WORDS.items() if name != "style"}
+    root = result(styles=["p"], **words, **more)
+    with pytest.raises(TaskFailure, match=r"StyleImage.*--keep-going"):
+        require_sources(stage(root, "CameraPoses"), root)
+    going = root.clone(keep_going=True)
+    require_sources(stage(going, "CameraPoses"), going)
+
+
 def test_sources_run_whatever_became_of_the_others(failed_painting):
     require_sources(stage(failed_painting, "SceneCapture"), failed_painting)
 

@@ -70,6 +70,23 @@ def test_a_refused_command_prints_the_line_and_nothing_else(photographs):
 
 
 @pytest.mark.parametrize(
+    ("words", "missing"),
+    [
+        (["StylizedTrajectory", "--scene", "mini"], "--style (an image in data/styles)"),
+        (["Viewer", "--scene", "mini"], '--styles (such as ["mosaic", "udnie"])'),
+        (
+            ["Viewer"],
+            '--scene (a folder in data/scenes) and --styles (such as ["mosaic", "udnie"])',
+        ),
+    ],
+)
+def test_a_command_without_a_parameter_it_needs_names_it(photographs, words, missing):
+    status, screen = said(photographs, *words)
+    assert status
+    assert screen == f"{words[0]} needs {missing}.\n"
+
+
+@pytest.mark.parametrize(
     ("text", "problem"),
     [
         ('{"key_frames": [{"position": [0, 0]}]}', "key_frames[0].position is [0, 0], not 3"),
