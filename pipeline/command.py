@@ -108,7 +108,7 @@ def _missing_in_words(parser: CmdlineParser) -> str:
     """Returns which parameters a command lacks, with what each of them is."""
     given, family = parser.known_args, parser.known_args.root_task
     missing = [
-        f"--{name.replace('_', '-')} ({parameter.description})"
+        f"--{name.replace('_', '-')}" + f" ({parameter.description})" * bool(parameter.description)
         for name, parameter in Register.get_task_cls(family).get_params()  # type: ignore[no-untyped-call]
         if getattr(given, name, None) is None and not parameter.has_task_value(family, name)
     ]

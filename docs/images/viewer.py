@@ -32,7 +32,7 @@ DRAWN = """
 LOOKED_AT = """
   const { loop, shown, refresh, navigation } = await viewer;
   BEFORE
-  await until(() => loop.isSettled());
+  await until(() => loop.isFinished());
   await new Promise((r) => setTimeout(r, 500));
 """
 

@@ -65,7 +65,7 @@ def test_a_batch_finishes_what_it_can_and_fails():
 def test_a_missing_parameter_is_one_line():
     status, screen = luigi("Word")
     assert status == 40
-    assert "requires the 'word' parameter" in screen
+    assert screen == "Word needs --word.\n"
     assert "Traceback" not in screen
 
 
