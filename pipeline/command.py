@@ -110,9 +110,9 @@ def _missing_in_words(parser: CmdlineParser) -> str:
     missing = [
         f"--{name.replace('_', '-')}" + f" ({parameter.description})" * bool(parameter.description)
         for name, parameter in Register.get_task_cls(family).get_params()  # type: ignore[no-untyped-call]
-        if getattr(given, name, None) is None and not parameter.has_task_value(family, name)
+        if not getattr(given, name, None) and not parameter.has_task_value(family, name)
     ]
-    return f"{family} needs {' and '.join(missing)}."
+    return f"{family} needs {', '.join(missing)}."
 
 
 def _luigi_status(task: luigi.Task) -> int:

@@ -59,6 +59,7 @@ const takePointers = (canvas, navigation, stop, change) => {
 const takeKeys = (canvas, navigation, { stop, change, press }) => {
   const keys = new Set(), named = (event) => (event.key.length === 1 ? event.key.toLowerCase() : event.key);
   canvas.addEventListener("keydown", (event) => {
+    if (event.metaKey) keys.clear();  // macOS tells of no key that is released meanwhile
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const key = named(event);
     if (HELD[key]) { stop(); keys.add(key); }

@@ -38,9 +38,10 @@ const start = async () => {
     }, 300);
   };
   // Takes all from the address but the looks, which it returns: they may have to be loaded.
-  const recall = () => {
+  const recall = (address = location.href) => {
+    clearTimeout(timer);  // what would be remembered is not what the address asks for
     const asked = { a: shown.a, b: shown.b };
-    const words = new URLSearchParams(location.hash.slice(1)), numberOf = (name) => scene.looks.findIndex((look) => look.name === name);
+    const words = new URLSearchParams(new URL(address).hash.slice(1)), numberOf = (name) => scene.looks.findIndex((look) => look.name === name);
     const among = (v) => (numberOf(v) >= 0 ? numberOf(v) : clamp(Math.floor(+v) || 0, 0, scene.looks.length - 1));
     navigation.fromText(words.get("view"));
     if (words.has("show")) asked.a = clamp(Math.floor(+words.get("show")) || 0, 0, scene.looks.length - 1);
@@ -48,9 +49,9 @@ const start = async () => {
     if (words.has("with")) asked.b = among(words.get("with"));
     if (words.has("share")) shown.share = clamp(+words.get("share") || 0, 0, 1);
     shown.split = words.has("split") ? clamp(+words.get("split") || 0, 0, 1) : -1;
-    editor?.fromText(words.get("path"));
     return asked;
   };
+  const recallPath = () => editor.fromText(new URLSearchParams(location.hash.slice(1)).get("path"));
 
   // Paintings.
   const labels = [];
@@ -73,10 +74,10 @@ const start = async () => {
   const isMixed = () => shown.share < 1 || shown.split >= 0;
   const visible = () => {
     if (renderer.isLoaded(shown.a)) visibleA = shown.a;
-    if (!renderer.isLoaded(shown.b)) return { a: visibleA, b: visibleA, share: 1, split: -1 };
+    if (!isMixed() || !renderer.isLoaded(shown.b)) return { a: visibleA, b: visibleA, share: 1, split: -1 };
     return { a: visibleA, b: shown.b, share: shown.share, split: shown.split };
   };
-  // Loads the chosen looks. One that nobody sees yet takes no other's place.
+  // Loads the chosen looks. A look that nobody would see takes no other's place.
   const loadChosen = async () => {
     for (const which of ["a", "b"]) {
       const k = shown[which], isSeen = () => shown.a === k || (shown.b === k && isMixed());
@@ -102,8 +103,7 @@ const start = async () => {
   const choose = (k) => show({ a: k, b: k === shown.b ? shown.a : shown.b });
   const refresh = () => {
     const { a, b, share, split } = visible(), isSplit = split >= 0, isSingle = scene.looks.length < 2;
-    memory.use(b);
-    memory.use(a);
+    for (const k of [shown.b, b, a]) memory.use(k);
     labels.forEach((label, k) => {
       label.firstChild.checked = k === shown.a;
       label.classList.toggle("chosen", k === shown.a);
@@ -115,7 +115,7 @@ const start = async () => {
     $("share").disabled = isSplit || isSingle;
     $("halve").disabled = $("other").disabled = isSingle;
     $("shareText").value = `${Math.round(100 * share)} % ${scene.looks[a].name}`;
-    $("halve").setAttribute("aria-pressed", isSplit);
+    $("halve").setAttribute("aria-pressed", shown.split >= 0);
     $("split").hidden = $("edge").hidden = $("sides").hidden = !isSplit;
     if (isSplit) $("split").value = split;
     $("stage").style.setProperty("--split", `${100 * split}%`);
@@ -126,7 +126,7 @@ const start = async () => {
       $(id).setAttribute("aria-pressed", isPlaying);
       $(id).textContent = isPlaying ? "Pause" : text;
     }
-    canvas.setAttribute("aria-label", `${scene.name} in the style of ${scene.looks[shown.a].name}. Arrow keys turn, W A S D walk, plus and minus zoom.`);
+    canvas.setAttribute("aria-label", `${scene.name} in the style of ${scene.looks[a].name}. Arrow keys turn, W A S D walk, plus and minus zoom.`);
     change();
   };
   const picture = (width, height) => {
@@ -146,6 +146,7 @@ const start = async () => {
     reset: () => { Object.assign(shown, { isPlaying: false, frame: 0, clip: null }); navigation.show(scene.path[0].pose); refresh(); },
     full: () => (document.fullscreenElement ? document.exitFullscreen() : $("main").requestFullscreen()).catch(() => {}),
     save: async () => {
+      if (!loop) return;
       const { width, height } = canvas, asked = picture(width, height);
       const name = `${scene.name}-${scene.looks[asked.a].name}.png`, isWhole = await loop.whole();
       if (!isWhole) renderer.draw({ ...asked, width, height });
@@ -159,7 +160,7 @@ const start = async () => {
   $("other").addEventListener("change", () => show({ b: +$("other").value }));
   $("share").addEventListener("input", () => show({ share: +$("share").value }));
   $("split").addEventListener("input", () => { shown.split = +$("split").value; refresh(); });
-  addEventListener("hashchange", () => show(recall()));
+  addEventListener("hashchange", (event) => { show(recall(event.newURL)); if (editor) recallPath(); });
 
   const stop = () => { if (shown.isPlaying) { shown.isPlaying = false; refresh(); } };
   const PRESSED = { " ": "play", x: "halve", p: "save", f: "full", Home: "reset" };
@@ -214,7 +215,8 @@ const start = async () => {
   fit();
   renderer.warmUp();
   const bricks = await renderer.loadDensity();
-  if (!await memory.load(shown.a)) throw new Refusal(NO_ROOM);
+  visibleA = shown.a;  // another one may be chosen while it is loading
+  if (!await memory.load(visibleA)) throw new Refusal(NO_ROOM);
   $("notice").hidden = true;
   loop = makeLoop(canvas, renderer, { next, picture, tell });
   editor = makePathEditor(scene, navigation, {
@@ -229,7 +231,7 @@ const start = async () => {
       return renderer.read();
     },
   });
-  recall();  // the key frames
+  recallPath();
   refresh();
   await loop.start();
   const first = performance.now() - begun;
@@ -248,6 +250,7 @@ const start = async () => {
     followServer(scene, async (look) => {
       scene.looks.push(look);
       addLabel(look, scene.looks.length - 1);
+      refresh();
       await memory.load(scene.looks.length - 1);
       refresh();
     }).catch(refuse);

@@ -1,7 +1,7 @@
-// Which looks the graphics card holds: as many as have room. Another one takes the place of the one that was shown
+// Which looks the graphics card holds: as many as have room. Another one takes the place of the one that was chosen
 // longest ago.
 const makeLookMemory = (renderer, mostBytes) => {
-  const held = new Map();  // bytes of looks by their numbers, the one shown last at the end
+  const held = new Map();  // bytes of looks by their numbers, the one chosen last at the end
   let most = mostBytes, queue = Promise.resolve();
   const bytes = () => [...held.values()].reduce((sum, size) => sum + size, 0);
   const use = (k) => {

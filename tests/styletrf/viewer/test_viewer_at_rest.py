@@ -45,6 +45,7 @@ AT_REST = """
   const status = () => document.querySelector("#status").textContent;
   for (let last = ""; !/mean of/.test(last) || last !== status() || !loop.isFinished();) {
     last = status();
+    if (loop.isFinished() && !/mean of/.test(last)) loop.change();  // it was slow for a moment
     await new Promise((r) => setTimeout(r, 300));
   }
   const count = +/mean of (\\d+)/.exec(status())[1];
@@ -137,14 +138,19 @@ SAVED_MEANWHILE = (
   let done = [], isAsked = false;
   renderer.draw = (picture) => {
     draw(picture);
-    done.push(picture.end < picture.height ? "part" : "whole");
+    const isPart = picture.end < picture.height;
+    done.push(picture.end === undefined ? "plain" : isPart ? "part" : "whole");
     if (isAsked || picture.count < 2 || picture.end === picture.height) return;
     [isAsked, done] = [true, ["part"]];
     document.querySelector("#save").click();
   };
   renderer.present = () => { done.push("shown"); present(); };
-  loop.change();
-  await saved();
+  const png = saved();
+  while (!isAsked) {  // a card that was slow for a moment draws a single picture
+    loop.change();
+    await new Promise((r) => setTimeout(r, 5000));
+  }
+  await png;
   Object.assign(renderer, { draw, present });
   return done;
 """
@@ -158,6 +164,7 @@ def test_a_picture_is_saved_when_it_is_whole(content, tmp_path):
         done = shown.run("const { renderer, loop } = await viewer;" + SLOW + SAVED_MEANWHILE)
         assert shown.errors == []
     assert done[0] == "part"
+    assert "plain" not in done
     assert done[done.index("shown") - 1] == "whole"
 
 
@@ -172,11 +179,15 @@ SAVED_AND_MOVED = (
     if (clicked || picture.count < 2 || picture.end === picture.height) return;
     clicked = picture.view.pose.join();
     find("#save").click();
-    find("#play").click();
+    navigation.turn(0.2, 0);
+    loop.change();
   };
-  loop.change();
-  await saved();
-  find("#play").click();
+  const done = saved();
+  while (!clicked) {  // a card that was slow for a moment draws a single picture
+    loop.change();
+    await new Promise((r) => setTimeout(r, 5000));
+  }
+  await done;
   renderer.draw = draw;
   const { width } = find("#canvas");
   const whole = drawn.filter((picture) => picture.end === undefined && picture.width === width);
@@ -189,7 +200,7 @@ def test_a_picture_of_a_view_that_moves_on_is_saved_as_it_was_at_the_click(conte
     """It was saved when the view stood still again, which then was another one."""
     page = small(content("ndc"), tmp_path / "viewer.html", 48)
     with opened(page.as_uri()) as shown:
-        script = "const { renderer, loop } = await viewer;" + SLOW + SAVED_AND_MOVED
+        script = "const { renderer, loop, navigation } = await viewer;" + SLOW + SAVED_AND_MOVED
         assert shown.run(script) == [True]
         assert shown.errors == []
 
@@ -206,8 +217,11 @@ SLOWER = """
     last = picture;
     isSlow ||= picture.count === 2 && picture.end < picture.height;
   };
-  loop.change();
-  await until(() => isSlow && loop.isFinished());
+  while (!isSlow) {  // a card that was slow for a moment draws a single picture
+    loop.change();
+    await new Promise((r) => setTimeout(r, 5000));
+  }
+  await until(() => loop.isFinished());
   return last.end === last.height;
 """
 

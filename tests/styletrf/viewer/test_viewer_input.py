@@ -196,10 +196,12 @@ def test_the_picture_stays_in_its_place_whatever_the_page_says_of_it(phone):
     """It moved under the fingers when the line above it grew by the words of what was loaded."""
     places = phone.run("""
       const { loop } = await viewer, canvas = document.querySelector("#canvas");
-      const status = document.querySelector("#status"), places = [];
-      for (const text of ["", status.textContent, "many words ".repeat(40)]) {
-        status.textContent = text;
+      const places = [canvas.getBoundingClientRect().y];
+      for (const id of ["status", "report", "server"]) {
+        const line = document.querySelector(`#${id}`), before = [line.hidden, line.textContent];
+        Object.assign(line, { hidden: false, textContent: "many words ".repeat(40) });
         places.push(canvas.getBoundingClientRect().y);
+        [line.hidden, line.textContent] = before;
       }
       loop.change();
       return places;

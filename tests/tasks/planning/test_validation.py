@@ -74,10 +74,8 @@ def test_a_refused_command_prints_the_line_and_nothing_else(photographs):
     [
         (["StylizedTrajectory", "--scene", "mini"], "--style (an image in data/styles)"),
         (["Viewer", "--scene", "mini"], '--styles (such as ["mosaic", "udnie"])'),
-        (
-            ["Viewer"],
-            '--scene (a folder in data/scenes) and --styles (such as ["mosaic", "udnie"])',
-        ),
+        (["Viewer"], '--scene (a folder in data/scenes), --styles (such as ["mosaic", "udnie"])'),
+        (["Viewer", "--scene", "", "--styles", '["p"]'], "--scene (a folder in data/scenes)"),
     ],
 )
 def test_a_command_without_a_parameter_it_needs_names_it(photographs, words, missing):
