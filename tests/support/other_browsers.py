@@ -1,4 +1,4 @@
-"""Firefox on a display of its own, since without one it has no WebGL."""
+"""Firefox, and the engine of Safari, on a display of their own: without one they have no WebGL."""
 
 import os
 import shutil
@@ -12,10 +12,15 @@ from pathlib import Path
 import pytest
 
 FIREFOX = shutil.which("firefox") or shutil.which("firefox-esr")
+WEBKIT = next(iter(sorted(Path("/usr/lib").glob("*/webkit2gtk-4.*/MiniBrowser"))), None)
 XVFB = shutil.which("Xvfb")
 needs_firefox = pytest.mark.skipif(
     FIREFOX is None or XVFB is None, reason="no Firefox, or no Xvfb, on PATH to open the page in"
 )
+needs_webkit = pytest.mark.skipif(
+    WEBKIT is None or XVFB is None, reason="no MiniBrowser of WebKitGTK, or no Xvfb"
+)
+BY_SOFTWARE = {"LIBGL_ALWAYS_SOFTWARE": "1", "WEBKIT_DISABLE_DMABUF_RENDERER": "1"}
 PREFERENCES = {
     "webgl.force-enabled": "true",  # by software
     "browser.shell.checkDefaultBrowser": "false",
@@ -27,13 +32,25 @@ PREFERENCES = {
 @contextmanager
 def firefox(address: str) -> Iterator[None]:
     """Has Firefox show an address."""
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, _display() as display:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         lines = [f'user_pref("{name}", {value});\n' for name, value in PREFERENCES.items()]
         Path(profile, "user.js").write_text("".join(lines))
-        command = [str(FIREFOX), "--no-remote", "--profile", profile, address]
-        environment = {**os.environ, "DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1"}
-        with _running(command, environment):
+        with _shown([str(FIREFOX), "--no-remote", "--profile", profile, address]):
             yield
+
+
+@contextmanager
+def webkit(address: str) -> Iterator[None]:
+    """Has WebKitGTK's own small browser show an address."""
+    with _shown([str(WEBKIT), "--private", "--geometry=1400x1000", address]):
+        yield
+
+
+@contextmanager
+def _shown(command: list[str]) -> Iterator[None]:
+    environment = {**os.environ, **BY_SOFTWARE}
+    with _display() as display, _running(command, {**environment, "DISPLAY": display}):
+        yield
 
 
 @contextmanager
