@@ -34,7 +34,7 @@ def luigi(*arguments: str) -> tuple[int, str]:
         (["Act", "--act", "eat", "--Act-memory-gib", "0.2"], 30, "for want of memory"),
         (["Forgetful", "--word", "a"], 30, "complete() is still returning false"),
         (["Rootless", "--word", "a"], 35, "a defect in requires"),
-        (["Act"], 40, "requires the 'act' parameter"),
+        (["Act"], 40, "Act needs --act."),
         (["Atc", "--act", "succeed"], 1, "No task Atc. Did you mean: Act "),
         (["Act", "--act", "succeed", "--loud"], 2, "unrecognized arguments: --loud"),
     ],
