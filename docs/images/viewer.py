@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests/support"))
 from headless import opened  # type: ignore[import-not-found]
 
 DESKTOP_PX, PHONE_PX, GAP_PX = 1280, 390, 40
-SPLIT = "shown.split = 0.5; refresh();"
+SPLIT = "chosen.split = 0.5; refresh();"
 DRAWN = """
   const find = (what) => document.querySelector(what);
   find("#route").open = true;
@@ -30,7 +30,7 @@ DRAWN = """
   find("#keys [aria-label='Go to key frame 2']").click();
 """
 LOOKED_AT = """
-  const { loop, shown, refresh, navigation } = await viewer;
+  const { loop, chosen, refresh, navigation } = await viewer;
   BEFORE
   await until(() => loop.isFinished());
   await new Promise((r) => setTimeout(r, 500));

@@ -146,8 +146,9 @@ def network_steps(device: torch.device, images: int = 1) -> Callable[[], None]:
         device: Where it trains.
         images: Of a batch, which cores share.
     """
-    config = StyleTrainingConfig(batch=images, crop_px=_CROP_PX, style_px=_CROP_PX)
-    config = replace(config, predictor_weight=0.0, color_weight=0.0)
+    config = StyleTrainingConfig(
+        batch=images, crop_px=_CROP_PX, style_px=_CROP_PX, predictor_weight=0.0, color_weight=0.0
+    )
     painting = torch.from_numpy(_picture(_CROP_PX).astype(np.float32) / 255)
     network = TransferNetwork(TransferNetworkConfig(), torch.Generator().manual_seed(0))
     training = new_training(network.to(device))

@@ -8,10 +8,10 @@ const STEP = 0.1;  // of a click, in seconds
 // stop() ends what plays, change() tells that the view changed, and press(key, isRepeated) does what
 // else a key means and returns whether it means anything. Returns move(seconds), which moves the view
 // by all that is held and returns whether anything is.
-const takeInput = (canvas, walk, navigation, { stop, change, press }) => {
-  takePointers(canvas, navigation, stop, change);
-  const keys = takeKeys(canvas, navigation, { stop, change, press });
-  const touched = takeButtons(walk, navigation, stop, change);
+const bindInput = (canvas, walk, navigation, { stop, change, press }) => {
+  bindPointers(canvas, navigation, stop, change);
+  const keys = bindKeys(canvas, navigation, { stop, change, press });
+  const touched = bindButtons(walk, navigation, stop, change);
   return (seconds) => {
     const held = new Set([...keys, ...touched]);
     for (const key of held) {
@@ -24,7 +24,7 @@ const takeInput = (canvas, walk, navigation, { stop, change, press }) => {
 };
 
 // One turns, with Shift or the right button it slides; two slide and zoom.
-const takePointers = (canvas, navigation, stop, change) => {
+const bindPointers = (canvas, navigation, stop, change) => {
   const pointers = new Map();
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
@@ -56,7 +56,7 @@ const takePointers = (canvas, navigation, stop, change) => {
 };
 
 // Keys, on the canvas. Returns those of HELD that are down.
-const takeKeys = (canvas, navigation, { stop, change, press }) => {
+const bindKeys = (canvas, navigation, { stop, change, press }) => {
   const keys = new Set(), named = (event) => (event.key.length === 1 ? event.key.toLowerCase() : event.key);
   canvas.addEventListener("keydown", (event) => {
     if (event.metaKey) keys.clear();  // macOS tells of no key that is released meanwhile
@@ -73,7 +73,7 @@ const takeKeys = (canvas, navigation, { stop, change, press }) => {
 };
 
 // The same by buttons, for fingers. Screen readers click without a pointer. Returns the keys of those that are held.
-const takeButtons = (walk, navigation, stop, change) => {
+const bindButtons = (walk, navigation, stop, change) => {
   const touched = new Set();
   for (const button of walk.children) {
     const key = button.dataset.key, release = () => touched.delete(key);

@@ -32,11 +32,11 @@ const followServer = async (scene, addLook) => {
   }
 };
 
-// shown(): the looks and the share of the first, of which the server makes the command.
-const offerSaving = (editor, shown) => {
+// chosen(): the looks and the share of the first, of which the server makes the command.
+const offerSaving = (editor, chosen) => {
   $("savePath").hidden = false;
   $("savePath").addEventListener("click", async () => {
-    const body = JSON.stringify({ path: editor.file(), seconds: editor.seconds(), ...shown() });
+    const body = JSON.stringify({ path: editor.file(), seconds: editor.seconds(), ...chosen() });
     try {
       const options = { method: "POST", headers: { "Content-Type": "application/json" }, body };
       const { file, command } = await answerOf("path", options);

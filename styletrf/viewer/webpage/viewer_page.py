@@ -21,6 +21,7 @@ _SCRIPTS = (
     Path(__file__).with_name("unpacking.js"),
     Path(__file__).with_name("renderer.js"),
     Path(__file__).with_name("look_memory.js"),
+    Path(__file__).with_name("chosen_looks.js"),
     Path(__file__).with_name("navigation.js"),
     Path(__file__).with_name("camera_curve.js"),
     Path(__file__).with_name("path_editor.js"),

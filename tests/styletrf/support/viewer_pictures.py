@@ -31,7 +31,7 @@ PICTURES = """
   return { shots: CASES.map(shot) };
 """
 CLICKS = """
-  const { shown, navigation, loop, renderer, picture } = await viewer;
+  const { chosen, navigation, loop, renderer, picture } = await viewer;
   const find = (what) => document.querySelector(what), canvas = find("canvas"), sums = [];
   const pointer = (kind, x, y) => canvas.dispatchEvent(
     new PointerEvent(kind, { pointerId: 1, clientX: x, clientY: y, buttons: 1 }));
@@ -63,7 +63,7 @@ CLICKS = """
   press("x"); press("2"); press("+");
   const zoomed = navigation.toText();
   find("#play").click();
-  await until(() => shown.frame > 0);
+  await until(() => chosen.frame > 0);
   find("#play").click();
   let saved = 0;
   HTMLAnchorElement.prototype.click = function () {
@@ -73,7 +73,7 @@ CLICKS = """
   await until(() => saved > 0);
   find("#reset").click();
   await until(() => location.hash.includes("view=") && loop.isSettled());
-  return { begin, turned, far, zoomed, sums, isSplit, saved, over: overflow(), look: shown.a,
+  return { begin, turned, far, zoomed, sums, isSplit, saved, over: overflow(), look: chosen.a,
            status: find("#status").textContent, end: navigation.toText() };
 """
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from headless import needs_chromium, opened, with_text
-from written_viewers import written
+from written_viewers import written_small
 
 pytestmark = needs_chromium
 SIZES = """
@@ -35,11 +35,11 @@ card.getError = function () {
 };
 </script>"""
 STATE = """
-  const { renderer, scene, shown, loop, picture } = await viewer;
+  const { renderer, scene, chosen, loop, picture } = await viewer;
   const find = (what) => document.querySelector(what);
   await until(() => loop.isSettled());
   const state = () => ({
-    held: scene.looks.map((_, k) => renderer.isLoaded(k)), shown: shown.a,
+    held: scene.looks.map((_, k) => renderer.isLoaded(k)), shown: chosen.a,
     visible: picture(1, 1).a, checked: +find("#looks input:checked").value,
     notice: !find("#notice").hidden,
     report: find("#report").hidden ? "" : find("#report").textContent,
@@ -66,9 +66,7 @@ def page(content, tmp_path_factory) -> Path:
     baked = content("box")
     again = replace(baked.looks[1], name="again")
     many = replace(baked, looks=[*baked.looks, again])
-    page = written(many, tmp_path_factory.mktemp("viewer") / "viewer.html")
-    with_text(page, page, '"mostPixels": 1600', '"mostPixels": 160')
-    return page
+    return written_small(many, tmp_path_factory.mktemp("viewer") / "viewer.html")
 
 
 @pytest.fixture(scope="module")
@@ -143,10 +141,10 @@ MIXED = (
   find("#share").value = 0.5;
   find("#share").dispatchEvent(new Event("input"));
   await until(isDone);
-  const mixed = { ...state(), share: shown.share, text: find("#shareText").value };
+  const mixed = { ...state(), share: chosen.share, text: find("#shareText").value };
   find("#halve").click();
   await until(isDone);
-  return [mixed, { ...state(), share: shown.share, isSplit: !find("#sides").hidden }];
+  return [mixed, { ...state(), share: chosen.share, isSplit: !find("#sides").hidden }];
 """
 )
 
@@ -182,7 +180,7 @@ HASTY = (
   choose(3);
   choose(2);
   location.hash = "style=again&with=style+2&share=0.5";
-  await until(() => shown.a === 3);
+  await until(() => chosen.a === 3);
   choose(1);
   await until(() => !find("#report").textContent.startsWith("Loading"));
   await new Promise((r) => setTimeout(r, 300));
@@ -221,7 +219,7 @@ def test_a_painting_that_is_chosen_before_the_first_picture_is_shown(page, tmp_p
     with_text(page, copy, "<head>", "<head>" + EARLY)
     with opened(f"{copy.as_uri()}#style=style+2") as shown:
         state = shown.run(
-            STATE + "await until(() => find('#report').hidden && renderer.isLoaded(shown.a));"
+            STATE + "await until(() => find('#report').hidden && renderer.isLoaded(chosen.a));"
             "return state();"
         )
         assert shown.errors == []

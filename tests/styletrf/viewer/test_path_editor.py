@@ -110,10 +110,10 @@ CHANGED = """
   await until(() => editor.toText());
   const again = texts();
   find("#preview").click();
-  const { shown } = await viewer;
-  await until(() => shown.frame > 0 && shown.clip);
+  const { chosen } = await viewer;
+  await until(() => chosen.frame > 0 && chosen.clip);
   find("#play").click();
-  const plays = shown.isPlaying && !shown.clip;
+  const plays = chosen.isPlaying && !chosen.clip;
   return { begun, moved, back, left, there, isEmpty, again, plays, over: overflow(),
            cards: document.querySelectorAll("#keys li").length };
 """

@@ -9,9 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from headless import OpenPage, needs_chromium, opened, with_text
+from headless import OpenPage, needs_chromium, opened
 from viewer_pictures import psnr, rendered
-from written_viewers import written
+from written_viewers import written_small
 
 from styletrf.geometry.cameras import Camera
 
@@ -22,13 +22,7 @@ PAINTING = 1
 @pytest.fixture(scope="module")
 def page_file(content, tmp_path_factory) -> Path:
     """Returns a viewer of small pictures."""
-    return small(content("box"), tmp_path_factory.mktemp("viewer") / "viewer.html", 48)
-
-
-def small(content, path: Path, width: int) -> Path:
-    page = written(content, path)
-    with_text(page, page, '"mostPixels": 1600', f'"mostPixels": {width}')
-    return page
+    return written_small(content("box"), tmp_path_factory.mktemp("viewer") / "viewer.html", 48)
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +153,7 @@ SAVED_MEANWHILE = (
 
 def test_a_picture_is_saved_when_it_is_whole(content, tmp_path):
     """While a picture was drawn in parts, it was saved with some parts newer than others."""
-    page = small(content("ndc"), tmp_path / "viewer.html", 48)
+    page = written_small(content("ndc"), tmp_path / "viewer.html", 48)
     with opened(page.as_uri()) as shown:
         done = shown.run("const { renderer, loop } = await viewer;" + SLOW + SAVED_MEANWHILE)
         assert shown.errors == []
@@ -198,7 +192,7 @@ SAVED_AND_MOVED = (
 
 def test_a_picture_of_a_view_that_moves_on_is_saved_as_it_was_at_the_click(content, tmp_path):
     """It was saved when the view stood still again, which then was another one."""
-    page = small(content("ndc"), tmp_path / "viewer.html", 48)
+    page = written_small(content("ndc"), tmp_path / "viewer.html", 48)
     with opened(page.as_uri()) as shown:
         script = "const { renderer, loop, navigation } = await viewer;" + SLOW + SAVED_AND_MOVED
         assert shown.run(script) == [True]
@@ -234,16 +228,16 @@ def test_a_picture_that_was_begun_is_drawn_to_its_end_on_a_card_that_becomes_slo
 
 
 SWITCHED = """
-  const { loop, renderer, choose, shown } = await viewer, drawn = [];
+  const { loop, renderer, choose, chosen } = await viewer, drawn = [];
   await until(() => loop.isSettled());
   const { draw, present } = renderer;
   renderer.draw = (picture) => { drawn.push(picture); return draw(picture); };
   renderer.present = () => { drawn.push("shown"); return present(); };
-  choose(shown.a === 1 ? 2 : 1);
+  choose(chosen.a === 1 ? 2 : 1);
   await until(() => drawn.includes("shown"));
   Object.assign(renderer, { draw, present });
   const first = drawn.slice(0, drawn.indexOf("shown"));
-  return { chosen: shown.a, looks: first.map(({ a }) => a),
+  return { chosen: chosen.a, looks: first.map(({ a }) => a),
            isWhole: first.length === 1 && first[0].end === first[0].height };
 """
 
@@ -256,18 +250,18 @@ def test_the_next_picture_after_a_switch_is_the_whole_other_painting(page):
 
 
 PLACED = """
-  const { navigation, shown, refresh } = await viewer;
+  const { navigation, chosen, refresh } = await viewer;
   navigation.walk(0.3, 0.1, 0.2);
   navigation.turn(0.2, -0.1);
   navigation.zoomBy(1.7);
-  Object.assign(shown, { a: 2, b: 1, share: 0.25, split: 0.75 });
+  Object.assign(chosen, { a: 2, b: 1, share: 0.25, split: 0.75 });
   refresh();
   await until(() => location.hash.includes("split"));
   return { view: navigation.toText(), href: location.href };
 """
 FOUND = """
-  const { navigation, shown } = await viewer;
-  const { a, b, share, split } = shown;
+  const { navigation, chosen } = await viewer;
+  const { a, b, share, split } = chosen;
   return { view: navigation.toText(), shown: [a, b, share, split] };
 """
 
@@ -320,7 +314,7 @@ QUICK = "renderer.fence = async () => {};"
 def test_a_moving_picture_is_as_coarse_as_the_graphics_card_is_slow(
     content, tmp_path, fence, is_coarse
 ):
-    page = small(content("ndc"), tmp_path / "viewer.html", 160)
+    page = written_small(content("ndc"), tmp_path / "viewer.html", 160)
     with opened(page.as_uri()) as shown:
         widths = shown.run(MOVED.replace("FENCE", fence))
         assert shown.errors == []

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from headless import OpenPage, needs_chromium, opened, with_text
-from written_viewers import written
+from headless import OpenPage, needs_chromium, opened
+from written_viewers import written_small
 
 pytestmark = needs_chromium
 SHIFT = 8  # of the modifiers that the browser's protocol counts
@@ -27,8 +27,7 @@ class View(NamedTuple):
 @pytest.fixture(scope="module")
 def pages(content, tmp_path_factory) -> Iterator[dict[int, OpenPage]]:
     """Returns the same viewer on a desktop and on a phone, by the width of the window."""
-    page = written(content("ndc"), tmp_path_factory.mktemp("viewer") / "viewer.html")
-    with_text(page, page, '"mostPixels": 1600', '"mostPixels": 160')
+    page = written_small(content("ndc"), tmp_path_factory.mktemp("viewer") / "viewer.html")
     with opened(page.as_uri()) as desktop, opened(page.as_uri(), 390) as phone:
         for each in (desktop, phone):
             each.run("await viewer;")
@@ -47,11 +46,11 @@ def phone(pages) -> Iterator[OpenPage]:
 
 
 BEGINNING = """
-  const { shown, refresh } = await viewer, find = (what) => document.querySelector(what);
+  const { chosen, refresh } = await viewer, find = (what) => document.querySelector(what);
   if (document.fullscreenElement) await document.exitFullscreen();
   find("#canvas").blur();  // releases held keys
   find("#reset").click();
-  Object.assign(shown, { a: 1, b: 0, share: 1, split: -1 });
+  Object.assign(chosen, { a: 1, b: 0, share: 1, split: -1 });
   refresh();
   find("#canvas").focus();
 """
@@ -175,7 +174,7 @@ def test_the_line_of_a_split_follows_the_hand(desktop):
     edge = (
         "const edge = document.querySelector('#edge').getBoundingClientRect();"
         "const stage = document.querySelector('#stage').getBoundingClientRect();"
-        "return [(await viewer).shown.split, (edge.x + edge.width / 2 - stage.x) / stage.width];"
+        "return [(await viewer).chosen.split, (edge.x + edge.width / 2 - stage.x) / stage.width];"
     )
     share, shown_at = desktop.run(edge)
     assert share == pytest.approx(0.25, abs=0.02)
@@ -308,7 +307,7 @@ def test_a_key_that_is_held_while_the_focus_leaves_does_not_go_on(desktop):
 
 def test_space_plays_and_pauses_and_a_drag_pauses_as_well(desktop):
     press(desktop, " ")
-    desktop.run("const { shown } = await viewer; await until(() => shown.frame > 0);")
+    desktop.run("const { chosen } = await viewer; await until(() => chosen.frame > 0);")
     press(desktop, " ")
     assert desktop.run(STILL)
     press(desktop, " ")
@@ -328,7 +327,7 @@ def test_home_returns_to_where_the_page_began(desktop):
 
 
 def test_digits_choose_paintings_and_x_splits(desktop):
-    shown = "const { shown } = await viewer; return [shown.a, shown.split];"
+    shown = "const { chosen } = await viewer; return [chosen.a, chosen.split];"
     press(desktop, "3")
     press(desktop, "x")
     assert desktop.run(shown) == [2, 0.5]

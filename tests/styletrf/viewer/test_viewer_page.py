@@ -4,16 +4,13 @@ import base64
 import hashlib
 import json
 import re
-import threading
 from dataclasses import replace
-from functools import partial
 from html.parser import HTMLParser
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 from headless import answer_of, needs_chromium, opened, page_text
+from served_folder import served_folder
 from written_viewers import written
 
 HOSTILE = "</script><script>ran=1</script>\"'><img src=x onerror=ran=2> $body & ünï"
@@ -52,7 +49,7 @@ def test_names_stay_text(content, tmp_path):
 
 
 USED = """
-  const { choose, shown } = await viewer, find = (what) => document.querySelector(what);
+  const { choose, chosen } = await viewer, find = (what) => document.querySelector(what);
   for (const id of ["halve", "save", "addKey", "preview", "play", "play"]) find(`#${id}`).click();
   choose(2);
   await until(() => location.hash.includes("style="));
@@ -142,21 +139,9 @@ def test_a_page_that_a_program_saved_again_is_shown(content, tmp_path, encoding)
 @needs_chromium
 def test_a_page_is_shown_though_its_server_says_that_all_pages_are_in_utf_8(content, tmp_path):
     written(content("ndc"), tmp_path / "viewer.html")
-
-    class Handler(SimpleHTTPRequestHandler):
-        extensions_map: ClassVar = {".html": "text/html; charset=utf-8"}
-
-        def log_message(self, *_):
-            pass
-
-    handler = partial(Handler, directory=tmp_path)
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever).start()
-        try:
-            with opened(f"http://127.0.0.1:{server.server_address[1]}/viewer.html") as shown:
-                assert shown.run(SHOWN)
-        finally:
-            server.shutdown()
+    with served_folder(tmp_path) as address, opened(f"{address}/viewer.html") as shown:
+        assert shown.run(SHOWN)
+        assert shown.errors == []
 
 
 @needs_chromium
