@@ -42,6 +42,8 @@ class ChoiceParameter(_Flag, luigi.ChoiceParameter):
         super().__init__(choices=choices, **kwargs)
         named = [choice for choice in choices if choice]
         self.allowed = f"one of {', '.join(named)}"
+        described = kwargs.get("description") or ""  # Luigi adds the choices in a random order
+        self.description = f"{described}: {self.allowed}" if described else self.allowed
 
 
 class FloatParameter(_Flag, luigi.FloatParameter):

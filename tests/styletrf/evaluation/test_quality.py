@@ -45,7 +45,7 @@ def test_lpips_is_zero_between_equals_and_grows_with_noise():
     pytest.importorskip("lpips", reason="lpips is not installed (extra lpips)")
     weights = Path(torch.hub.get_dir(), "checkpoints", ALEXNET)
     if not weights.is_file():
-        pytest.skip("AlexNet's weights are not at hand")
+        pytest.skip(f"AlexNet's weights are not in {weights}")
     judge = lpips_judge(torch.device("cpu"))
     image = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
     noisy = [image + s * np.random.default_rng(1).normal(size=image.shape) for s in (0.1, 0.3)]

@@ -1,5 +1,6 @@
 """A viewer of what was baked, written to a file."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from headless import with_text
@@ -19,3 +20,10 @@ def written_small(content, path: Path, width: int = 160) -> Path:
     page = written(content, path)
     with_text(page, page, '"mostPixels": 1600', f'"mostPixels": {width}')
     return page
+
+
+def with_third_painting(content):
+    """Returns the content with one more painting: the first one in brighter colors."""
+    look = content.looks[1]
+    brighter = replace(look.codes, low=look.codes.low + 1)
+    return replace(content, looks=[*content.looks, replace(look, name="style 3", codes=brighter)])

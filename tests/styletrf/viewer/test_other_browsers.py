@@ -8,7 +8,7 @@ import pytest
 from headless import Browser, answer_of
 from other_browsers import firefox, needs_firefox, needs_webkit, webkit
 from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
-from written_viewers import written, written_small
+from written_viewers import with_third_painting, written, written_small
 
 BROWSERS = [
     pytest.param(firefox, marks=needs_firefox, id="Firefox"),
@@ -33,7 +33,7 @@ def test_browser_and_cpu_agree_on_looks_and_mixtures(
 
 @pytest.mark.parametrize("browser", BROWSERS)
 def test_every_control_works_in_other_browsers(content, tmp_path: Path, browser: Browser):
-    page = written_small(content("ndc"), tmp_path / "viewer.html")
+    page = written_small(with_third_painting(content("ndc")), tmp_path / "viewer.html")
     answer = answer_of(page, CLICKS, 1000, seconds=120, browser=browser)
     assert answer["errors"] == []
     assert len(set(answer["sums"])) == len(answer["sums"])

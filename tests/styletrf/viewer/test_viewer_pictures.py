@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from headless import answer_of, needs_chromium, opened, with_text
 from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
-from written_viewers import written, written_small
+from written_viewers import with_third_painting, written, written_small
 
 pytestmark = needs_chromium
 
@@ -68,7 +68,7 @@ def test_the_first_picture_waits_for_its_own_painting_alone(content, tmp_path: P
 
 @pytest.mark.parametrize("width", [1000, 390])
 def test_every_control_does_something_and_nothing_fails(content, tmp_path: Path, width: int):
-    page = written_small(content("ndc"), tmp_path / "viewer.html")
+    page = written_small(with_third_painting(content("ndc")), tmp_path / "viewer.html")
     answer = answer_of(page, CLICKS, width)
     assert answer["errors"] == []
     assert len(set(answer["sums"])) == len(answer["sums"])
@@ -77,7 +77,7 @@ def test_every_control_does_something_and_nothing_fails(content, tmp_path: Path,
     assert answer["end"] == answer["begin"]
     assert (answer["isSplit"], answer["saved"], answer["look"]) == (True, 1, 1)
     assert answer["over"] == 0
-    assert "3 looks" in answer["status"]
+    assert "4 looks" in answer["status"]
 
 
 ADDRESSES = """
