@@ -4,8 +4,10 @@
 
 Each kind of `hard_photographs.MAKERS` is made from each scene (below `STYLETRF_DATA`; `courtyard`
 is rendered) and goes through all stages up to the held-out views. A row of
-Markdown is printed for each: photographs registered, held-out PSNR in dB, seconds of all stages
-together, and what was said. `--poses` stops after the poses.
+Markdown is printed for each: photographs registered, held-out PSNR in dB, the fly-through, seconds
+of all stages together, and what was said. `--poses` stops after the poses. `--path` also makes the
+frames without a style, and the row has the share of their pixels that fewer than three photographs
+show, or the number of stills.
 """
 
 import argparse
@@ -13,7 +15,7 @@ import json
 import os
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
@@ -35,6 +37,7 @@ from styletrf.files.images import write_png
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.synthetic.courtyard import CourtyardConfig
 from styletrf.synthetic.courtyard.folder import write_courtyard
+from tasks.stages.field import TrajectoryFrames
 from tasks.stages.metrics import QualityMetrics
 from tasks.stages.scene import CameraPoses, SceneCapture
 from tasks.stages.stage import Stage
@@ -54,6 +57,7 @@ class Row:
     registered: str
     psnr: float
     psnr_exposed: float
+    path: str
     seconds: float
     said: str
 
@@ -61,7 +65,7 @@ class Row:
         psnr = "" if np.isnan(self.psnr) else f"{self.psnr:.2f}"
         if not np.isnan(self.psnr_exposed):
             psnr += f"; {self.psnr_exposed:.2f} in their own exposure"
-        cells = (self.scene, self.kind.replace("_", " "), self.registered, psnr)
+        cells = (self.scene, self.kind.replace("_", " "), self.registered, psnr, self.path)
         return f"| {' | '.join(cells)} | {self.seconds:.0f} | {self.said} |"
 
 
@@ -109,7 +113,18 @@ def measured(scene: str, kind: str, last: Stage, seconds: float, error: str) -> 
     if poses and not poses["mapper"].startswith("given"):
         remarks.append(f"{poses['matcher']}; {poses['mapper_reason']}")
     psnr, exposed = (float(quality.get(name, np.nan)) for name in ("psnr", "psnr_exposed"))
-    return Row(scene, kind, registered, psnr, exposed, seconds, "; ".join(remarks))
+    path = path_of(TrajectoryFrames(**_words(last)))
+    return Row(scene, kind, registered, psnr, exposed, path, seconds, "; ".join(remarks))
+
+
+def path_of(frames: Stage) -> str:
+    """Returns what became of the fly-through, in words; nothing where it was not made."""
+    support = _summary(frames, "support")
+    if not support:
+        return ""
+    unsupported = f"{support['unsupported']:.1%} unsupported"
+    stills = support.get("stills", ())
+    return f"{len(stills)} stills: {support['reason']}" if stills else unsupported
 
 
 def _summary(task: Any, name: str) -> dict[str, Any]:
@@ -123,13 +138,13 @@ def _words(task: Stage) -> dict[str, Any]:
     return {name: task.param_kwargs[name] for name in ("scene", "quality", "tuning")}
 
 
-def built(last: Stage) -> tuple[float, str]:
-    """Builds a stage with all before it; returns the seconds, and the error that ended it."""
+def built(stages: Sequence[Stage]) -> tuple[float, str]:
+    """Builds stages with all before them; returns the seconds, and the error that ended them."""
     failures: list[BaseException] = []
     handler = luigi.Task.event_handler(luigi.Event.FAILURE)
     handler(lambda _, error: failures.append(error))
     started = time.monotonic()
-    luigi.build([last], local_scheduler=True, log_level="WARNING")
+    luigi.build(stages, local_scheduler=True, log_level="WARNING")
     failure = failures[-1] if failures else None
     if isinstance(failure, TaskFailure):
         kind = "refused" if failure.kind == "user" else failure.kind.upper()
@@ -143,7 +158,8 @@ def main() -> None:
     root, folder = data_root(), options.folder.absolute()
     os.environ["STYLETRF_DATA"] = str(folder)
     os.environ.setdefault("STYLETRF_STORE", str(folder / "store"))
-    print("| scene | capture | registered | PSNR, dB | s | what was said |\n" + "|---" * 6 + "|")  # noqa: T201
+    heads = ("scene", "capture", "registered", "PSNR, dB", "fly-through", "s", "what was said")
+    print(f"| {' | '.join(heads)} |\n" + "|---" * len(heads) + "|")  # noqa: T201
     for scene in options.scenes:
         source = source_of(scene, options.elsewhere, root, folder)
         for kind in options.kinds:
@@ -152,8 +168,10 @@ def main() -> None:
             rmtree(made, ignore_errors=True)
             MAKERS[kind](source, made, np.random.default_rng(zlib.crc32(name.encode())))
             stage = CameraPoses if options.poses else QualityMetrics
-            last = task_of(stage, scene=name, quality="draft", tuning=tuning_of(options))
-            print(measured(scene, kind, last, *built(last)), flush=True)  # noqa: T201
+            words = {"scene": name, "quality": "draft", "tuning": tuning_of(options)}
+            last = task_of(stage, **words)
+            stages = [last, task_of(TrajectoryFrames, **words)] if options.path else [last]
+            print(measured(scene, kind, last, *built(stages)), flush=True)  # noqa: T201
 
 
 def tuning_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
@@ -176,6 +194,7 @@ def parser() -> argparse.ArgumentParser:
         "--elsewhere", default="leaves", help="the other place's scene; leaves are made"
     )
     result.add_argument("--poses", action="store_true", help="stop after the poses")
+    result.add_argument("--path", action="store_true", help="make the frames of the fly-through")
     result.add_argument("--iterations", type=int, default=5000)
     result.add_argument("--long-side", type=int, default=504)
     result.add_argument("--poses-long-side", type=int, default=1600)

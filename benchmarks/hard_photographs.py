@@ -64,9 +64,22 @@ def portrait_crops(source: Source, folder: Path, rng: np.random.Generator) -> No
 def varied_colors(source: Source, folder: Path, rng: np.random.Generator) -> None:
     """Gamma, exposure and white balance of each photograph varied by up to 20 %."""
     for path, image in _read(source.photographs):
-        gamma, gains = rng.uniform(0.8, 1.2), rng.uniform(0.8, 1.2, 3)
-        varied = np.clip(gains * (image / 255.0) ** gamma, 0, 1)
-        _write(folder, path.stem, np.rint(255 * varied).astype(np.uint8))
+        _write(folder, path.stem, _varied(image, rng))
+
+
+def tourists(source: Source, folder: Path, rng: np.random.Generator) -> None:
+    """Every photograph in one of ten sizes, every third upright, each with colors of its own.
+
+    Sizes are 40 to 100 % of the photographs'; colors vary as those of `varied_colors`.
+    """
+    for index, (path, image) in enumerate(_read(source.photographs)):
+        height, width = image.shape[:2]
+        upright = round(0.75 * min(height, width)) if index % 3 == 0 else width
+        left = round((width - upright) * rng.uniform(0.3, 0.7))
+        scale = 0.4 + 0.6 * rng.integers(10) / 9
+        view = _varied(image[:, left : left + upright], rng)
+        size = (round(scale * upright), round(scale * height))
+        _write(folder, path.stem, cv2.resize(view, size, interpolation=cv2.INTER_AREA))
 
 
 def jpeg_30(source: Source, folder: Path, rng: np.random.Generator) -> None:  # noqa: ARG001
@@ -106,15 +119,26 @@ def video(source: Source, folder: Path, rng: np.random.Generator) -> None:
     write_video(folder / "video.mp4", in_order, _FRAMES_A_SECOND)
 
 
+def given_poses(source: Source, folder: Path, rng: np.random.Generator) -> None:
+    """The poses that came with the photographs, to compare with disturbed ones."""
+    _write_poses(source, folder, rng, turned_deg=0.0, shifted=0.0)
+
+
 def disturbed_poses(source: Source, folder: Path, rng: np.random.Generator) -> None:
     """Given poses, turned by 0.5 degrees and shifted by 2 % of the cameras' mean distance."""
+    _write_poses(source, folder, rng, turned_deg=0.5, shifted=0.02)
+
+
+def _write_poses(
+    source: Source, folder: Path, rng: np.random.Generator, *, turned_deg: float, shifted: float
+) -> None:
     _copy([view.file for view in source.views], folder)
     centers = np.stack([view.world_from_camera[:, 3] for view in source.views])
-    shift = 0.02 * np.linalg.norm(centers - centers.mean(axis=0), axis=1).mean()
+    shift = shifted * np.linalg.norm(centers - centers.mean(axis=0), axis=1).mean()
     frames = []
     for view in source.views:
         pose = np.vstack([view.world_from_camera, [0.0, 0.0, 0.0, 1.0]])
-        turn, _ = cv2.Rodrigues(np.radians(0.5) * _direction(rng))
+        turn, _ = cv2.Rodrigues(np.radians(turned_deg) * _direction(rng))
         pose[:3, :3] = turn @ pose[:3, :3]
         pose[:3, 3] += shift * _direction(rng)
         name = f"images/{view.file.name}"
@@ -126,8 +150,8 @@ def disturbed_poses(source: Source, folder: Path, rng: np.random.Generator) -> N
 MAKERS: dict[str, Maker] = {
     maker.__name__: maker
     for maker in (
-        as_they_are, every_fifth, ten, portrait_crops, varied_colors, jpeg_30, low_texture, foreign,
-        video, disturbed_poses,
+        as_they_are, every_fifth, ten, portrait_crops, varied_colors, tourists, jpeg_30,
+        low_texture, foreign, video, given_poses, disturbed_poses,
     )
 }  # fmt: skip
 
@@ -166,6 +190,13 @@ def _write(folder: Path, name: str, image: np.ndarray, quality: int = JPEG_QUALI
     (folder / "images").mkdir(parents=True, exist_ok=True)
     path = folder / "images" / f"{name}.jpg"
     cv2.imwrite(str(path), image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+
+
+def _varied(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Returns an image with gamma, exposure and white balance changed by up to 20 %."""
+    gamma, gains = rng.uniform(0.8, 1.2), rng.uniform(0.8, 1.2, 3)
+    varied = np.clip(gains * (image / 255.0) ** gamma, 0, 1)
+    return np.asarray(np.rint(255 * varied).astype(np.uint8))
 
 
 def _filling(image: np.ndarray, width: int, height: int) -> np.ndarray:
