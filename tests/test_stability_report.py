@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stability import Row, deviation, in_markdown, law_in_words
+from stability import COMMITTED, Row, deviation, in_markdown, law_in_words
 
 HERE = Path(__file__).parent
-COMMITTED = HERE.parent / "docs/stability.md"
 
 
 def test_the_committed_report_has_every_law_of_extremes(request: pytest.FixtureRequest):

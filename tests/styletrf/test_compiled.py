@@ -120,7 +120,16 @@ def _compiled_functions(tree: ast.Module) -> list[ast.FunctionDef]:
     return [f for f in functions if any(ast.unparse(d).startswith(marks) for d in f.decorator_list)]
 
 
-@pytest.mark.parametrize("package", ["styletrf.field.kernels", "styletrf.synthetic.courtyard"])
+@pytest.mark.parametrize(
+    "package",
+    [
+        "styletrf.field.kernels",
+        "styletrf.synthetic.courtyard",
+        "styletrf.viewer",
+        "styletrf.exports",
+        "styletrf.sfm.matching",
+    ],
+)
 def test_what_is_compiled_uses_only_its_own_package(package: str):
     """The folder's name covers one package, so nothing else may be compiled into its functions."""
     n_functions = 0
@@ -135,4 +144,4 @@ def test_what_is_compiled_uses_only_its_own_package(package: str):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("styletrf"):
                 names = {alias.asname or alias.name for alias in node.names} & used - marks
                 assert not names or f"{node.module}.".startswith(f"{package}."), (path, names)
-    assert n_functions > 5
+    assert n_functions > 0

@@ -6,6 +6,7 @@ bound; a larger error fails the test.
 `pytest -m extremes --stability PATH` writes the table (`make stability`).
 """
 
+import functools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -17,11 +18,13 @@ import numpy as np
 import pytest
 import torch
 
+COMMITTED = Path(__file__).parents[2] / "docs/stability.md"
 OPTION, PROPERTY = "--stability", "stability"
 ROUNDING = 1e-16  # of float64: an error below counts as none
 HEADER = "| what holds | case | precision | values | error | bound |\n|---|---|---|---|---|---|\n"
 BOUNDS = {"float64": 1e-11, "float32": 1e-5, "float16": 2e-3, "bfloat16": 3e-2}
 """The largest error of a case that names no bound of its own, by precision."""
+STALE = "docs/stability.md has no such case; `make stability` writes it anew"
 PREFACE = """# Numerical extremes
 
 `make stability` writes this page.
@@ -55,8 +58,9 @@ def stability(request: pytest.FixtureRequest, record_property: Callable[..., Non
     """Compares a case with what is exact, both tensors, arrays or numbers, and asserts the bound.
 
     `within` is the bound where it is not that of `BOUNDS`; an `absolute` error is not divided by
-    the largest value.
+    the largest value. The committed report has to have the case, unless it is written now.
     """
+    writes_report = request.config.getoption(OPTION) is not None
 
     def case(
         name: str, found: Any, exact: Any,
@@ -70,8 +74,14 @@ def stability(request: pytest.FixtureRequest, record_property: Callable[..., Non
         row = Row(*_law(request.node), name, precision, _kind(values), error, bound)
         record_property(PROPERTY, astuple(row))
         assert error <= bound, f"{name} in {precision}"
+        assert writes_report or f"| {name} | {precision} |" in _committed(), f"{STALE}: {name}"
 
     return case
+
+
+@functools.cache
+def _committed() -> str:
+    return COMMITTED.read_text()
 
 
 def deviation(found: np.ndarray, exact: np.ndarray, *, absolute: bool = False) -> float:
