@@ -4,9 +4,8 @@ From a frame on some corners are followed (Lucas and Kanade 1981), there and bac
 has moved by 3 % of its width, then others from there. Their displacement tells how the picture
 moved; what of it no homography explains is parallax, which a turning or resting camera has none of.
 
-Where hardly a corner comes back to its place, the camera swung too fast, or the video was cut. At a
-cut the colors change at once, and much more than from frame to frame before and after; in a swing
-they change through several frames.
+Where hardly a corner comes back to its place, the camera swung too fast, or the video was cut (see
+`frame_cuts`). Nothing moves across a cut.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,8 +14,10 @@ from functools import reduce
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int64, UInt8
+from jaxtyping import Float, Int64, UInt8
 
+from styletrf.capture.clips.frame_cuts import cuts
+from styletrf.capture.clips.frame_flow import FrameFlow, flow_between, flow_of, small_picture
 from styletrf.files.video import TimedFrame
 
 _LONG_SIDE = 480  # at which frames are looked at
@@ -25,8 +26,6 @@ _SHARE_OF_PARALLAX = 0.05  # of the displacement, by which a camera that went pl
 _FEWEST_CORNERS = 8
 _LEAST_FOLLOWED = 0.1  # of the corners
 _LOST_DISPLACEMENT = 1.0  # of a swing too fast to follow
-_CUT_CHANGE = 0.1  # of the colors, at least, and
-_CUT_CONTRAST = 2.0  # times as much as from frame to frame before and after
 
 Gray = UInt8[np.ndarray, "height width"]
 Colors = Float[np.ndarray, " bins"]
@@ -38,7 +37,7 @@ class FrameMotion:
     """What a video's frames show; motions in widths of the picture, added up since the first.
 
     `sharpness` is the variance of the Laplacian over that of the picture: texture alone makes no
-    frame sharp. `shot` counts the cuts so far.
+    frame sharp. `shot` counts the cuts so far; `flow` is from each frame to the next.
     """
 
     time_s: PerFrame
@@ -46,6 +45,7 @@ class FrameMotion:
     displacement: PerFrame
     parallax: PerFrame
     shot: Int64[np.ndarray, " frames"]
+    flow: FrameFlow
 
     @property
     def has_parallax(self) -> bool:
@@ -63,6 +63,7 @@ class _Look:
     """A frame as it is looked at, and what the camera has moved until then."""
 
     gray: Gray
+    small: UInt8[np.ndarray, "rows columns"]
     colors: Colors
     so_far: Float[np.ndarray, "2"]
 
@@ -73,18 +74,26 @@ def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
     reference = before = None
     for frame in frames:
         gray, colors = _looked_at(frame.pixels), _color_shares(frame.pixels)
-        so_far, lost, change = np.zeros(2), False, 0.0
+        small = small_picture(gray)
+        so_far, lost, change, flow = np.zeros(2), False, 0.0, np.zeros(7)
         if reference is not None and before is not None:
             so_far, lost = _moved(reference, before, gray)
             change = 1 - float(np.minimum(colors, before.colors).sum())
-        before = _Look(gray, colors, so_far)
+            flow = flow_between(before.small, small)
+        before = _Look(gray, small, colors, so_far)
         if reference is None or lost or so_far[0] - reference.so_far[0] > _STRIDE:
             reference = before
-        rows.append((frame.time_s, _sharpness(gray), *so_far, lost, change))
-    time_s, sharp, displacement, parallax, lost_at, changes = np.array(rows).reshape(-1, 6).T
-    cuts = _cuts(lost_at > 0, changes)
-    shot = np.cumsum(cuts, dtype=np.int64)
-    return FrameMotion(time_s, sharp, displacement - _LOST_DISPLACEMENT * shot, parallax, shot)
+        rows.append((frame.time_s, _sharpness(gray), *so_far, lost, change, *flow))
+    return _motion_of(np.array(rows, dtype=np.float64).reshape(-1, 13))
+
+
+def _motion_of(rows: Float[np.ndarray, "frames 13"]) -> FrameMotion:
+    """Returns the motion without the steps across cuts."""
+    time_s, sharp, displacement, parallax, lost, change = rows[:, :6].T
+    flow = flow_of(rows[:, 6:])
+    first = cuts(time_s, flow, lost > 0, change)
+    ways = [way - np.cumsum(np.diff(way, prepend=0.0) * first) for way in (displacement, parallax)]
+    return FrameMotion(time_s, sharp, ways[0], ways[1], np.cumsum(first, dtype=np.int64), flow)
 
 
 def joined_motion(motions: Sequence[FrameMotion]) -> FrameMotion:
@@ -102,6 +111,7 @@ def _continued(first: FrameMotion, then: FrameMotion) -> FrameMotion:
         np.append(first.displacement, first.displacement[-1] + then.displacement),
         np.append(first.parallax, first.parallax[-1] + then.parallax),
         np.append(first.shot, first.shot[-1] + 1 + then.shot),
+        first.flow.then(then.flow),
     )
 
 
@@ -117,12 +127,6 @@ def _moved(reference: _Look, before: _Look, gray: Gray) -> tuple[Float[np.ndarra
         if motion is not None:
             return look.so_far + motion, False
     return before.so_far + np.array([_LOST_DISPLACEMENT, 0.0]), True
-
-
-def _cuts(lost: Bool[np.ndarray, " frames"], change: PerFrame) -> Bool[np.ndarray, " frames"]:
-    beside = np.pad(change, 1)
-    usual = np.maximum(beside[:-2], beside[2:])
-    return np.asarray(lost & (change > _CUT_CHANGE) & (change > _CUT_CONTRAST * usual))
 
 
 def _looked_at(frame: UInt8[np.ndarray, "_ _ 3"]) -> UInt8[np.ndarray, "_ _"]:

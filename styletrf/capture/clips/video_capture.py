@@ -87,7 +87,7 @@ def capture_videos(
     ]
     if skipped:
         warnings.append(f"skipped, since {FEWEST_PHOTOGRAPHS} are needed: {', '.join(skipped)}")
-    warnings += _warnings(videos, motions, total, count)
+    warnings += _warnings(videos, motions, chosen, count)
     capture = Capture(tuple(photographs), tuple(warnings))
     write_capture(out_dir, capture)
     return capture
@@ -195,11 +195,16 @@ def frame_prefixes(videos: Sequence[Path]) -> list[str]:
 
 
 def _warnings(
-    videos: Sequence[Path], motions: Sequence[FrameMotion], chosen: int, count: int
+    videos: Sequence[Path],
+    motions: Sequence[FrameMotion],
+    chosen: Sequence[Sequence[int]],
+    count: int,
 ) -> Iterator[str]:
-    for video, motion in zip(videos, motions, strict=True):
-        yield from clip_warnings(video.name, motion, declared_duration_s(video))
-    if chosen < count:
+    for video, motion, frames in zip(videos, motions, chosen, strict=True):
+        taken = np.array(frames, dtype=np.int64)
+        yield from clip_warnings(video.name, motion, declared_duration_s(video), taken)
+    total = sum(map(len, chosen))
+    if total < count:
         names = ", ".join(video.name for video in videos)
         gives = "gives" if len(videos) == 1 else "give"
-        yield f"{names} {gives} {chosen} frames that differ, not {count}"
+        yield f"{names} {gives} {total} frames that differ, not {count}"

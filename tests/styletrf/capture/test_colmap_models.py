@@ -3,11 +3,11 @@
 import shutil
 
 import pytest
+from expected_errors import rejects
 from given_cameras import BENT, VIEWS, colmap, photographed
 from made_photographs import room_poses
 
 from styletrf.capture.poses.pose_formats import find_given_poses
-from styletrf.errors import InputError
 
 POSES = room_poses(VIEWS)
 
@@ -53,5 +53,5 @@ def test_a_backup_and_a_model_that_is_garbage_are_passed_over(tmp_path, name):
 def test_a_colmap_model_that_is_garbage_is_refused(tmp_path):
     colmap(tmp_path, POSES[:3])
     (tmp_path / "sparse" / "0" / "images.bin").write_bytes(b"garbage")
-    with pytest.raises(InputError, match="COLMAP model"):
+    with rejects(tmp_path / "sparse" / "0", "COLMAP"):
         find_given_poses(tmp_path)

@@ -3,17 +3,13 @@
 import cv2
 import numpy as np
 import pytest
-from clip_frames import HEIGHT, WIDTH, contrasted, timed, turned, walked
+from clip_frames import HEIGHT, WIDTH, contrasted, timed, turned, walked, wall
 
-from styletrf.capture.clips.clip_survey import blurs, clip_warnings, rests
+from styletrf.capture.clips.clip_survey import clip_warnings
 from styletrf.capture.clips.frame_motion import frame_motion, joined_motion
+from styletrf.capture.clips.spans import blurs, rests
 
 RATE = 10.0
-
-
-def wall(seed, tint=(1.0, 1.0, 1.0)):
-    noise = np.random.default_rng(seed).uniform(0, 255, (HEIGHT, 3 * WIDTH, 3))
-    return cv2.GaussianBlur(noise, (0, 0), 2.0) * tint
 
 
 def motion_of(frames, rate=RATE):
@@ -84,7 +80,17 @@ def test_blur_is_found_where_no_sharp_frame_is_near(blurred, count):
 
 def test_a_walk_has_no_warning_and_a_file_that_breaks_off_has_one():
     motion = motion_of(walked(wall(0), 40))
-    assert list(clip_warnings("a.mp4", motion, 4.0)) == []
-    assert list(clip_warnings("a.mp4", motion, None)) == []
-    (warning,) = clip_warnings("a.mp4", motion, 9.0)
+    chosen = np.arange(0, 40, 5)
+    assert list(clip_warnings("a.mp4", motion, 4.0, chosen)) == []
+    assert list(clip_warnings("a.mp4", motion, None, chosen)) == []
+    (warning,) = clip_warnings("a.mp4", motion, 9.0, chosen)
     assert "breaks off at 4.0 s of 9.0 s" in warning
+
+
+def test_frames_larger_than_those_looked_at_move_alike_in_widths():
+    frames = turned(wall(0), 20)
+    large = [cv2.resize(frame, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC) for frame in frames]
+    small, same = motion_of(frames).flow, motion_of(large).flow
+    np.testing.assert_allclose(same.shift[1:, 0], -2 / WIDTH, atol=0.1 / WIDTH)
+    np.testing.assert_allclose(same.shift, small.shift, atol=0.1 / WIDTH)
+    assert same.novelty.max() < 0.2

@@ -18,5 +18,5 @@ def test_public_scenes_are_known_with_archive_and_place(name, archive, folder):
     assert f"scenes/{name}/images" in instructions
 
 
-def test_others_are_not():
+def test_a_scene_that_is_not_public_has_no_download_instructions():
     assert download_instructions("my_garden") is None

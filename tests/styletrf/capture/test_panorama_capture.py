@@ -2,6 +2,7 @@ import hashlib
 
 import numpy as np
 import pytest
+from expected_errors import rejects
 from made_panoramas import courtyard_panoramas, with_spherical_metadata
 from made_photographs import encoded, texture
 
@@ -112,7 +113,7 @@ def test_poses_that_came_with_photographs_name_their_lenses(folder, tmp_path):
     given = GivenPoses(folder, views)
     capture = capture_photographs(folder, tmp_path / "out", given=given)
     assert [one.panorama for one in capture.photographs] == [None] * 3
-    with pytest.raises(InputError, match="lenses"):
+    with rejects(folder, "lenses"):
         capture_photographs(folder, tmp_path / "again", given=given, panoramas="yes")
     assert not (tmp_path / "again").exists()
 
@@ -154,5 +155,5 @@ def test_a_clip_is_filmed_as_the_setting_says(tmp_path):
     capture = capture_videos([tmp_path / "walk.mp4"], tmp_path / "a", 6, panoramas="no")
     assert [one.panorama for one in capture.photographs] == [None] * 6
     write_video(tmp_path / "flat.mp4", [frame[:100] for frame in filmed(24)], 12)
-    with pytest.raises(InputError, match="512x100"):
+    with rejects("flat.mp4", "512x100"):
         capture_videos([tmp_path / "flat.mp4"], tmp_path / "b", 20, panoramas="yes")

@@ -4,6 +4,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from expected_errors import rejects
 
 from styletrf.capture.capture_file import read_capture
 from styletrf.capture.clips.video_capture import capture_videos
@@ -146,7 +147,7 @@ def test_a_file_cut_short_before_three_frames_is_refused(walk, tmp_path):
     write_video(tmp_path / "a.mp4", walk, 12)
     content = (tmp_path / "a.mp4").read_bytes()
     (tmp_path / "a.mp4").write_bytes(content[: content.index(b"mdat") + 100])
-    with pytest.raises(InputError, match="no frame that can be decoded"):
+    with rejects(tmp_path / "a.mp4", "frame"):
         capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 5)
 
 
@@ -162,10 +163,12 @@ def test_a_clip_that_cannot_be_decoded_is_refused_before_the_others_are_followed
     assert steps == []
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_a_video_of_one_or_two_frames_is_refused(walk, tmp_path, count):
+@pytest.mark.parametrize(
+    ("count", "subject", "value"), [(1, "the video", "2%"), (2, "a.mp4", "2 frames")]
+)
+def test_a_video_of_one_or_two_frames_is_refused(walk, tmp_path, count, subject, value):
     write_video(tmp_path / "a.mp4", walk[: 12 * count : 12], 12)
-    with pytest.raises(InputError, match=r"2 frames|keeps still"):
+    with rejects(subject, value):
         capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 8)
 
 
@@ -208,7 +211,7 @@ def test_a_blurred_video_has_a_warning(walk, tmp_path):
 
 def test_what_is_no_video_is_refused(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"none")
-    with pytest.raises(InputError, match=r"a\.mp4.*video"):
+    with rejects(tmp_path / "a.mp4", "video"):
         capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 8)
 
 

@@ -1,0 +1,98 @@
+"""Rests of a clip, and what the capture says of it."""
+
+import re
+
+import numpy as np
+import pytest
+from clip_frames import WIDTH, panned, timed, turned, walked, wall
+
+from styletrf.capture.capture_file import read_capture
+from styletrf.capture.clips.clip_survey import clip_warnings
+from styletrf.capture.clips.frame_choice import chosen_frames
+from styletrf.capture.clips.frame_motion import frame_motion
+from styletrf.capture.clips.spans import rests
+from styletrf.capture.clips.video_capture import capture_videos
+from styletrf.files.video import write_video
+
+PAINTED = wall(3, width=4 * WIDTH)
+
+
+def rests_of(frames, rate):
+    return rests(frame_motion(timed(frames, rate)))
+
+
+def with_a_rest(frames, at, count):
+    """The frames, of which one is shown so many times more."""
+    return [*frames[:at], *[frames[at]] * count, *frames[at:]]
+
+
+@pytest.mark.parametrize("rate", [8, 12, 24, 30])
+@pytest.mark.parametrize("moving", [walked, turned])
+def test_a_still_second_has_its_times_within_a_frame(moving, rate):
+    frames = with_a_rest(moving(wall(0), 60), 30, rate)
+    (rest,) = rests_of(frames, rate)
+    assert rest.start_s == pytest.approx(30 / rate, abs=1.01 / rate)
+    assert rest.end_s == pytest.approx(30 / rate + 1, abs=1.01 / rate)
+
+
+def test_two_rests_are_two():
+    frames = with_a_rest(with_a_rest(walked(wall(0), 60), 45, 20), 15, 20)
+    assert len(rests_of(frames, 12)) == 2
+
+
+@pytest.mark.parametrize("pixels_a_frame", [0.3, 1.0, 4.0])
+@pytest.mark.parametrize("rate", [6, 24])
+def test_a_smooth_pan_has_no_rest_however_slow(pixels_a_frame, rate):
+    frames = panned(PAINTED, lambda t: pixels_a_frame * t, 60)
+    assert rests_of(frames, rate) == []
+
+
+def test_going_at_half_the_speed_is_no_rest():
+    steps = np.repeat([2.0, 1.0, 2.0], 24)
+    ways = np.append(0.0, np.cumsum(steps))
+    frames = panned(wall(0), lambda t: np.interp(t, np.arange(len(ways)), ways), 72)
+    assert rests_of(frames, 12) == []
+
+
+def test_a_pause_shorter_than_a_breath_is_none():
+    assert rests_of(with_a_rest(walked(wall(0), 60), 30, 6), 12) == []
+
+
+def test_frames_left_out_are_those_of_the_rest_that_are_not_chosen():
+    frames = with_a_rest(walked(wall(0), 60), 30, 24)
+    motion = frame_motion(timed(frames, 24))
+    chosen = chosen_frames(motion, 20)
+    (rest,) = rests(motion)
+    among = [index for index in chosen if rest.first <= index <= rest.last]
+    assert rest.without(chosen) == rest.last - rest.first + 1 - len(among)
+    assert rest.without(chosen) >= 22
+    (warning,) = clip_warnings("a.mp4", motion, None, chosen)
+    assert f"({rest.without(chosen)} frames left out)" in warning
+
+
+def test_a_video_with_a_cut_and_a_still_second_says_when(tmp_path):
+    """The rest begins at 2.5 s; the cut, to another part of the wall, is at 4 s."""
+    before = with_a_rest(walked(wall(0), 36), 30, 12)
+    frames = [*before, *walked(wall(0)[:, WIDTH:], 30)]
+    write_video(tmp_path / "a.mp4", frames, 12)
+    capture = capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 12)
+    cut, rest = capture.warnings
+    assert re.search("cut at 4.0 s", cut)
+    assert re.search("still at 2[.][456] to 3[.][456] s", rest)
+    assert read_capture(tmp_path / "out").warnings == capture.warnings
+    shots = {photograph.shot for photograph in capture.photographs if photograph.time_s < 4}
+    assert shots == {0}
+    assert {one.shot for one in capture.photographs if one.time_s >= 4} == {1}
+
+
+def test_a_video_by_hand_whose_frames_lean_says_so_and_a_steady_one_says_nothing(tmp_path):
+    def by_hand(t):
+        return 40 + 2 * t + 8 * np.sin(t / 3.1)
+
+    filmed = {share: panned(PAINTED, by_hand, 60, share) for share in (0.8, 0.0)}
+    told = []
+    for share, frames in filmed.items():
+        write_video(tmp_path / f"{share}.mp4", frames, 24)
+        warnings = capture_videos([tmp_path / f"{share}.mp4"], tmp_path / str(share), 12).warnings
+        told.append(any("rolling shutter" in warning for warning in warnings))
+    assert told == [True, False]
