@@ -15,14 +15,15 @@ from pipeline.console.progress_client import progress_client
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.settings import current_store
 from styletrf.errors import InputError
+from tasks.command.build_order import seconds_ahead
 from tasks.command.graph import graph
 from tasks.command.sources import begin_of_command
-from tasks.planning.build_order import seconds_ahead
 from tasks.planning.plan_report import print_plan
 from tasks.planning.validation import validate_command
 from tasks.results.grid import Grid
 from tasks.results.trajectory import StylizedTrajectory
 from tasks.stages.linked_results import LinkedStage, link_results
+from tasks.stages.stage import Stage
 from tasks.summary.gallery import refresh_gallery
 from tasks.summary.grid_summary import finish_command
 from tasks.summary.lineage import write_lineages
@@ -74,6 +75,8 @@ def end(root: luigi.Task) -> int | None:
                 print(result.folder / result.page)  # noqa: T201  the command's answer
             elif not isinstance(root, Grid):
                 _log_reason(result)
+        if isinstance(root, Stage) and not results:
+            _answer_for(root)
     with _reported():
         write_lineages(results)
         if isinstance(root, Grid):
@@ -110,8 +113,16 @@ def _results(root: luigi.Task) -> list[LinkedStage]:
     return [stage for stage in reversed(graph(root)) if isinstance(stage, LinkedStage)]
 
 
-def _log_reason(result: LinkedStage) -> None:
-    """Logs why there is no page of a result."""
+def _answer_for(stage: Stage) -> None:
+    """Prints the folder of a stage that is no result, or logs why there is none."""
+    if stage.complete():
+        print(stage.output().path)  # noqa: T201  the command's answer
+    else:
+        _log_reason(stage)
+
+
+def _log_reason(result: Stage) -> None:
+    """Logs why a result does not exist."""
     try:
         problem = find_blocking_failure(result, current_store(), since=begin_of_command())
     except InputError:  # the command was refused with this very error

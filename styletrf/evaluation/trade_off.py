@@ -40,6 +40,9 @@ class Measurement:
         loss_db: Of the style: -10 log10 of the style and content loss of the stylized frames.
         resemblance_db: Of the style: -10 log10 of how far the stylized frames are from the
             painting, over the unstylized ones, by measures that no training used.
+        consistency_ratio: Of the style: the error of neighboring stylized frames, warped along the
+            depth, over the floor of that measure.
+        stylizer: What paints the priors; empty if the variant leaves it as it is.
     """
 
     part: Part
@@ -52,6 +55,8 @@ class Measurement:
     model_bytes: Mapping[str, int]
     loss_db: float | None = None
     resemblance_db: float | None = None
+    consistency_ratio: float | None = None
+    stylizer: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +76,8 @@ class Combination:
         peak_memory_bytes: Of the stage that takes most.
         model_bytes: Of all that is kept to render from.
         stage_seconds: The seconds by stage, where they are known.
+        consistency_ratio: That of the style's measurement; None if it was not measured.
+        stylizer: What paints the priors; empty if it stays as it is.
     """
 
     scene: str
@@ -85,6 +92,8 @@ class Combination:
     peak_memory_bytes: int
     model_bytes: int
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
+    consistency_ratio: float | None = None
+    stylizer: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +203,8 @@ def _combined(
         peak_memory_bytes=max(m.peak_memory_bytes for m in pair),
         model_bytes=_bytes_kept(scene, style, usual[0]),
         stage_seconds=seconds,
+        consistency_ratio=style.consistency_ratio,
+        stylizer=style.stylizer,
     )
 
 

@@ -42,10 +42,12 @@ def description(point: Combination) -> list[str]:
     """Returns the lines that describe a point."""
     spread = f" ± {point.seconds_spread:.0f} s" if point.seconds_spread else ""
     busy = busy_words(point.other_cpu_share)
+    ratio = point.consistency_ratio
+    consistency = f", temporal error {ratio:.2f} times that of unstylized frames" if ratio else ""
     return [
         f"{duration(point.seconds)}{spread}, {point.shortfall_db:.2f} dB short of the best{busy}",
         f"scene: {point.scene or 'as it is'}; style: {point.style or 'as it is'}",
-        f"{point.psnr_db:.2f} dB on views held out, style {point.style_db:.2f} dB",
+        f"{point.psnr_db:.2f} dB on views held out, style {point.style_db:.2f} dB{consistency}",
         f"{gibibytes(point.peak_memory_bytes)} of memory, {point.model_bytes / 1e6:.0f} MB kept",
         json.dumps(point.tuning),
     ]

@@ -17,7 +17,7 @@ SCRIPT = Path(__file__).with_name("trade_off.js").read_text(encoding="utf-8")
 
 @dataclass(frozen=True, slots=True)
 class TradeOffContent:
-    """Everything the page shows; `command` returns what to type to have some settings."""
+    """Everything the page shows; `command` returns the command for some settings and stylizer."""
 
     scene: str
     style: str
@@ -29,7 +29,7 @@ class TradeOffContent:
     points: Sequence[Combination]
     front: Sequence[FrontPoint]
     measurements: Sequence[Measurement]
-    command: Callable[[Tuning], str]
+    command: Callable[[Tuning, str], str]
 
 
 QUESTIONS: dict[str, Callable[[Sequence[Combination]], Combination]] = {
@@ -80,7 +80,7 @@ def _answer(content: TradeOffContent, question: str) -> str:
     except InputError:
         return f"{asked}<p>None of the combinations.</p>"
     lines = "<br>".join(html.escape(line) for line in description(point)[:-1])
-    command = f"<pre>{html.escape(content.command(point.tuning))}</pre>"
+    command = f"<pre>{html.escape(content.command(point.tuning, point.stylizer))}</pre>"
     return f'{asked}<p class="small">{lines}</p><div class="card">{command}</div>'
 
 
@@ -91,9 +91,8 @@ def _table(measurements: Sequence[Measurement], part: str) -> str:
     usual = side[0]
     rows = "".join(_row(m, usual) for m in side)
     unit = "PSNR" if part == "scene" else "style"
-    head = "".join(
-        f'<th class="number">{name}</th>' for name in (unit, "change", "time", "memory", "kept")
-    )
+    names = [unit, "change", "time", "memory", "kept", *["error over floor"] * (part == "style")]
+    head = "".join(f'<th class="number">{name}</th>' for name in names)
     return (
         f'<div class="card"><table><thead><tr><th>changed</th>{head}</tr></thead>'
         f"<tbody>{rows}</tbody></table></div>"
@@ -104,12 +103,15 @@ def _row(measurement: Measurement, usual: Measurement) -> str:
     seconds = sum(measurement.seconds.values())
     share = busy_words(measurement.other_cpu_share).removeprefix(", ")
     busy = f'<div class="quiet small">{share}</div>' if share else ""
+    ratio = measurement.consistency_ratio
+    consistency = [f"{ratio:.2f}" if ratio else "unknown"] if measurement.part == "style" else []
     values = (
         f"{measurement.quality_db:.2f} dB",
         f"{measurement.quality_db - usual.quality_db:+.2f}",
         duration(seconds),
         gibibytes(measurement.peak_memory_bytes),
         f"{sum(measurement.model_bytes.values()) / 1e6:.0f} MB",
+        *consistency,
     )
     cells = "".join(f'<td class="number">{value}</td>' for value in values)
     name = html.escape(measurement.name or "nothing")

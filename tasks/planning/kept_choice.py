@@ -47,7 +47,8 @@ def known_choice(task: Any, request: QualityRequest, front: Front) -> Choice | N
 def keep_choice(task: Any, front: Front, choice: Choice) -> None:
     """Keeps what was chosen for the task from this front."""
     if builds_alone():
-        chosen = {"tuning": choice.point.tuning, "seconds": choice.point.seconds}
+        point = choice.point
+        chosen = {"tuning": point.tuning, "stylizer": point.stylizer, "seconds": point.seconds}
         add_fact(_CHOICES, _key(task, front), chosen)
 
 
@@ -67,4 +68,5 @@ def _key(task: Any, front: Front) -> str:
 
 
 def _same(point: Combination, kept: Any) -> bool:
-    return canonical_json(point.tuning) == canonical_json(kept["tuning"])
+    is_same_stylizer = point.stylizer == kept.get("stylizer", "")
+    return is_same_stylizer and canonical_json(point.tuning) == canonical_json(kept["tuning"])

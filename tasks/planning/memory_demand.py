@@ -19,7 +19,7 @@ from pipeline.execution.gpu import visible_cards
 from pipeline.settings import setting
 from pipeline.task import artifact
 from styletrf.errors import InputError
-from tasks.planning.build_order import is_made
+from tasks.command.build_order import is_made
 from tasks.stages.field import PriorRenders, TrajectoryFrames
 from tasks.stages.scene import SceneCapture, SceneModel
 from tasks.stages.stage import ConfigurableStage

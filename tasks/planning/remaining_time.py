@@ -10,9 +10,9 @@ import luigi
 from pipeline.canonical import canonical, canonical_json
 from pipeline.task import StoredTask
 from styletrf.evaluation.trade_off import Combination
+from tasks.command.build_order import is_made
 from tasks.command.sources import builds_alone
 from tasks.machine.calibration import calibration_of_machine
-from tasks.planning.build_order import is_made
 from tasks.planning.scene_sizes import sizes_of
 from tasks.planning.stage_costs import CostModel, reference_costs
 from tasks.presets.quality_choice import Front, Timing
@@ -95,13 +95,13 @@ def timing_of(task: Any) -> Timing:
 
     def seconds(front: Front, point: Combination) -> float:
         """Returns the seconds of a point, found once."""
-        name = front.description, json.dumps(point.tuning, sort_keys=True)
+        name = front.description, json.dumps([point.tuning, point.stylizer], sort_keys=True)
         if name in known:
             return known[name]
         model = models.get(front.description) or cost_model(task, front)
         models[front.description] = model
         is_found = found.has if builds_alone() else _never
-        stages = stages_to_make(task.with_settings(front.quality, point.tuning), is_found)
+        stages = stages_to_make(task.at_point(front.quality, point), is_found)
         measured = point.stage_seconds if front.calibration else {}
         known[name] = sum(model.expected(s, measured.get(s.task_family)).seconds for s in stages)
         return known[name]

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import luigi
 from luigi.task_register import Register
 
-from pipeline.execution.cost_history import Cost, CostSample, alike, cost_history
+from pipeline.execution.cost_history import Cost, CostSample, cost_history, most_similar
 from pipeline.execution.resources import significant
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
@@ -125,7 +125,7 @@ class CostModel:
         if not isinstance(stage, StoredTask):
             return None
         found = []
-        for spent in alike(self._spendings(stage.task_family), significant(stage)):
+        for spent in most_similar(self._spendings(stage.task_family), significant(stage)):
             earlier = _task_of(stage.task_family, spent.parameters)
             if earlier is not None:
                 scale = self._scale(stage, earlier, spent.cost)

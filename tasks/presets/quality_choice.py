@@ -36,6 +36,10 @@ class Front:
     points: Sequence[Combination]
     calibration: Calibration | None
 
+    def as_painted(self) -> "Front":
+        """Returns the front without the points that name a stylizer, for who asks for another."""
+        return replace(self, points=[point for point in self.points if not point.stylizer])
+
 
 Timing = Callable[[Front, Combination], float]
 """Returns the seconds that the settings of a point take here, less what is found."""
@@ -52,8 +56,10 @@ class Choice:
     @property
     def description(self) -> str:
         """What was chosen, in a line."""
+        stylizer = f" --stylizer {self.point.stylizer}" if self.point.stylizer else ""
         return (
-            f"{self.front}: --quality {self.quality} --tuning '{json.dumps(self.point.tuning)}',"
+            f"{self.front}: --quality {self.quality}{stylizer}"
+            f" --tuning '{json.dumps(self.point.tuning)}',"
             f" {self.point.shortfall_db:.2f} dB short of the best,"
             f" about {self.point.seconds:.0f} s on this machine"
         )

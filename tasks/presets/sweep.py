@@ -17,11 +17,19 @@ Values = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A change on one side of the graph; without a name, only the seed changes."""
+    """A change on one side of the graph; without a name, only the seed changes.
+
+    Attributes:
+        part: The side.
+        name: The change, in words.
+        tuning: The settings of the change, by stage.
+        stylizer: What paints the priors; empty if the change leaves it as it is.
+    """
 
     part: Literal["scene", "style"]
     name: str
     tuning: Values
+    stylizer: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +125,7 @@ def _single(middle: Values) -> Iterator[Variant]:
         for factor in knob.factors:
             yield Variant(knob.part, f"{knob.name} x {factor:.2g}", _changed(knob, factor, middle))
     yield Variant("style", "network in float32", {"StyleNetwork": {"bfloat16": False}})
+    yield Variant("style", "painted by arbitrary", {}, stylizer="arbitrary")
 
 
 def _combined(middle: Values) -> Iterator[Variant]:
@@ -155,7 +164,7 @@ def _times(value: Any, factor: float, setting: str) -> Any:
 
 
 def _is_baseline(variant: Variant, middle: Values) -> bool:
-    return all(
+    return not variant.stylizer and all(
         middle.get(stage, {}).get(name) == value
         for stage, settings in variant.tuning.items()
         for name, value in settings.items()

@@ -4,7 +4,7 @@ from typing import Any
 
 import luigi
 
-from pipeline.parameters import BoolParameter, ListParameter
+from pipeline.parameters import ListParameter
 from styletrf.errors import InputError
 from tasks.stages.linked_results import LinkedStage
 from tasks.stages.path_parameters import PathParameters
@@ -26,11 +26,6 @@ class SceneInStyles(LinkedStage, PathParameters):
     strategy = StyleParameters.strategy
     match = StyleParameters.match
     rounds = StyleParameters.rounds
-    keep_going = BoolParameter(
-        significant=False,
-        description="builds all that needs no painting, photographs or weights that cannot be used,"
-        " instead of stopping, and despite a predicted lack of memory or disk space",
-    )
 
     def validate(self) -> None:
         """Rejects styles that are not each one name, and strategies that change the geometry.

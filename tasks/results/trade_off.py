@@ -21,7 +21,12 @@ from tasks.presets.sweep import Variant, baseline_settings, sweep
 from tasks.results.trajectory import StylizedTrajectory
 from tasks.stages.field import TrajectoryFrames
 from tasks.stages.linked_results import LinkedStage
-from tasks.stages.metrics import QualityMetrics, StyleMetrics, StylizationMetrics
+from tasks.stages.metrics import (
+    ConsistencyMetrics,
+    QualityMetrics,
+    StyleMetrics,
+    StylizationMetrics,
+)
 from tasks.stages.scene import SceneModel
 from tasks.stages.stage import PresetStage, Stage, stages_with_settings
 from tasks.summary.trade_off_measurements import (
@@ -79,19 +84,23 @@ class TradeOff(LinkedStage, PresetStage):
         return [v for v in found if not (self.only and v.name) or v.name in self.only]
 
     def requires(self) -> Mapping[str, Stage]:
-        """Returns the stages of variant K: `K`, `K resemblance`, `K frames`; and the result."""
-        painting = {"style": self.painting}
+        """Returns the stages of all variants, and the result.
+
+        Those of variant K are `K`, `K resemblance`, `K consistency` and `K frames`.
+        """
+        painting: dict[str, Any] = {"style": self.painting}
         needed: dict[str, Stage] = {"result": self.upstream(StylizedTrajectory, **painting)}
         needed["model"] = self.upstream(SceneModel)
         for k, variant in enumerate(self.variants()):
             tuning = merged(self.tuning, variant.tuning)
-            needed[f"{k}"] = (
-                self.upstream(QualityMetrics, tuning=tuning)
-                if variant.part == "scene"
-                else self.upstream(StylizationMetrics, tuning=tuning, **painting)
-            )
-            if variant.part == "style":
-                needed[f"{k} resemblance"] = self.upstream(StyleMetrics, tuning=tuning, **painting)
+            if variant.part == "scene":
+                needed[f"{k}"] = self.upstream(QualityMetrics, tuning=tuning)
+            else:
+                words = {**painting, "tuning": tuning}
+                words |= {"stylizer": variant.stylizer} if variant.stylizer else {}
+                needed[f"{k}"] = self.upstream(StylizationMetrics, **words)
+                needed[f"{k} resemblance"] = self.upstream(StyleMetrics, **words)
+                needed[f"{k} consistency"] = self.upstream(ConsistencyMetrics, **words)
             needed[f"{k} frames"] = self.upstream(TrajectoryFrames, tuning=tuning)
         return needed
 
@@ -143,11 +152,12 @@ class TradeOff(LinkedStage, PresetStage):
         )
         return f"{measured} of {whole} changes"
 
-    def command(self, tuning: Tuning) -> str:
+    def command(self, tuning: Tuning, stylizer: str = "") -> str:
         """Returns the main command with these settings."""
         words = {"scene": self.scene, "style": self.painting, "quality": self.quality}
+        words |= {"stylizer": stylizer} if stylizer else {}
         for name in ("content", "perceptual"):
-            if not self.is_usual(name):
+            if not self.is_default(name):
                 words[name] = self.param_kwargs[name]
         return main_command(words, tuning)
 
@@ -172,8 +182,8 @@ class TradeOff(LinkedStage, PresetStage):
     @staticmethod
     def _metrics_of(inputs: Mapping[str, Path], k: int) -> dict[str, Any]:
         """Returns the metrics of a variant."""
-        judges = (f"{k}", f"{k} resemblance")
-        return {n: v for j in judges if j in inputs for n, v in summary_in(inputs[j]).items()}
+        metrics = [f"{k}{name}" for name in STYLE_SIDE]
+        return {n: v for m in metrics if m in inputs for n, v in summary_in(inputs[m]).items()}
 
     @property
     def folder(self) -> Path:
@@ -185,6 +195,9 @@ class TradeOff(LinkedStage, PresetStage):
         names = ("report.html", "front.json", "front.parquet", "combinations.parquet")
         return {name: place(self) / name for name in (*names, "measurements.parquet")}
 
+
+STYLE_SIDE = ("", " resemblance", " consistency")
+"""How the names of the metrics of a variant of the style continue after its number."""
 
 FIXED_STAGES = ("ConsistencyMetrics", "StyleMetrics", "StylizedTrajectory")
 """Stages after the frames, which take the same time for all variants."""

@@ -15,10 +15,10 @@ from pipeline.parameters import BoolParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
-from styletrf.evaluation.trade_off import Tuning
+from styletrf.evaluation.trade_off import Combination, Tuning
+from tasks.command.build_order import is_made
 from tasks.command.graph import graph, root_of_command
 from tasks.command.sources import is_source
-from tasks.planning.build_order import is_made
 from tasks.planning.kept_choice import choice_for, keep_choice, known_choice
 from tasks.planning.remaining_time import timing_of
 from tasks.presets.presets import PRESETS
@@ -71,11 +71,6 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         " builds nothing",
     )
     json = BoolParameter(significant=False, description="has --plan print JSON")
-    keep_going = BoolParameter(
-        significant=False,
-        description="continues without a painting, photographs or weights that cannot be used,"
-        " instead of stopping",
-    )
     tools = ("av", "opencv-contrib-python-headless")
 
     @property
@@ -94,7 +89,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             raise InputError(
                 f"style {self.style}", "is the name of a page in out/", "Rename the image"
             )
-        if self.budget and not self.is_usual("quality") and self.quality in PRESETS:
+        if self.budget and not self.is_default("quality") and self.quality in PRESETS:
             subject = f"--quality {self.quality} --budget {self.budget}"
             raise InputError(subject, "ask for settings twice", "Leave one of them out")
         if self.request and self.tuning:
@@ -145,7 +140,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
     def identity_parameters(self) -> Mapping[str, object]:
         """Returns the parameters that the report repeats: the main ones, and non-default others."""
         names = ["scene", "style", "quality", "content", "perceptual"]
-        names += [name for name in STYLE_AND_PATH_PARAMETERS if not self.is_usual(name)]
+        names += [name for name in STYLE_AND_PATH_PARAMETERS if not self.is_default(name)]
         return {name: self.param_kwargs[name] for name in names}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
@@ -172,6 +167,13 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         words = {**self.param_kwargs, "quality": quality, "tuning": tuning, "budget": ""}
         return StylizedTrajectory(**words)
 
+    def at_point(self, quality: str, point: Combination) -> "StylizedTrajectory":
+        """Returns the same fly-through with the settings and the stylizer of a point of a front."""
+        words = {**self.with_settings(quality, point.tuning).param_kwargs}
+        return StylizedTrajectory(
+            **words | ({"stylizer": point.stylizer} if point.stylizer else {})
+        )
+
     def complete(self) -> bool:
         """Returns whether the result, with a bound the chosen one, is in the store and `out/`."""
         resolved = self.resolved()
@@ -186,7 +188,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             choice = self._keep_choice()
         except InputError as error:
             raise TaskFailure("user", str(self), str(error)) from error
-        yield self.with_settings(choice.quality, choice.point.tuning)
+        yield self.at_point(choice.quality, choice.point)
 
     def resolved(self) -> "StylizedTrajectory | None":
         """Returns the result with the settings chosen for a bound on time or quality.
@@ -203,7 +205,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             choice = known_choice(self, self.request, self._fronts()[0])
         except InputError:
             return None
-        return self.with_settings(choice.quality, choice.point.tuning) if choice else None
+        return self.at_point(choice.quality, choice.point) if choice else None
 
     def choose_settings(self) -> None:
         """With a bound, chooses the settings if the kind of space is known, and keeps them.
@@ -228,13 +230,13 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             return self, ""
         if self._space():
             choice = self._choice()
-            return self.with_settings(choice.quality, choice.point.tuning), choice.description
+            return self.at_point(choice.quality, choice.point), choice.description
         fronts, timing = self._fronts(), timing_of(self)
         require_reachable(self.request, fronts, timing)
         choices = possible_choices(self.request, fronts, timing)
         choice = max(choices, key=lambda c: c.point.seconds)
         description = f"the kind of space is unknown yet; assuming {choice.description}"
-        return self.with_settings(choice.quality, choice.point.tuning), description
+        return self.at_point(choice.quality, choice.point), description
 
     def _keep_choice(self) -> Choice:
         """Returns the settings for a bound, and keeps them for the next command.
@@ -253,7 +255,8 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
     def _fronts(self) -> Sequence[Front]:
         """Returns the scene's own front, or those of its kind of space; all while it is unknown."""
         measured = Path(out_root(), self.scene, "trade-off", "front.json")
-        return fronts_for(measured, self._space())
+        fronts = fronts_for(measured, self._space())
+        return fronts if self.is_default("stylizer") else [front.as_painted() for front in fronts]
 
     def _space(self) -> str | None:
         """Returns the kind of the scene's space; None before it is decided."""

@@ -37,7 +37,7 @@ def _validate_per_frame(stage: FrameParameters) -> None:
     if stage.method != "per-frame":
         return
     for name in ("colors", "strategy", "match", "rounds", "stylizer"):
-        if not stage.is_usual(name):
+        if not stage.is_default(name):
             subject = f"--method per-frame --{name} {getattr(stage, name)}"
             raise InputError(subject, "stylizes frames without a field", f"Leave out --{name}")
 

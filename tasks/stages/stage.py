@@ -6,9 +6,10 @@ from typing import Any, ClassVar, TypeVar
 import luigi
 from luigi.cmdline_parser import CmdlineParser
 
-from pipeline.parameters import ChoiceParameter, DictParameter, IntParameter
+from pipeline.parameters import BoolParameter, ChoiceParameter, DictParameter, IntParameter
 from pipeline.task import StoredTask
 from styletrf.errors import InputError, NetworkError
+from tasks.command.build_order import seconds_to_the_end
 from tasks.command.sources import SOURCE_PRIORITY, is_source, require_sources
 from tasks.presets.presets import PRESETS, settings_for
 
@@ -40,11 +41,17 @@ class Stage(StoredTask):
         " free workers",
     )
 
+    keep_going = BoolParameter(
+        significant=False,
+        description="builds all that needs no painting, photographs or weights that cannot be used,"
+        " instead of stopping, and despite a predicted lack of memory or disk space",
+    )
+
     @property
     def label(self) -> str:
         """Returns the stage's name on the console: its family and its given parameters."""
         names = self.get_param_names()  # type: ignore[no-untyped-call]
-        given = [self.param_kwargs[name] for name in names if not self.is_usual(name)]
+        given = [self.param_kwargs[name] for name in names if not self.is_default(name)]
         return " ".join([self.task_family, *(v for v in given if isinstance(v, str) and v)])
 
     @property
@@ -58,8 +65,6 @@ class Stage(StoredTask):
         command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
         if command is None:
             return 0
-        from tasks.planning.build_order import seconds_to_the_end
-
         seconds = round(seconds_to_the_end(command.get_task_obj()).get(self.task_id, 0.0))
         return seconds + SOURCE_PRIORITY * is_source(self)
 

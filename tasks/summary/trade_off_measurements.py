@@ -40,8 +40,8 @@ def measurement(
     Args:
         variant: What was changed.
         lineage: The records of all its stages, also of the other side.
-        summary: Of QualityMetrics for the scene; of StylizationMetrics and of StyleMetrics for the
-            style.
+        summary: Of QualityMetrics for the scene; of StylizationMetrics, StyleMetrics and
+            ConsistencyMetrics together for the style.
     """
     own = [r for r in lineage if _part(r) == variant.part and r.action.family not in METRIC_STAGES]
     return Measurement(
@@ -51,6 +51,8 @@ def measurement(
         quality_db=quality_db(variant.part, summary),
         loss_db=None if variant.part == "scene" else loss_db(summary),
         resemblance_db=None if variant.part == "scene" else resemblance_db(summary),
+        consistency_ratio=consistency_ratio(summary),
+        stylizer=variant.stylizer,
         seconds=_by_family(own, lambda record: _number(record, "seconds")),
         other_cpu_share=_largest_other_fraction(own),
         peak_memory_bytes=int(max((_number(r, "peak_memory_bytes") for r in own), default=0)),
@@ -94,6 +96,16 @@ def resemblance_db(summary: Mapping[str, Any]) -> float:
     ratios = [summary[f"{name}_ratio"] for name in names]
     mean = fmean(1.0 if ratio is None else ratio for ratio in ratios)
     return -10 * math.log10(max(mean, _LEAST_RATIO))
+
+
+def consistency_ratio(summary: Mapping[str, Any]) -> float | None:
+    """Returns the error of frames one apart, warped along the depth, over its floor.
+
+    None without ConsistencyMetrics, and if no two such frames show the same.
+    """
+    nearest = summary.get("delta_1", {})
+    error, floor = nearest.get("normalized_error"), nearest.get("normalized_floor")
+    return None if error is None or not floor else float(error) / float(floor)
 
 
 def summary_in(folder: Path) -> dict[str, Any]:

@@ -219,7 +219,7 @@ def mini_graph(
 
     def controls_of(task: Any) -> dict[str, Any]:
         names = {*STYLE_AND_PATH_PARAMETERS, "style"} & set(task.get_param_names())
-        given = {name: task.param_kwargs[name] for name in names if not task.is_usual(name)}
+        given = {name: task.param_kwargs[name] for name in names if not task.is_default(name)}
         return {n: v for n, v in given.items() if words.get(n) != v}
 
     def artifact_of(family: str, **controls: Any) -> Path:

@@ -320,7 +320,7 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_serves_requests(workp
     assert Counter(sweep.started) == {
         "RadianceField": 1, "QualityMetrics": 1, "TrajectoryFrames": 1,  # of the fit
         "StylizedField": 1, "StylizedFrames": 1, "StylizationMetrics": 2,  # of the adaptation
-        "StyleMetrics": 1,
+        "StyleMetrics": 1, "ConsistencyMetrics": 1,
         "TradeOff": 1,
     }  # fmt: skip
     assert sweep.report == workplace.root / "out/yard/trade-off/report.html"

@@ -4,9 +4,9 @@ import re
 from dataclasses import replace
 
 import pytest
+from expected_errors import rejects
 from headless import answer_of, needs_chromium
 
-from styletrf.errors import InputError
 from styletrf.evaluation.pareto_front import best_in, fastest_within, pareto_front, smallest_within
 from styletrf.evaluation.trade_off import (
     Measurement,
@@ -26,11 +26,11 @@ def scene(name="", psnr=25.0, field=100.0, frames=30.0, size=100, **more):
     return Measurement("scene", name, tuning, psnr, seconds, 0.0, 10, kept, **more)
 
 
-def style(name="", db=-5.0, network=180.0, frames=30.0, size=10):
+def style(name="", db=-5.0, network=180.0, frames=30.0, size=10, **more):
     seconds = {"StyleNetwork": network, "StylizedFrames": frames}
     tuning = {"StyleNetwork": {"iterations": network}} if name else {}
     kept = {"StyleNetwork": 4, "StylizedField": size}
-    return Measurement("style", name, tuning, db, seconds, 0.0, 20, kept)
+    return Measurement("style", name, tuning, db, seconds, 0.0, 20, kept, **more)
 
 
 MEASURED = [
@@ -53,6 +53,16 @@ def test_every_variant_of_one_side_goes_with_every_one_of_the_other():
         "StyleNetwork": {"iterations": 60},
     }
     assert both.shortfall_db == pytest.approx(1.5)
+
+
+def test_a_combination_has_the_stylizer_and_the_consistency_of_its_style():
+    painted = style("painted", consistency_ratio=1.3, stylizer="arbitrary")
+    measured = [scene(), scene("fast"), style(), painted]
+    points = {(p.scene, p.style): p for p in combinations(measured)}
+    for name in ("", "fast"):
+        point = points[name, "painted"]
+        assert (point.consistency_ratio, point.stylizer) == (1.3, "arbitrary")
+        assert (points[name, ""].consistency_ratio, points[name, ""].stylizer) == (None, "")
 
 
 def test_stages_that_render_follow_what_a_frame_costs():
@@ -92,12 +102,13 @@ def test_answers_are_the_least_of_those_that_qualify():
     )
     best = best_in(points, 300.0)
     assert best.shortfall_db == min(p.shortfall_db for p in points if p.seconds <= 300)
-    for impossible in (lambda: best_in(points, 1.0), lambda: fastest_within(points, -1.0)):
-        with pytest.raises(InputError, match="no such point"):
-            impossible()
+    with rejects("1 s"):
+        best_in(points, 1.0)
+    with rejects("-1 dB"):
+        fastest_within(points, -1.0)
 
 
-def test_repeats_tell_the_spread():
+def test_repeats_of_a_measurement_tell_its_spread():
     repeats = [scene(field=t, psnr=q) for t, q in ((90.0, 25.0), (100.0, 25.1), (110.0, 24.9))]
     spread = spread_of([*repeats, style()])
     assert spread.seconds == {"RadianceField": pytest.approx(0.1)}
@@ -148,11 +159,11 @@ def test_a_chart_of_one_shortfall_stays_in_its_frame(measured):
 
 
 def test_a_sweep_without_its_middle_is_refused():
-    with pytest.raises(InputError, match="lacks the unchanged quality"):
+    with rejects("trade-off", "quality"):
         combinations([scene("fast"), style()])
 
 
-def test_later_settings_count():
+def test_of_two_settings_of_one_name_the_later_counts():
     one, two = {"A": {"x": 1, "y": 2}}, {"A": {"x": 3}, "B": {"z": 4}}
     assert merged(one, two) == {"A": {"x": 3, "y": 2}, "B": {"z": 4}}
     assert one == {"A": {"x": 1, "y": 2}}
@@ -165,7 +176,7 @@ def written(folder):
         "3 of 30 changes", points,
         pareto_front(points, MEASURED),
         [*MEASURED, replace(MEASURED[2], name="<i>", other_cpu_share=0.4)],
-        lambda tuning: f"luigi --tuning '{tuning}'",
+        lambda tuning, stylizer: f"luigi --stylizer '{stylizer}' --tuning '{tuning}'",
     )  # fmt: skip
     write_trade_off_page(folder / "page.html", content)
     return folder / "page.html"

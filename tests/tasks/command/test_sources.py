@@ -6,7 +6,7 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from command_output import said
+from command_output import command, said
 
 import tasks
 from pipeline.errors import TaskFailure
@@ -45,16 +45,23 @@ def test_stage_of_a_command_stops_where_a_source_failed(failed_painting):
 
 
 @pytest.mark.usefixtures("failed_painting")
-@pytest.mark.parametrize("result", [tasks.Viewer, tasks.Export])
-def test_a_viewer_and_an_export_stop_where_a_painting_cannot_be_read(result):
+@pytest.mark.parametrize("result", [tasks.Viewer, tasks.Export, tasks.TradeOff])
+def test_every_result_stops_where_a_painting_cannot_be_read(result):
     """They fitted the whole field first, for a painting that is not there."""
-    more = {"format": "ply"} if result is tasks.Export else {}
     words = {name: value for name, value in WORDS.items() if name != "style"}
-    root = result(styles=["p"], **words, **more)
+    words |= {"style": "p"} if result is tasks.TradeOff else {"styles": ["p"]}
+    words |= {"format": "ply"} if result is tasks.Export else {}
+    root = result(**words)
     with pytest.raises(TaskFailure, match=r"StyleImage.*--keep-going"):
         require_sources(stage(root, "CameraPoses"), root)
     going = root.clone(keep_going=True)
     require_sources(stage(going, "CameraPoses"), going)
+
+
+def test_a_single_stage_stops_where_a_painting_cannot_be_read(failed_painting):
+    frames = stage(failed_painting, "StylizedFrames")
+    with pytest.raises(TaskFailure, match=r"StyleImage.*--keep-going"):
+        require_sources(stage(frames, "CameraPoses"), frames)
 
 
 def test_sources_run_whatever_became_of_the_others(failed_painting):
@@ -70,11 +77,6 @@ def test_keep_going_runs_what_does_not_need_the_source(failed_painting):
 def test_budget_has_the_sources_of_any_settings():
     families = {task.task_family for task in sources_of(tasks.StylizedTrajectory(**BUDGET))}
     assert families == {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
-
-
-def test_command_without_the_flag_does_not_stop(failed_painting):
-    network = stage(failed_painting, "StyleNetwork")
-    require_sources(stage(network, "ContentImages"), network)
 
 
 def test_source_that_was_not_begun_in_time_did_not_fail(out):
@@ -109,3 +111,12 @@ def test_bad_painting_ends_the_command_before_the_poses_with_the_reason_last(pho
     last = screen.strip().rpartition("\n")[2]
     assert "StyleImage" in last
     assert "1x1 pixels" in last
+
+
+def test_single_stage_without_its_scene_ends_with_the_reason_last(photographs):
+    words = ["--scene", "nowhere", "--quality", "draft"]
+    ended = command("--module", "tasks", "QualityMetrics", *words, STYLETRF_DATA=str(photographs))
+    assert ended.returncode == 30
+    last = (ended.stdout + ended.stderr).strip().rpartition("\n")[2]
+    assert last.startswith("QualityMetrics draft nowhere was not made.")
+    assert "scene 'nowhere'" in last

@@ -68,6 +68,28 @@ def test_a_request_is_served_by_the_front(quality, budget, found):
     assert (choice.point, choice.quality, choice.front) == (found, "draft", FRONT.description)
 
 
+PAINTED = replace(FAST, style="painted", stylizer="arbitrary", shortfall_db=0.9, seconds=50.0)
+
+
+def test_a_point_is_made_with_its_stylizer_and_the_choice_is_remembered(monkeypatch):
+    calibrated(1.0)
+    task, request = mini(budget="60s"), quality_request("draft", "60s")
+    front = replace(FRONT, points=(replace(PAINTED, tuning=FAST.tuning), FAST, GOOD))
+    choice = choose(request, front, as_there)
+    chosen = task.at_point(choice.quality, choice.point)
+    assert (chosen.stylizer, chosen.budget) == ("arbitrary", "")
+    assert "network" not in chosen.requires()
+    assert "--stylizer arbitrary" in choice.description
+    keep_choice(task, front, choice)
+    assert choice_for(task, request, front).point.stylizer == "arbitrary"
+    assert task.at_point("draft", GOOD).stylizer == task.stylizer
+
+
+def test_who_names_a_stylizer_gets_no_point_of_another():
+    front = replace(FRONT, points=(PAINTED, FAST, GOOD))
+    assert front.as_painted().points == [FAST, GOOD]
+
+
 def test_on_a_machine_twice_as_slow_a_budget_buys_less():
     request = quality_request("draft", "5min")
     assert choose(request, FRONT, twice).point == replace(FAST, seconds=200.0)

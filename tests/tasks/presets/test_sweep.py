@@ -27,11 +27,16 @@ def test_every_change_is_a_setting_of_its_stage_and_changes_something(quality):
             from styletrf.configuration import configured
 
             configured(configurations()[stage], settings)
-        assert any(
+        assert variant.stylizer or any(
             middle.get(stage, {}).get(name) != value
             for stage, settings in variant.tuning.items()
             for name, value in settings.items()
         )
+
+
+def test_a_sweep_has_the_stylizer_that_trains_no_network():
+    painted = [v for v in sweep(baseline_settings("draft", {}), 1) if v.stylizer]
+    assert [(v.part, v.stylizer, v.tuning) for v in painted] == [("style", "arbitrary", {})]
 
 
 def test_the_usual_values_are_those_of_the_configurations():

@@ -8,7 +8,7 @@ import pytest
 from pipeline.digest import Tree
 from pipeline.record import Action, ActionRecord
 from tasks.presets.sweep import Variant
-from tasks.summary.trade_off_measurements import lineage_of, machine, measurement
+from tasks.summary.trade_off_measurements import consistency_ratio, lineage_of, machine, measurement
 
 
 def record(family, digest, inputs=(), **provenance):
@@ -49,11 +49,20 @@ def test_another_host_is_named():
     assert description.endswith("measured on faraway")
 
 
+def test_the_consistency_of_a_style_is_its_error_over_the_floor():
+    nearest = {"normalized_error": 0.6, "normalized_floor": 0.5}
+    assert consistency_ratio({"delta_1": nearest, "delta_5": {}}) == pytest.approx(1.2)
+    for unknown in ({}, {"delta_1": nearest | {"normalized_error": None}},
+                    {"delta_1": nearest | {"normalized_floor": 0.0}}):  # fmt: skip
+        assert consistency_ratio(unknown) is None
+
+
 def test_each_side_counts_its_own_stages_and_no_judge():
     lineage = lineage_of(Path("objects/j"), RECORDS).values()
     names = ("style_swd_patches_ratio", "style_swd_texture_ratio", "style_gram_ratio")
     judged = {"style_and_content": 10.0, **dict.fromkeys(names, 0.1)}
-    style = measurement(Variant("style", "", {}), lineage, judged)
+    style = measurement(Variant("style", "", {}, "arbitrary"), lineage, judged)
+    assert style.stylizer == "arbitrary"
     assert style.seconds == {"StyleNetwork": 80.0, "StylizedField": 10.0}
     assert (style.loss_db, style.resemblance_db) == pytest.approx((-10, 10))
     assert style.quality_db == pytest.approx(0)

@@ -6,8 +6,8 @@ import tasks
 from pipeline.execution.cost_history import Cost, CostSample, record_cost
 from pipeline.execution.resources import significant
 from pipeline.settings import current_store
+from tasks.command.build_order import seconds_to_the_end
 from tasks.command.graph import graph
-from tasks.planning.build_order import seconds_to_the_end
 
 WORDS = {"quality": "draft", "content": "embedded"}
 
