@@ -1,11 +1,11 @@
-"""A content-addressed store under Luigi: an artifact is found again by what it was made from.
+"""A content-addressed store under Luigi, which finds artifacts by what they were made from.
 
-The core stands in this folder. Read `canonical`, `digest` and `record` (what an artifact *is*),
-then `store`, `locks`, `publication` and `artifacts` (where it lies, how it gets there, how it is
-found), `job` and `build` (one build from first to last), `artifact_task` (what Luigi asks of it).
+The core is in this folder. Read `canonical`, `digest` and `record` (what an artifact *is*), then
+`store`, `locks`, `publication` and `artifacts` (where an artifact is, and how it is published and
+found), `job` and `build` (one build from start to end), and `artifact_task` (the Luigi task).
 
-Packages around it, which it does not know: `code` (the identity of a task's code), `execution`
-(builds on this machine), `shared_store`, `cluster`, `console`, `maintenance` (`python -m
-pipeline`). `task` puts them together: stages derive from its `StoredTask`; `command` is one command
-from first to last. `docs/store.md` states the promises.
+The core does not import the packages around it: `code` (the identity of a task's code),
+`execution` (builds on this machine), `shared_store`, `cluster`, `console` and `maintenance`
+(`python -m pipeline`). `task` combines them, and stages derive from its `StoredTask`. `command`
+runs one command from start to end. `docs/store.md` states the promises.
 """

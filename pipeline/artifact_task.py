@@ -1,4 +1,4 @@
-"""The Luigi task whose artifact lies in the store: its identity, and the methods of Luigi."""
+"""The Luigi task whose artifact is in the store: its identity, and the methods of Luigi."""
 
 import hashlib
 from abc import abstractmethod
@@ -45,7 +45,7 @@ class ArtifactTask(luigi.Task):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)  # type: ignore[no-untyped-call]
-        self._records: dict[Path, ActionRecord] = {}  # by store; positive facts only
+        self._records: dict[Path, ActionRecord] = {}  # by store; absent ones are not cached
         self._sources: Mapping[str, str] | None = None
         self._lineage: tuple[str, ...] | None = None
 
@@ -77,7 +77,7 @@ class ArtifactTask(luigi.Task):
         names = self.get_param_names()  # type: ignore[no-untyped-call]
         return {name: self.param_kwargs[name] for name in names}
 
-    def code(self, *, refresh: bool = False) -> str:  # noqa: ARG002  for those that read files
+    def code(self, *, refresh: bool = False) -> str:  # noqa: ARG002  for subclasses
         """Returns what represents the code of `build` in the key; here the pinned revision.
 
         Args:
@@ -108,7 +108,7 @@ class ArtifactTask(luigi.Task):
         words = [value for value in values if isinstance(value, str) and value]
         return " ".join([self.task_family, *words])
 
-    # What Luigi asks.
+    # What Luigi calls.
 
     def complete(self) -> bool:
         """Returns whether the artifact of the present code and inputs exists; never raises."""
@@ -159,7 +159,7 @@ class ArtifactTask(luigi.Task):
         self.forget()
         yield upstream
         if self.run():
-            reason = f"its input {upstream} is lost again and again. Run the same command again."
+            reason = f"its input {upstream} was lost twice. Run the same command again."
             raise TaskFailure("changed", str(self), reason)
 
     def _failure(self, error: Exception, store: Store) -> TaskFailure:

@@ -1,4 +1,4 @@
-"""What is known of artifacts here: their records, and whether their objects can be had."""
+"""Artifacts as tasks see them: their records, and whether their objects are available."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from pipeline.store import Store
 
 @dataclass(frozen=True)
 class Artifacts:
-    """The artifacts of one store; a subclass may know further places to get them from.
+    """The artifacts of one store. A subclass may search other stores as well.
 
     Attributes:
         store: The store of this machine.
@@ -18,15 +18,15 @@ class Artifacts:
     store: Store
 
     def lookup(self, key: str) -> ActionRecord | None:
-        """The record of the key; what it names stays while this process lives."""
+        """Returns the record of the key, and keeps its artifacts while this process lives."""
         return self.store.lease_record(key)
 
     def is_available(self, record: ActionRecord) -> bool:
-        """Whether the record's object can be had; quick."""
+        """Whether the record's object is available. The check is quick."""
         return self.store.intact(record)
 
     def fetch(self, record: ActionRecord) -> bool:
-        """Has the record's object in the store; returns whether it is there now.
+        """Fetches the record's object into the store if needed; returns whether it is there.
 
         Raises:
             OSError: The store's disk fails or is full.
@@ -34,13 +34,13 @@ class Artifacts:
         return self.store.intact(record)
 
     def upload(self, record: ActionRecord) -> None:
-        """Gives the artifact to other machines, if it is shared with any."""
+        """Uploads the artifact for other machines, if there is a shared store."""
 
     def restore(self, record: ActionRecord, damage: str | None) -> bool:
-        """Has the object in the store as it was made, or else sets it aside.
+        """Restores the object in the store to its original state, or sets it aside.
 
         Args:
-            record: Of the object.
+            record: The record of the object.
             damage: What `Store.find_damage` found.
 
         Returns:

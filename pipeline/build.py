@@ -1,4 +1,4 @@
-"""One build from first to last: check the inputs, run, check that nothing changed, publish."""
+"""One build from start to end: check the inputs, run, check that nothing changed, publish."""
 
 import contextlib
 import logging
@@ -24,23 +24,23 @@ _log = logging.getLogger("pipeline")
 
 
 class Executor(Protocol):
-    """Runs builds; `pipeline.execution` has the one of this machine."""
+    """Runs builds. `pipeline.execution` has the executor of this machine."""
 
     def run(self, task: ArtifactTask, job: Job) -> Report:
-        """Waits for what the build needs, and builds; whatever happens to it is in the report.
+        """Waits for the resources of the build, and builds; the report has the outcome.
 
         Raises:
             TaskFailure: The build must not start.
         """
 
     def built(self, task: ArtifactTask, record: ActionRecord, report: Report) -> None:
-        """Takes note of a build whose artifact was published."""
+        """Records a build whose artifact was published."""
 
 
 def find_or_build(
     task: ArtifactTask, action: Action, build: Callable[[], ActionRecord]
 ) -> ActionRecord:
-    """The record of the action: the one that is known, or else that of a new build.
+    """Returns the record of the action: the known one, or else that of a new build.
 
     Args:
         task: The task.
@@ -57,24 +57,24 @@ def find_or_build(
 def build_once(
     task: ArtifactTask, action: Action, store: Store, executor: Executor
 ) -> ActionRecord:
-    """The record of a build on this machine, after any other process here that builds the same."""
-    say_so = partial(_log.info, "%s: another process is at it, waiting", task.label)
+    """Returns the record of a build here, after any other process that builds the same key."""
+    on_wait = partial(_log.info, "%s: waiting for another process that builds it", task.label)
     is_locking = setting("store", "locks") == "true"
-    with store.lock(action.key, say_so) if is_locking else contextlib.nullcontext():
+    with store.lock(action.key, on_wait) if is_locking else contextlib.nullcontext():
         try:
             return store.find(action.key) or build(task, action, store, executor)
         except TaskFailure as failure:
             if failure.kind != "changed" and (record := store.find(action.key)):
-                return record  # of another process, which was at it, too
+                return record  # of another process, which built it, too
             raise
 
 
 def build(task: ArtifactTask, action: Action, store: Store, executor: Executor) -> ActionRecord:
-    """Builds the task and publishes its artifact; tries again, twice, after a transient failure.
+    """Builds the task and publishes its artifact, with two more attempts after transient failures.
 
     Raises:
-        TaskFailure: With the reason; nothing was published.
-        OSError: The disk fails; nothing was published.
+        TaskFailure: The build failed. Nothing was published.
+        OSError: The disk fails. Nothing was published.
     """
     seconds = float(setting("store", "retry_seconds"))
     for pause in (seconds, 4 * seconds):
@@ -122,7 +122,7 @@ def _attempt(task: ArtifactTask, action: Action, store: Store, executor: Executo
 
 
 def _of_task(task: ArtifactTask) -> dict[str, Any]:
-    """What a job says of its task alone."""
+    """Returns the fields of a job that depend on its task alone."""
     return {
         "module": type(task).__module__,
         "task": type(task).__qualname__,
@@ -133,7 +133,7 @@ def _of_task(task: ArtifactTask) -> dict[str, Any]:
 
 
 def _facts(task: ArtifactTask, report: Report, log: Path, store: Store) -> dict[str, Json]:
-    """What a record states about the build."""
+    """Returns the provenance of the build for its record."""
     return {
         "task": str(task),
         "label": task.label,
@@ -151,7 +151,7 @@ def _facts(task: ArtifactTask, report: Report, log: Path, store: Store) -> dict[
 
 
 def _verified(task: ArtifactTask, upstream: ArtifactTask, store: Store) -> ActionRecord:
-    """The record of an input that is in the store and intact, as every byte of it shows."""
+    """Returns the record of an input, after a check of every byte of its object."""
     record = upstream.record()
     if record and task.artifacts.fetch(record):
         if kind := store.find_damage(record, deep=True):
@@ -164,14 +164,14 @@ def _verified(task: ArtifactTask, upstream: ArtifactTask, store: Store) -> Actio
 
 _REMEDIES = {
     "killed": "Run the same command again",
-    "memory": "Run less beside it, or allow it more with --{}-memory-gib",
-    "timeout": "Allow it more with --{}-timeout-seconds",
+    "memory": "Run fewer builds at once, or allow more memory with --{}-memory-gib",
+    "timeout": "Allow more time with --{}-timeout-seconds",
 }
 
 
 @contextlib.contextmanager
 def _reason_in(log: Path) -> Iterator[None]:
-    """Writes why an attempt failed."""
+    """Writes the reason of a failed attempt to its log."""
     try:
         yield
     except TaskFailure as failure:
@@ -191,22 +191,22 @@ def _require_success(task: ArtifactTask, report: Report, log: Path) -> None:
 
 
 def _require_untouched(task: ArtifactTask, inputs: Iterable[ActionRecord], store: Store) -> None:
-    """Refuses a build whose inputs changed meanwhile: it may have read either version."""
+    """Refuses a build whose inputs changed while it ran, since it may have read both versions."""
     for record in inputs:
         if kind := store.find_damage(record, deep=True):
             task.artifacts.restore(record, kind)
         if kind in ("altered", "missing"):
             what = f"its input {record.provenance['label']} was {kind} while it ran, and set aside"
-            remedy = "A build only reads its inputs. Its result was not kept: run it again"
+            remedy = "The result was not kept. Run the same command again"
             raise TaskFailure("changed", str(task), f"{what}. {remedy}.")
 
 
 def _require_unchanged(task: ArtifactTask, action: Action) -> None:
-    """Refuses a build that may have read other code or other files than its key says."""
+    """Refuses a build that may have read other code or other files than its key covers."""
     if task.action(refresh=True) != action:
         raise TaskFailure(
             "changed",
             str(task),
-            "its code or the files it reads were edited meanwhile, so its result may mix two"
-            " versions and was not kept. Run the same command again.",
+            "its code or files were edited while it ran. Its result may mix two versions, so it was"
+            " not kept. Run the same command again.",
         )

@@ -1,4 +1,4 @@
-"""Canonical JSON: one spelling for all values that mean the same."""
+"""Canonical JSON: equal values have one text."""
 
 import dataclasses
 import enum
@@ -11,14 +11,14 @@ Json: TypeAlias = bool | int | float | str | list["Json"] | dict[str, "Json"] | 
 
 
 def canonical(value: object) -> Json:
-    """The JSON form of a parameter, equal for equal values.
+    """Returns the JSON form of a parameter, which is equal for equal values.
 
-    A float that is a whole number becomes the integer, so 1 and 1.0 are one; tuples and lists are
-    one; sets are sorted; an enumeration's member is its name; a dataclass is `{"@Name": fields}`.
+    A float that is a whole number becomes an integer, so 1 and 1.0 are equal. Tuples become lists,
+    sets are sorted, enumeration members become their names, and a dataclass `{"@Name": fields}`.
 
     Raises:
-        ValueError: For NaN and infinity.
-        TypeError: For what has no obvious canonical form: a path (a place, no value), an object.
+        ValueError: The value is NaN or infinite.
+        TypeError: The value has no canonical form, such as a path or another object.
     """
     match value:
         case enum.Enum():
@@ -44,12 +44,12 @@ def canonical(value: object) -> Json:
 
 
 def canonical_json(value: object) -> bytes:
-    """The one JSON text (ASCII, sorted keys, no spaces) of `canonical(value)`."""
+    """Returns the one JSON text of `canonical(value)`: ASCII, sorted keys, no spaces."""
     text = json.dumps(canonical(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return text.encode("ascii")
 
 
 def _name(name: object) -> str:
     if not isinstance(name, str) or name.startswith("@"):
-        raise TypeError(f"{name!r} names no parameter: a name is a string without @ before it")
+        raise TypeError(f"{name!r} is not a name of a parameter: use a string that has no @ first")
     return name

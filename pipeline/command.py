@@ -1,7 +1,7 @@
-"""One command from first to last: what happens before and after Luigi runs its tasks.
+"""One command from start to end: what happens before and after Luigi runs its tasks.
 
-`run_command` is the only place for either. A package of tasks calls it in its `__main__`, and calls
-`take_over_luigi` when it is imported, so that `luigi --module PACKAGE ...` reaches it, too.
+A package of tasks calls `run_command` in its `__main__`. It calls `take_over_luigi` when it is
+imported, so that `luigi --module PACKAGE ...` calls `run_command`, too.
 """
 
 import importlib
@@ -16,7 +16,7 @@ from luigi.cmdline import luigi_run
 from luigi.cmdline_parser import CmdlineParser
 from luigi.execution_summary import LuigiStatusCode
 from luigi.interface import PidLockAlreadyTakenExit
-from luigi.parameter import MissingParameterException
+from luigi.parameter import MissingParameterException, ParameterException
 from luigi.retcodes import retcode
 from luigi.setup_logging import InterfaceLogging
 from luigi.task_register import Register, TaskClassException
@@ -29,12 +29,14 @@ from pipeline.maintenance.why import upstream_first
 
 _log = logging.getLogger("pipeline")
 _luigi_log = logging.getLogger("luigi-interface")
+INVALID = 1
+"""The exit status of a command that cannot be read, as of one that is refused."""
 INTERRUPTED = 130
-"""The exit status after Ctrl-C, as shells have it."""
+"""The exit status after Ctrl-C, as in shells."""
 Begin = Callable[[luigi.Task], None]
 """Called with the task of the command before Luigi runs it; SystemExit ends the command."""
 End = Callable[[luigi.Task], int | None]
-"""Called with the task when all else is done; returns the exit status, or None for Luigi's."""
+"""Called with the task at the end; returns the exit status, or None for Luigi's."""
 
 
 def run_command(
@@ -42,35 +44,36 @@ def run_command(
 ) -> int:
     """Runs a command; returns its exit status.
 
-    It ends with `end`, whether the task was made, failed, or was interrupted by Ctrl-C. If luigid
-    was restarted meanwhile and has forgotten the command, Luigi is run again for what is missing.
+    It calls `end` whether the task was made, failed or was interrupted by Ctrl-C. If luigid was
+    restarted and no longer knows the command, Luigi runs again for the missing tasks.
 
     Args:
         arguments: The task and its parameters, as the command line of Luigi.
-        begin: Called first. A command that it ends does not reach `end`.
+        begin: Called first. If it ends the command, `end` is not called.
         end: Called last.
         libraries: Modules that are imported once for all builds and `begin`, see `fork_server`.
 
     Raises:
-        SystemExit: The command is refused, or prints a help.
+        SystemExit: The command is invalid, or prints its help.
     """
     _require_configuration()
     try:
         with CmdlineParser.global_instance(list(arguments)) as parser:
+            _require_readable_options(parser)
             InterfaceLogging.setup(luigi.interface.core())  # type: ignore[no-untyped-call]
             return _run(parser, begin, end, libraries)
     except KeyboardInterrupt:
         return _interrupted()
     except TaskClassException as error:
         sys.stderr.write(f"{in_one_line(error)}\n")
-        return 1
+        return INVALID
 
 
 def take_over_luigi(module: str) -> None:
     """Runs the command here if the main program is Luigi's command line; returns if it is not.
 
-    Luigi imports a package to run a command of it, and has no place for what comes before and
-    after (`docs/decisions/0032-the-place-around-luigi.md`).
+    Luigi imports a package to run its command, and has no hooks before and after the command
+    (`docs/decisions/0032-the-place-around-luigi.md`).
 
     Args:
         module: The module whose `run` runs a command. It is given by its name, so that the code
@@ -88,8 +91,11 @@ def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]
         task = parser.get_task_obj()  # type: ignore[no-untyped-call]
     except MissingParameterException:
         sys.stderr.write(f"{_missing_in_words(parser)}\n")
-        return int(retcode().unhandled_exception)  # type: ignore[no-untyped-call]
-    except Exception:  # noqa: BLE001  whatever it is, it is reported
+        return INVALID
+    except ParameterException as error:
+        sys.stderr.write(f"{in_one_line(error)}\n")
+        return INVALID
+    except Exception:  # noqa: BLE001  every error is reported
         _luigi_log.exception("The command cannot be read")
         return int(retcode().unhandled_exception)  # type: ignore[no-untyped-call]
     with fork_server(libraries):
@@ -105,7 +111,7 @@ def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]
 
 
 def _missing_in_words(parser: CmdlineParser) -> str:
-    """Returns which parameters a command lacks, with what each of them is."""
+    """Returns the missing parameters of a command, with their descriptions."""
     given, family = parser.known_args, parser.known_args.root_task
     missing = [
         f"--{name.replace('_', '-')}" + f" ({parameter.description})" * bool(parameter.description)
@@ -115,8 +121,22 @@ def _missing_in_words(parser: CmdlineParser) -> str:
     return f"{family} needs {', '.join(missing)}."
 
 
+def _require_readable_options(parser: CmdlineParser) -> None:
+    """Refuses a value of Luigi's own options, such as `--workers`, that is of another type.
+
+    Raises:
+        SystemExit: It names the option and the value.
+    """
+    for name, parameter in luigi.interface.core.get_params():  # type: ignore[no-untyped-call]
+        try:
+            parameter.task_value("core", name)
+        except ValueError as error:
+            value = getattr(parser.known_args, f"core_{name}", None)
+            raise SystemExit(f"--{name.replace('_', '-')} {value}: {error}.") from error
+
+
 def _luigi_status(task: luigi.Task) -> int:
-    """Has Luigi run the task; returns the exit status, by `[retcode]` of `luigi.cfg`."""
+    """Runs the task with Luigi; returns the exit status, by `[retcode]` of `luigi.cfg`."""
     statuses = retcode()  # type: ignore[no-untyped-call]
     core = luigi.interface.core()  # type: ignore[no-untyped-call]
     try:
@@ -127,7 +147,7 @@ def _luigi_status(task: luigi.Task) -> int:
         return _interrupted()
     except PidLockAlreadyTakenExit:
         return int(statuses.already_running)
-    except Exception:  # noqa: BLE001  such as a luigid that does not answer
+    except Exception:  # noqa: BLE001  for example, luigid does not answer
         _luigi_log.exception("Luigi failed")
         return int(statuses.unhandled_exception)
     is_there = core.local_scheduler or task.complete()  # type: ignore[no-untyped-call]
@@ -143,7 +163,7 @@ def _luigi_status(task: luigi.Task) -> int:
 
 
 def _interrupted() -> int:
-    sys.stderr.write("\nInterrupted. The same command goes on from here.\n")
+    sys.stderr.write("\nInterrupted. Run the same command again to continue.\n")
     return INTERRUPTED
 
 
@@ -155,14 +175,14 @@ def _is_to_run_again(task: luigi.Task) -> bool:
     has_time = until is None or datetime.now(until.tzinfo) < until
     if not has_time or task.complete():  # type: ignore[no-untyped-call]
         return False
-    _log.warning("luigid was restarted. Requesting all that is missing again.")
+    _log.warning("luigid was restarted. Requesting all missing tasks again.")
     return True
 
 
 def _require_configuration() -> None:
     """Refuses a command without settings, before Luigi looks for a scheduler.
 
-    Luigi reads `luigi.cfg` in the working directory only, and needs none.
+    Luigi reads `luigi.cfg` only in the working directory, and works without it.
 
     Raises:
         SystemExit: There is no section [store].
@@ -171,5 +191,5 @@ def _require_configuration() -> None:
     if not config.has_section("store"):
         raise SystemExit(
             f"There is no luigi.cfg with a section [store] in {Path.cwd()}."
-            " Run from the folder of the repository."
+            " Run the command in the root of the repository."
         )

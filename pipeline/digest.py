@@ -12,12 +12,12 @@ from pipeline.canonical import canonical_json
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """A directory by its content.
+    """The content of a directory.
 
     Attributes:
-        digest: 64 hexadecimal digits over the names, sizes and bytes of all it holds.
-        size: Bytes in its files.
-        files: Number of its files.
+        digest: 64 hexadecimal digits over the names, sizes and bytes of all its files.
+        size: The bytes in its files.
+        files: The number of its files.
     """
 
     digest: str
@@ -26,9 +26,9 @@ class Tree:
 
 
 def typed_digest(kind: str, *parts: bytes) -> str:
-    """SHA-256 of `parts`, each preceded by its length, in the name space `kind`.
+    """Returns the SHA-256 of `parts`, each after its length, in the name space `kind`.
 
-    No two different sequences of parts, and no two kinds, share a preimage.
+    Different sequences of parts, and different kinds, never hash the same bytes.
     """
     hasher = hashlib.sha256()
     for part in (kind.encode(), *parts):
@@ -38,16 +38,16 @@ def typed_digest(kind: str, *parts: bytes) -> str:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of the bytes of one file."""
+    """Returns the SHA-256 of the bytes of one file."""
     with path.open("rb", buffering=0) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def tree_digest(root: Path) -> Tree:
-    """What the directory `root` holds: names, sizes and bytes; no times, owners or modes.
+    """Returns the content of a directory: names, sizes and bytes, but no times, owners or modes.
 
     Raises:
-        ValueError: When it holds a symbolic link, a device, a socket or a pipe.
+        ValueError: The directory contains a symbolic link, a device, a socket or a pipe.
     """
     listing: list[tuple[str, int, str]] = []
     size = files = 0
@@ -62,7 +62,7 @@ def tree_digest(root: Path) -> Tree:
 
 
 def is_tree(root: Path, tree: Tree) -> bool:
-    """Whether the directory `root` is there and holds just that; reads every byte."""
+    """Whether the directory `root` exists and has exactly this content; reads every byte."""
     try:
         return tree_digest(root) == tree
     except (OSError, ValueError):
@@ -70,16 +70,16 @@ def is_tree(root: Path, tree: Tree) -> bool:
 
 
 def measure(root: Path) -> tuple[int, int]:
-    """Bytes and number of the files below `root`, without reading them (see `Tree`)."""
+    """Returns the bytes and the number of the files below `root`, without reading them."""
     sizes = [status.st_size for _, status in walk(root) if stat.S_ISREG(status.st_mode)]
     return sum(sizes), len(sizes)
 
 
 def walk(root: Path) -> Iterator[tuple[Path, os.stat_result]]:
-    """Every file and directory below `root`, parents first, in the order of their names.
+    """Yields every file and directory below `root`, parents first, in the order of their names.
 
     Raises:
-        ValueError: When it meets what is neither a regular file nor a directory.
+        ValueError: There is anything other than regular files and directories.
     """
     with os.scandir(root) as entries:
         ordered = sorted(entries, key=lambda entry: entry.name)

@@ -1,4 +1,4 @@
-"""The errors of the pipeline, in words for the user."""
+"""The errors of the pipeline, with messages for the user."""
 
 import contextlib
 import errno
@@ -13,7 +13,7 @@ FailureKind: TypeAlias = Literal[
 ]
 Errors: TypeAlias = tuple[type[Exception], ...]
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-_NEXT_TO_NOTHING_BYTES = 1 << 20
+_ALMOST_FULL_BYTES = 1 << 20
 
 
 class StoreError(Exception):
@@ -25,18 +25,18 @@ class NotBuiltError(StoreError):
 
 
 class LostInputError(Exception):
-    """The artifact of the named task is gone or was set aside, so that task has to run again."""
+    """The artifact of the named task is lost or was set aside, so that task has to run again."""
 
 
-class TaskFailure(Exception):  # noqa: N818  it reports a failure, the error is elsewhere
-    """The failure of a task, with its reason in one line; a trace, if there is one, is in a log.
+class TaskFailure(Exception):  # noqa: N818  it reports a failure
+    """The failure of a task, with its reason in one line. A log may contain a trace.
 
     Args:
         kind: "user": the user's input cannot be used. "crash": the program has a defect.
-            "killed": a signal ended the build. "memory": the build took too much memory.
-            "timeout": it took too long. "transient": the reason may pass, such as a lost network.
-            "changed": an input is damaged or was altered. "late": the build would not have ended
-            in time. "disk": the disk of this machine is full.
+            "killed": a signal ended the build. "memory": the build used too much memory.
+            "timeout": the build took too long. "transient": the cause may pass, such as a lost
+            connection. "changed": an input is damaged or was altered. "late": the build would
+            not have ended in time. "disk": the disk of this machine is full.
         task: The task as Luigi prints it.
         reason: What happened and what to do.
     """
@@ -69,26 +69,26 @@ def describe_error(
         error: The error.
         log: The log in the store that contains the trace.
         user_errors: The exceptions whose text is meant for the user.
-        transient_errors: The exceptions that may pass.
+        transient_errors: The exceptions whose cause may pass.
     """
     other: FailureKind = "transient" if isinstance(error, transient_errors) else "crash"
     if isinstance(error, (*user_errors, StoreError)):
         return ("user" if other == "crash" else other), str(error)
     cause = f"{type(error).__name__}: {error}"
-    if is_disk_full(error) or _is_short(log.parent):
+    if is_disk_full(error) or _is_almost_full(log.parent):
         where = getattr(error, "filename", None) or log.parent
         return "disk", (
-            f"no space left on the disk of {where} ({cause}). Nothing half-made was kept: free some"
-            " space, or set STYLETRF_STORE to a folder on another disk, and run the same"
+            f"no space left on the disk of {where} ({cause}). No incomplete result was kept. Free"
+            " some space, or set STYLETRF_STORE to a folder on another disk, and run the same"
             " command again."
         )
     return other, f"{cause}. The trace is in {log}"
 
 
-def _is_short(folder: Path) -> bool:
-    """Returns whether a disk is almost full; not every library says why it could not write."""
+def _is_almost_full(folder: Path) -> bool:
+    """Returns whether a disk is almost full. Not every library reports why a write failed."""
     with contextlib.suppress(OSError):
-        return shutil.disk_usage(folder).free < _NEXT_TO_NOTHING_BYTES
+        return shutil.disk_usage(folder).free < _ALMOST_FULL_BYTES
     return False
 
 

@@ -1,4 +1,4 @@
-"""What a build receives, how it reports, and what an attempt at it leaves beside its log."""
+"""What a build receives, how it reports, and which files an attempt leaves."""
 
 import contextlib
 import json
@@ -12,31 +12,31 @@ from pipeline.record import ActionRecord
 
 
 class Progress(Protocol):
-    """A callback with the work done, the total and the quality reached (such as psnr or loss)."""
+    """A callback for the work done, the total and the quality reached (such as psnr or loss)."""
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Report `done` of `total` units of work; both may restart for a further phase."""
+        """Reports `done` of `total` units of work; both may restart for a further phase."""
 
 
 class Display(Progress, Protocol):
     """A place that shows the progress of one build."""
 
     def say(self, line: str) -> None:
-        """Show a line that stays on the screen."""
+        """Shows a line that stays on the screen."""
 
     def close(self) -> None:
-        """Remove the progress from the screen."""
+        """Removes the progress from the screen."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunContext:
-    """What a build may use besides its inputs.
+    """What a build may use in addition to its inputs.
 
     Attributes:
-        progress: To be called every second or so.
-        resume: A directory private to the build, for checkpoints; as a rule, it survives kills.
-        log: The file that takes standard output and standard error.
-        lineage: The records of all artifacts upstream, first things first.
+        progress: The build calls it about once a second.
+        resume: A directory of this build for checkpoints, which survive if the build is killed.
+        log: The file for standard output and standard error.
+        lineage: The records of all upstream artifacts, each after those that it needs.
     """
 
     progress: Display
@@ -47,7 +47,7 @@ class RunContext:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One build, as JSON for another interpreter.
+    """One build, which another interpreter reads as JSON.
 
     Attributes:
         module: The module of the task's class.
@@ -55,15 +55,15 @@ class Job:
         parameters: The task's parameters, serialized.
         label: The task on the screen.
         inputs: The directories of the artifacts to read, by name.
-        out: The directory to fill; the executor may write beside it.
+        out: The directory to fill. The executor may write files beside it.
         resume: The directory of checkpoints.
         log: The file for what the build prints.
-        lineage: Keys of the records upstream.
-        timeout_seconds: When to end the build, if not 0.
-        memory_limit_bytes: The resident memory of its processes at which to end it, if not 0.
+        lineage: The keys of the upstream records.
+        timeout_seconds: The time after which the build is ended; 0 for no limit.
+        memory_limit_bytes: The resident memory at which the build is ended; 0 for no limit.
         environment: Variables to set.
         inherited_fds: Descriptors that the build holds open; their flocks are leases.
-        cpu_affinity: The cores to run on; all if there is none.
+        cpu_affinity: The cores to run on; empty for all.
         key: The key of the action.
     """
 
@@ -90,15 +90,15 @@ class Report:
 
     Attributes:
         kind: "built", or the kind of `TaskFailure` that it was.
-        message: Why it did not succeed.
+        message: Why it failed.
         status: Its exit status, or minus the signal that ended it.
         seconds: Wall-clock time.
-        peak_memory_bytes: Largest resident memory, of all processes of the build together.
-        earlier_seconds: The time of attempts that were ended, and whose checkpoints it used.
+        peak_memory_bytes: The largest resident memory of all its processes together.
+        earlier_seconds: The time of ended attempts whose checkpoints it used.
         cpu_seconds: The CPU time of the build.
-        other_cpu_seconds: The CPU time of everything else on the machine meanwhile.
-        gpu: The GPUs it had, by their UUIDs.
-        cores: How many cores it had.
+        other_cpu_seconds: The CPU time of all other processes in the same time.
+        gpu: The UUIDs of its GPUs.
+        cores: The number of its cores.
     """
 
     kind: Literal["built"] | FailureKind
@@ -116,7 +116,7 @@ class Report:
 def write_outcome(log: Path, kind: Literal["built"] | FailureKind, reason: str) -> None:
     """Ends the log of an attempt with the reason, and writes both as JSON beside it.
 
-    On a full disk nothing is written, which is no reason to fail.
+    On a full disk it writes nothing, and raises no error.
     """
     with contextlib.suppress(OSError):
         with log.open("a") as file:
@@ -125,7 +125,7 @@ def write_outcome(log: Path, kind: Literal["built"] | FailureKind, reason: str) 
 
 
 def read_outcome(log: Path) -> tuple[str, str]:
-    """The kind and the reason that `write_outcome` wrote; else "" and the last line of the log."""
+    """Returns the kind and reason from `write_outcome`, or "" and the last line of the log."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         outcome = json.loads(log.with_suffix(".json").read_text())
         return str(outcome["kind"]), str(outcome["reason"])

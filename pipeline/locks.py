@@ -1,7 +1,7 @@
-"""Locks on files: they save work, and say what a living process still uses.
+"""Locks on files, which save work and show what a living process uses.
 
-Correctness rests on publishing without replacing, never on a lock. The kernel releases a lock when
-its holder dies, however it dies.
+Correctness depends on publication without replacement, never on a lock. The kernel releases a lock
+when its process ends, for any reason.
 """
 
 import contextlib
@@ -14,10 +14,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeAlias
 
-# EBADF: NFS locks no directory for writing, since none can be opened for writing.
+# EBADF: NFS cannot lock a directory for writing, since nobody can open one for writing.
 _UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF)
 References: TypeAlias = list[tuple[Path, Set[str]]]
-"""Files that keep something, each with the keys and digests it keeps."""
+"""Files that protect artifacts from collection, each with the keys and digests it protects."""
 
 
 @contextlib.contextmanager
@@ -26,8 +26,8 @@ def locked(
 ) -> Iterator[None]:
     """Holds the flock of the file `path`; calls `on_wait` first if another process holds it.
 
-    The file stays: unlinking it would give a waiter a lock on nothing. A file system without flock
-    goes unlocked.
+    The file stays, since a waiting process would otherwise lock a deleted file. On a file system
+    without flock there is no lock.
     """
     mode = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
     reads = shared or (path.exists() and not os.access(path, os.W_OK))
@@ -47,7 +47,7 @@ def try_lock(descriptor: int) -> bool:
 
 
 def is_held(path: Path) -> bool | None:
-    """Whether a living process holds the flock of `path`; None if the file system cannot say."""
+    """Whether a living process holds the flock of `path`; None on a file system without flock."""
     try:
         descriptor = os.open(path, os.O_RDONLY)
     except FileNotFoundError:
@@ -73,11 +73,11 @@ def _flock(descriptor: int, mode: int) -> bool | None:
 
 
 class Run:
-    """The keys that this process uses in the store at `root`: a lease first, then history.
+    """The keys that this process uses in the store at `root`: a lease at first, history later.
 
-    `runs/UTC-HOST-PID.keys` holds a key a line. It is created with the first key, and its flock is
-    held while its process, or a worker forked from it, lives. A garbage collection holds `gc.lock`
-    exclusively; a process that leases or publishes a key holds it shared meanwhile.
+    `runs/UTC-HOST-PID.keys` has one key on each line. It is created with the first key. The process
+    and its forked workers hold its flock while they live. A garbage collection holds `gc.lock`
+    exclusively. A process that leases or publishes a key shares `gc.lock` during this time.
     """
 
     def __init__(self, root: Path) -> None:
@@ -85,10 +85,10 @@ class Run:
 
     @contextlib.contextmanager
     def lease(self, key: str) -> Iterator[None]:
-        """Holds off collections; what the key refers to stays while this process lives.
+        """Delays collections, and keeps the artifacts of the key while this process lives.
 
-        A read-only store, or a full disk, goes without a lease: there the grace period of the
-        collection protects what is in use.
+        A store that is read-only or on a full disk has no leases. There the grace period of the
+        collection protects the artifacts in use.
         """
         with contextlib.ExitStack() as stack:
             with contextlib.suppress(OSError):
@@ -108,13 +108,13 @@ class Run:
 
 
 def runs(root: Path) -> tuple[References, References]:
-    """The runs of living processes, and the finished ones, oldest first: file and keys of each.
+    """Returns the runs of living processes and the finished ones, with their keys, oldest first.
 
     The caller holds `gc.lock` exclusively.
     """
     living, past = References(), References()
     for path in sorted((root / "runs").glob("*.keys")):
         lines = path.read_text("ascii", "replace").splitlines()
-        keys = {line[-64:] for line in lines}  # a full disk may have cut the line before
+        keys = {line[-64:] for line in lines}  # after a full disk, two lines may be joined
         (living if is_held(path) else past).append((path, keys))
     return living, past

@@ -1,6 +1,6 @@
-"""Luigi's parameters, which refuse a wrong value in one line: the flag, the value, what is allowed.
+"""Luigi's parameters with an error in one line: the flag, the wrong value and the allowed values.
 
-Luigi itself ends a command with a trace that names neither the flag nor the task.
+Luigi itself ends the command with a trace that names neither the flag nor the task.
 """
 
 import json
@@ -12,13 +12,13 @@ from luigi.parameter import ParameterException
 
 
 class _Flag:
-    """Knows its name on the command line; `allowed` says which values there are."""
+    """A parameter that knows its flag, and describes its values in `allowed`."""
 
     flag = ""
     allowed = ""
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Python calls this where a class declares the parameter."""
+        """Sets the flag. Python calls this when a class declares the parameter."""
         super().__set_name__(owner, name)  # type: ignore[misc]
         self.flag = f"--{name.replace('_', '-')}"
 
@@ -26,7 +26,7 @@ class _Flag:
         """Returns the value of a word of the command line.
 
         Raises:
-            ParameterException: It is none that is allowed.
+            ParameterException: The value is not allowed.
         """
         try:
             return super().parse(x)  # type: ignore[misc]
@@ -59,7 +59,7 @@ class IntParameter(_Flag, luigi.IntParameter):
 
 
 class _JsonFlag(_Flag):
-    """A value as JSON has it, of one kind."""
+    """A JSON value of one type."""
 
     kind: type
 
@@ -67,7 +67,7 @@ class _JsonFlag(_Flag):
         """Returns the value.
 
         Raises:
-            ParameterException: It is no JSON, or another kind of it.
+            ParameterException: The text is not JSON of this type.
         """
         value = super().parse(x)
         if x and not isinstance(json.loads(x), self.kind):
@@ -90,11 +90,11 @@ class ListParameter(_JsonFlag, luigi.ListParameter):
 
 
 class BoolParameter(_Flag, luigi.BoolParameter):
-    """A flag: given or not."""
+    """A flag that is given or not."""
 
     allowed = "true or false"
 
 
 def workers_of_command() -> int:
-    """How many builds the command of this process runs at once (`--workers`)."""
+    """Returns how many builds the command of this process runs at once (`--workers`)."""
     return max(1, int(luigi.interface.core().workers))  # type: ignore[no-untyped-call]

@@ -1,10 +1,10 @@
-"""Publishing: from a finished directory to an artifact that the whole world may believe.
+"""Publication: turns a finished directory into an artifact of the store.
 
     hash -> fsync -> rename to objects/ -> read-only -> fsync the record -> link to actions/
-                     |------------- meanwhile no collection runs --------------------------|
+                     |------------- no collection runs in this time ------------------------|
 
-A record is written only after the object it names is durable, and never replaces a good one; so
-at every instant an artifact is whole and recorded, or invisible.
+A record is written only after its object is durable, and never replaces a valid one. So at every
+instant an artifact is complete and recorded, or invisible.
 """
 
 import errno
@@ -29,14 +29,14 @@ def publish(
     provenance: Mapping[str, Json],
     expected: Tree | None = None,
 ) -> ActionRecord:
-    """Make the directory `out` (on the store's file system) the artifact of `action`.
+    """Makes the directory `out`, on the store's file system, the artifact of `action`.
 
     Returns:
-        The record now in force: ours, or that of whoever was first with the same key.
+        The valid record: the new one, or that of another process that was first with the key.
 
     Raises:
-        ValueError: When `out` holds no file, or what is not a file, or not what is `expected`.
-        OSError: When the disk fails or is full; nothing became visible.
+        ValueError: `out` has no file, a special file, or other content than `expected`.
+        OSError: The disk fails or is full. Nothing became visible.
     """
     tree = tree_digest(out)
     if not tree.files:
@@ -55,7 +55,7 @@ def publish(
 
 
 def _place(store: Store, out: Path, tree: Tree) -> None:
-    """Rename `out` into the store; leave it where it is if its content is already there."""
+    """Renames `out` into the store, unless the store already has its content."""
     target = store.object(tree.digest)
     target.parent.mkdir(exist_ok=True)
     try:
@@ -74,7 +74,7 @@ def _place(store: Store, out: Path, tree: Tree) -> None:
 def commit(
     store: Store, record: ActionRecord, good: Callable[[str], ActionRecord | None]
 ) -> ActionRecord:
-    """Link the record into place; adopt a good one that is there, set any other aside."""
+    """Links the record into place, unless a valid one exists; returns the valid record."""
     key, target = record.action.key, store.action(record.action.key)
     target.parent.mkdir(exist_ok=True)
     temporary = store.root / "tmp" / f"{key}.{uuid.uuid4().hex}.json"
@@ -88,7 +88,7 @@ def commit(
         except FileExistsError:
             if winner := good(key):
                 return winner
-            _tell_of_change(store.record(key), record)
+            _warn_of_change(store.record(key), record)
             store.quarantine(target)
             temporary.replace(target)
         store.reached("linked")
@@ -98,11 +98,11 @@ def commit(
     return record
 
 
-def _tell_of_change(lost: ActionRecord | None, record: ActionRecord) -> None:
+def _warn_of_change(lost: ActionRecord | None, record: ActionRecord) -> None:
     if lost and lost.output != record.output:
         _log.warning(
-            "%s: what was lost is made anew with other bytes (%s, before %s); what was made from it"
-            " will be made again.",
+            "%s: the lost artifact was made again with other bytes (%s, before %s). Everything that"
+            " was made from it will be made again.",
             record.provenance["label"],
             record.output.digest[:12],
             lost.output.digest[:12],
@@ -115,7 +115,7 @@ def _sync_tree(root: Path) -> None:
 
 
 def sync(path: Path) -> None:
-    """Have the disk hold the file's bytes, or the directory's names."""
+    """Flushes the bytes of a file, or the names in a directory, to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -124,6 +124,6 @@ def sync(path: Path) -> None:
 
 
 def protect(root: Path) -> None:
-    """Make all read-only: a guard against accidents, never taken for a proof of integrity."""
+    """Makes everything read-only, against accidents; this does not prove integrity."""
     for path in [root, *(path for path, _ in walk(root))]:
         path.chmod(0o555 if path.is_dir() else 0o444)

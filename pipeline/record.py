@@ -1,4 +1,4 @@
-"""The action record: which object a task made, from what, and how it went."""
+"""The action record: which object a task made, from what, and how."""
 
 import dataclasses
 import functools
@@ -11,7 +11,7 @@ from pipeline.canonical import Json, canonical_json
 from pipeline.digest import Tree, typed_digest
 
 FORMAT = 2
-"""Of the JSON below. A reader takes a record of any other format for absent."""
+"""The format of the JSON below. A record of any other format counts as absent."""
 
 _PROVENANCE_FIELDS = {"label", "task", "started", "seconds", "log"}
 
@@ -27,7 +27,7 @@ class Action:
         inputs: Digest of each upstream artifact, by the name the task gives it.
         sources: Digest of each thing read from outside the store, by name.
         tools: Version of each distribution the task declares.
-        salt: A word that disowns all earlier artifacts when it changes.
+        salt: A word. A changed word invalidates all earlier artifacts.
     """
 
     family: str
@@ -40,7 +40,7 @@ class Action:
 
     @functools.cached_property
     def key(self) -> str:
-        """The action's address: 64 hexadecimal digits over all its fields."""
+        """Returns the action's key: 64 hexadecimal digits over all its fields."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return typed_digest("pipeline-action-v1", canonical_json(fields))
 
@@ -50,12 +50,12 @@ class ActionRecord:
     """The statement "this action made this object": the only commit point of the store.
 
     Attributes:
-        action: What was asked.
-        output: What came out.
-        provenance: How it was made, which no key holds: `task` and `label` (as shown), `host`,
+        action: Everything that decides the artifact.
+        output: The content of the artifact.
+        provenance: How it was made, which no key covers: `task` and `label` (as shown), `host`,
             `started` (UTC), `seconds`, `log` (relative to the store), and for builds
-            `peak_memory_bytes`, `earlier_seconds` (of `seconds`, those of attempts that were
-            killed), `cpu_seconds`, and `other_cpu_seconds` (of all else on the machine meanwhile).
+            `peak_memory_bytes`, `earlier_seconds` (the part of `seconds` of killed attempts),
+            `cpu_seconds`, and `other_cpu_seconds` (of all other processes in the same time).
     """
 
     action: Action
@@ -63,17 +63,17 @@ class ActionRecord:
     provenance: Mapping[str, Json]
 
     def to_json(self) -> bytes:
-        """The record as indented JSON with sorted keys, and a checksum of all it says."""
+        """Returns the record as indented JSON with sorted keys and a checksum."""
         fields = {"format": FORMAT, "key": self.action.key, **dataclasses.asdict(self)}
         fields["check"] = _check(fields)
         return json.dumps(fields, sort_keys=True, indent=1).encode()
 
     @classmethod
     def from_json(cls, text: bytes) -> "ActionRecord":
-        """The record that `to_json` wrote.
+        """Reads the record that `to_json` wrote.
 
         Raises:
-            ValueError: For anything else: truncated, of another format, altered anywhere.
+            ValueError: The text is anything else: truncated, altered or of another format.
         """
         try:
             fields = json.loads(text)
@@ -84,7 +84,7 @@ class ActionRecord:
             found = (fields["format"], fields["key"], check)
             is_whole = found == (FORMAT, record.action.key, _check(fields))
             if not (is_whole and record.provenance.keys() >= _PROVENANCE_FIELDS):
-                raise ValueError("another format, or altered")
+                raise ValueError("it has another format or was altered")
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an action record: {error!r}") from error
         return record
@@ -113,5 +113,5 @@ def _check(fields: Mapping[str, Json]) -> str:
 
 @functools.cache
 def public_version(distribution: str) -> str:
-    """Returns 2.13.0 of 2.13.0+cpu: the build does not say what it computes."""
+    """Returns 2.13.0 for 2.13.0+cpu: the local suffix does not change the results."""
     return version(distribution).partition("+")[0]

@@ -1,4 +1,4 @@
-"""What the user sets: `luigi.cfg`, and the environment variables that win over it."""
+"""The user's settings: `luigi.cfg`, and the environment variables that take precedence."""
 
 import configparser
 import functools
@@ -11,43 +11,43 @@ from pipeline.errors import StoreError
 from pipeline.store import Store, open_store
 
 _DEFAULTS = {
-    ("store", "root"): "store",  # STYLETRF_STORE wins
-    ("store", "salt"): "",  # another word disowns all artifacts
-    ("store", "remote"): "",  # the shared store's path or URL, if any; STYLETRF_REMOTE wins
+    ("store", "root"): "store",  # STYLETRF_STORE takes precedence
+    ("store", "salt"): "",  # another word invalidates all artifacts
+    ("store", "remote"): "",  # path or URL of the shared store; STYLETRF_REMOTE takes precedence
     ("store", "remote_options"): "{}",  # JSON, for fsspec's file system
-    ("store", "patience_seconds"): "0",  # for a shared store that fails; STYLETRF_PATIENCE wins
-    ("store", "signing_key"): "",  # a file; what is shared is signed by it, and has to be
-    ("store", "push"): "true",  # whether what a run builds is uploaded to the shared store
+    ("store", "patience_seconds"): "0",  # retries if the shared store fails; see STYLETRF_PATIENCE
+    ("store", "signing_key"): "",  # the file of the key that signs shared records
+    ("store", "push"): "true",  # whether builds are uploaded to the shared store
     ("store", "identity"): "tasks/identity.json",  # the snapshot of the code, with adoptions
-    ("store", "checkpoint_seconds"): "60",  # between uploads of checkpoints; 0: none are shared
+    ("store", "checkpoint_seconds"): "60",  # between uploads of checkpoints; 0: no uploads
     ("store", "executor"): "subprocess",  # "inline" builds in this process, for tests
     ("store", "locks"): "true",  # whether one process at a time builds a key
-    ("store", "memory_gib"): "0",  # at which a build is ended, if not 0
-    ("store", "retry_seconds"): "10",  # before a second attempt at what may pass; then 4 times that
-    ("gpu", "cards"): "",  # UUIDs; those that `nvidia-smi -L` names where this is empty
-    ("host", "leases"): "/dev/shm/styletrf",  # noqa: S108  for all users; never swept
-    ("host", "memory_gib"): "0",  # what builds may take together; 0: nine tenths of the host's
-    ("host", "cores"): "2",  # that a build on another machine asks for
-    ("ray", "address"): "",  # of the cluster's head; the one on this machine where this is empty
-    ("slurm", "options"): "",  # further words for sbatch
+    ("store", "memory_gib"): "0",  # memory at which a build is ended; 0: no limit
+    ("store", "retry_seconds"): "10",  # before a second attempt; 4 times that before a third
+    ("gpu", "cards"): "",  # UUIDs of GPUs; empty: all that `nvidia-smi -L` lists
+    ("host", "leases"): "/dev/shm/styletrf",  # noqa: S108  for all users
+    ("host", "memory_gib"): "0",  # for all builds together; 0: nine tenths of the host's
+    ("host", "cores"): "2",  # number that a build on another machine requests
+    ("ray", "address"): "",  # of the head of the cluster; empty: the one on this machine
+    ("slurm", "options"): "",  # additional options of sbatch
     ("grid", "webhook"): "",  # an address to which the summary of a grid is posted, as JSON
     ("night", "webhook"): "",  # its name in earlier versions
-    ("data", "root"): "data",  # STYLETRF_DATA wins
-    ("out", "root"): "out",  # STYLETRF_OUT wins
+    ("data", "root"): "data",  # STYLETRF_DATA takes precedence
+    ("out", "root"): "out",  # STYLETRF_OUT takes precedence
 }
 
 
 def setting(section: str, name: str) -> str:
-    """A word from `luigi.cfg`, or the default."""
+    """Returns a setting from `luigi.cfg`, or its default."""
     config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
     return str(config.get(section, name, _DEFAULTS[section, name]))
 
 
 def current_store(*, create: bool = True) -> Store:
-    """The store in STYLETRF_STORE, or in [store] root of `luigi.cfg`, or in ./store.
+    """Returns the store in STYLETRF_STORE, [store] root of `luigi.cfg`, or ./store.
 
     Raises:
-        StoreError: When there is none and it cannot be made, or shall not.
+        StoreError: There is no store, and it cannot or must not be created.
     """
     root = _place("STYLETRF_STORE", "store")
     if not create and not (root / "format").is_file():
@@ -56,23 +56,23 @@ def current_store(*, create: bool = True) -> Store:
 
 
 def data_root() -> Path:
-    """The user's data: STYLETRF_DATA, or [data] root of `luigi.cfg`, or ./data."""
+    """Returns the folder of the user's data: STYLETRF_DATA, [data] root, or ./data."""
     return _place("STYLETRF_DATA", "data")
 
 
 def out_root() -> Path:
-    """Where results are shown: STYLETRF_OUT, or [out] root of `luigi.cfg`, or ./out."""
+    """Returns the folder that shows results: STYLETRF_OUT, [out] root, or ./out."""
     return _place("STYLETRF_OUT", "out")
 
 
 def _place(variable: str, section: str) -> Path:
-    """The folder in an environment variable, or in `root` of a section."""
+    """Returns the folder in an environment variable, or in `root` of a section."""
     folder = os.environ.get(variable)
     return (Path(folder) if folder else configured_path(section, "root")).absolute()
 
 
 def configured_path(section: str, name: str) -> Path:
-    """A path in the settings; a relative one starts at the folder of the file that names it."""
+    """Returns a path setting; relative paths start at the folder of the file that has them."""
     other = os.environ.get("LUIGI_CONFIG_PATH")
     folder = Path(other).parent if other and _defines(other, section, name) else Path()
     return folder / setting(section, name)

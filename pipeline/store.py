@@ -1,4 +1,4 @@
-"""The store on disk: where things lie, and whether what lies there may be believed."""
+"""The store on disk: where its files are, and whether they are intact."""
 
 import contextlib
 import functools
@@ -22,7 +22,7 @@ _FOLDERS = (
 
 
 def nothing(_point: str) -> None:
-    """Do nothing at a named point."""
+    """Does nothing at a named point."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Store:
 
     Attributes:
         root: The absolute directory.
-        reached: Called with the name of each point that a publication or a collection reaches;
-            tests kill there.
+        reached: Called with the name of each point that a publication or a collection reaches.
+            Tests kill the process at these points.
     """
 
     root: Path
@@ -40,22 +40,22 @@ class Store:
 
     @functools.cached_property
     def run(self) -> Run:
-        """What this process uses here, which no collection takes from it."""
+        """Returns the keys that this process uses, which no collection removes."""
         return Run(self.root)
 
     @classmethod
     def open(cls, root: Path) -> "Store":
-        """The store in `root`, made where there is none.
+        """Returns the store in `root`, which is created if there is none.
 
         Raises:
-            StoreError: When `root` is no store and cannot become one, or is a newer program's.
+            StoreError: `root` cannot become a store, or a newer program wrote it.
         """
         try:
             if not root.exists() or os.access(root, os.W_OK):
                 _make(root)
             found = (root / "format").read_text()
         except OSError as error:
-            raise StoreError(f"{root} cannot hold the store: {error.strerror}") from error
+            raise StoreError(f"{root} cannot be used as the store: {error.strerror}") from error
         if found not in (FORMAT, ""):
             raise StoreError(
                 f"{root} is a {found.strip()!r}; this program reads {FORMAT.strip()!r}"
@@ -63,37 +63,37 @@ class Store:
         return cls(root)
 
     def object(self, digest: str) -> Path:
-        """Where the artifact with this content lies, if it does."""
+        """Returns the path of the artifact with this content, whether it exists or not."""
         return self.root / "objects" / digest[:2] / digest
 
     def action(self, key: str) -> Path:
-        """Where the record of the action with this key lies, if it does."""
+        """Returns the path of the record of the action with this key."""
         return self.root / "actions" / key[:2] / f"{key}.json"
 
     def code(self, digest: str) -> Path:
-        """Where the parts of the code with this digest are listed, if they are."""
+        """Returns the path of the list of the parts of the code with this digest."""
         return self.root / "code" / digest[:2] / f"{digest}.json"
 
     @contextlib.contextmanager
     def resume(self, key: str, workspace: Path) -> Iterator[Path]:
-        """A directory for a build's checkpoints alone: the key's, which survives kills.
+        """Yields a directory for the checkpoints of one build, which survive if it is killed.
 
-        Where another build has that one, it lies in `workspace`.
+        If another build uses that one, the directory is in `workspace`.
         """
         path = self.root / "resume" / key
         descriptor = _opened(path)
         try:
-            if not try_lock(descriptor) or not os.fstat(descriptor).st_nlink:  # taken, or gone
+            if not try_lock(descriptor) or not os.fstat(descriptor).st_nlink:  # taken, or removed
                 path = workspace / "resume"
                 path.mkdir()
             yield path
         finally:
-            with contextlib.suppress(OSError):  # it holds a checkpoint
+            with contextlib.suppress(OSError):  # it contains a checkpoint
                 path.rmdir()
             os.close(descriptor)
 
     def new_log(self, family: str, key: str) -> Path:
-        """A new, empty log file for one more attempt at the key."""
+        """Returns a new, empty log file for another attempt at the key."""
         folder = self.root / "logs" / family
         folder.mkdir(exist_ok=True)
         for attempt in range(1, 1_000_000):
@@ -101,10 +101,10 @@ class Store:
             with contextlib.suppress(FileExistsError):
                 path.touch(exist_ok=False)
                 return path
-        raise StoreError(f"{folder} is full of logs of {key}")
+        raise StoreError(f"{folder} has too many logs of {key}: delete some of them")
 
     def record(self, key: str) -> ActionRecord | None:
-        """The record of the key; what cannot be read as one counts as none."""
+        """Returns the record of the key; None if it is absent or invalid."""
         try:
             record = ActionRecord.from_json(self.action(key).read_bytes())
         except (OSError, ValueError):
@@ -112,23 +112,23 @@ class Store:
         return record if record.action.key == key else None
 
     def lease_record(self, key: str) -> ActionRecord | None:
-        """`record`; what it names, and was made from, stays while this process lives."""
+        """Returns the `record`, and keeps all its artifacts while this process lives."""
         with self.run.lease(key):
             return self.record(key)
 
     def records(self) -> Iterator[ActionRecord]:
-        """Every readable record, in the order of the keys."""
+        """Yields every valid record, in the order of the keys."""
         for path in sorted((self.root / "actions").glob("*/*.json")):
             if record := self.record(path.stem):
                 yield record
 
     def find(self, key: str) -> ActionRecord | None:
-        """The record of the key if the object it names is intact, too; both stay while we live."""
+        """Returns the `lease_record` of the key, if its object is intact as well."""
         record = self.lease_record(key)
         return record if record and self.intact(record) else None
 
     def intact(self, record: ActionRecord) -> bool:
-        """Whether the object has the number of files and bytes it was published with."""
+        """Whether the object has as many files and bytes as when it was published."""
         try:
             size, files = measure(self.object(record.output.digest))
         except (OSError, ValueError):
@@ -136,11 +136,11 @@ class Store:
         return (size, files) == (record.output.size, record.output.files)
 
     def find_damage(self, record: ActionRecord, *, deep: bool) -> str | None:
-        """What is wrong with the record's object: it is "missing", "altered" or "writable".
+        """Returns the damage of an object: "missing", "altered", "writable" or None.
 
         Args:
-            record: Of the object.
-            deep: Read every byte; otherwise only count the files and their sizes.
+            record: The record of the object.
+            deep: Whether to read every byte, instead of only the numbers of files and bytes.
         """
         path = self.object(record.output.digest)
         if not os.path.lexists(path):
@@ -151,20 +151,20 @@ class Store:
         return "writable" if any(mode & 0o222 for mode in modes) else None
 
     def quarantine(self, path: Path) -> None:
-        """Set something damaged aside, where nothing looks for it."""
+        """Moves something damaged into `quarantine/`, where nothing uses it."""
         self.set_aside(path, "quarantine")
 
     def set_aside(self, path: Path, folder: str) -> None:
-        """Move `path`, at once and whole, into a new directory in `folder` of the store."""
+        """Moves `path` atomically into a new directory in `folder` of the store."""
         aside = Path(tempfile.mkdtemp(dir=self.root / folder))
-        with contextlib.suppress(FileNotFoundError):  # somebody else was faster
+        with contextlib.suppress(FileNotFoundError):  # another process was faster
             if path.is_dir() and not path.is_symlink():
                 path.chmod(0o755)  # moving a directory writes to its ".."
             path.rename(aside / path.name)
 
     @contextlib.contextmanager
     def lock(self, key: str, on_wait: Callable[[], None]) -> Iterator[None]:
-        """Hold the key's lock; call `on_wait` first where another process holds it."""
+        """Holds the key's lock; calls `on_wait` first if another process holds it."""
         path = self.root / "locks" / key[:2] / f"{key}.lock"
         path.parent.mkdir(exist_ok=True)
         with locked(path, on_wait):
@@ -172,16 +172,16 @@ class Store:
 
     @contextlib.contextmanager
     def workspace(self, key: str) -> Iterator[Path]:
-        """An empty directory on the store's file system, removed afterwards.
+        """Yields an empty directory on the store's file system, which is removed afterwards.
 
-        Its flock tells that its maker lives; those that died at the same key leave theirs to us.
+        Its flock shows that its process lives. Directories of ended processes are removed.
         """
         self._sweep(key)
         with self.run.lease(key):
             fresh = Path(tempfile.mkdtemp(dir=self.root / "tmp"))
             descriptor = os.open(fresh, os.O_RDONLY)
             try_lock(descriptor)
-            path = fresh.rename(fresh.with_name(f"{key}-{fresh.name}"))  # nobody met it unlocked
+            path = fresh.rename(fresh.with_name(f"{key}-{fresh.name}"))  # visible only when locked
         try:
             yield path
         finally:
@@ -195,7 +195,7 @@ class Store:
 
 
 def _opened(folder: Path) -> int:
-    """An open directory, made where there is none, even if others remove it meanwhile."""
+    """Opens a directory, and makes it if needed, even while other processes remove it."""
     while True:
         folder.mkdir(exist_ok=True)
         with contextlib.suppress(FileNotFoundError):
@@ -203,13 +203,13 @@ def _opened(folder: Path) -> int:
 
 
 def _make(root: Path) -> None:
-    """Make the folders of a store; `format` first, so that whoever sees the others sees it, too."""
+    """Makes the folders of a store, with `format` before the others."""
     root.mkdir(parents=True, exist_ok=True)
     names = [path.name for path in root.iterdir()]
     others = [name for name in names if name != "lost+found" and not name.startswith(".")]
     if others and not (root / "format").exists():
         raise StoreError(
-            f"{root} holds other things and is no store: name an empty folder or a new one"
+            f"{root} is not a store and has other files: name an empty folder or a new one"
         )
     with contextlib.suppress(FileExistsError), (root / "format").open("x") as file:
         file.write(FORMAT)
@@ -218,4 +218,4 @@ def _make(root: Path) -> None:
 
 
 open_store = functools.cache(Store.open)
-"""`Store.open`, once a process and root."""
+"""`Store.open`, called once for each root in a process."""

@@ -1,6 +1,6 @@
-"""The task that stages derive from: an `ArtifactTask` with all that runs and shares its builds.
+"""The task that stages derive from: an `ArtifactTask` that runs and shares its builds.
 
-Here the parts of the pipeline are put together: the core knows none of the packages imported here.
+This module combines the parts of the pipeline. The core imports none of these packages.
 """
 
 import functools
@@ -33,7 +33,7 @@ from pipeline.store import Store
 
 __all__ = ["RunContext", "StoreTarget", "StoredTask", "artifact"]
 
-warnings.filterwarnings("ignore", ".*'rpc_retry_", UnconsumedParameterWarning)  # they are consumed
+warnings.filterwarnings("ignore", ".*'rpc_retry_", UnconsumedParameterWarning)  # Luigi reads them
 
 
 class StoredTask(ArtifactTask):
@@ -57,26 +57,26 @@ class StoredTask(ArtifactTask):
         default=None,
         significant=False,
         positional=False,
-        description="begins nothing that would be running at this time, such as 06:00",
+        description="starts no build that would be running at this time, such as 06:00",
     )
 
     def requires(self) -> Mapping[str, "StoredTask"]:
-        """The stored tasks whose artifacts `build` reads, by the name it reads them under."""
+        """Returns the tasks whose artifacts `build` reads, by their names in `inputs`."""
         return {}
 
     @property
     def needs_gpu(self) -> bool:
-        """Whether `build` computes on a GPU where there is one; where not, it shall see none."""
+        """Whether `build` computes on a GPU if there is one. If not, it sees no GPU."""
         return False
 
     @property
     def max_gpus(self) -> int:
-        """How many GPUs `build` uses at most, where so many are free."""
+        """Returns how many GPUs `build` uses at most, if enough are free."""
         return 1
 
     @property
     def options(self) -> BuildOptions:
-        """How and where this task is built."""
+        """Returns how and where this task is built."""
         memory_gib = self.memory_gib or float(setting("store", "memory_gib"))
         return BuildOptions(
             executor=self.executor or setting("store", "executor"),
@@ -88,33 +88,35 @@ class StoredTask(ArtifactTask):
 
     @property
     def artifacts(self) -> SharedArtifacts:
-        """The store of this machine, and the shared one behind it."""
+        """Returns the store of this machine, with the shared store behind it."""
         return SharedArtifacts(current_store())
 
     def code(self, *, refresh: bool = False) -> str:
-        """The digest of all code that `build` reaches, or the revision that it pins."""
+        """Returns the digest of all code that `build` reaches, or its pinned revision."""
         code_of = code_in_key if refresh else _first_code
         return code_of(type(self), self.task_family, self.revision)
 
     def provenance(self, store: Store) -> Mapping[str, Json]:
-        """The code that the build reached."""
+        """Returns the digest of the list of code that the build reached."""
         return {"closure": "" if self.revision else save_closure(code_closure(type(self)), store)}
 
-    def is_usual(self, name: str) -> bool:
-        """Whether a parameter has its default, or what the configuration file says instead."""
+    def is_default(self, name: str) -> bool:
+        """Whether a parameter has its default value, or the value in the configuration file."""
         family = self.task_family
         parameter = dict(self.get_params())[name]  # type: ignore[no-untyped-call]
-        has_usual = parameter.has_task_value(family, name)
-        return bool(has_usual and parameter.task_value(family, name) == self.param_kwargs[name])
+        has_default = parameter.has_task_value(family, name)
+        return bool(has_default and parameter.task_value(family, name) == self.param_kwargs[name])
 
     def show(self) -> bool:
-        """Publish what is there but not shown, such as what another machine made; builds nothing.
+        """Publishes an existing artifact outside the store, without a build.
+
+        Another machine may have made the artifact.
 
         Returns:
-            Whether it is there.
+            Whether the artifact exists.
 
         Raises:
-            NotBuiltError: When the shared store does not give it.
+            NotBuiltError: The shared store does not return the artifact.
         """
         if not self.record():
             return False
@@ -123,7 +125,7 @@ class StoredTask(ArtifactTask):
         return True
 
     def make(self, action: Action, store: Store) -> ActionRecord:
-        """The record of the artifact: known, built here, or built on a node of a cluster."""
+        """Returns the record of the artifact: a known one, or that of a build here or on a node."""
         publish_key(self, action.key)
         options = self.options
 
@@ -135,12 +137,14 @@ class StoredTask(ArtifactTask):
         return find_or_build(self, action, build)
 
     def run(self) -> "Generator[StoredTask, None, None] | None":
-        """Find or build the artifact, and publish it; a worker ends with its command.
+        """Finds or builds the artifact, and publishes it.
+
+        A worker process ends with its command.
 
         Raises:
-            TaskFailure: With one line for the user.
+            TaskFailure: The build failed. The error has one line for the user.
         """
-        if command := multiprocessing.parent_process():  # which ends us, and says so, on Ctrl-C
+        if command := multiprocessing.parent_process():  # it ends this worker on Ctrl-C
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             die_with(int(command.pid or 0))
         try:
@@ -156,4 +160,4 @@ class StoredTask(ArtifactTask):
 
 
 _first_code = functools.cache(code_in_key)
-"""The code as this process met it: what it imported stays the same, whatever an editor does."""
+"""The code as this process read it first, since imported code does not change with the files."""

@@ -1,8 +1,8 @@
 """The clusters that run remote jobs: Ray and SLURM.
 
 A backend takes a job and returns its result, after as many retries as the cluster needs. It decides
-where a build runs. The store decides what is built and whether it is right, so the machines need
-share no folder for the backend.
+where a build runs. The store decides what is built and whether it is valid, so the backend needs no
+shared folder.
 """
 
 import base64
@@ -28,7 +28,7 @@ class ClusterBackend(Protocol):
     """A cluster that runs jobs."""
 
     def run(self, job: RemoteJob) -> JobResult:
-        """Run a job on some node and wait for its result.
+        """Runs a job on some node and waits for its result.
 
         Raises:
             StoreError: The cluster itself cannot be used.
@@ -36,13 +36,13 @@ class ClusterBackend(Protocol):
 
 
 class RayBackend:
-    """A Ray cluster: the one at `[ray] address`, by default the one that runs on this machine.
+    """The Ray cluster at `[ray] address`, by default the one that runs on this machine.
 
     If a node is lost, Ray runs its job again, up to three times.
     """
 
     def run(self, job: RemoteJob) -> JobResult:
-        """Run a job on a node that has the cores, the memory and the GPUs."""
+        """Runs a job on a node that has the cores, the memory and the GPUs."""
         address = setting("ray", "address")
         driver = [sys.executable, "-P", "-m", "pipeline.cluster.ray_driver", address]
         process = _run(driver, job, job.to_json())
@@ -71,7 +71,7 @@ class SlurmBackend:
     """
 
     def run(self, job: RemoteJob) -> JobResult:
-        """Run a job, which SLURM queues again if its node fails."""
+        """Runs a job, which SLURM queues again if its node fails."""
         environment = shlex.join(f"{name}={value}" for name, value in job.environment.items())
         runner = shlex.join(runner_command(Path("/dev/stdin")))
         script = _BATCH_SCRIPT.format(environment=environment, runner=runner, job=job.to_json())
@@ -83,14 +83,14 @@ class SlurmBackend:
         while state := self._pending_state(job_id, job):
             if "held" in state.lower():
                 _run(["scancel", job_id], job)
-                return JobResult("killed", f"SLURM does not let its job {job_id} begin: {state}")
+                return JobResult("killed", f"SLURM holds its job {job_id} back: {state}")
             waited_s = time.monotonic() - started_s  # longer jobs are polled less often
             pause_s = max(_SECONDS_BETWEEN_POLLS, waited_s / 20)
             time.sleep(min(_MAX_SECONDS_BETWEEN_POLLS, pause_s))
         return self._result(job_id, job)
 
     def _pending_state(self, job_id: str, job: RemoteJob) -> str:
-        """The state of a SLURM job that waits or runs; "" when it has ended.
+        """Returns the state of a SLURM job that waits or runs; "" when it has ended.
 
         If the controller does not answer, the job counts as pending. (`sbatch --wait` would poll
         only every 30 seconds.)
@@ -101,7 +101,7 @@ class SlurmBackend:
         return answer.stdout.strip() or unknown
 
     def _result(self, job_id: str, job: RemoteJob) -> JobResult:
-        """The result in the comment of a SLURM job that has ended."""
+        """Returns the result in the comment of a SLURM job that has ended."""
         query = ["squeue", "--noheader", "--states=all", f"--jobs={job_id}", "--format=%T %k"]
         state, _, comment = _run(query, job).stdout.strip().partition(" ")
         with contextlib.suppress(ValueError):
@@ -110,7 +110,7 @@ class SlurmBackend:
         return JobResult.from_output(f"SLURM reports its job {job_id} as {state or 'unknown'}")
 
     def _options(self, job: RemoteJob) -> list[str]:
-        """The options of `sbatch`. They exclude nodes only if the job could then still run."""
+        """Returns the options of `sbatch`. Nodes are excluded only if the job can then run."""
         options = [
             "--requeue",
             f"--job-name=styletrf-{job.key[:16]}",
@@ -136,7 +136,7 @@ BACKENDS: Mapping[str, ClusterBackend] = {"ray": RayBackend(), "slurm": SlurmBac
 
 
 def _run(command: list[str], job: RemoteJob, stdin: str = "") -> "subprocess.CompletedProcess[str]":
-    """Run a command of the cluster with the job's environment.
+    """Runs a command of the cluster with the job's environment.
 
     Raises:
         StoreError: The command is not installed.
@@ -147,7 +147,9 @@ def _run(command: list[str], job: RemoteJob, stdin: str = "") -> "subprocess.Com
             command, input=stdin, capture_output=True, text=True, check=False, env=environment
         )
     except FileNotFoundError as error:
-        raise StoreError(f"{command[0]} is not installed on this machine") from error
+        raise StoreError(
+            f"{command[0]} is not installed on this machine: install it, or use another --executor"
+        ) from error
 
 
 def _last_line(text: str) -> str:

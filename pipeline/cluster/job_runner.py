@@ -24,7 +24,7 @@ from pipeline.settings import current_store
 
 
 def run_remote_job(job: RemoteJob) -> JobResult:
-    """Builds the job's task on this machine; every failure is in the result."""
+    """Builds the job's task on this machine; the result reports every failure."""
     host = socket.gethostname()
     node = os.environ.get(NODE) or os.environ.get("SLURMD_NODENAME", "")
     try:
@@ -50,7 +50,7 @@ def run_remote_job(job: RemoteJob) -> JobResult:
 
 def _other_key(host: str, own: str, expected: str) -> str:
     return (
-        f"{host} has other code, inputs or files than the machine that asks:"
+        f"{host} has other code, inputs or files than the machine that sent the job:"
         f" it would build {own[:16]}, not {expected[:16]}."
         " Give all machines the same commit, packages and data"
     )

@@ -47,7 +47,7 @@ def require_same_key(task: luigi.Task, key: str) -> None:
     """
     if not _has_luigid():
         return
-    with contextlib.suppress(RPCError):  # without luigid's answer the build is right all the same
+    with contextlib.suppress(RPCError):  # without luigid's answer the build is still correct
         scheduler = _scheduler()
         published = _published(scheduler, task.task_id)
         if not published or published["key"] == key[:16]:
@@ -57,10 +57,10 @@ def require_same_key(task: luigi.Task, key: str) -> None:
             raise TaskFailure(
                 "user",
                 str(task),
-                f"{published['host']} has {published['key']} for it and this machine {key[:16]}:"
-                " they have other code, packages, settings or photographs. Give all machines under"
-                " a luigid the same; if its command is over, go on in ten minutes, or restart"
-                " luigid.",
+                f"{published['host']} has key {published['key']} for it, this machine {key[:16]}:"
+                " their code, packages, settings or photographs differ. Give all machines of a"
+                " luigid the same. If the other command has ended, run this one again in ten"
+                " minutes, or restart luigid.",
             )
 
 

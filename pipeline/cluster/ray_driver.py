@@ -1,6 +1,6 @@
 """`python -m pipeline.cluster.ray_driver [ADDRESS] < JOB.json`: runs one job on a Ray cluster.
 
-It prints what the job prints. It is a process of its own, since Ray's threads do not survive a
+It prints the output of the job. It is a separate process, since Ray's threads do not survive a
 fork, and every worker of Luigi is forked.
 """
 
@@ -21,7 +21,7 @@ _SECONDS_TO_CONNECT = 10.0
 
 
 def run_on_node(text: str) -> str:
-    """Runs on the node: returns the output of the job, which ends if this process is killed."""
+    """Returns the output of the job on this node. The job ends if this process is killed."""
     job = RemoteJob.from_json(text)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "job.json")
@@ -75,7 +75,7 @@ def main() -> int:
 
 
 def resource_request(job: RemoteJob, nodes: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
-    """The options of `ray.remote`: what the job needs, as far as one node has it.
+    """Returns the options of `ray.remote`: the needs of the job, as far as one node has them.
 
     If no node has a core, all of it is requested, so that a cluster which grows on demand grows.
 

@@ -1,7 +1,7 @@
 """A build that a node of a cluster runs, and its result, as JSON for other machines.
 
-A node that runs the same job twice, or two nodes that run it, do no harm: each runs an ordinary
-build into the shared store, where the first result stays.
+The same job may run twice, on one node or on two. Each run is an ordinary build into the shared
+store, where the first result stays.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from typing import Literal
 from pipeline.errors import FailureKind
 
 NODE = "STYLETRF_NODE"
-"""The variable in which a node finds its name in the cluster; SLURM sets one of its own."""
+"""The variable with the name of a node in a Ray cluster; SLURM sets its own variable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +48,12 @@ class RemoteJob:
     excluded_nodes: tuple[str, ...] = ()
 
     def to_json(self) -> str:
-        """The job as text."""
+        """Returns the job as text."""
         return json.dumps(dataclasses.asdict(self), sort_keys=True)
 
     @classmethod
     def from_json(cls, text: str) -> "RemoteJob":
-        """The job that `to_json` wrote."""
+        """Reads the job that `to_json` wrote."""
         fields = json.loads(text)
         return cls(**fields | {"excluded_nodes": tuple(fields["excluded_nodes"])})
 
@@ -75,12 +75,12 @@ class JobResult:
     node: str = ""
 
     def to_json(self) -> str:
-        """The result as one line of text."""
+        """Returns the result as one line of text."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
     def from_output(cls, output: str) -> "JobResult":
-        """The last result in the output of a job; without one, the job's machine was lost."""
+        """Returns the last result in a job's output; without one, the machine was lost."""
         for line in reversed(output.splitlines()):
             with contextlib.suppress(ValueError, TypeError):
                 return cls(**json.loads(line))
@@ -89,5 +89,5 @@ class JobResult:
 
 
 def runner_command(job_file: Path) -> list[str]:
-    """The command by which a node runs the job in a file."""
+    """Returns the command that runs the job in a file on a node."""
     return [sys.executable, "-P", "-m", "pipeline.cluster.job_runner", str(job_file)]

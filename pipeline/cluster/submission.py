@@ -21,7 +21,7 @@ from pipeline.settings import setting
 from pipeline.shared_store.settings import PATIENCE, current_remote
 from pipeline.store import Store
 
-_PATIENCE_S = 300.0  # of a node, for a shared store that fails
+_PATIENCE_S = 300.0  # for which a node retries if the shared store fails
 _SECONDS_FOR_REMOTE = 600.0
 _SECONDS_TO_APPEAR = 90.0  # NFS may cache for a minute that a file does not exist
 _SECONDS_EXCLUDED = 600.0
@@ -38,13 +38,13 @@ def is_cluster(executor: str) -> bool:
 def build_on_cluster(
     task: ArtifactTask, action: Action, store: Store, options: BuildOptions
 ) -> ActionRecord:
-    """Has a node of the cluster build the task; returns the record that the node left.
+    """Builds the task on a node of the cluster; returns the record that the node wrote.
 
     Args:
         task: The task to build.
         action: Its action on this machine.
         store: The store of this machine. The node uses the same one, or both share a remote.
-        options: How it is built; its executor is the name of a backend.
+        options: The options of the build. The executor is the name of a backend.
 
     Raises:
         TaskFailure: The build failed, or its record cannot be found.
@@ -57,10 +57,10 @@ def build_on_cluster(
     except TaskFailure as late:
         write_outcome(store.new_log(task.task_family, action.key), late.kind, late.reason)
         raise
-    _log.info("%s: sent out by %s", task.label, options.executor)
+    _log.info("%s: submitted to %s", task.label, options.executor)
     for upstream in task.requires().values():
         if record := upstream.record():
-            task.artifacts.upload(record)  # it may have been made before there was a shared store
+            task.artifacts.upload(record)  # it may be older than the shared store
     memory_bytes = cost.peak_memory_bytes if cost else 0
     job = remote_job_of(task, action.key, memory_bytes, options.max_gpus)
     result = _submit(BACKENDS[options.executor], job, store)
@@ -72,7 +72,7 @@ def build_on_cluster(
 
 
 def remote_job_of(task: ArtifactTask, key: str, memory_bytes: int, max_gpus: int) -> RemoteJob:
-    """The job that builds a task on a node."""
+    """Returns the job that builds a task on a node."""
     cores = int(setting("host", "cores"))
     parameters: dict[str, str] = task.to_str_params()  # type: ignore[no-untyped-call]
     return RemoteJob(
@@ -101,22 +101,22 @@ def _is_forwarded(variable: str) -> bool:
 def _submit(
     backend: ClusterBackend, job: RemoteJob, store: Store, max_nodes: int = _MAX_NODES
 ) -> JobResult:
-    """Runs the job; while a node's disk is full, on another one, up to `max_nodes` in all.
+    """Runs the job, and again on another node if the disk is full, on up to `max_nodes` in all.
 
-    If the nodes share one folder, its full disk is that of all nodes, and one attempt suffices.
+    If the nodes share one folder, they share its full disk, so there is one attempt only.
     """
     job = replace(job, excluded_nodes=_full_nodes(store))
     result = backend.run(job)
     is_known = result.node in ("", *job.excluded_nodes)
     if result.kind != "disk" or is_known or not current_remote().url or max_nodes == 1:
         return result
-    _log.info("%s on %s: sent on. %s", job.task, result.host, result.message)
+    _log.info("%s on %s: moved to another node. %s", job.task, result.host, result.message)
     (store.root / "quarantine" / f"{result.node}{_FULL}").touch()
     return _submit(backend, job, store, max_nodes - 1)
 
 
 def _full_nodes(store: Store) -> tuple[str, ...]:
-    """The nodes whose disks were full in the last ten minutes, in any command on this store."""
+    """Returns the nodes with full disks in the last ten minutes, in any command on this store."""
     since = time.time() - _SECONDS_EXCLUDED
     marks = sorted((store.root / "quarantine").glob(f"*{_FULL}"))
     return tuple(p.name.removesuffix(_FULL) for p in marks if p.stat().st_mtime > since)
@@ -125,10 +125,10 @@ def _full_nodes(store: Store) -> tuple[str, ...]:
 def _await_record(
     task: ArtifactTask, action: Action, store: Store, result: JobResult
 ) -> ActionRecord | None:
-    """The record that a node left; None if there is none.
+    """Returns the record that a node wrote; None if there is none.
 
-    After a successful job it waits for the record: the shared store may not answer, and NFS may
-    show the folder as it was a minute ago.
+    After a successful job it waits for the record. The shared store may not answer, and NFS may
+    show the state of a minute ago.
     """
     started_s = time.monotonic()
     while True:
@@ -144,7 +144,7 @@ def _await_record(
 
 
 def _refresh_nfs_cache(path: Path) -> None:
-    """Lists the folders above a path, for which an NFS client asks its server."""
+    """Lists the folders above a path, which refreshes the cache of an NFS client."""
     for folder in (path.parent.parent, path.parent):
         with contextlib.suppress(OSError):
             os.listdir(folder)  # noqa: PTH208
@@ -153,7 +153,7 @@ def _refresh_nfs_cache(path: Path) -> None:
 def _failure(
     task: ArtifactTask, action: Action, store: Store, result: JobResult
 ) -> TaskFailure | LostInputError:
-    """The error for a job that left no record; a log in this store says the same."""
+    """Returns the error of a job without a record, and writes it to a log in this store."""
     for upstream in task.requires().values():
         if (result.kind, result.message) == ("lost", upstream.task_id):
             return LostInputError(upstream)

@@ -1,6 +1,6 @@
 """The identity of a task's code: a digest of everything in the project that its `build` can reach.
 
-Enters: a task's class. Leaves: one digest, which changes with the code and not with its comments.
+Input: a task's class. Output: one digest, which changes with the code and not with its comments.
 Begin at `closure.py`, which follows names through modules that `source.py` parses. `snapshot.py`
-reads the committed digests of all families; `adoption.py` declares that an edit changed no result.
+reads the committed digests of all families. `adoption.py` declares that an edit changed no result.
 """

@@ -1,4 +1,4 @@
-"""Taking a snapshot of the code, and declaring that an edit changed no result."""
+"""Takes a snapshot of the code, and declares that an edit changed no result."""
 
 import json
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from pipeline.errors import StoreError
 
 
 def snapshot_of(tasks: Iterable[type[ArtifactTask]]) -> Snapshot:
-    """The code of some tasks as it is now."""
+    """Returns the snapshot of the present code of some tasks."""
     now = Snapshot()
     for task in tasks:
         members = {} if task.revision else code_closure(task)
@@ -29,24 +29,24 @@ def write_snapshot(snapshot: Snapshot) -> None:
 
 
 def packages(snapshot: Snapshot) -> set[str]:
-    """The packages that define the families of a snapshot."""
+    """Returns the packages that define the families of a snapshot."""
     classes = (name for name in snapshot.code if name.endswith(".__mro__"))
     return {name.partition(":")[0].split(".")[0] for name in classes}
 
 
-def adopting(snapshot: Snapshot, family: str, code: str, reason: str) -> Snapshot:
-    """The snapshot after the declaration that `code` means for the family what it had before.
+def with_adoption(snapshot: Snapshot, family: str, code: str, reason: str) -> Snapshot:
+    """Returns the snapshot with a declaration that `code` gives the same results as before.
 
     Raises:
-        StoreError: The family's code is the same or was not known, or no reason is given.
+        StoreError: The family's code is the same or was not known, or there is no reason.
     """
     if not reason.strip():
-        raise StoreError("say with --reason why the results are the same")
+        raise StoreError("--reason is empty: give the reason why the results are the same")
     if family not in snapshot.families:
-        raise StoreError(f"{family} is in no snapshot yet: `snapshot` adds it.")
+        raise StoreError(f"{family} is in no snapshot yet. Run `snapshot` to add it.")
     known = snapshot.families[family]
     if known == code:
-        raise StoreError(f"{family}: its code is that of the snapshot; nothing is to be adopted.")
+        raise StoreError(f"{family}: its code is that of the snapshot. There is nothing to adopt.")
     words = {"family": family, "from": known, "to": code, "reason": reason}
     entry = {**words, "date": datetime.now(UTC).date().isoformat()}
     is_new = snapshot.original(family, code) != snapshot.original(family, known)

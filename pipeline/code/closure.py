@@ -1,12 +1,12 @@
 """The identity of a task's code: everything in the project that its `build` can reach.
 
-Names are followed statically, function by function, across the modules of the project, without
-importing them (they load torch). Comments, formatting and docstrings do not count; a file of the
-package counts for the code that names it. Where a name is ambiguous, more is taken than
-needed: a module used as an object counts whole, and what a module does when it is imported counts
-for all who import it. What cannot be followed at all is refused. Not followed is what the key
-holds by value: parameters, and `self.x` in `identity_parameters`' result. `pipeline` itself is
-left out: a change there that alters artifacts changes a tag in `record`.
+Names are followed statically, function by function, across the modules of the project. The modules
+are not imported, since they load torch. Comments, formatting and docstrings do not count. A file of
+the package counts for the code that names it. If a name is ambiguous, more is included than needed:
+a module used as an object counts as a whole, and the statements that run on import count for every
+importer. Code that cannot be followed is refused. Values that the key contains are not followed:
+parameters, and `self.x` in the result of `identity_parameters`. `pipeline` itself is excluded: a
+change there that alters artifacts changes a tag in `record`.
 """
 
 import ast
@@ -37,9 +37,9 @@ IDENTITY = "identity_parameters"
 _UNTRACEABLE = re.compile(
     r"(?:id|attr|name|arg)='(?:__doc__|__subclasses__|__init_subclass__|metaclass)'"
 )
-"""In a syntax tree as `ast.dump` writes it: what uses more than its text names."""
+"""In the text of `ast.dump`: names of code that uses more than its text shows."""
 _DYNAMIC_EXECUTION = re.compile(r"((builtins\.)?(eval|exec|globals)|sys\.modules|runpy)(\.|$)")
-"""The same among names, as written and as what they mean."""
+"""The same for names, as written and as resolved."""
 _IMPORTERS = {"__import__", ("builtins", "__import__"), ("importlib", "import_module")}
 _FILE_LOOKUP = re.compile(r"__(file|path|spec|package)__|importlib\.resources|pkgutil")
 _MODULE = re.compile(r"\w+(\.\w+)+")
@@ -48,15 +48,15 @@ _OUTSIDE = Source("", {}, {}, {})
 
 
 def code_digest(members: Mapping[str, str]) -> str:
-    """The digest of all that `code_closure` found."""
+    """Returns the digest of the result of `code_closure`."""
     return typed_digest("pipeline-code-v2", canonical_json(members))
 
 
 def code_closure(task_class: type) -> dict[str, str]:
-    """What the class's `build` depends on, as the files are now: digests of code by its name.
+    """Returns the digests of all code that the class's `build` reaches now, by name.
 
     Raises:
-        StoreError: When it reaches what cannot be followed, such as `eval`.
+        StoreError: The code uses something that cannot be followed, such as `eval`.
     """
     module, name = task_class.__module__, task_class.__qualname__
     follow = functools.partial(_followed, module, name)
@@ -73,7 +73,7 @@ def _followed(module: str, class_name: str) -> dict[str, str]:
 
 
 def save_closure(members: Mapping[str, str], store: Store) -> str:
-    """Writes what `code_closure` found into the store, unless it is there; returns its digest."""
+    """Writes the result of `code_closure` into the store, if it is absent; returns its digest."""
     digest = code_digest(members)
     if load_closure(digest, store) is None:
         store.code(digest).parent.mkdir(exist_ok=True)
@@ -82,7 +82,7 @@ def save_closure(members: Mapping[str, str], store: Store) -> str:
 
 
 def load_closure(digest: str, store: Store) -> dict[str, str] | None:
-    """What `save_closure` wrote under the digest; None if it is absent or damaged."""
+    """Reads what `save_closure` wrote under the digest; None if it is absent or damaged."""
     try:
         members: dict[str, str] = json.loads(store.code(digest).read_bytes())
     except (OSError, ValueError):
@@ -91,10 +91,11 @@ def load_closure(digest: str, store: Store) -> dict[str, str] | None:
 
 
 class _Walk:
-    """From one task's class outwards; `found` is the result, `pending` what is still to read.
+    """The search from one task's class; `found` has the result, `pending` the symbols to visit.
 
-    A symbol of one part is a module used as an object; of two, a top-level name, or "" for what
-    runs when the module is imported; of three, a member of the task's class or of a base.
+    A symbol of one part is a module used as an object. A symbol of two parts is a top-level name,
+    or "" for the statements that run on import. A symbol of three parts is a member of the task's
+    class or of a base.
     """
 
     def __init__(self, module: str, class_name: str) -> None:
@@ -110,7 +111,7 @@ class _Walk:
         self._seen: set[Symbol] = set()
 
     def visit(self, symbol: Symbol) -> None:
-        """Note what a piece of code says and what its names mean; go on to what they mean."""
+        """Records a piece of code with the meanings of its names, and queues these meanings."""
         module, *names = symbol
         source = self.source(module)
         if source is _OUTSIDE or symbol in self._seen:
@@ -131,7 +132,7 @@ class _Walk:
             self._note(f"{module}:{'.'.join(names)}", code, meanings)
 
     def _note(self, name: str, code: Piece, meanings: Mapping[str, list[Symbol]]) -> None:
-        """Put a piece of code among the found, with the files of the project that it names."""
+        """Adds a piece of code to `found`, with the files of the project that it names."""
         for string in filter(_MODULE.fullmatch, code.strings):
             self.pending += self._locate(tuple(string.split(".")))
         files = [file for file in self.files if any(f"/{s}/" in f"{file}/" for s in code.strings)]
@@ -146,8 +147,8 @@ class _Walk:
         ]
         if hiding:
             raise StoreError(
-                f"{self.task}: its build reaches {name}, where {hiding[0]} hides what is used."
-                " Name that in the code, or give the task a `revision`."
+                f"{self.task}: its build reaches {name}, where {hiding[0]} hides the code it uses."
+                " Name this code directly, or give the task a `revision`."
             )
         self.found[name] = typed_digest(
             "pipeline-code-v2", code.text.encode(), canonical_json(meanings)
@@ -155,14 +156,14 @@ class _Walk:
         self.found |= {file: file_digest(self.files[file]) for file in files}
 
     def _members(self, member: str = "") -> Iterator[Symbol]:
-        """A method or constant of the task's class and its bases; without a name, all of them."""
+        """Yields a member of the task's class and its bases; all members if none is named."""
         for module, name in self.classes:
             every = self.source(module).members[name]
             for each in {member, ""} if member else every:
                 yield module, name, each
 
     def _keyed_by_value(self) -> set[Symbol]:
-        """The names whose values `identity_parameters` returns: `{"config": self.config}`."""
+        """Returns the names whose values are in the key, as in `{"config": self.config}`."""
         keyed: set[Symbol] = {("self", IDENTITY)}
         for module, name in self.classes:
             for method in self.source(module).members[name].get(IDENTITY, []):
@@ -175,14 +176,14 @@ class _Walk:
         return keyed
 
     def _run_by(self, module: str, imports: Imports) -> Iterator[Symbol]:
-        """What runs because a module, and what it imports, is imported."""
+        """Yields the statements that run when a module, and its imports, are imported."""
         yield from ((module, ""), (module.rpartition(".")[0], ""))
         for target in itertools.chain(*imports.values()):
             yield from ((target[0], ""), (".".join(target), ""))
             yield from [target[:1]] if target[-1] == "*" else []
 
     def _registered(self, module: str) -> Iterator[Symbol]:
-        """The definitions that a decorator of the project sees when the module is imported."""
+        """Yields the definitions to which the module applies a decorator of the project."""
         for name, statements in self.source(module).bindings.items():
             marks = [mark for part in statements for mark in getattr(part, "decorator_list", [])]
             paths = [path for mark in marks for path in dotted_names(getattr(mark, "func", mark))]
@@ -191,7 +192,7 @@ class _Walk:
                 yield module, name
 
     def _lineage(self, module: str, name: str) -> Iterator[Symbol]:
-        """The class and its bases in the project, nearest first."""
+        """Yields the class and its bases in the project, nearest first."""
         source = self.source(module)
         if name in source.members:
             yield module, name
@@ -201,7 +202,7 @@ class _Walk:
                     yield from self._lineage(symbol[0], symbol[-1])
 
     def _resolve(self, module: str, path: Symbol, local: Imports) -> list[Symbol]:
-        """Where the dotted path, as read in `module`, is defined; nowhere for a local name."""
+        """Returns the definitions of a dotted path as read in `module`; empty for a local name."""
         source, head = self.source(module), path[0]
         is_known = head in source.bindings or head in source.imports
         targets = [(*target, *path[1:]) for target in local.get(head, [])]
@@ -209,7 +210,10 @@ class _Walk:
         return [symbol for target in targets for symbol in self._locate(target)]
 
     def _locate(self, symbol: Symbol) -> list[Symbol]:
-        """Where a dotted name is defined, through submodules and re-exports; outside, as it is."""
+        """Returns the definitions of a dotted name, through submodules and re-exports.
+
+        A name outside the project stays as it is.
+        """
         module, *names = symbol
         source = self.source(module)
         if source is _OUTSIDE or not names:
@@ -224,7 +228,7 @@ class _Walk:
 
 
 def _computed_imports(code: Piece, meanings: Mapping[str, list[Symbol]]) -> list[str]:
-    """Uses of what imports by name, however called here, other than for a name in the text."""
+    """Returns the uses of import functions whose module name is not a constant."""
     importers = {path for path, symbols in meanings.items() if _IMPORTERS & {path, *symbols}}
     uses = [path for path in map(".".join, code.names) if path in importers]
     for called in filter(importers.__contains__, code.calls_with_constant):

@@ -1,9 +1,9 @@
-"""Closures of code on disk, for as long as no file of the project changes.
+"""A cache of code closures on disk, which is valid until a file of the project changes.
 
-Following a task's code means parsing all of the project, which takes seconds for all families.
-What it finds depends on nothing but the files, the Python that parses them, the code that follows
-them, and the class. So it is kept below a digest of these, where Python keeps bytecode, and only
-for the files as they are now. What is absent or damaged there, or cannot be written, is computed.
+The search through a task's code parses the whole project, which takes seconds for all families.
+Its result depends only on the files, the Python version, the code of the pipeline and the class. So
+the cache is in a folder named by a digest of these, beside Python's bytecode, and it has results
+for the present files only. A result that is absent, damaged or not writable is computed.
 """
 
 import contextlib
@@ -25,40 +25,40 @@ Closure = dict[str, str]
 def cached_closure(
     name: str, packages: Iterable[str], follow: Callable[[], Closure], folder: Path | None = None
 ) -> Closure:
-    """Returns what `follow` returns, from the cache if these packages are as they were then.
+    """Returns the result of `follow`, from the cache if these packages have not changed.
 
     Args:
-        name: Of the class, with its module.
-        packages: All that `follow` may read.
+        name: The name of the class, with its module.
+        packages: All packages that `follow` may read.
         follow: Computes the closure.
-        folder: Of the cache; where Python keeps the bytecode of this file by default.
+        folder: The folder of the cache; by default beside the bytecode of this file.
     """
     packages = sorted(packages)
     root = folder or Path(cache_from_source(__file__)).parent / "closures"
     try:
         files = sources_digest(packages)
-    except OSError:  # a file has vanished, or cannot be read
+    except OSError:  # a file was deleted, or cannot be read
         return follow()
     path = root / files / f"{typed_digest('closure-name', name.encode())[:16]}.json"
-    if (kept := _kept(path, name)) is not None:
+    if (kept := _read(path, name)) is not None:
         return kept
     closure = follow()
     with contextlib.suppress(OSError):
-        if sources_digest(packages) == files:  # else it may be of newer files
-            _keep(path, name, closure)
+        if sources_digest(packages) == files:  # otherwise the result may be of newer files
+            _write(path, name, closure)
     return closure
 
 
 def sources_digest(packages: Iterable[str]) -> str:
-    """Returns a digest of all files of the packages by name, of Python, and of what follows them.
+    """Returns a digest of all files of the packages, of the Python version, and of the pipeline.
 
     Raises:
-        OSError: A file has vanished, or cannot be read, now or when this module was imported.
+        OSError: A file was deleted, or cannot be read, now or when this module was imported.
     """
-    if not _FOLLOWED_BY:
-        raise FileNotFoundError("a file of the pipeline vanished while it was imported")
+    if not _PIPELINE_DIGEST:
+        raise FileNotFoundError("a file of the pipeline was deleted while it was imported")
     python = sys.version.encode()
-    return typed_digest("sources", python, _FOLLOWED_BY.encode(), _listing(packages))
+    return typed_digest("sources", python, _PIPELINE_DIGEST.encode(), _listing(packages))
 
 
 def _listing(packages: Iterable[str]) -> bytes:
@@ -70,8 +70,8 @@ def _listing(packages: Iterable[str]) -> bytes:
     return "\n".join(lines).encode()
 
 
-def _kept(path: Path, name: str) -> Closure | None:
-    """Returns the closure in a file; None where that is absent, damaged or of another class."""
+def _read(path: Path, name: str) -> Closure | None:
+    """Reads the closure in a file; None if it is absent, damaged or of another class."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         found = json.loads(path.read_bytes())
         if found["digest"] == _digest(name, found["closure"]):
@@ -79,8 +79,8 @@ def _kept(path: Path, name: str) -> Closure | None:
     return None
 
 
-def _keep(path: Path, name: str, closure: Closure) -> None:
-    """Writes a file at once or not at all, and removes what belongs to other files than these."""
+def _write(path: Path, name: str, closure: Closure) -> None:
+    """Writes a file atomically, and removes the results of earlier files."""
     path.parent.mkdir(parents=True, exist_ok=True)
     for other in path.parent.parent.iterdir():
         if other != path.parent:
@@ -97,12 +97,12 @@ def _digest(name: str, closure: Closure) -> str:
     return typed_digest("closure", name.encode(), canonical_json(closure))
 
 
-def _follower() -> str:
-    """Returns a digest of the pipeline's files; empty where one vanishes in this moment."""
+def _pipeline_digest() -> str:
+    """Returns a digest of the pipeline's files; empty if a file is deleted at this moment."""
     with contextlib.suppress(OSError):
         return typed_digest("follower", _listing(["pipeline"]))
     return ""
 
 
-_FOLLOWED_BY = _follower()
-"""The pipeline as this process imported it; its files may change while it runs."""
+_PIPELINE_DIGEST = _pipeline_digest()
+"""The digest when this process imported the pipeline, whose files may change later."""

@@ -1,4 +1,4 @@
-"""The committed snapshot of all families' code, and what was declared to have changed nothing."""
+"""The committed snapshot of all families' code, and the declarations of equal results."""
 
 import json
 from collections.abc import Mapping
@@ -15,10 +15,10 @@ class Snapshot:
     """The code of families of tasks, for review and for adoption.
 
     Attributes:
-        families: The code of each family: a digest, or the revision it pins.
-        code: The digest, shortened, of each function, class and constant they depend on.
-        adopted: Declarations, oldest first, that the code `to` of a `family` means what `from`
-            meant, each with its `reason` and `date`.
+        families: The code of each family: a digest, or its pinned revision.
+        code: The shortened digest of each function, class and constant they depend on.
+        adopted: Declarations, oldest first, that the code `to` of a `family` gives the results of
+            `from`, each with its `reason` and `date`.
     """
 
     families: dict[str, str] = field(default_factory=dict)
@@ -27,19 +27,19 @@ class Snapshot:
 
     @classmethod
     def read(cls) -> "Snapshot":
-        """The one in the file that `[store] identity` names; an empty one where there is none.
+        """Reads the file that `[store] identity` names; empty if there is no such file.
 
         Raises:
-            StoreError: When the file holds something else.
+            StoreError: The file is not a snapshot.
         """
         path = identity_file()
         try:
             return cls(**json.loads(path.read_bytes())) if path.exists() else cls()
         except (TypeError, ValueError) as error:
-            raise StoreError(f"{path} holds no snapshot ({error}). Take it from git.") from error
+            raise StoreError(f"{path} is not a snapshot ({error}). Restore it from git.") from error
 
     def original(self, family: str, code: str) -> str:
-        """The oldest code of the family that `code` was declared to mean the same as."""
+        """Returns the oldest code of the family that was declared equal to `code`."""
         earlier = {a["to"]: a["from"] for a in self.adopted if a["family"] == family}
         while code in earlier:
             code = earlier.pop(code)
@@ -47,11 +47,11 @@ class Snapshot:
 
 
 def code_in_key(task: type, family: str, revision: str | None) -> str:
-    """The code of a task as it is now, or the oldest that it was declared to mean the same as."""
+    """Returns the present code of a task, or the oldest code that was declared equal to it."""
     code = f"revision {revision}" if revision else code_digest(code_closure(task))
     return Snapshot.read().original(family, code)
 
 
 def identity_file() -> Path:
-    """The snapshot of the code: [store] identity of `luigi.cfg`, or ./tasks/identity.json."""
+    """Returns the path of the snapshot: [store] identity, or ./tasks/identity.json."""
     return configured_path("store", "identity")

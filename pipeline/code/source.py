@@ -1,4 +1,4 @@
-"""A Python module by its top-level names, parsed and never imported."""
+"""The top-level names of a Python module, which is parsed and never imported."""
 
 import ast
 import functools
@@ -10,22 +10,22 @@ from pathlib import Path
 Symbol = tuple[str, ...]
 """A module, and the names to follow inside it."""
 Pieces = dict[str, list[ast.stmt]]
-"""Statements by the names they bind; by "" what else they do when run: `TABLE["x"] = f` too."""
+"""Statements by the names they bind; by "" all others, such as `TABLE["x"] = f`."""
 Imports = dict[str, list[Symbol]]
-"""What a name stands for (several things where imports are tried); `*`: whole modules."""
-_OF_PARAMETERS = ("luigi.", "pipeline.parameters.")
+"""The targets of a name (several after imports inside `try`); `*`: whole modules."""
+_PARAMETER_MODULES = ("luigi.", "pipeline.parameters.")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """One module, without its docstrings; of one text there is one.
+    """One module without its docstrings. Equal texts share one object.
 
     Attributes:
-        package: What its relative imports start from.
+        package: The package at which its relative imports start.
         bindings: Its functions, classes and constants.
-        members: Of each class the methods and constants, but not `x = luigi.SomeParameter()`, which
-            the key holds by value; by "" also its decorators, and what else binds its name.
-        imports: What its imports bind, where they stand outside functions and classes.
+        members: The methods and constants of each class, without `x = luigi.SomeParameter()`, whose
+            value is in the key; by "" also its decorators, and other statements for its name.
+        imports: The names that its imports outside functions and classes bind.
     """
 
     package: str
@@ -36,14 +36,14 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """What a piece of code says, before its names are followed.
+    """The content of a piece of code, before its names are resolved.
 
     Attributes:
-        text: Its syntax tree as `ast.dump` writes it; empty if there is no code.
-        imports: What its own import statements bind.
-        names: The dotted names in it, as often as they occur.
+        text: The `ast.dump` of its syntax tree; empty if there is no code.
+        imports: The names that its own import statements bind.
+        names: Its dotted names, with repetitions.
         strings: Its constants, as strings.
-        calls_with_constant: What it calls with nothing but a constant, as often as it does.
+        calls_with_constant: The names it calls with one constant only, with repetitions.
     """
 
     text: str
@@ -55,7 +55,7 @@ class Piece:
 
 @functools.cache
 def piece(source: Source, *names: str) -> Piece:
-    """Returns what the code under a top-level name, or a class and its member, says."""
+    """Returns the code under a top-level name, or under a class and its member."""
     pieces = source.members[names[0]] if names[1:] else source.bindings
     body = pieces.get(names[-1], []) if names else []
     code = ast.Module(body, [])
@@ -72,13 +72,13 @@ def piece(source: Source, *names: str) -> Piece:
 
 
 def read(module: str) -> Source | None:
-    """The source of a module; None where there is none, such as for a name inside a module."""
+    """Reads the source of a module; None if it is not a module, such as a name inside one."""
     file = source_file(module)
     return _parse(file.read_bytes(), module, file.name == "__init__.py") if file else None
 
 
 def source_file(module: str) -> Path | None:
-    """Where a module's source lies, found without importing anything."""
+    """Returns the path of a module's source, which is found without an import."""
     root, *rest = module.split(".")
     spec = importlib.util.find_spec(root)
     places = (spec and spec.submodule_search_locations) or ()
@@ -90,7 +90,7 @@ def source_file(module: str) -> Path | None:
 
 
 def package_files(package: str) -> dict[str, Path]:
-    """The files of a package by name, but for what Python and numba keep beside them."""
+    """Returns the files of a package by name, without the caches of Python and numba."""
     file = source_file(package)
     if file is None or file.name != "__init__.py":
         return {package: file} if file else {}
@@ -99,7 +99,7 @@ def package_files(package: str) -> dict[str, Path]:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """The files below a folder, without entering what Python and numba keep there."""
+    """Yields the files below a folder, without the caches of Python and numba."""
     for path in folder.iterdir():
         if path.is_dir() and path.name != "__pycache__":
             yield from _files(path)
@@ -108,13 +108,13 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def data_files(package: str) -> dict[str, Path]:
-    """The files of a package that are no code, source or compiled, by name."""
+    """Returns the files of a package by name that are not code, source or compiled."""
     files = package_files(package)
     return {name: path for name, path in files.items() if path.suffix not in (".py", ".pyc")}
 
 
 def imports_in(node: ast.AST, package: str) -> Imports:
-    """What the import statements anywhere in `node` bind; by "" the modules they run besides."""
+    """Returns the names that the imports in `node` bind; by "" the modules that they run."""
     found: Imports = {}
     for part in ast.walk(node):
         if isinstance(part, ast.Import):
@@ -130,7 +130,7 @@ def imports_in(node: ast.AST, package: str) -> Imports:
 
 
 def dotted_names(node: ast.AST) -> Iterator[Symbol]:
-    """The names in a piece of code: `a.b.c` whole; `super().x` as `self.x`."""
+    """Yields the names in a piece of code: `a.b.c` as one name; `super().x` as `self.x`."""
     names: Symbol = ()
     while isinstance(node, ast.Attribute):
         names, node = (node.attr, *names), node.value
@@ -170,13 +170,13 @@ def _is_string(node: ast.AST) -> bool:
 
 
 def _is_parameter(statement: ast.stmt, imports: Imports) -> bool:
-    """Whether it is `x = luigi.SomeParameter()`, or one of `pipeline.parameters`."""
+    """Whether a statement is `x = luigi.SomeParameter()`, or uses `pipeline.parameters`."""
     call = getattr(statement, "value", None)
     if not isinstance(call, ast.Call) or not ast.unparse(call.func).endswith("Parameter"):
         return False
     heads = [name for name, *_ in dotted_names(call.func)]
     origins = {target[0] for name in heads for target in imports.get(name, [])}
-    return bool(origins) and all(f"{origin}.".startswith(_OF_PARAMETERS) for origin in origins)
+    return bool(origins) and all(f"{origin}.".startswith(_PARAMETER_MODULES) for origin in origins)
 
 
 def _pieces(statements: Iterable[ast.stmt]) -> Pieces:

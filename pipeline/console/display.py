@@ -18,7 +18,7 @@ _SECONDS_BETWEEN_REPORTS = 5.0
 
 @contextlib.contextmanager
 def build_display(task: luigi.Task, label: str, expected_s: float) -> Iterator[Display]:
-    """Show a build under its label while the block runs.
+    """Shows a build under its label while the block runs.
 
     Args:
         task: The task that is built; under luigid its page shows the percentage.
@@ -64,16 +64,16 @@ class _LuigidDisplay:
         self._is_over.set()
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Show `done` of `total` and the quality."""
+        """Shows `done` of `total` and the quality."""
         self._percent = 100 * done // max(total, 1)
         self._display(done, total, **quality)
 
     def say(self, line: str) -> None:
-        """Show a line that stays on the screen."""
+        """Shows a line that stays on the screen."""
         self._display.say(line)
 
     def close(self) -> None:
-        """Remove the progress from the screen."""
+        """Removes the progress from the screen."""
         self._display.close()
 
     def _report(self) -> None:

@@ -22,7 +22,7 @@ class ConsoleHandler(logging.StreamHandler):  # type: ignore[type-arg]
         self.setFormatter(MessageFormatter())
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write the record above the live lines, or over a bar that another process left."""
+        """Writes the record above the live lines, or over a bar of another process."""
         client = progress_client()
         if client and client.write(self.format(record)):
             return
@@ -35,7 +35,7 @@ class MessageFormatter(logging.Formatter):
     """The message without a prefix. Exceptions meant for users have no traceback."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The text for the console."""
+        """Returns the text for the console."""
         error = record.exc_info[1] if record.exc_info else None
         if isinstance(error, _WITHOUT_TRACEBACK):
             return in_one_line(error)
@@ -50,5 +50,5 @@ def is_user_facing(record: logging.LogRecord) -> bool:
 
 
 def in_one_line(error: BaseException) -> str:
-    """The text of an exception, without line breaks."""
+    """Returns the text of an exception, without line breaks."""
     return " ".join(str(error).split("\n"))

@@ -27,7 +27,7 @@ class ProgressBar:
         self._written_s = time.monotonic()
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Draw `done` of `total`, the rate, the time left and the quality."""
+        """Draws `done` of `total`, the rate, the time left and the quality."""
         if self._bar is None or done < self._bar.n or total != self._bar.total:
             self.close()
             self._bar = self._new_bar(done, total)
@@ -39,13 +39,13 @@ class ProgressBar:
             self._write_line(self._bar)
 
     def say(self, line: str) -> None:
-        """Write a line above the bar. A closed terminal does not stop the build."""
+        """Writes a line above the bar. A closed terminal does not stop the build."""
         with contextlib.suppress(OSError):
             tqdm.write(line, file=self._stream)
             self._stream.flush()
 
     def close(self) -> None:
-        """Remove the bar from the terminal."""
+        """Removes the bar from the terminal."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None

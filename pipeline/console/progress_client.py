@@ -1,7 +1,7 @@
 """The sender of a live display, which has a line for each of several running builds.
 
-The command, its workers and their builds are separate processes. They write JSON messages, one a
-line, to a pipe. One process reads the pipe and draws: `progress_renderer.py`.
+The command, its workers and their builds are separate processes. They write JSON messages, one on
+each line, to a pipe. One process reads the pipe and draws: `progress_renderer.py`.
 """
 
 import contextlib
@@ -31,7 +31,7 @@ class ProgressClient:
     renderer: "subprocess.Popen[bytes] | None" = None
 
     def write(self, text: str) -> bool:
-        """Show lines that stay above the live ones; returns False if no process draws them."""
+        """Shows lines that stay above the live ones; returns False if no process draws them."""
         return all(
             self._send(
                 line=line[k : k + _MAX_CHARACTERS], continues=len(line) > k + _MAX_CHARACTERS
@@ -41,26 +41,26 @@ class ProgressClient:
         )
 
     def start_total(self, expected_s: float) -> None:
-        """Show a line for all builds together, which are expected to take this long."""
+        """Shows a line for all builds together, with their expected time."""
         self._send(expected_s=expected_s)
 
     def update(self, label: str, done: int, total: int, quality: str) -> None:
-        """Draw the line of a build."""
+        """Draws the line of a build."""
         self._send(label=label, done=done, total=total, quality=quality)
 
     def remove(self, label: str, expected_s: float = 0.0) -> None:
-        """Remove the line of a build, and add the time expected of it to the total."""
+        """Removes the line of a build, and adds its expected time to the total."""
         self._send(removed=label, expected_s=expected_s)
 
     def close(self) -> None:
-        """Wait until the renderer has drawn all messages and has ended."""
+        """Waits until the renderer has drawn all messages and has ended."""
         if self.renderer and self.renderer.poll() is None:
             self._send(close=True)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self.renderer.wait(_SECONDS_TO_CLOSE)
 
     def _send(self, **message: object) -> bool:
-        """Write a message; returns False if no process reads the pipe."""
+        """Writes a message; returns False if no process reads the pipe."""
         message = {k: v[:_MAX_CHARACTERS] if isinstance(v, str) else v for k, v in message.items()}
         try:
             os.write(self.descriptor, json.dumps(message).encode() + b"\n")
@@ -76,24 +76,24 @@ class ProgressLine:
         self._label, self._client = label, client
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Draw `done` of `total` and the quality."""
+        """Draws `done` of `total` and the quality."""
         text = " ".join(f"{name} {value:.4g}" for name, value in quality.items())
         self._client.update(self._label, done, total, text)
 
     def say(self, line: str) -> None:
-        """Show a line that stays on the screen."""
+        """Shows a line that stays on the screen."""
         self._client.write(line)
 
     def close(self) -> None:
-        """Do nothing: the process that runs the build removes the line."""
+        """Does nothing. The process that runs the build removes the line."""
 
 
 @functools.cache
 def progress_client() -> ProgressClient | None:
-    """The client of this command, whose renderer starts with the first call.
+    """Returns the client of this command, whose renderer starts with the first call.
 
     Returns:
-        None where no live display is wanted: off a terminal, or with one worker.
+        None without a live display: not on a terminal, or with one worker.
     """
     if workers_of_command() == 1 or not os.isatty(2):
         return None

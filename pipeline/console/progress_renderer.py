@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 
 
 def render(messages: Iterable[bytes]) -> None:
-    """Draw messages until one of them closes the display."""
+    """Draws messages until one of them closes the display."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(20),
@@ -38,7 +38,7 @@ class _Lines:
         self._total: TaskID | None = None
 
     def apply(self, message: dict[str, Any]) -> bool:
-        """Draw a message; returns False if it closes the display."""
+        """Draws a message; returns False if it closes the display."""
         progress = self._progress
         if "line" in message:
             end = "" if message.get("continues") else "\n"

@@ -1,4 +1,4 @@
-"""What the process of a build does: it imports the task, builds, and returns how that went."""
+"""The work of a build process: imports the task, builds it, and returns the outcome."""
 
 import contextlib
 import importlib
@@ -13,7 +13,7 @@ from pipeline.settings import current_store
 
 
 def run_job(job: Job, display: Display) -> tuple[Literal["built"] | FailureKind, str]:
-    """Build the job's task; returns how it went and, on failure, what to tell the user."""
+    """Builds the job's task; returns its outcome and, on failure, the message for the user."""
     log = Path(job.log)
     task_class: type[ArtifactTask] = getattr(importlib.import_module(job.module), job.task)
     try:
@@ -23,7 +23,7 @@ def run_job(job: Job, display: Display) -> tuple[Literal["built"] | FailureKind,
         lineage = tuple(record for record in records if record)
         with _Warnings(job.label, display, log):
             task.build(inputs, Path(job.out), RunContext(display, Path(job.resume), log, lineage))
-    except Exception as error:  # noqa: BLE001  whatever it is, it is this build's end
+    except Exception as error:  # noqa: BLE001  every error ends this build
         append_trace(log)
         return describe_error(error, log, task_class.user_errors, task_class.transient_errors)
     finally:
@@ -32,7 +32,7 @@ def run_job(job: Job, display: Display) -> tuple[Literal["built"] | FailureKind,
 
 
 class _Warnings(logging.Handler):
-    """What a build logs as a warning: a line that is shown, and one in its log."""
+    """A handler that shows the warnings of a build, and writes them to its log."""
 
     def __init__(self, label: str, display: Display, log: Path) -> None:
         super().__init__(logging.WARNING)
@@ -45,7 +45,7 @@ class _Warnings(logging.Handler):
         logging.getLogger().removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write the warning; a full disk is no reason to end."""
+        """Writes the warning. A full disk does not end the build."""
         line = f"{self._label}: warning: {' '.join(record.getMessage().split())}"
         self._display.say(line)
         with contextlib.suppress(OSError), self._log.open("a") as file:

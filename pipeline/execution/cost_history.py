@@ -17,9 +17,9 @@ from pipeline.store import Store
 
 _READ_BYTES = 1 << 18  # of the newest lines
 _NEWEST = 5
-_RESERVE = 1.2  # times the memory that an earlier build took
+_RESERVE = 1.2  # factor on the memory of earlier builds
 DEFAULT_SECONDS = 60.0
-"""Of a build that nothing is known of."""
+"""The expected time of a build without any earlier builds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,19 +58,19 @@ def cost_history(store: Store, family: str) -> list[CostSample]:
 
 
 def cost_of_similar(earlier: list[CostSample], parameters: Mapping[str, str]) -> Cost | None:
-    """Returns what a build with these parameters is expected to take; None without earlier builds.
+    """Returns the expected cost of a build with these parameters; None without earlier builds.
 
     The five newest builds that share the most parameters decide it. The time is their median. The
     memory is a fifth more than their largest.
     """
-    costs = [spent.cost for spent in alike(earlier, parameters)]
+    costs = [spent.cost for spent in most_similar(earlier, parameters)]
     if not costs:
         return None
     memory = _RESERVE * max(c.peak_memory_bytes for c in costs)
     return Cost(median(c.seconds for c in costs), int(memory))
 
 
-def alike(earlier: Sequence[CostSample], parameters: Mapping[str, str]) -> list[CostSample]:
+def most_similar(earlier: Sequence[CostSample], parameters: Mapping[str, str]) -> list[CostSample]:
     """Returns the newest builds, at most five, of those that share most of the parameters."""
     shared = [len(spent.parameters.items() & parameters.items()) for spent in earlier]
     most = max(shared, default=0)

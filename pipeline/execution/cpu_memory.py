@@ -1,8 +1,8 @@
-"""The cores and the memory of a build, where a command runs several at once.
+"""The cores and the memory of a build, if a command runs several at once.
 
 An allocation is a set of locks (`pipeline.execution.host_locks`): cores by their numbers, and 64ths
-of the memory. A build is bound to its cores, so that its threads, which may spin, cost no other
-build anything.
+of the memory. A build is bound to its cores, so that its threads, which may spin, do not slow down
+other builds.
 """
 
 import contextlib
@@ -20,23 +20,23 @@ from pipeline.settings import setting
 _MEMORY_PARTS = 64
 _CGROUP = Path("/sys/fs/cgroup")
 SPIN_COUNT = "GOMP_SPINCOUNT"
-"""The variable for how often a thread of libgomp looks at a barrier before it sleeps."""
+"""The variable for how often a thread of libgomp checks a barrier before it sleeps."""
 _SPINS = "2000"
 _KEPT_MEMORY = "MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"
-"""The variables of glibc for how much free memory is kept."""
+"""The variables of glibc for how much freed memory the process keeps."""
 THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "MKL_NUM_THREADS")
-"""What tells libraries how many threads to start."""
+"""The variables for how many threads libraries start."""
 
 
 @dataclass(frozen=True, slots=True)
 class CpuAllocation:
-    """What a build may use.
+    """The cores and memory of a build.
 
     Attributes:
-        cores: How many it shall use.
-        cpu_affinity: The numbers of the cores it is bound to; none: it may run on all.
-        environment: What tells its libraries so.
-        inherited_fds: The files whose flocks hold the share.
+        cores: How many cores it uses.
+        cpu_affinity: The numbers of the cores it is bound to; empty for all.
+        environment: The variables that set the threads of its libraries.
+        inherited_fds: The files whose flocks are its leases.
     """
 
     cores: int
@@ -47,20 +47,20 @@ class CpuAllocation:
 
 @contextlib.contextmanager
 def allocate(
-    max_cores: int, expected_bytes: int | None, say_so: Callable[[str], object]
+    max_cores: int, expected_bytes: int | None, on_wait: Callable[[str], object]
 ) -> Iterator[CpuAllocation]:
-    """Hold a share of this host: cores, and the memory that is expected.
+    """Holds a share of this host: cores, and the expected memory.
 
-    It waits for one core and for the memory, in the order of asking.
+    It waits for one core and for the memory, in the order of the requests.
 
     Args:
-        max_cores: How many to take where so many are free.
-        expected_bytes: The memory that the build will take; a part like that of the cores where it
-            is unknown.
-        say_so: Told what is waited for, where it is.
+        max_cores: How many cores to take, if enough are free.
+        expected_bytes: The memory of the build. If it is unknown, the build gets the same share
+            of memory as of cores.
+        on_wait: Called with the resource that the build waits for, if it waits.
 
     Raises:
-        StoreError: When the folder of leases cannot be used.
+        StoreError: The folder of leases cannot be used.
     """
     cores, memory = usable_cores(), memory_bytes()
     part = memory / _MEMORY_PARTS
@@ -70,10 +70,10 @@ def allocate(
         open_locks("memory", [str(n) for n in range(_MEMORY_PARTS)]) as parts,
         open_locks("core", [str(n) for n in cores]) as files,
     ):
-        with fifo_queue(lambda: say_so("for its turn")):
+        with fifo_queue(lambda: on_wait("for its turn")):
             resource = f"for {n_parts * part / 2**30:.1f} GiB of memory"
-            held = acquire(parts, n_parts, n_parts, lambda: say_so(resource))
-            mine = acquire(files, 1, max_cores, lambda: say_so("for a core"))
+            held = acquire(parts, n_parts, n_parts, lambda: on_wait(resource))
+            mine = acquire(files, 1, max_cores, lambda: on_wait("for a core"))
         yield CpuAllocation(
             cores=len(mine),
             cpu_affinity=tuple(map(int, mine)) if _may_bind() else (),
@@ -83,15 +83,15 @@ def allocate(
 
 
 def usable_cores() -> list[int]:
-    """The cores this process may use: those it is bound to, or as many as its group's quota pays.
+    """Returns the cores this process may use: those it is bound to, up to its group's quota.
 
-    Under a quota the numbers stand for no cores in particular.
+    Under a quota, the numbers are not those of particular cores.
     """
     return _bound()[: _quota() or None]
 
 
 def memory_bytes() -> int:
-    """What builds may take together: `[host] memory_gib`, or nine tenths of what the host has."""
+    """Returns the memory for all builds: `[host] memory_gib`, or nine tenths of the host's."""
     if gibibytes := float(setting("host", "memory_gib")):
         return int(gibibytes * 2**30)
     total = int(psutil.virtual_memory().total)
@@ -99,10 +99,10 @@ def memory_bytes() -> int:
 
 
 def available_memory_bytes() -> int:
-    """Returns what a build may take now: what the host, or this container's group, has left.
+    """Returns the memory that is free for a build, of the host or of this control group.
 
-    A group's use counts files that lie in memory; those that gave way to nothing yet
-    (`inactive_file`) do so for a build.
+    The use of a group includes cached files. The kernel drops the inactive ones (`inactive_file`)
+    for a build.
     """
     left = int(psutil.virtual_memory().available)
     if not (limits := _limits_of_memory()):
@@ -114,14 +114,14 @@ def available_memory_bytes() -> int:
 
 
 def _limits_of_memory() -> list[int]:
-    """Of this container's control group, where they are lower than what the host has."""
+    """Returns the memory limits of this control group that are below the host's memory."""
     words = [*_words("memory.max"), *_words("memory/memory.limit_in_bytes")]
     limits = [int(word) for word in words if word.isdigit()]
     return [limit for limit in limits if limit < psutil.virtual_memory().total]
 
 
 def _cores_of_memory() -> int:
-    """How many cores share what `memory_bytes` tells: a process that is bound shares it, too."""
+    """Returns how many cores share `memory_bytes`: all of the host without limits of this group."""
     is_own = float(setting("host", "memory_gib")) or _quota() or _limits_of_memory()
     return len(usable_cores()) if is_own else max(len(usable_cores()), os.cpu_count() or 1)
 
@@ -133,12 +133,12 @@ def _bound() -> list[int]:
 
 
 def _may_bind() -> bool:
-    """Not under a quota, where others are likely to bind to the same cores; and on Linux alone."""
+    """Whether builds may be bound: on Linux, and not under a quota, where cores have no numbers."""
     return hasattr(os, "sched_setaffinity") and len(usable_cores()) == len(_bound())
 
 
 def _quota() -> int:
-    """How many cores the control group of this container may keep busy; 0 if no file says so."""
+    """Returns how many cores the control group of this container may use; 0 without a quota."""
     quota = _words("cpu.max") or [*_words("cpu/cpu.cfs_quota_us"), *_words("cpu/cpu.cfs_period_us")]
     if len(quota) != 2 or not quota[0].isdigit():
         return 0
@@ -146,27 +146,27 @@ def _quota() -> int:
 
 
 def _words(name: str) -> Sequence[str]:
-    """What the control group says; nothing where there is none."""
+    """Returns the words in a file of the control group; empty without such a file."""
     with contextlib.suppress(OSError):
         return (_CGROUP / name).read_text().split()
     return []
 
 
 def openmp_wait_settings(environment: Mapping[str, str]) -> dict[str, str]:
-    """Returns how a build's OpenMP threads wait for each other; nothing where the user set it.
+    """Returns the variables for how OpenMP threads wait; empty if the user has set them.
 
-    By default libgomp's threads spin so long in a barrier that, beside any other busy thread, they
-    keep the one they wait for from its core (measured: a fit a hundred times slower).
+    By default, libgomp's threads spin in a barrier for so long that they can keep another thread,
+    for which they wait, from its core (measured: a fit a hundred times slower).
     """
     is_set = SPIN_COUNT in environment or "OMP_WAIT_POLICY" in environment
     return {} if is_set else {SPIN_COUNT: _SPINS}
 
 
 def allocator_settings(environment: Mapping[str, str]) -> dict[str, str]:
-    """Returns variables by which a build keeps the memory it frees; none where the user set them.
+    """Returns variables by which a build keeps the memory it frees; empty if the user set them.
 
-    By default glibc gives large blocks back at once, and every page of the next one costs a fault
-    (measured: a sixth of a fit, and a tenth of a render).
+    By default, glibc returns large blocks at once, and every page of the next block costs a page
+    fault (measured: a sixth of the time of a fit, and a tenth of that of a render).
     """
     is_set = any(name.startswith(("MALLOC_", "GLIBC_TUNABLES")) for name in environment)
     return {} if is_set else dict.fromkeys(_KEPT_MEMORY, str(2**30))

@@ -1,4 +1,4 @@
-"""The deadline `--until`: no build starts that is expected to be running then."""
+"""The deadline `--until`: no build starts that would probably be running at that time."""
 
 from datetime import datetime, timedelta
 
@@ -18,10 +18,10 @@ class Deadline(luigi.Parameter["datetime | None"]):
     """
 
     def parse(self, x: str) -> datetime | None:
-        """The moment, in local time if it has no zone; None for an empty string.
+        """Returns the moment, in local time if it has no zone; None for an empty string.
 
         Raises:
-            ParameterException: The text is neither.
+            ParameterException: The text is not a moment.
         """
         if not x:
             return None
@@ -32,12 +32,12 @@ class Deadline(luigi.Parameter["datetime | None"]):
         return moment.astimezone()  # with its zone, which may differ on another machine
 
     def serialize(self, x: datetime | None) -> str:
-        """The moment in ISO 8601, with its date and zone."""
+        """Returns the moment in ISO 8601, with its date and zone."""
         return x.isoformat() if x else ""
 
 
 def _next_occurrence(clock: str) -> datetime:
-    """The next time that a clock shows this, after the process started."""
+    """Returns the next time after the start of the process when a clock shows this."""
     started = datetime.fromtimestamp(psutil.Process().create_time())
     try:
         time_of_day = datetime.strptime(clock, "%H:%M").time()
@@ -53,8 +53,8 @@ def require_time_left(task: luigi.Task, until: datetime | None, cost: Cost | Non
 
     Args:
         task: The task to build.
-        until: The deadline; None where none is set.
-        cost: What the build is expected to take. If that is unknown, it may start until the
+        until: The deadline, if there is one.
+        cost: The expected cost of the build. If it is unknown, the build may start until the
             deadline.
 
     Raises:
@@ -67,4 +67,4 @@ def require_time_left(task: luigi.Task, until: datetime | None, cost: Cost | Non
     if needed_s >= left_s:
         expected = f", and it takes about {needed_s:.0f} s" if needed_s else ""
         reason = f"not begun: {max(0.0, left_s):.0f} s are left until {until}{expected}"
-        raise TaskFailure("late", str(task), f"{reason}. Run the same command again to go on.")
+        raise TaskFailure("late", str(task), f"{reason}. Run the same command again to continue.")

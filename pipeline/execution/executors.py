@@ -1,4 +1,4 @@
-"""Running one build: here (`inline`, for tests) or in a process of its own (`subprocess`)."""
+"""Runs one build: in this process (`inline`, for tests) or in another one (`subprocess`)."""
 
 import contextlib
 import dataclasses
@@ -29,14 +29,14 @@ class BuildProcess(Protocol):
     """Runs a build within all limits of its job."""
 
     def run(self, job: Job, display: Display) -> Report:
-        """Build, and show the progress; whatever happens to the build is in the report."""
+        """Builds, and shows the progress; the report has the outcome."""
 
 
 class Inline:
     """Builds in this interpreter, without limits: for tests and debuggers."""
 
     def run(self, job: Job, display: Display) -> Report:
-        """Build here."""
+        """Builds in this process."""
         started = time.monotonic()
         kind, message = run_job(job, display)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
@@ -44,14 +44,15 @@ class Inline:
 
 
 class Subprocess:
-    """Builds in an interpreter that, with all it starts, never outlives the call.
+    """Builds in another process, which ends with the call, and so do all that it starts.
 
-    Its standard input is a pipe whose other end only we hold: when we close it, or die however
-    suddenly, the supervisor there (`pipeline.execution.supervisor`) ends the build's process group.
+    Its standard input is a pipe whose other end only this process holds. When this process closes
+    the pipe or ends, the supervisor (`pipeline.execution.supervisor`) ends the process group of the
+    build.
     """
 
     def run(self, job: Job, display: Display) -> Report:
-        """Build there; the job lies beside its `out` as `job.json`."""
+        """Builds in another process; writes the job as `job.json` beside its `out`."""
         specification = Path(job.out).with_name("job.json")
         specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
         (stdin, lifeline), (messages, stdout) = os.pipe(), os.pipe()
@@ -72,16 +73,16 @@ class Subprocess:
     def _start(
         self, specification: Path, job: Job, stdin: int, stdout: int
     ) -> "ForkedProcess | subprocess.Popen[bytes]":
-        """A supervisor: forked, or in an interpreter of its own.
+        """Starts a supervisor, by a fork or in its own interpreter.
 
-        Libraries read how many threads to start when they are imported, so a build with cores of
-        its own has an interpreter of its own.
+        Libraries read the number of their threads when they are imported, so a build with its own
+        cores has its own interpreter.
         """
         environment = {**build_environment(), **job.environment}
         with Path(job.log).open("ab") as log:
             server = current_fork_server()
             if server and job.environment.keys().isdisjoint(THREADS):
-                with contextlib.suppress(OSError):  # the server was killed, or refuses
+                with contextlib.suppress(OSError):  # the server was killed, or cannot fork
                     streams = stdin, stdout, log.fileno()
                     function, words = f"{_SUPERVISOR}:supervise", [str(specification)]
                     return server.start(function, words, environment, streams, job.inherited_fds)
@@ -104,4 +105,4 @@ class Subprocess:
 
 
 EXECUTORS: Mapping[str, BuildProcess] = {"inline": Inline(), "subprocess": Subprocess()}
-"""By the word in [store] executor of `luigi.cfg`."""
+"""The executors, by the value of [store] executor in `luigi.cfg`."""

@@ -1,8 +1,8 @@
-"""A process that has imported libraries, and forks the builds of a command, and its validation.
+"""A process that has imported the libraries, and forks the builds and the validation of a command.
 
-Torch, numba and OpenCV take two seconds to import, as long as many a stage takes; a fork takes
-milliseconds. The server imports libraries, and of the project only what this file imports, so that
-a build imports the stages' code as it is then. It computes nothing: a build meets no thread of it.
+Torch, numba and OpenCV take two seconds to import, as long as many stages take. A fork takes
+milliseconds. The server imports libraries, and of the project only the imports of this file, so
+that a build imports the present code of the stages. It computes nothing, so it has no threads.
 """
 
 import contextlib
@@ -25,15 +25,15 @@ from typing import IO, Any, final
 from pipeline.execution.cpu_memory import allocator_settings, openmp_wait_settings
 
 _LARGEST_REQUEST_BYTES = 2**17
-_MOST_DESCRIPTORS = 253  # by Linux
+_MOST_DESCRIPTORS = 253  # the limit of Linux
 _FORKED = "forked\n"
-"""What a command reads before the status, once its process has begun."""
+"""The line that a command reads before the status, when its process has started."""
 _of_command: ContextVar["ForkServer | None"] = ContextVar("fork_server", default=None)
 
 
 @final
 class ForkServer:
-    """The server's end in a command; its process starts with the first fork."""
+    """The server as a command sees it. Its process starts with the first fork."""
 
     def __init__(self, libraries: Sequence[str]) -> None:
         self._libraries = libraries
@@ -63,14 +63,14 @@ class ForkServer:
         """Forks a process.
 
         Args:
-            function: What it calls, as `module:name`; it returns the exit status.
-            arguments: Those of the function.
+            function: The function to call, as `module:name`. It returns the exit status.
+            arguments: The arguments of the function.
             environment: All variables of the process.
             streams: Its standard input, output and error.
-            kept: Further descriptors that it holds open.
+            kept: Other descriptors that it holds open.
 
         Raises:
-            OSError: The server has ended, or cannot fork, or the request is too large for it.
+            OSError: The server has ended or cannot fork, or the request is too large.
         """
         path = [*filter(None, sys.path)]
         request = json.dumps([function, [*arguments], dict(environment), path, str(Path.cwd())])
@@ -114,10 +114,10 @@ class ForkedProcess:
 
 @contextlib.contextmanager
 def fork_server(libraries: Sequence[str]) -> Iterator[None]:
-    """Builds of this context are forked by a process that has imported the libraries.
+    """Provides a process that has imported the libraries and forks the builds of this context.
 
-    Without libraries, and elsewhere than on Linux, where forks of large libraries are not safe,
-    each build starts an interpreter.
+    Without libraries each build starts an interpreter. So it does on systems other than Linux,
+    where forks of large libraries are not safe.
     """
     if not libraries or sys.platform != "linux":
         yield
@@ -137,19 +137,19 @@ def current_fork_server() -> ForkServer | None:
 
 
 def answer_of(function: str, question: str) -> str:
-    """Has a function read a question on standard input; returns what it writes to standard output.
+    """Runs a function with a text on standard input; returns its standard output.
 
-    The process is forked by the server of this context, or else is a new interpreter.
+    The server of this context forks the process. Without a server it is a new interpreter.
 
     Args:
-        function: What it calls, as `module:name`; it returns the exit status.
+        function: The function to call, as `module:name`. It returns the exit status.
         question: The text.
 
     Raises:
         RuntimeError: The process was killed, or the function failed.
     """
-    (stdin, asking), (hearing, stdout) = os.pipe(), os.pipe()
-    with os.fdopen(asking, "w") as questions, os.fdopen(hearing) as answers:
+    (stdin, question_end), (answer_end, stdout) = os.pipe(), os.pipe()
+    with os.fdopen(question_end, "w") as questions, os.fdopen(answer_end) as answers:
         try:
             process = _started(function, (stdin, stdout, 2))
         finally:
@@ -169,7 +169,7 @@ def _started(
     function: str, streams: tuple[int, int, int]
 ) -> "ForkedProcess | subprocess.Popen[bytes]":
     if server := current_fork_server():
-        with contextlib.suppress(OSError):  # the server was killed, or refuses
+        with contextlib.suppress(OSError):  # the server was killed, or cannot fork
             return server.start(function, (), build_environment(), streams)
     module, _, name = function.partition(":")
     code = f"import sys; from {module} import {name}; sys.exit({name}())"
@@ -192,9 +192,9 @@ def build_environment() -> dict[str, str]:
 
 
 def main() -> int:
-    """Serves until the command ends; a child calls its function instead."""
+    """Serves until the command ends. A child calls its function instead."""
     for name in sys.argv[1:]:
-        with contextlib.suppress(Exception):  # the build that needs the library says so
+        with contextlib.suppress(Exception):  # the build that needs the library reports it
             importlib.import_module(name)
     gc.freeze()  # a collection in a child copies no memory
     request = _child_of(socket.socket(fileno=os.dup(0)))
@@ -257,7 +257,7 @@ def _send_statuses(statuses: dict[int, int]) -> None:
 
 
 def _call(request: list[Any], descriptors: list[int]) -> int:
-    """In a child: becomes what a new interpreter for the request would be; calls its function."""
+    """Turns a child into a new interpreter for the request, and calls its function."""
     function, arguments, environment, path, folder = request
     os.setsid()
     os.chdir(folder)

@@ -1,4 +1,4 @@
-"""One build a card: the cards of this host, as units to lend (`pipeline.execution.host_locks`)."""
+"""Leases of the GPUs of this host, each for one build (`pipeline.execution.host_locks`)."""
 
 import contextlib
 import os
@@ -12,59 +12,59 @@ from pipeline.execution.host_locks import acquire, open_locks
 from pipeline.settings import setting
 
 Lease: TypeAlias = tuple[dict[str, str], tuple[int, ...]]
-"""Variables for a build's environment, and open files for it to hold."""
+"""Variables for the environment of a build, and open files whose flocks are its leases."""
 VISIBLE = "CUDA_VISIBLE_DEVICES"
-CARD = re.compile(r"^(?:GPU(?!.*\n\s+MIG)|\s+MIG).*\(UUID: (.*)\)", re.MULTILINE)
-"""In what `nvidia-smi -L` prints: a whole card, or the parts of one that was divided."""
+UUID_LINE = re.compile(r"^(?:GPU(?!.*\n\s+MIG)|\s+MIG).*\(UUID: (.*)\)", re.MULTILINE)
+"""A line of `nvidia-smi -L` with the UUID of a whole GPU, or of a part of a divided GPU."""
 
 
 @contextlib.contextmanager
-def leased(say_so: Callable[[], object], most: int = 1) -> Iterator[Lease]:
-    """Hold a card that nobody else has; call `say_so` once where others hold all of them.
+def leased(on_wait: Callable[[], object], most: int = 1) -> Iterator[Lease]:
+    """Holds a free GPU; calls `on_wait` once if other builds hold all of them.
 
     Args:
-        say_so: To be called.
-        most: How many cards to hold where so many are free.
+        on_wait: Called if the build has to wait.
+        most: How many GPUs to hold, if enough are free.
 
-    Returns:
-        What shows a build these cards alone, and the files whose flocks hold them; nothing where
-        there are no cards.
+    Yields:
+        The variable that shows a build these GPUs only, and the files whose flocks are the leases.
+        Both are empty on a host without GPUs.
 
     Raises:
-        StoreError: When the cards cannot be listed, or the folder of leases cannot be used.
+        StoreError: The GPUs cannot be listed, or the folder of leases cannot be used.
     """
     with open_locks("gpu", visible_cards()) as files:
-        taken = acquire(files, 1, most, say_so) if files else []
-        yield ({VISIBLE: ",".join(taken)} if taken else {}), tuple(files[c] for c in taken)
+        taken = acquire(files, 1, most, on_wait) if files else []
+        yield ({VISIBLE: ",".join(taken)} if taken else {}), tuple(files[gpu] for gpu in taken)
 
 
 def visible_cards() -> list[str]:
-    """The cards of this host that CUDA_VISIBLE_DEVICES does not hide, by their UUIDs.
+    """Returns the UUIDs of the GPUs of this host that CUDA_VISIBLE_DEVICES allows.
 
     Raises:
-        StoreError: When they cannot be listed.
+        StoreError: The GPUs cannot be listed.
     """
-    return visible(_cards(), os.environ.get(VISIBLE))
+    return visible(_gpus(), os.environ.get(VISIBLE))
 
 
-def visible(cards: Sequence[str], wanted: str | None) -> list[str]:
-    """Those of `cards` that a CUDA_VISIBLE_DEVICES names: by number, or by how the UUID begins."""
+def visible(gpus: Sequence[str], wanted: str | None) -> list[str]:
+    """Returns the GPUs in a CUDA_VISIBLE_DEVICES: by number, or by the start of the UUID."""
     if wanted is None:
-        return list(cards)
+        return list(gpus)
     words = [word.strip() for word in wanted.split(",") if word.strip()]
-    numbered = list(enumerate(cards))
-    return [c for word in words for n, c in numbered if word == str(n) or c.startswith(word)]
+    numbered = list(enumerate(gpus))
+    return [gpu for word in words for n, gpu in numbered if word == str(n) or gpu.startswith(word)]
 
 
-def _cards() -> list[str]:
-    if cards := setting("gpu", "cards"):
-        return cards.replace(",", " ").split()
+def _gpus() -> list[str]:
+    if uuids := setting("gpu", "cards"):
+        return uuids.replace(",", " ").split()
     try:
         ask = ["nvidia-smi", "-L"]
-        return CARD.findall(subprocess.check_output(ask, text=True, timeout=60))
+        return UUID_LINE.findall(subprocess.check_output(ask, text=True, timeout=60))
     except FileNotFoundError:
         return []
     except (OSError, subprocess.SubprocessError) as error:
         reason = str(error).rstrip(".")
-        remedy = "Name the cards of this host by their UUIDs in [gpu] cards."
+        remedy = "Name the UUIDs of the GPUs of this host in [gpu] cards."
         raise StoreError(f"no GPU can be leased: {reason}. {remedy}") from error

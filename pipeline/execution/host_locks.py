@@ -1,8 +1,8 @@
-"""Leases of a host's resources: GPUs, cores and parts of the memory serve one build at a time.
+"""Leases of a host's resources: GPUs, cores and parts of the memory, each for one build at a time.
 
 Each unit is a file, and an flock on it is the lease, for all users and stores of the host. The
 processes of the build hold the lock, so it ends with the last of them. No result depends on these
-locks: without them builds would only disturb each other.
+locks. Without them, builds would only slow each other down.
 """
 
 import contextlib
@@ -17,12 +17,12 @@ from pipeline.errors import StoreError
 from pipeline.locks import try_lock
 from pipeline.settings import setting
 
-_SECONDS_BETWEEN_LOOKS = 0.5
+_SECONDS_BETWEEN_POLLS = 0.5
 
 
 @contextlib.contextmanager
 def open_locks(kind: str, names: Sequence[str]) -> Iterator[dict[str, int]]:
-    """Opens the files of units, by name; closing them returns the units that were taken.
+    """Opens the files of units, by name. When they are closed, the leases end.
 
     Raises:
         StoreError: The folder of leases cannot be used.
@@ -57,28 +57,28 @@ def try_acquire(files: Mapping[str, int], least: int, most: int) -> list[str]:
 
 
 def acquire(
-    files: Mapping[str, int], least: int, most: int, say_so: Callable[[], object]
+    files: Mapping[str, int], least: int, most: int, on_wait: Callable[[], object]
 ) -> list[str]:
-    """Waits until `try_acquire` succeeds and returns its names; calls `say_so` once if it waits."""
-    say_once = functools.cache(say_so)
+    """Waits for `try_acquire`, and returns its names; calls `on_wait` once if it has to wait."""
+    notify_once = functools.cache(on_wait)
     while not (taken := try_acquire(files, least, most)):
-        say_once()
-        time.sleep(_SECONDS_BETWEEN_LOOKS)
+        notify_once()
+        time.sleep(_SECONDS_BETWEEN_POLLS)
     return taken
 
 
 @contextlib.contextmanager
-def fifo_queue(say_so: Callable[[], object]) -> Iterator[None]:
+def fifo_queue(on_wait: Callable[[], object]) -> Iterator[None]:
     """Lets one process at a time choose its units, in the order of their requests."""
     with open_locks("turn", ["0"]) as files:
         if not try_lock(files["0"]):
-            say_so()
+            on_wait()
             fcntl.flock(files["0"], fcntl.LOCK_EX)
         yield
 
 
 def _lease_folder() -> Path:
-    """Returns the folder of the units' files, and makes it for all users if there is none."""
+    """Returns the folder of the units' files, and makes it for all users if needed."""
     folder = Path(setting("host", "leases"))
     umask = os.umask(0)
     try:
@@ -89,7 +89,7 @@ def _lease_folder() -> Path:
 
 
 def _open(name: str) -> int:
-    """Opens the file of a unit, which another user may have made, and which all may open."""
+    """Opens the file of a unit. Another user may have made it, and all users may open it."""
     umask = os.umask(0)
     try:
         path = _lease_folder() / name

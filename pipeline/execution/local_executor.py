@@ -26,15 +26,15 @@ class LocalExecutor:
     """Implements `pipeline.build.Executor`.
 
     Attributes:
-        store: Where the costs of earlier builds are.
-        options: Of the build.
+        store: The store with the costs of earlier builds.
+        options: The options of the build.
     """
 
     store: Store
     options: BuildOptions
 
     def run(self, task: ArtifactTask, job: Job) -> Report:
-        """Waits for GPUs, cores and memory, and builds; checkpoints are shared meanwhile.
+        """Waits for GPUs, cores and memory, and builds. It shares checkpoints while it builds.
 
         Raises:
             TaskFailure: The deadline would pass before the build ended.
@@ -65,7 +65,7 @@ class LocalExecutor:
 
     def built(self, task: ArtifactTask, record: ActionRecord, report: Report) -> None:
         """Records the cost for later plans, and removes shared checkpoints."""
-        is_whole = not report.earlier_seconds  # whose CPU time is not known
+        is_whole = not report.earlier_seconds  # the CPU time of ended attempts is not known
         cost = Cost(
             report.earlier_seconds + report.seconds,
             report.peak_memory_bytes,

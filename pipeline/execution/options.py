@@ -1,4 +1,4 @@
-"""How and where a task is built, apart from what decides its artifact."""
+"""How and where a task is built. None of this decides the artifact."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -10,10 +10,10 @@ class BuildOptions:
 
     Attributes:
         executor: "inline", "subprocess", or the name of a cluster backend.
-        until: When no build may run any more; None where there is no deadline.
-        timeout_seconds: When to end the build, if not 0.
-        memory_limit_bytes: The resident memory at which to end it, if not 0.
-        max_gpus: How many GPUs it uses where so many are free; 0 for none.
+        until: The deadline, at which no build may run any more; None without a deadline.
+        timeout_seconds: The time after which the build is ended; 0 for no limit.
+        memory_limit_bytes: The resident memory at which the build is ended; 0 for no limit.
+        max_gpus: How many GPUs it uses at most, if enough are free; 0 for none.
     """
 
     executor: str = "subprocess"

@@ -1,4 +1,4 @@
-"""The process that started this one, and whose death ends it."""
+"""The end of this process together with its parent."""
 
 import ctypes
 import os
@@ -9,10 +9,10 @@ _PR_SET_PDEATHSIG = 1
 
 
 def die_with(parent: int) -> None:
-    """Has the kernel kill this process when its parent dies; Linux only.
+    """Makes the kernel kill this process when its parent ends; on Linux only.
 
     Args:
-        parent: The id of the parent. If it has died already, this process ends at once.
+        parent: The id of the parent. If it has ended already, this process ends at once.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""The pipe on which a build tells where it stands: a line of JSON a message."""
+"""The pipe on which a build reports its progress, with a line of JSON for each message."""
 
 import contextlib
 import json
@@ -13,36 +13,36 @@ _SECONDS_BETWEEN_MESSAGES = 0.2
 
 
 class ProgressPipe:
-    """The build's end of the pipe, as `Display`; that nobody listens is no reason to end."""
+    """The build's end of the pipe, as a `Display`. A closed pipe does not end the build."""
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor, self._total, self._told_s = descriptor, -1, 0.0
+        self._descriptor, self._total, self._sent_s = descriptor, -1, 0.0
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Tell `done` of `total`, five times a second."""
+        """Reports `done` of `total`, at most five times a second."""
         now = time.monotonic()
-        if total != self._total or now - self._told_s >= _SECONDS_BETWEEN_MESSAGES:
-            self._total, self._told_s = total, now
+        if total != self._total or now - self._sent_s >= _SECONDS_BETWEEN_MESSAGES:
+            self._total, self._sent_s = total, now
             self.send(done=done, total=total, quality=quality)
 
     def say(self, line: str) -> None:
-        """Tell a line that stays."""
+        """Sends a line that stays on the screen."""
         self.send(line=line)
 
     def close(self) -> None:
-        """Leave the rest to who listens."""
+        """Does nothing. The reader closes its display."""
 
     def send(self, **message: object) -> None:
-        """Tell anything that JSON can say."""
+        """Sends a message of these fields."""
         with contextlib.suppress(OSError):
             os.write(self._descriptor, json.dumps(message).encode() + b"\n")
 
 
 def read_messages(lines: Iterable[bytes], display: Display) -> dict[str, Any]:
-    """Show what a build tells, until it ends; returns all other fields, the last word of each."""
+    """Shows the messages of a build until it ends; returns the last values of all other fields."""
     fields: dict[str, Any] = {}
     for line in lines:
-        with contextlib.suppress(json.JSONDecodeError):  # a builder was killed at it
+        with contextlib.suppress(json.JSONDecodeError):  # a builder was killed while writing
             message = json.loads(line)
             if not isinstance(message, dict):
                 continue

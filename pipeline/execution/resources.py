@@ -1,4 +1,4 @@
-"""What a task's build holds while it runs, and what it is expected to take."""
+"""The resources that a build holds while it runs, and its expected cost."""
 
 import contextlib
 import logging
@@ -19,33 +19,33 @@ _log = logging.getLogger("pipeline")
 
 
 def lease_gpu(label: str, max_gpus: int) -> contextlib.AbstractContextManager[Lease]:
-    """GPUs for the build; one that uses none sees none."""
+    """Leases GPUs for the build. A build without GPUs sees none."""
     if not max_gpus:
         return contextlib.nullcontext(({VISIBLE: ""}, ()))
-    say_so = partial(_log.info, "%s: every GPU of this host is leased, waiting", label)
-    return leased(say_so, max_gpus)
+    on_wait = partial(_log.info, "%s: waiting for a GPU, since all are leased", label)
+    return leased(on_wait, max_gpus)
 
 
 def cpu_for(label: str, cost: Cost | None) -> contextlib.AbstractContextManager[CpuAllocation]:
-    """Cores for the build, and the memory that it is expected to take.
+    """Leases cores for the build, and its expected memory.
 
-    A command that runs one build at a time has the host to itself, unless
-    STYLETRF_CORES sets how many cores to use.
+    A command that runs one build at a time uses the whole host, unless STYLETRF_CORES sets the
+    number of cores.
     """
     workers, cores = workers_of_command(), int(os.environ.get(CORES, "0"))
     if workers == 1 and not cores:
         return contextlib.nullcontext(CpuAllocation(len(usable_cores())))
-    say_so = partial(_log.info, "%s: waiting %s", label)
+    on_wait = partial(_log.info, "%s: waiting %s", label)
     part = math.ceil(len(usable_cores()) / workers)
-    return allocate(cores or part, cost.peak_memory_bytes if cost else None, say_so)
+    return allocate(cores or part, cost.peak_memory_bytes if cost else None, on_wait)
 
 
 def expected_cost(task: ArtifactTask, store: Store) -> Cost | None:
-    """What a build of the task will take, if the store has the costs of similar ones."""
+    """Returns the expected cost of a build, if the store has the costs of similar ones."""
     return cost_of_similar(cost_history(store, task.task_family), significant(task))
 
 
 def significant(task: ArtifactTask) -> dict[str, str]:
-    """The parameters that distinguish the task from others, serialized."""
+    """Returns the serialized parameters that distinguish the task from others."""
     serialized: dict[str, str] = task.to_str_params(only_significant=True)  # type: ignore[no-untyped-call]
     return serialized

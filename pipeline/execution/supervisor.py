@@ -1,10 +1,10 @@
-"""`python -m pipeline.execution.supervisor JOB.json`: one build, supervised.
+"""`python -m pipeline.execution.supervisor JOB.json`: runs one build under supervision.
 
-The supervisor forks before it imports any of the project's code. It waits for the builder and
-guards it: for its time, its memory, and the end of standard input, which means that whoever wanted
-the build is gone. However that ends, the builder's process group ends with it. Both report on
-standard output (a disk may be full), each a JSON object with fields of `pipeline.job.Report`;
-what the build itself prints goes to standard error, the log.
+The supervisor forks before it imports any code of the project. It waits for the builder and checks
+its time, its memory, and standard input. The end of standard input means that the command has
+ended. In every case, the builder's process group ends with the builder. Both processes report on
+standard output, since the disk may be full. Each report is a JSON object with fields of
+`pipeline.job.Report`. The output of the build itself goes to standard error, which is the log.
 """
 
 import contextlib
@@ -23,14 +23,14 @@ import psutil
 
 from pipeline.execution.parent_process import die_with
 
-_SECONDS_BETWEEN_LOOKS, _SECONDS_BETWEEN_NOTES = 0.1, 0.5
+_SECONDS_BETWEEN_POLLS, _SECONDS_BETWEEN_NOTES = 0.1, 0.5
 _SPENT = ".seconds"
 _MAXRSS_UNIT = 1 if sys.platform == "darwin" else 1024
-_CAUSES = {"timeout": "for taking too long", "memory": "for want of memory"}
+_CAUSES = {"timeout": "for taking too long", "memory": "for lack of memory"}
 
 
 def supervise(specification: str) -> int:
-    """Fork, supervise, report; returns the exit status."""
+    """Forks the builder, supervises it and reports; returns the exit status."""
     job = json.loads(Path(specification).read_text())
     supervisor = os.getpid()
     builder = os.fork()
@@ -38,18 +38,18 @@ def supervise(specification: str) -> int:
         os.setpgid(0, 0)
         die_with(supervisor)
         return _build(job)
-    with contextlib.suppress(OSError):  # both sides do it, so that neither has to wait
+    with contextlib.suppress(OSError):  # both processes do it, so that neither has to wait
         os.setpgid(builder, builder)
     limits = job["timeout_seconds"], job["memory_limit_bytes"]
-    _say(1, **_supervise(builder, *limits, Path(job["resume"])))
+    _report(1, **_supervise(builder, *limits, Path(job["resume"])))
     return 0
 
 
 def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -> dict[str, Any]:
-    """Wait for the builder; end its group when nobody waits for it or it takes too much.
+    """Waits for the builder, and ends its process group at a limit or with the command.
 
-    Memory is the resident memory of all its processes, as seen now and then; a page that two of
-    them share counts twice.
+    Memory is the resident memory of all its processes, measured ten times a second. A page that
+    two of them share counts twice.
     """
     started, oom_kills, seconds, peak, kind = time.monotonic(), _oom_kills(), 0.0, 0, "killed"
     busy, earlier, noted = _busy_seconds(), _spent(resume), 0.0
@@ -64,8 +64,8 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -
             kind = "memory"
         if kind != "killed" or select.select([0], [], [], 0)[0]:
             _end(builder)
-        time.sleep(_SECONDS_BETWEEN_LOOKS)
-    _end(builder)  # what it started and left behind
+        time.sleep(_SECONDS_BETWEEN_POLLS)
+    _end(builder)  # processes that it started and left behind
     status, largest = os.waitstatus_to_exitcode(ended[1]), ended[2].ru_maxrss * _MAXRSS_UNIT
     own = ended[2].ru_utime + ended[2].ru_stime
     report = {"status": status, "seconds": seconds, "peak_memory_bytes": max(peak, largest)}
@@ -80,7 +80,7 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -
 
 
 def _build(job: dict[str, Any]) -> int:
-    """In the builder: import the task, build, say how it went."""
+    """Imports the task, builds it and reports the outcome, in the process of the builder."""
     if job["cpu_affinity"]:
         os.sched_setaffinity(0, job["cpu_affinity"])  # before anything counts the cores
     report, nothing = os.dup(1), os.open(os.devnull, os.O_RDONLY)
@@ -91,13 +91,13 @@ def _build(job: dict[str, Any]) -> int:
     from pipeline.job import Job
 
     kind, message = run_job(Job(**job), ProgressPipe(report))
-    _say(report, kind=kind, message=message[:8000])  # the log has all of it
+    _report(report, kind=kind, message=message[:8000])  # the log has all of it
     return 0 if kind == "built" else 1
 
 
-def _say(descriptor: int, **fields: object) -> None:
+def _report(descriptor: int, **fields: object) -> None:
     with open(descriptor, "w") as file:
-        file.write(f"\n{json.dumps(fields)}\n")  # the line before may be half one of the killed
+        file.write(f"\n{json.dumps(fields)}\n")  # a killed process may leave half a line before it
 
 
 def _end(group: int) -> None:
@@ -106,17 +106,17 @@ def _end(group: int) -> None:
 
 
 def _resident_bytes(builder: int) -> int:
-    """Of the builder's group and of all that it started, whatever group they are of."""
+    """Returns the memory of the builder's group and of all processes that it started."""
     members, total = set(_descendants(builder)), 0
     for pid in psutil.pids():
-        with contextlib.suppress(psutil.Error, OSError):  # it is gone by now
+        with contextlib.suppress(psutil.Error, OSError):  # it has just ended
             if pid in members or os.getpgid(pid) == builder:
                 total += psutil.Process(pid).memory_info().rss
     return total
 
 
 def _descendants(pid: int) -> Iterator[int]:
-    """What Linux tells of them; reading the tree alone costs the same however many others run."""
+    """Yields the descendants of a process from Linux's tree, whatever else runs."""
     with contextlib.suppress(OSError):
         for thread in Path(f"/proc/{pid}/task").iterdir():
             for child in map(int, (thread / "children").read_text().split()):
@@ -125,7 +125,7 @@ def _descendants(pid: int) -> Iterator[int]:
 
 
 def _spent(resume: Path) -> float:
-    """What earlier attempts took whose checkpoints this one goes on from."""
+    """Returns the time of earlier attempts whose checkpoints this one uses."""
     with contextlib.suppress(OSError, ValueError):
         if _checkpoints(resume):
             return float((resume / _SPENT).read_text())
@@ -137,14 +137,14 @@ def _checkpoints(resume: Path) -> list[Path]:
 
 
 def _note_spent(resume: Path, seconds: float) -> None:
-    """Leave the time beside the checkpoints, if there are any; a full disk is no reason to end."""
+    """Writes the time beside the checkpoints, if there are any, and unless the disk is full."""
     with contextlib.suppress(OSError):
         if _checkpoints(resume):
             (resume / _SPENT).write_text(f"{seconds:.1f}")
 
 
 def _busy_seconds() -> float:
-    """What all cores of the machine have spent on anything since it started."""
+    """Returns the CPU time of all processes of the machine since it started."""
     times = psutil.cpu_times()
     idle = times.idle + getattr(times, "iowait", 0.0)
     counted_twice = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)
@@ -152,7 +152,7 @@ def _busy_seconds() -> float:
 
 
 def _oom_kills() -> int:
-    """How many processes the kernel has ended so far for want of memory, in any container."""
+    """Returns how many processes the kernel has killed for lack of memory, in any container."""
     counters = Path("/proc/vmstat").read_text() if sys.platform == "linux" else ""
     return sum(map(int, re.findall(r"^oom_kill (\d+)", counters, re.MULTILINE)))
 

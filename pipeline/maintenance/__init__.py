@@ -1,6 +1,6 @@
-"""`python -m pipeline`: what a store holds, why a task would run, repair and garbage collection.
+"""`python -m pipeline`: lists and repairs a store, collects garbage, explains why a task would run.
 
-Enters: a store. Leaves: rows for a table, or a store that is repaired or smaller.
+Input: a store. Output: rows for a table, or a store that is repaired or smaller.
 Begin at `command_line.py`, which has one subcommand for each function of `commands`,
 `store_commands` and `code_commands`.
 """

@@ -1,4 +1,4 @@
-"""Attempts at builds: which are under way, and how the others ended."""
+"""Attempts at builds: which of them are running, and how the others ended."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -13,16 +13,16 @@ from pipeline.maintenance.why import upstream_first
 from pipeline.store import Store
 from pipeline.task import StoredTask
 
-_EVER = datetime.fromtimestamp(0, UTC)
+_EPOCH = datetime.fromtimestamp(0, UTC)
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """A build that was begun.
+    """A build that was started.
 
     Attributes:
         log: Its log.
-        kind: "built", the kind of the failure, or "" if it did not write how it ended.
+        kind: "built", the kind of the failure, or "" if it did not write its outcome.
         end: The reason, or the last line of the log.
         is_under_way: Whether a process holds the lock of its key.
     """
@@ -40,7 +40,7 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True)
 class BlockingFailure:
-    """The stage that keeps another from being made, and why; or that is being built right now."""
+    """The stage that prevents another stage, with the reason, or that is running now."""
 
     task: StoredTask
     reason: str
@@ -49,11 +49,11 @@ class BlockingFailure:
 
 
 def attempts(
-    store: Store, family: str = "*", key: str = "", since: datetime = _EVER
+    store: Store, family: str = "*", key: str = "", since: datetime = _EPOCH
 ) -> list[Attempt]:
-    """Every attempt at builds of a family, or at one key, of which there is a log; oldest first.
+    """Returns the logged attempts at builds of a family, or at one key, oldest first.
 
-    Of those that ended, those since a moment.
+    Attempts that ended before `since` are left out.
     """
     logs = (store.root / "logs").glob(f"{family}/{key[:16]}*.log")
     found = [_attempt(store, log) for log in sorted(logs, key=_changed)]
@@ -61,15 +61,15 @@ def attempts(
 
 
 def find_blocking_failure(
-    task: luigi.Task, store: Store, since: datetime = _EVER
+    task: luigi.Task, store: Store, since: datetime = _EPOCH
 ) -> BlockingFailure | None:
-    """What keeps a task from being made: what failed, or else what is under way; or nothing yet.
+    """Returns what prevents a task: a failure, or else a running build; or None.
 
-    It looks at this store alone, and at the last attempt at each stage whose inputs are there.
+    It uses this store only, and the last attempt at each stage whose inputs are complete.
 
     Args:
-        task: That is not made.
-        store: Where attempts left their logs.
+        task: The task that is not made.
+        store: The store with the logs of attempts.
         since: Earlier failures do not count.
     """
     missing: set[StoredTask] = set()
@@ -85,11 +85,11 @@ def find_blocking_failure(
 
 
 def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, BlockingFailure | None]:
-    """Whether a task whose inputs are there is made, and what is in its way."""
-    mendable: Errors = (StoreError, OSError, *task.user_errors)
+    """Returns whether a task with complete inputs is made, and what prevents it."""
+    repairable: Errors = (StoreError, OSError, *task.user_errors)
     try:
         key = task.action().key
-    except mendable as error:
+    except repairable as error:
         return False, BlockingFailure(task, str(error))
     if store.record(key):
         return True, None
@@ -105,7 +105,7 @@ def _attempt(store: Store, log: Path) -> Attempt:
     locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
     is_under_way = any(is_held(lock) for lock in locks)
     if not end and not is_under_way:
-        end = f"it wrote nothing (a full disk?). {log}"
+        end = f"it wrote nothing; the disk may be full. Its log: {log}"
     return Attempt(log, kind, end, is_under_way)
 
 

@@ -1,4 +1,4 @@
-"""The commands of `python -m pipeline` that look at a store: each turns it into rows."""
+"""The commands of `python -m pipeline` that list a store. Each returns rows."""
 
 import re
 from argparse import Namespace
@@ -13,32 +13,33 @@ from pipeline.record import ActionRecord
 from pipeline.store import Store
 
 Rows: TypeAlias = list[dict[str, Json]]
-Answer: TypeAlias = tuple[int, Rows]
-"""An exit status, and what to print as a table or as JSON."""
+CommandResult: TypeAlias = tuple[int, Rows]
+"""An exit status, and the rows to print as a table or as JSON."""
 
 
-def ls(store: Store, options: Namespace) -> Answer:
-    """One line an artifact, or with --failed an attempt that left none; oldest first."""
+def ls(store: Store, options: Namespace) -> CommandResult:
+    """Lists artifacts or, with --failed, attempts without an artifact; oldest first."""
     everything = sorted(store.records(), key=lambda record: str(record.provenance["started"]))
     folders = [path.name for path in (store.root / "logs").iterdir()]
     known = sorted({*folders, *(record.action.family for record in everything)})
     if options.family and options.family not in known:
-        raise StoreError(f"{store.root} has nothing of {options.family}, but of {', '.join(known)}")
+        problem = f"{store.root} has nothing of {options.family}"
+        raise StoreError(f"{problem}. Its families are {', '.join(known)}.")
     if options.failed:
         return 0, _failures(store, options.family or "*", everything)
     return 0, [row_of(r) for r in everything if options.family in (None, r.action.family)]
 
 
-def show(store: Store, options: Namespace) -> Answer:
-    """All that is known of the artifacts whose key or digest begins so."""
+def show(store: Store, options: Namespace) -> CommandResult:
+    """Shows everything about the artifacts whose key or digest begins with these digits."""
     rows: Rows = []
     for record in find_all(store.records(), options.address):
         facts: dict[str, Json] = {
             "key": record.action.key,
-            "object": _told(store.object(record.output.digest)),
+            "object": _path_text(store.object(record.output.digest)),
             **{f"output.{name}": getattr(record.output, name) for name in ("size", "files")},
             **record.provenance,
-            "log": _told(store.root / str(record.provenance["log"])),
+            "log": _path_text(store.root / str(record.provenance["log"])),
             "code": record.action.code,
             "parameters": record.action.parameters,
             **{f"tool {name}": word for name, word in record.action.tools.items()},
@@ -53,8 +54,8 @@ def show(store: Store, options: Namespace) -> Answer:
     return 0, rows
 
 
-def du(store: Store, _options: Namespace) -> Answer:
-    """Bytes by task, then by scene; what several share is counted once, for all of them."""
+def du(store: Store, _options: Namespace) -> CommandResult:
+    """Sums the bytes by task, then by scene. An artifact that several share is counted once."""
     objects: dict[str, list[ActionRecord]] = {}
     for record in store.records():
         if store.object(record.output.digest).is_dir():
@@ -67,10 +68,10 @@ def du(store: Store, _options: Namespace) -> Answer:
 
 
 def find_all(among: Iterable[ActionRecord], address: str) -> list[ActionRecord]:
-    """Those records whose key or digest begins with `address`.
+    """Returns the records whose key or digest begins with `address`.
 
     Raises:
-        StoreError: When there is none.
+        StoreError: There is no such record.
     """
     found = [
         record
@@ -83,7 +84,7 @@ def find_all(among: Iterable[ActionRecord], address: str) -> list[ActionRecord]:
 
 
 def totals(parts: Iterable[tuple[Mapping[str, str], int]]) -> Rows:
-    """A row for each different mapping: how many there were, and their bytes."""
+    """Returns a row for each different mapping, with its count and its bytes."""
     found: dict[tuple[tuple[str, str], ...], list[int]] = {}
     for names, size in parts:
         found.setdefault(tuple(names.items()), []).append(size)
@@ -94,7 +95,7 @@ def totals(parts: Iterable[tuple[Mapping[str, str], int]]) -> Rows:
 
 
 def row_of(record: ActionRecord) -> dict[str, Json]:
-    """An artifact in a line."""
+    """Returns the row of an artifact."""
     seen = record.provenance
     return {
         "key": record.action.key,
@@ -106,13 +107,13 @@ def row_of(record: ActionRecord) -> dict[str, Json]:
 
 
 def _scene(record: ActionRecord) -> str:
-    """The scene that the task was asked for; none for what scenes share, such as a style."""
+    """Returns the scene of a task; "(none)" for an artifact of several scenes, such as a style."""
     asked = re.search(r"\bscene=([^,)]*)", str(record.provenance["task"]))
     return asked[1] if asked else "(none)"
 
 
 def _failures(store: Store, family: str, everything: Iterable[ActionRecord]) -> Rows:
-    """A row a log of a build that published nothing, with its last line."""
+    """Returns a row for each log of a build that published nothing, with its last line."""
     published = {str(record.provenance["log"]) for record in everything}
     return [
         {"state": "under way" if a.is_under_way else "ended", "log": str(a.log), "end": a.end}
@@ -121,5 +122,5 @@ def _failures(store: Store, family: str, everything: Iterable[ActionRecord]) -> 
     ]
 
 
-def _told(path: Path) -> str:
+def _path_text(path: Path) -> str:
     return str(path) if path.exists() else f"{path} (no longer here)"

@@ -1,8 +1,9 @@
-"""Garbage collection: deletes what nothing refers to, by way of `trash/`.
+"""Garbage collection: moves unused files to `trash/` and deletes them there.
 
-Held is what a root, a living process or one of the last runs refers to, and what is young; each
-with all it was made from. While this is found out and the rest moved to `trash/`, records before
-the objects they name, nobody takes a lease or publishes; deleting takes its time afterwards.
+An artifact stays if a root, a living process or one of the last runs refers to it, or if it is
+recent. Everything that it was made from stays, too. While the collection finds the garbage and
+moves it to `trash/`, records before their objects, no process takes a lease or publishes. The
+collection deletes the files afterwards.
 """
 
 import contextlib
@@ -23,22 +24,22 @@ from pipeline.store import Store
 
 _log = logging.getLogger("pipeline")
 _MONTH_HOURS = 30 * 24.0
-_RETENTION_RULES = (  # where, at what age (None: the grace period), why; records go before objects
-    ("actions/*/*.json", None, "nothing holds it"),
-    ("objects/*/*", None, "no record that stays names it"),
-    ("code/*/*.json", None, "no record that stays names it"),
-    ("tmp/*", None, "its process is gone"),
+_RETENTION_RULES = (  # files, age (None: the grace period), reason; records before objects
+    ("actions/*/*.json", None, "nothing uses it"),
+    ("objects/*/*", None, "no kept record names it"),
+    ("code/*/*.json", None, "no kept record names it"),
+    ("tmp/*", None, "its process has ended"),
     ("quarantine/*", None, "it was damaged"),
     ("runs/*", None, "later runs are kept"),
-    ("logs/*/*", _MONTH_HOURS, "no record that stays names it"),
-    ("resume/*", _MONTH_HOURS, "nobody went on with it"),
-    ("roots/*", _MONTH_HOURS, "it leads nowhere"),
+    ("logs/*/*", _MONTH_HOURS, "no kept record names it"),
+    ("resume/*", _MONTH_HOURS, "no build continued from it"),
+    ("roots/*", _MONTH_HOURS, "its target does not exist"),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class GcDecision:
-    """What becomes of a path in the store, what it is, its bytes, and why."""
+    """The decision to keep or delete a path in the store: what it is, its bytes and the reason."""
 
     path: Path
     what: str
@@ -50,23 +51,23 @@ class GcDecision:
 def collect(
     store: Store, *, keep_last: int = 3, grace_hours: float = 24.0, delete: bool = False
 ) -> list[GcDecision]:
-    """Find what nothing holds and, if asked to, delete it; safe beside any number of processes.
+    """Finds the garbage and, if asked to, deletes it. Other processes may use the store.
 
     Args:
-        store: Its `gc.lock` is held while the garbage is found, and moved to `trash/`.
-        keep_last: How many finished runs keep what they used, 0 or more.
-        grace_hours: What was made, used or set aside more recently stays.
-        delete: Do it. If not, the store may be one that can only be read.
+        store: The store. Its `gc.lock` is held until the garbage is in `trash/`.
+        keep_last: The number of finished runs whose artifacts stay, 0 or more.
+        grace_hours: Files that were made, used or set aside more recently stay.
+        delete: Whether to delete. Otherwise the store may be read-only.
 
     Returns:
-        What is deleted, and of all that stays the objects, each once.
+        Everything that is deleted, and each object that stays.
 
     Raises:
-        StoreError: When a record cannot be read, so that nobody can tell what it needs.
-        OSError: When the disk fails; what stays is whole.
+        StoreError: A record cannot be read, so nobody can tell what it needs.
+        OSError: The disk fails. The remaining files are intact.
     """
-    say_so = partial(_log.warning, "The store is in use; waiting to collect from it.")
-    with locked(store.root / "gc.lock", say_so):
+    on_wait = partial(_log.warning, "The store is in use. The collection waits for it.")
+    with locked(store.root / "gc.lock", on_wait):
         decisions = list(_decisions(store, keep_last, grace_hours))
         store.reached("marked")
         for path in [decision.path for decision in decisions if decision.delete and delete]:
@@ -95,7 +96,7 @@ def _decisions(store: Store, keep_last: int, grace_hours: float) -> Iterator[GcD
         needed |= {path for path, _ in holders} | {store.object(each) for each in addresses}
     for pattern, hours, why in _RETENTION_RULES:
         for path in sorted(store.root.glob(pattern)):
-            is_needed = path in needed or path.with_suffix(".log") in needed  # it lies beside that
+            is_needed = path in needed or path.with_suffix(".log") in needed  # beside the log
             if not is_needed and not _is_younger(path, hours or grace_hours):
                 maker, folder = known.get(path.name), pattern.partition("/")[0]
                 what = str(maker.provenance.get("label")) if maker else folder
@@ -103,15 +104,15 @@ def _decisions(store: Store, keep_last: int, grace_hours: float) -> Iterator[GcD
 
 
 def _by_address(store: Store) -> dict[str, ActionRecord]:
-    """Every record by its key, and by the digest of its object the newest that made it."""
+    """Returns every record by its key, and the newest record of each object by its digest."""
     everything = sorted(store.records(), key=lambda record: str(record.provenance.get("started")))
     known = {record.output.digest: record for record in everything}
     known |= {record.action.key: record for record in everything}
     for path in (store.root / "actions").glob("*/*.json"):
         if path.stem not in known:
             raise StoreError(
-                f"{path} cannot be read, so nobody can tell what it needs. Nothing was collected:"
-                " `verify --repair` sets it aside; or collect with the newer program that wrote it."
+                f"{path} cannot be read, so nobody can tell what it needs. Nothing was collected."
+                " `verify --repair` sets it aside. Or collect with the newer program that wrote it."
             )
     return known
 
@@ -119,7 +120,7 @@ def _by_address(store: Store) -> dict[str, ActionRecord]:
 def _references(
     store: Store, known: Mapping[str, ActionRecord], keep_last: int, grace_hours: float
 ) -> dict[str, References]:
-    """By the reason: the paths that say so, and the keys and digests they hold."""
+    """Returns, by reason, the paths that keep artifacts, with their keys and digests."""
     living, past = runs(store.root)
     useful = [run for run in past if not known.keys().isdisjoint(run[1])]
     made = [(store.action(key), {key}) for key in known]
@@ -134,7 +135,7 @@ def _references(
 
 
 def _size(path: Path) -> int:
-    """The bytes of a file or of a directory's files; of what vanishes meanwhile none."""
+    """Returns the bytes of a file, or of the files in a directory, without deleted ones."""
     inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
     size = 0
     for file in inside if path.is_dir() and not path.is_symlink() else [path]:
@@ -144,7 +145,7 @@ def _size(path: Path) -> int:
 
 
 def _delete(path: Path) -> None:
-    """Remove a directory, read-only ones in it too; what resists, the next collection tries."""
+    """Deletes a directory, even if parts are read-only. The next collection retries."""
     for folder, _, _ in os.walk(path):
         with contextlib.suppress(OSError):
             Path(folder).chmod(0o755)
@@ -152,7 +153,7 @@ def _delete(path: Path) -> None:
 
 
 def _is_younger(path: Path, hours: float) -> bool:
-    """Whether `path` was made, renamed or written to since; not so if it has just vanished."""
+    """Whether `path` was made, renamed or changed in the last `hours`; False if it is deleted."""
     try:
         return time.time() - path.lstat().st_ctime < hours * 3600
     except FileNotFoundError:

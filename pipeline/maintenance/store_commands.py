@@ -1,4 +1,4 @@
-"""The commands of `python -m pipeline` that keep a store whole and small, and share it."""
+"""The commands of `python -m pipeline` that check, repair, clean and share a store."""
 
 import sys
 from argparse import Namespace
@@ -8,7 +8,7 @@ from pipeline.console.display import is_interactive
 from pipeline.console.progress import ProgressBar
 from pipeline.errors import StoreError
 from pipeline.maintenance import roots
-from pipeline.maintenance.commands import Answer, Rows, find_all, row_of, totals
+from pipeline.maintenance.commands import CommandResult, Rows, find_all, row_of, totals
 from pipeline.maintenance.garbage_collection import collect
 from pipeline.maintenance.verify import problems, repair, unreferenced_objects
 from pipeline.record import ActionRecord, ancestors
@@ -17,8 +17,8 @@ from pipeline.shared_store.settings import current_remote
 from pipeline.store import Store
 
 
-def verify(store: Store, options: Namespace) -> Answer:
-    """Look for damage; status 1 where some is left. What gc would take comes last."""
+def verify(store: Store, options: Namespace) -> CommandResult:
+    """Finds damage, with status 1 if some is left. Garbage comes last."""
     rows: Rows = []
     for problem in problems(store, deep=options.deep):
         label = problem.record.provenance["label"] if problem.record else None
@@ -30,25 +30,25 @@ def verify(store: Store, options: Namespace) -> Answer:
     return int(bool(rows) and not options.repair), rows + garbage
 
 
-def push(store: Store, options: Namespace) -> Answer:
-    """Upload what the shared store lacks; status 1 where something could not be."""
+def push(store: Store, options: Namespace) -> CommandResult:
+    """Uploads what the shared store lacks, with status 1 if something failed."""
     chosen = [r for a in options.address for r in find_all(store.records(), a)]
     return _transfer(
         chosen or list(store.records()), lambda r: sync.push(store, r, current_remote())
     )
 
 
-def pull(store: Store, options: Namespace) -> Answer:
-    """Fetch from the shared store; status 1 where something could not be."""
+def pull(store: Store, options: Namespace) -> CommandResult:
+    """Fetches artifacts from the shared store, with status 1 if something failed."""
     remote = current_remote()
-    if not options.address and not options.night:
-        raise StoreError("pull takes what is named: a KEY or DIGEST, or --night NAME")
-    if options.night:
-        found = sync.listed_records(remote, options.night)
+    if not options.address and not options.grid:
+        raise StoreError("pull needs an artifact or a grid: a KEY or DIGEST, or --grid NAME")
+    if options.grid:
+        found = sync.listed_records(remote, options.grid)
     else:
         found = sync.shared_records(remote)
     chosen = [r for a in options.address for r in find_all(found, a)]
-    chosen = chosen or (found if options.night else [])
+    chosen = chosen or (found if options.grid else [])
     if options.closure:
         known = {n: r for r in found for n in (r.output.digest, r.action.key)}
         chosen = ancestors([r.action.key for r in chosen], known)
@@ -57,7 +57,7 @@ def pull(store: Store, options: Namespace) -> Answer:
     )
 
 
-def _transfer(chosen: list[ActionRecord], act: Callable[[ActionRecord], str]) -> Answer:
+def _transfer(chosen: list[ActionRecord], act: Callable[[ActionRecord], str]) -> CommandResult:
     bar = ProgressBar("artifacts", sys.stderr, interactive=is_interactive())
     rows: Rows = []
     for i, record in enumerate(chosen):
@@ -68,8 +68,8 @@ def _transfer(chosen: list[ActionRecord], act: Callable[[ActionRecord], str]) ->
     return int(any(row["done"] not in ("fetched", "pushed") for row in rows)), rows
 
 
-def gc(store: Store, options: Namespace) -> Answer:
-    """What nothing holds any more, then what stays, and why; deletes only with --delete."""
+def gc(store: Store, options: Namespace) -> CommandResult:
+    """Lists the garbage, then what stays, and why. It deletes the garbage only with --delete."""
     decisions = collect(
         store, keep_last=options.keep_last, grace_hours=options.grace, delete=options.delete
     )
@@ -79,15 +79,15 @@ def gc(store: Store, options: Namespace) -> Answer:
     )
 
 
-def pin(store: Store, options: Namespace) -> Answer:
-    """Keep an artifact whatever gc thinks; without one, list what is pinned."""
+def pin(store: Store, options: Namespace) -> CommandResult:
+    """Keeps an artifact until `unpin`. Without an artifact, it lists the pins."""
     if options.address:
         key = roots.require_single(find_all(store.records(), options.address)).action.key
         roots.pin(store, key, options.name or key[:12])
     return 0, [{"name": name, "key": key} for name, key in roots.pins(store).items()]
 
 
-def unpin(store: Store, options: Namespace) -> Answer:
-    """Leave to gc again what a pin keeps, or what a folder shows."""
+def unpin(store: Store, options: Namespace) -> CommandResult:
+    """Lets gc collect what a pin keeps, or what a folder shows."""
     roots.unpin(store, options.name)
     return 0, [{"name": name, "key": key} for name, key in roots.pins(store).items()]

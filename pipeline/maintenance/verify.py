@@ -1,4 +1,4 @@
-"""Looks over a store for damage, and repairs it."""
+"""Finds damage in a store, and repairs it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from pipeline.store import Store
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing wrong with a store.
+    """One damaged file or directory of a store.
 
     Attributes:
-        kind: "no record", or what `Store.find_damage` says of an object.
-        path: The file or directory in question.
+        kind: "no record", or the result of `Store.find_damage` for an object.
+        path: The damaged file or directory.
         record: The record that names the object.
     """
 
@@ -25,11 +25,11 @@ class Problem:
 
 
 def problems(store: Store, *, deep: bool) -> Iterator[Problem]:
-    """What is wrong with the store; an object that only the shared store has is not.
+    """Yields the damage of a store. An object that only the shared store has is not damaged.
 
     Args:
         store: The store.
-        deep: Read every byte; otherwise only count the files and their sizes.
+        deep: Whether to read every byte, instead of only the numbers of files and bytes.
     """
     artifacts = SharedArtifacts(store)
     for path in sorted((store.root / "actions").glob("*/*.json")):
@@ -43,21 +43,21 @@ def problems(store: Store, *, deep: bool) -> Iterator[Problem]:
 
 
 def unreferenced_objects(store: Store) -> Iterator[Path]:
-    """Objects that no record names: no damage, but what a killed process left."""
+    """Returns the objects that no record names, which a killed process may leave."""
     named = {record.output.digest for record in store.records()}
     return (path for path in (store.root / "objects").glob("*/*") if path.name not in named)
 
 
 def repair(store: Store, problem: Problem) -> str:
-    """Mend it, or take it away so that the next run makes it anew; returns what was done."""
+    """Restores the damaged part, or sets it aside for the next run; returns what was done."""
     artifacts = SharedArtifacts(store)
     if problem.record is None:
         store.quarantine(problem.path)
-        is_mended = artifacts.lookup(problem.path.stem) is not None
+        is_repaired = artifacts.lookup(problem.path.stem) is not None
     else:
-        is_mended = artifacts.restore(problem.record, problem.kind)
-    if is_mended:
+        is_repaired = artifacts.restore(problem.record, problem.kind)
+    if is_repaired:
         return "protected" if problem.kind == "writable" else "restored from the shared store"
     if problem.record:
         store.quarantine(store.action(problem.record.action.key))
-    return "set aside; the next run makes it anew"
+    return "set aside; the next run makes it again"

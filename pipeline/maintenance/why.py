@@ -1,4 +1,4 @@
-"""Why a task would run: what sets it apart from the nearest artifact in the store."""
+"""Why a task would run: its differences from the nearest artifact in the store."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,9 +16,9 @@ from pipeline.task import StoredTask
 
 Differences = dict[str, tuple[Json, Json]]
 _KNOWN = ("up to date", "to be shown", "collected")
-"""States in which the artifact's digest is known, and so the action of what is downstream."""
+"""States with a known digest of the artifact, so that downstream actions are known."""
 TO_BE_MADE = "to be made"
-"""Stands for the digest of an input that is not there yet."""
+"""A placeholder for the digest of an input that does not exist yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +29,8 @@ class Explanation:
         task: The task.
         state: "up to date", "to be shown", "collected", "the first of its family", "the first
             of its files", "cannot be made", "differs from KEY" or "waits for LABELS".
-        differences: What differs, by its path: then and now. Of a task that waits, an input that
-            is not there yet counts as different.
+        differences: The old and new values, by path. For a task that waits, an input that does
+            not exist yet counts as different.
     """
 
     task: StoredTask
@@ -44,7 +44,7 @@ class Explanation:
 
 
 def explain(task: luigi.Task, store: Store) -> Iterator[dict[str, Json]]:
-    """For each task of a graph, first things first: its state, and a row for every difference."""
+    """Yields the state of each task of a graph, upstream tasks first, with a row per difference."""
     for each in explanations([task], store):
         for what, (then, now) in (each.differences or {"": (None, None)}).items():
             label, state = each.task.label, each.state
@@ -52,7 +52,7 @@ def explain(task: luigi.Task, store: Store) -> Iterator[dict[str, Json]]:
 
 
 def explanations(roots: Iterable[luigi.Task], store: Store) -> Iterator[Explanation]:
-    """For each task of the graphs, each once and first things first, why it would run."""
+    """Yields why each task of the graphs would run, each once and upstream tasks first."""
     past = sorted(store.records(), key=lambda r: str(r.provenance["started"]), reverse=True)
     makers = {record.output.digest: str(record.provenance["label"]) for record in past}
     unknown: set[luigi.Task] = set()
@@ -66,7 +66,7 @@ def explanations(roots: Iterable[luigi.Task], store: Store) -> Iterator[Explanat
 
 
 def upstream_first(task: luigi.Task, seen: set[luigi.Task] | None = None) -> Iterator[StoredTask]:
-    """The stored tasks of a graph, each once and after all that it needs; last the task itself."""
+    """Yields the stored tasks of a graph, each once and after all that it needs."""
     seen = set() if seen is None else seen
     if task not in seen:
         seen.add(task)
@@ -82,11 +82,11 @@ def _state(
     family = [record for record in past if record.action.family == task.task_family]
     if missing and not family:
         return waits, {}
-    mendable: Errors = (StoreError, *task.user_errors)
+    repairable: Errors = (StoreError, *task.user_errors)
     try:
         record = None if missing else task.record()
-        action = _foreseen(task, missing)
-    except mendable as error:
+        action = _expected_action(task, missing)
+    except repairable as error:
         return (waits, {}) if missing else ("cannot be made", {str(error): (None, None)})
     if record:
         return ("up to date" if task.published() else "to be shown"), {}
@@ -101,8 +101,8 @@ def _state(
     return (f"differs from {nearest.action.key[:12]}" if differences else "collected"), differences
 
 
-def _foreseen(task: StoredTask, missing: Mapping[str, StoredTask]) -> Action:
-    """The action, with a word for the digest of each input that is not there yet."""
+def _expected_action(task: StoredTask, missing: Mapping[str, StoredTask]) -> Action:
+    """Returns the action, with a placeholder for the digest of each missing input."""
     if not missing:
         return task.action()
     there = {n: t for n, t in task.requires().items() if n not in missing}
@@ -111,7 +111,7 @@ def _foreseen(task: StoredTask, missing: Mapping[str, StoredTask]) -> Action:
 
 
 def _reads_alike(then: Action, now: Action) -> bool:
-    """Whether two actions read a file of one name; a list of all others would explain nothing."""
+    """Whether two actions read a file of the same name. If not, a comparison explains nothing."""
     return not now.sources or bool(then.sources.keys() & now.sources.keys())
 
 
@@ -129,7 +129,7 @@ def _nearest(
 
 
 def _differences(then: object, now: object) -> Differences:
-    """Where two nested values differ, by path: `parameters.settings.iterations`."""
+    """Returns where two nested values differ, by path: `parameters.settings.iterations`."""
     old, new = _leaves("", then), _leaves("", now)
     pairs = {path: (old.get(path, "absent"), new.get(path, "absent")) for path in {**old, **new}}
     return {path: p for path, p in pairs.items() if canonical_json(p[0]) != canonical_json(p[1])}
@@ -143,7 +143,7 @@ def _leaves(path: str, value: Any) -> dict[str, Json]:
 
 
 def _named(value: Json, makers: Mapping[str, str]) -> Json:
-    """The value; a digest in short, with the task that made what it names."""
+    """Returns a value; a digest is shortened, and followed by the task that made its object."""
     if not isinstance(value, str) or not re.fullmatch("[0-9a-f]{64}", value):
         return value
     return f"{value[:12]} by {makers[value]}" if value in makers else value[:12]

@@ -1,6 +1,6 @@
 """A store that machines share: a folder or a bucket, behind the store of each machine.
 
-Enters and leaves: records and artifacts. Nothing from there is believed without its digest.
+Input and output: records and artifacts. The digest of every artifact is checked.
 Begin at `sync.py`. `remote` reads and writes bytes by name, `archive` packs a directory,
-`signatures` signs records, and `checkpoints` shares those of builds under way.
+`signatures` signs records, and `checkpoints` shares the checkpoints of running builds.
 """

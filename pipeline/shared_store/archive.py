@@ -1,4 +1,4 @@
-"""An artifact as one stream of bytes: an uncompressed tar, the same for the same content."""
+"""An artifact as one file: an uncompressed tar, which is the same for the same content."""
 
 import shutil
 import tarfile
@@ -8,9 +8,9 @@ from pipeline.digest import Tree, walk
 
 
 def pack(root: Path, archive: Path) -> None:
-    """Write all that the directory `root` holds into the new tar file `archive`.
+    """Writes the content of the directory `root` into the new tar file `archive`.
 
-    Names and bytes decide its bytes: sorted, without times, owners and modes.
+    Its bytes depend only on sorted names and contents, not on times, owners and modes.
     """
     with tarfile.open(archive, "x", format=tarfile.PAX_FORMAT) as tar:
         for path, status in walk(root):
@@ -25,32 +25,32 @@ def pack(root: Path, archive: Path) -> None:
 
 
 def unpack(archive: Path, root: Path, expected: Tree) -> None:
-    """Make the directory `root` from what `pack` wrote; nothing is ever written outside it.
+    """Makes the directory `root` from a file of `pack`, and never writes outside of it.
 
     Raises:
-        ValueError: When the archive is damaged, has not the size expected, or holds a device or
-            what leads elsewhere. What it made until then stays.
+        ValueError: The archive is damaged, has another size than expected, or contains a device,
+            a link or a path outside `root`. Files that were already unpacked stay.
     """
     root.mkdir()
     try:
         with tarfile.open(archive, "r:") as tar:
             files = [member.size for member in tar.getmembers() if member.isfile()]
             if (sum(files), len(files)) != (expected.size, expected.files):
-                raise ValueError("its files are not of the expected number and size")
+                raise ValueError("its files do not have the expected number and size")
             for member in tar:
                 _extract(tar, member, root)
     except (tarfile.TarError, FileExistsError, FileNotFoundError, NotADirectoryError) as error:
-        raise ValueError(f"it is no archive of an artifact: {error}") from error
+        raise ValueError(f"it is not an archive of an artifact: {error}") from error
 
 
 def _extract(tar: tarfile.TarFile, member: tarfile.TarInfo, root: Path) -> None:
-    """Make one directory or file; Python has a filter for that from 3.11.4 on only.
+    """Makes one directory or file; Python's own filter exists only since 3.11.4.
 
-    Links are never made, so that a name without `..` cannot lead elsewhere.
+    It never makes links, so a name without `..` stays inside `root`.
     """
     name = PurePosixPath(member.name)
     if name.is_absolute() or ".." in name.parts:
-        raise ValueError(f"{member.name} leads elsewhere")
+        raise ValueError(f"{member.name} is a path outside the artifact")
     content = tar.extractfile(member) if member.isreg() else None
     if content:
         with content, (root / name).open("xb") as file:

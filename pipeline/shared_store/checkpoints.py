@@ -1,9 +1,9 @@
-"""Checkpoints in the shared store, so that another machine goes on where a lost one was.
+"""Checkpoints in the shared store, from which another machine continues a lost build.
 
-    resume/<key>/<when it was written>-<digest>-<bytes>-<files>[-<signature>].tar
+    resume/<key>/<time of writing>-<digest>-<bytes>-<files>[-<signature>].tar
 
-A machine believes one, like everything there, only if it has the digest in its name; where there is
-a key (`signatures.py`), the name must be signed, too. Whoever builds the key removes them.
+A machine uses a checkpoint only if its content has the digest in its name. With a signing key
+(`signatures.py`), the name must be signed, too. The machine that builds the key removes them.
 """
 
 import contextlib
@@ -32,14 +32,14 @@ def shared_checkpoints(key: str, resume: Path) -> Iterator[Callable[[], None]]:
     """Downloads the newest checkpoint if it is newer than the local one, then uploads new ones.
 
     It uploads every `[store] checkpoint_seconds`, and after an exception. It does nothing without a
-    shared store, or if that is not to be written to.
+    shared store, or if uploads are switched off.
 
     Args:
-        key: Of the build.
+        key: The key of the build.
         resume: Its folder of checkpoints.
 
     Yields:
-        A function to call if the build failed: it uploads what there is.
+        A function to call if the build failed, which uploads the last checkpoint.
     """
     if not _are_shared():
         yield lambda: None
@@ -70,7 +70,7 @@ def shared_checkpoints(key: str, resume: Path) -> Iterator[Callable[[], None]]:
 
 
 def forget_checkpoints(key: str) -> None:
-    """Remove those of a key that is built."""
+    """Removes the shared checkpoints of a key that is built."""
     if _are_shared():
         current_remote().call_or_none("writing", lambda r: _remove(r, key, r.names(_at(key))))
 
@@ -81,13 +81,13 @@ def _are_shared() -> bool:
 
 
 def _checkpoints(resume: Path) -> list[tuple[str, int, int]]:
-    """The checkpoints as they are; not the notes beside them, whose names begin with a dot."""
+    """Returns the checkpoints with times and sizes, without the dot files beside them."""
     files = ((p.name, p.stat()) for p in resume.iterdir() if p.name[0] != ".")
     return sorted((name, status.st_mtime_ns, status.st_size) for name, status in files)
 
 
 def _written(checkpoints: list[tuple[str, int, int]]) -> str:
-    """Returns when the newest was written, as names in the shared store have it."""
+    """Returns the time of the newest checkpoint, in the format of names in the shared store."""
     newest_ns = max((time_ns for _, time_ns, _ in checkpoints), default=0)
     return f"{datetime.fromtimestamp(newest_ns / 1e9, UTC):{_TIME}}"
 
@@ -100,13 +100,13 @@ class CheckpointUploader:
         self._uploaded: list[tuple[str, int, int]] = []
 
     def run(self, is_over: threading.Event, seconds: float) -> None:
-        """Uploads now and then, until `is_over`."""
+        """Uploads at intervals of `seconds`, until `is_over`."""
         while not is_over.wait(seconds):
             self.upload()
 
     def upload(self) -> None:
-        """Uploads the folder if it has changed; older checkpoints are removed."""
-        with contextlib.suppress(OSError, ValueError):  # the disk is full, or a file just went
+        """Uploads the folder if it has changed, and removes older checkpoints."""
+        with contextlib.suppress(OSError, ValueError):  # the disk is full, or a file was deleted
             found = _checkpoints(self._resume)
             if found and found != self._uploaded:
                 self._remote.call_or_none("writing", self._upload)
@@ -134,18 +134,18 @@ class CheckpointUploader:
 
 
 def _hardlink_or_copy(source: str, target: str) -> None:
-    """A link to a checkpoint, which is replaced and never written to; a copy of a note."""
+    """Links a checkpoint, which is only ever replaced; copies a dot file."""
     (shutil.copyfile if Path(source).name[0] == "." else os.link)(source, target)
 
 
 def _download_newest(key: str, resume: Path, remote: Remote) -> None:
-    """Fill the folder from the newest archive that is whole, and newer than what is there."""
+    """Fills the folder from the newest intact archive that is newer than the folder."""
     here = _written(_checkpoints(resume))
     for name in sorted(remote.names(_at(key)), reverse=True):
         if name.partition("-")[0] <= here:
             return
-        if not _is_believed(remote, key, name):
-            remote.distrust("checkpoint", "unsigned, or signed by another key")
+        if not _is_trusted(remote, key, name):
+            remote.warn_unsigned("checkpoint", "unsigned, or signed by another key")
             continue
         archive, unpacked = (resume.with_name(f"{resume.name}.{end}") for end in ("tar", "new"))
         try:
@@ -159,22 +159,24 @@ def _download_newest(key: str, resume: Path, remote: Remote) -> None:
                 for path in unpacked.iterdir():
                     os.utime(path, (written_s, written_s))
                     path.rename(resume / path.name)
-                _log.info("going on from a checkpoint that %s has", remote.url)
+                _log.info("continuing from a checkpoint in %s", remote.url)
                 return
         except ValueError as error:
-            _log.warning("%s/%s in %s is wrong: %s", _at(key), name, remote.url, error)
+            _log.warning(
+                "the checkpoint %s/%s in %s is damaged: %s", _at(key), name, remote.url, error
+            )
         finally:
             archive.unlink(missing_ok=True)
             shutil.rmtree(unpacked, ignore_errors=True)
 
 
 def _signature(remote: Remote, key: str, description: str) -> str:
-    """Returns the signature of a checkpoint's description; empty where nothing is signed."""
+    """Returns the signature of a checkpoint's description; empty without a signing key."""
     return signature(remote.key, *_signed(key, description)) if remote.key else ""
 
 
-def _is_believed(remote: Remote, key: str, name: str) -> bool:
-    """Whether the name is signed, where it has to be."""
+def _is_trusted(remote: Remote, key: str, name: str) -> bool:
+    """Whether the name is signed, or needs no signature."""
     description, _, mark = name.removesuffix(".tar").rpartition("-")
     return not remote.key or is_signed(mark, remote.key, *_signed(key, description))
 

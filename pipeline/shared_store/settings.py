@@ -8,11 +8,11 @@ from pipeline.shared_store.remote import Remote, open_remote
 from pipeline.shared_store.signatures import SHORTEST_KEY
 
 PATIENCE = "STYLETRF_PATIENCE"
-"""The variable by which another machine gets the seconds to wait for the shared store."""
+"""The variable that sets, on another machine, how long to wait for the shared store."""
 
 
 def current_remote() -> Remote:
-    """The shared store in STYLETRF_REMOTE, or in [store] remote of `luigi.cfg`; or none."""
+    """Returns the shared store in STYLETRF_REMOTE or [store] remote, if there is one."""
     url = os.environ.get("STYLETRF_REMOTE", setting("store", "remote"))
     patience_seconds = os.environ.get(PATIENCE, setting("store", "patience_seconds"))
     options = setting("store", "remote_options")
@@ -20,21 +20,21 @@ def current_remote() -> Remote:
 
 
 def signing_key() -> bytes:
-    """The key in the file that [store] signing_key of `luigi.cfg` names; empty where none is named.
+    """Reads the key in the file that [store] signing_key names; empty if none is named.
 
     Raises:
-        StoreError: The file cannot be read, or holds too little.
+        StoreError: The file cannot be read, or is too short.
     """
     if not setting("store", "signing_key"):
         return b""
     path = configured_path("store", "signing_key").expanduser()
-    remedy = f"Make one for all machines: (umask 077; openssl rand -hex 32 > {path})"
+    remedy = f"Make one key for all machines: (umask 077; openssl rand -hex 32 > {path})"
     try:
         key = path.read_bytes().strip()
     except OSError as error:
         problem = f"[store] signing_key: {path} cannot be read ({error.strerror})"
         raise StoreError(f"{problem}. {remedy}.") from error
     if len(key) < SHORTEST_KEY:
-        problem = f"[store] signing_key: {path} holds {len(key)} bytes, fewer than {SHORTEST_KEY}"
+        problem = f"[store] signing_key: {path} has {len(key)} bytes, fewer than {SHORTEST_KEY}"
         raise StoreError(f"{problem}. {remedy}.")
     return key

@@ -1,7 +1,7 @@
-"""Signatures of what lies in a shared store, by a key that those who may write to it hold.
+"""Signatures of files in a shared store, by a key of the machines that may write to it.
 
-A signature is HMAC-SHA256 (RFC 2104) over the digest of typed parts. A record's covers all that it
-says in canonical form, the digest of its object included, so that no byte of the object can differ.
+A signature is HMAC-SHA256 (RFC 2104) over the digest of typed parts. The signature of a record
+covers all its canonical JSON with the digest of its object, so it covers every byte of the object.
 """
 
 import hmac
@@ -10,42 +10,42 @@ from pipeline.digest import typed_digest
 from pipeline.record import ActionRecord
 
 SHORTEST_KEY = 32
-"""Bytes that a key has at least."""
+"""The least number of bytes of a key."""
 _MARK = b"\n\nhmac-sha256 "
 
 
 class SignatureError(ValueError):
-    """What a shared store has is not signed by the key."""
+    """A file of a shared store is not signed by the key."""
 
 
 def signature(key: bytes, kind: str, *parts: bytes) -> str:
     """Returns 64 hexadecimal digits that only a holder of the key can compute.
 
     Args:
-        key: Of `SHORTEST_KEY` bytes or more.
-        kind: The name space: what is signed as one kind is not signed as another.
-        parts: What is signed.
+        key: `SHORTEST_KEY` bytes or more.
+        kind: The name space. A signature of one kind is not valid for another.
+        parts: The signed bytes.
     """
     return hmac.new(key, typed_digest(kind, *parts).encode(), "sha256").hexdigest()
 
 
 def is_signed(mark: str, key: bytes, kind: str, *parts: bytes) -> bool:
-    """Whether `mark` is the signature; takes as long however much of it is right."""
+    """Whether `mark` is the signature; the time does not depend on how much of it is right."""
     return hmac.compare_digest(mark.encode(), signature(key, kind, *parts).encode())
 
 
-def sealed(record: ActionRecord, key: bytes) -> bytes:
-    """Returns a record as a shared store keeps it: with a key, its signature follows the JSON."""
+def signed_text(record: ActionRecord, key: bytes) -> bytes:
+    """Returns the text of a record in a shared store: JSON and, with a key, its signature."""
     text = record.to_json()
     return text + _MARK + signature(key, *_signed(record)).encode() + b"\n" if key else text
 
 
-def unsealed(text: bytes, key: bytes) -> ActionRecord:
-    """Returns the record that `sealed` wrote; without a key, whether or not it is signed.
+def from_signed_text(text: bytes, key: bytes) -> ActionRecord:
+    """Reads the record that `signed_text` wrote; without a key, the signature does not matter.
 
     Raises:
-        SignatureError: There is a key, and it did not sign this.
-        ValueError: It is no record at all.
+        SignatureError: There is a key, and the key did not sign this record.
+        ValueError: The text is not a record.
     """
     canonical, _, mark = text.partition(_MARK)
     record = ActionRecord.from_json(canonical)

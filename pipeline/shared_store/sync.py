@@ -1,13 +1,13 @@
-"""What a store has from the shared one and gives to it: records by key, objects as archives.
+"""The exchange between a store and the shared one: records by key, objects as archives.
 
     objects/ab/<digest>.tar     uploaded first
-    code/ab/<digest>.json       what the code with this digest consists of, for `why`
-    actions/ab/<key>.json       then this; without its object it counts as absent
-    nights/<name>.keys          the keys that a batch resolved, a line each
+    code/ab/<digest>.json       the parts of the code with this digest, for `why`
+    actions/ab/<key>.json       uploaded last; a record without its object counts as absent
+    grids/<name>.keys           the keys that a grid resolved, one on each line; earlier: nights/
 
-Nothing from there is believed: an object comes in by the same way as a build's result, `publish`,
-and only with the digest that its record tells. Who writes there decides what a record tells; with
-a key (`pipeline.shared_store.signatures`) only what a holder of it wrote counts.
+Every object is checked: it is published like the result of a build, and only if it has the digest
+in its record. Records are trusted, so whoever can write there decides the results. With a key
+(`pipeline.shared_store.signatures`) only signed records count.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ from pipeline.settings import setting
 from pipeline.shared_store.archive import pack, unpack
 from pipeline.shared_store.remote import Remote
 from pipeline.shared_store.settings import current_remote
-from pipeline.shared_store.signatures import SignatureError, sealed, unsealed
+from pipeline.shared_store.signatures import SignatureError, from_signed_text, signed_text
 from pipeline.store import Store
 
 NEGATIVE_CACHE_S = 600.0
@@ -41,7 +41,7 @@ class SharedArtifacts(Artifacts):
     """The artifacts of a store, and those of the shared store behind it, if there is one."""
 
     def lookup(self, key: str) -> ActionRecord | None:
-        """The record of the key: the store's, or the shared one's, which becomes the store's."""
+        """Returns the record of the key, which the store copies from the shared one if needed."""
         if record := self.store.lease_record(key):
             return record
 
@@ -70,28 +70,28 @@ class SharedArtifacts(Artifacts):
         remote, store = current_remote(), self.store
         if store.intact(record) or not remote.url:
             return store.intact(record)
-        with store.lock(record.output.digest, lambda: None):  # many want it, and one downloads
+        with store.lock(record.output.digest, lambda: None):  # one process downloads for all
             remote.call_or_none("reading", partial(pull, store, record))
         is_here = store.intact(record)
-        if not is_here:  # tell our other processes, lest one waits for what another cannot have
+        if not is_here:  # other processes then do not request it for a while
             _failure(store, record).touch()
         return is_here
 
     def upload(self, record: ActionRecord) -> None:
-        """Uploads an artifact, unless [store] push says no; a failure over there is a warning.
+        """Uploads an artifact, unless [store] push is false; a failure of the remote is a warning.
 
         Raises:
-            OSError: The store's own disk is full, so that nobody else can have the artifact.
+            OSError: The store's own disk is full, so no other machine can get the artifact.
         """
         if setting("store", "push") == "true":
             current_remote().call_or_none("writing", partial(push, self.store, record))
 
 
 def import_record(store: Store, record: ActionRecord, remote: Remote) -> ActionRecord:
-    """Makes a shared record the store's, which keeps its own if it has one of that key."""
+    """Copies a shared record into the store, which keeps its own record if it has one."""
     code = str(record.provenance.get("closure", ""))
     if code and load_closure(code, store) is None:
-        with contextlib.suppress(ValueError, AttributeError):  # garbage: `why` then says less
+        with contextlib.suppress(ValueError, AttributeError):  # invalid; `why` then explains less
             members = json.loads(remote.read(_code(code)) or b"")
             if code_digest(members) == code:
                 save_closure(members, store)
@@ -100,16 +100,16 @@ def import_record(store: Store, record: ActionRecord, remote: Remote) -> ActionR
 
 
 def shared_record(remote: Remote, key: str) -> ActionRecord | None:
-    """The shared store's record of the key, if its object is there, too."""
+    """Returns the shared store's record of the key, if its object exists there, too."""
     record = _parsed(remote.read(_action(key)) or b"", remote)
     is_whole = record and record.action.key == key and remote.has(_object(record))
     return record if is_whole else None
 
 
 def pull(store: Store, record: ActionRecord, remote: Remote) -> str:
-    """Bring a record's object into the store; returns what came of it, in words.
+    """Fetches a record's object into the store; returns the outcome in words.
 
-    Wrong bytes are set aside over there, where that is permitted.
+    Damaged bytes are set aside in the shared store, if that is permitted.
     """
     if store.intact(record):
         return "is here"
@@ -121,14 +121,14 @@ def pull(store: Store, record: ActionRecord, remote: Remote) -> str:
             unpack(workspace / "object.tar", workspace / "out", record.output)
             publish(store, workspace / "out", record.action, record.provenance, record.output)
         except ValueError as error:
-            _log.warning("%s in %s is wrong: %s", _object(record), remote.url, error)
+            _log.warning("%s in %s is damaged: %s", _object(record), remote.url, error)
             remote.call_or_none("writing", lambda r: r.set_aside(_object(record)))
-            return "is wrong there"
+            return "is damaged there"
     return "fetched"
 
 
 def push(store: Store, record: ActionRecord, remote: Remote) -> str:
-    """Upload an artifact that is not there yet; returns what came of it, in words."""
+    """Uploads an artifact that the shared store lacks; returns the outcome in words."""
     key, path = record.action.key, store.object(record.output.digest)
     if shared_record(remote, key):
         return "is there"
@@ -144,7 +144,7 @@ def push(store: Store, record: ActionRecord, remote: Remote) -> str:
         code = str(record.provenance.get("closure", ""))
         if code and load_closure(code, store) is not None:
             remote.create(_code(code), store.code(code))
-        (workspace / "record.json").write_bytes(sealed(record, remote.key))
+        (workspace / "record.json").write_bytes(signed_text(record, remote.key))
         if not remote.create(_action(key), workspace / "record.json"):
             if shared_record(remote, key):
                 return "is there"
@@ -155,50 +155,53 @@ def push(store: Store, record: ActionRecord, remote: Remote) -> str:
 
 
 def shared_records(remote: Remote) -> list[ActionRecord]:
-    """Every readable record of the shared store."""
+    """Returns every valid record of the shared store."""
     return [record for text in remote.read_all("actions") if (record := _parsed(text, remote))]
 
 
 def upload_key_list(store: Store, name: str, keys: Sequence[str]) -> None:
-    """Leave a list of what a batch made and found, so that nobody has to list everything.
+    """Uploads the list of keys that a grid made or found, so that nobody has to list all keys.
 
-    Nothing where there is no shared store; what fails is a warning.
+    It does nothing without a shared store. A failure is a warning.
     """
     if not current_remote().url:
         return
     try:
         _upload_keys(store, name, keys)
-    except OSError as error:  # of our own disk
-        _log.warning("the list of the night %s is not uploaded: %s", name, error)
+    except OSError as error:  # of the local disk
+        _log.warning("the list of the grid %s was not uploaded: %s", name, error)
 
 
 def _upload_keys(store: Store, name: str, keys: Sequence[str]) -> None:
     with store.workspace(name) as workspace:
-        at, file = f"nights/{name}.keys", workspace / "keys"
+        at, file = f"grids/{name}.keys", workspace / "keys"
         file.write_text("".join(f"{key}\n" for key in keys))
         current_remote().call_or_none("writing", lambda remote: remote.create(at, file))
 
 
 def listed_records(remote: Remote, name: str) -> list[ActionRecord]:
-    """The shared records on the list of a batch.
+    """Returns the shared records on the list of a grid.
 
     Raises:
         StoreError: There is no such list.
     """
-    keys = remote.read(f"nights/{name}.keys")
+    folders = "grids", "nights"  # the second is its name in earlier versions
+    lists = (remote.read(f"{folder}/{name}.keys") for folder in folders)
+    keys = next((text for text in lists if text is not None), None)
     if keys is None:
-        known = ", ".join(n.removesuffix(".keys") for n in remote.names("nights")[-5:]) or "none"
-        raise StoreError(f"{remote.url} has no list of the night {name}; the last are: {known}")
+        names = sorted(file for folder in folders for file in remote.names(folder))
+        known = ", ".join(file.removesuffix(".keys") for file in names[-5:]) or "none"
+        raise StoreError(f"{remote.url} has no list of the grid {name}; the last are: {known}")
     found = (shared_record(remote, key) for key in keys.decode("ascii", "replace").split())
     return [record for record in found if record]
 
 
 def _parsed(text: bytes, remote: Remote) -> ActionRecord | None:
-    """The record in a text; None where it is none, or not signed by the key of the remote."""
+    """Returns the record in a text; None if it is invalid, or not signed by the remote's key."""
     try:
-        return unsealed(text, remote.key)
+        return from_signed_text(text, remote.key)
     except SignatureError as error:
-        remote.distrust("record", str(error))
+        remote.warn_unsigned("record", str(error))
     except ValueError:
         pass
     return None

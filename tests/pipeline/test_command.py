@@ -64,7 +64,7 @@ def test_a_batch_finishes_what_it_can_and_fails():
 
 def test_a_missing_parameter_is_one_line():
     status, screen = luigi("Word")
-    assert status == 40
+    assert status == 1
     assert screen == "Word needs --word.\n"
     assert "Traceback" not in screen
 
@@ -72,7 +72,7 @@ def test_a_missing_parameter_is_one_line():
 def test_another_folder_is_reported_at_once(tmp_path):
     status, screen = luigi("Sentence", cwd=tmp_path)
     assert status == 1
-    assert "Run from the folder of the repository" in screen
+    assert "Run the command in the root of the repository" in screen
     assert "Traceback" not in screen
 
 
@@ -87,7 +87,7 @@ def test_interrupt_ends_all_and_the_next_command_resumes(toys, workers):
     screen = "".join(process.communicate(timeout=20))
     assert process.returncode not in (0, None)
     assert are_gone(pids)
-    assert workers or "The same command goes on from here" in screen
+    assert workers or "Run the same command again to continue" in screen
     assert workers or "Traceback" not in screen
     assert not list(current_store().records())
     status, _ = luigi("Slow")
@@ -148,7 +148,7 @@ def test_two_commands_one_build(toys):
     screens = ["".join(process.communicate(timeout=60)) for process in (first, second)]
     assert (first.returncode, second.returncode) == (0, 0), screens
     assert built() == ["Lasting"]
-    assert any("another process is at it" in screen for screen in screens)
+    assert any("waiting for another process" in screen for screen in screens)
 
 
 def test_a_pin_is_of_one_artifact_and_of_its_makers_the_newest():
@@ -158,7 +158,7 @@ def test_a_pin_is_of_one_artifact_and_of_its_makers_the_newest():
     process = start("pipeline", "pin", made[0].output.digest, "--json")
     (pinned,) = json.loads(process.communicate(timeout=30)[0])
     assert pinned["key"] == made[2].action.key
-    with pytest.raises(StoreError, match=r"several begin so.*Word bye \(") as refused:
+    with pytest.raises(StoreError, match=r"several artifacts begin.*Word bye \(") as refused:
         require_single(made)
     assert all(record.action.key[:12] in str(refused.value) for record in made)
 

@@ -31,10 +31,12 @@ def luigi(*arguments: str) -> tuple[int, str]:
         (["Act", "--act", "crash"], 30, "RuntimeError: a defect. The trace is in"),
         (["Act", "--act", "be_killed"], 30, "ended by SIGKILL"),
         (["Act", "--act", "sleep", "--timeout-seconds", "1"], 30, "ended for taking too long"),
-        (["Act", "--act", "eat", "--Act-memory-gib", "0.2"], 30, "for want of memory"),
+        (["Act", "--act", "eat", "--Act-memory-gib", "0.2"], 30, "for lack of memory"),
         (["Forgetful", "--word", "a"], 30, "complete() is still returning false"),
         (["Rootless", "--word", "a"], 35, "a defect in requires"),
-        (["Act"], 40, "Act needs --act."),
+        (["Act"], 1, "Act needs --act."),
+        (["Act", "--act", "succeed", "--timeout-seconds", "soon"], 1, "--timeout-seconds soon"),
+        (["Act", "--act", "succeed", "--workers", "two"], 1, "--workers two"),
         (["Atc", "--act", "succeed"], 1, "No task Atc. Did you mean: Act "),
         (["Act", "--act", "succeed", "--loud"], 2, "unrecognized arguments: --loud"),
     ],
@@ -75,7 +77,7 @@ def test_settings_and_words_of_a_family_limit_its_builds(tmp_path, monkeypatch):
     monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "limits.cfg"))
     assert "ended for taking too long" in luigi("Act", "--act", "sleep")[1]
     (tmp_path / "limits.cfg").write_text("[store]\nmemory_gib = 0.2\n")
-    assert "for want of memory" in luigi("Act", "--act", "eat")[1]
+    assert "for lack of memory" in luigi("Act", "--act", "eat")[1]
 
 
 @pytest.mark.parametrize("words", [[], ["--worker-keep-alive"]])
@@ -142,7 +144,7 @@ def test_ctrl_c_with_workers_is_one_line(toys):
     assert process.returncode not in (0, None)
     assert are_gone(pids)
     said = [line for line in screen.splitlines() if line]
-    assert said == ["Act sleep: started", "Interrupted. The same command goes on from here."]
+    assert said == ["Act sleep: started", "Interrupted. Run the same command again to continue."]
 
 
 @pytest.mark.parametrize("attempt", [1, 2])

@@ -226,7 +226,7 @@ def test_a_folder_of_other_things_does_not_become_a_store(tmp_path):
 
     theirs = tmp_path / "theirs" / "runs" / "2024"
     theirs.mkdir(parents=True)
-    with pytest.raises(StoreError, match="theirs holds other things and is no store"):
+    with pytest.raises(StoreError, match="theirs is not a store and has other files"):
         Store.open(tmp_path / "theirs")
     assert list((tmp_path / "theirs").rglob("*")) == [theirs.parent, theirs]
     (tmp_path / "disk" / "lost+found").mkdir(parents=True)
@@ -240,7 +240,7 @@ def test_a_store_that_cannot_be_made_is_refused(tmp_path):
     from pipeline.errors import StoreError
 
     (tmp_path / "file").touch()
-    with pytest.raises(StoreError, match="cannot hold the store"):
+    with pytest.raises(StoreError, match="cannot be used as the store"):
         Store.open(tmp_path / "file" / "store")
 
 
@@ -251,7 +251,7 @@ def test_a_rebuild_with_other_bytes_is_reported(store, caplog):
         shutil.rmtree(store.object(lost.output.digest))
         made = make(store, "a", content)
         assert len(caplog.messages) == n_messages
-    assert "a: what was lost is made anew with other bytes" in caplog.text
+    assert "a: the lost artifact was made again with other bytes" in caplog.text
     assert made.output.digest[:12] in caplog.text
     assert lost.output.digest[:12] in caplog.text
 

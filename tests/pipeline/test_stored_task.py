@@ -173,7 +173,7 @@ def test_outside_files_count_by_digest_not_by_place(tmp_path):
 def test_files_edited_during_the_build_publish_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(Photographs, "meddle", True)
     (tmp_path / "photo").write_text("sky")
-    with pytest.raises(TaskFailure, match="edited meanwhile") as failure:
+    with pytest.raises(TaskFailure, match="edited while it ran") as failure:
         Photographs(str(tmp_path)).run()
     assert failure.value.kind == "changed"
     assert not list((current_store().root / "actions").glob("*/*"))

@@ -81,7 +81,7 @@ def submit(backend: str, *words: str) -> subprocess.Popen[str]:
 def test_a_build_on_a_node_is_found_by_the_command(backend):
     status, screen = finish(submit(backend, "Act", "--act", "succeed"))
     assert status == 0, screen
-    assert f"Act succeed: sent out by {backend}" in screen
+    assert f"Act succeed: submitted to {backend}" in screen
     assert "Act succeed: done on" in screen
     assert built() == ["Act succeed"]
     assert not list(problems(current_store(), deep=True))
@@ -107,7 +107,7 @@ def test_the_command_reports_the_reason_of_a_failure_on_a_node(backend, act, wor
 def test_a_node_refuses_a_job_whose_key_it_does_not_compute(backend):
     result = BACKENDS[backend].run(remote_job_of(Act("succeed"), "0" * 64, 0, 0))
     assert result.kind == "user"
-    assert "has other code, inputs or files than the machine that asks" in result.message
+    assert "has other code, inputs or files than the machine that sent the job" in result.message
     assert built() == []
 
 
@@ -162,7 +162,7 @@ def test_the_job_of_a_node_with_a_full_disk_goes_to_another_node(
     with small_disk_first(backend, machines, tmp_path, 1):
         status, screen = finish(submit(backend, "Large", "--name", "a"))
     assert status == 0, screen
-    assert "sent on. no space left on the disk" in screen
+    assert "moved to another node. no space left on the disk" in screen
     assert built() == ["Large a"] * 2
 
 
@@ -180,7 +180,7 @@ def test_a_build_waits_for_a_shared_store_that_fails_for_a_while(
         process = submit(backend, "Large", "--name", "a")
         while not built():
             time.sleep(0.02)
-        end = time.monotonic() + 12
+        end = time.monotonic() + 4
         proxy.fault = lambda _method, _path: 500 if time.monotonic() < end else None
         status, screen = finish(process)
     assert status == 0, screen
@@ -310,7 +310,7 @@ def test_a_held_job_is_a_failure_and_is_canceled(backend, tmp_path):
         settings.write("[slurm]\noptions = --hold\n")
     status, screen = finish(submit(backend, "Act", "--act", "succeed"))
     assert status == 30
-    assert "SLURM does not let its job" in screen
+    assert "SLURM holds its job" in screen
     assert "PENDING JobHeldUser" in screen
     assert not subprocess.run(["squeue", "-h"], capture_output=True, check=True).stdout
 

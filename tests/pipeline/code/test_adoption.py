@@ -195,14 +195,14 @@ def test_a_rename_that_is_adopted_builds_nothing(town: Town):
 
 
 def test_what_was_adopted_for_one_family_says_nothing_of_another(town: Town):
-    from pipeline.code.adoption import adopting
+    from pipeline.code.adoption import with_adoption
     from pipeline.code.snapshot import Snapshot
 
-    one = adopting(Snapshot({"A": "1", "B": "1"}), "A", "2", "why not")
+    one = with_adoption(Snapshot({"A": "1", "B": "1"}), "A", "2", "why not")
     assert (one.original("A", "2"), one.original("B", "2")) == ("1", "2")
-    chain = adopting(one, "A", "3", "again")
+    chain = with_adoption(one, "A", "3", "again")
     assert (chain.original("A", "3"), chain.original("A", "4")) == ("1", "4")
-    back = adopting(chain, "A", "1", "back again")
+    back = with_adoption(chain, "A", "1", "back again")
     assert back.adopted == chain.adopted, "it means what it meant already"
     assert [back.original("A", code) for code in "123"] == ["1", "1", "1"]
     both = tuple({"family": "A", "from": a, "to": b} for a, b in ("12", "21"))
@@ -215,7 +215,7 @@ def test_a_file_that_is_no_snapshot_is_one_line(town: Town, text: str):
     (town.folder / "town.json").write_text(text)
     status, said = town.run("pipeline", "snapshot", "--module", "town")
     assert status == 2
-    assert "town.json holds no snapshot" in said
+    assert "town.json is not a snapshot" in said
     assert said.count("\n") == 1
 
 
@@ -241,13 +241,13 @@ def test_a_refused_adoption_is_reported_with_what_to_do(town: Town):
         assert (status, said.count("\n")) == (2, 1)
         return said
 
-    assert "House is in no snapshot yet: `snapshot` adds it" in adopt("House")
+    assert "House is in no snapshot yet. Run `snapshot`" in adopt("House")
     assert town.run("pipeline", "snapshot", "--module", "town")[0] == 0
     assert "House: its code is that of the snapshot" in adopt("House")
-    assert "town has no stage Hose. It has Demand, House, Street" in adopt("Hose")
+    assert "town has no stage Hose. Its stages are Demand, House, Street" in adopt("Hose")
     town.edit("SIZE = 2", "SIZE = 3")
     before = town.snapshot()
-    assert "say with --reason why" in adopt("House", " ")
+    assert "--reason is empty" in adopt("House", " ")
     assert town.snapshot() == before
 
 

@@ -100,7 +100,7 @@ def test_a_process_with_older_code_of_the_pipeline_keeps_nothing_for_the_newer(
     closure, monkeypatch
 ):
     with monkeypatch.context() as patch:
-        patch.setattr(closure_cache, "_FOLLOWED_BY", "older")
+        patch.setattr(closure_cache, "_PIPELINE_DIGEST", "older")
         assert closure() == {"code": "1"}
     assert closure() == {"code": "2"}
 
@@ -153,6 +153,6 @@ def test_a_file_that_vanishes_while_the_module_is_imported_only_costs_time(closu
 
     with monkeypatch.context() as patch:
         patch.setattr(closure_cache, "file_digest", fail)
-        follower = closure_cache._follower()
-    monkeypatch.setattr(closure_cache, "_FOLLOWED_BY", follower)
+        follower = closure_cache._pipeline_digest()
+    monkeypatch.setattr(closure_cache, "_PIPELINE_DIGEST", follower)
     assert [closure(), closure()] == [{"code": "1"}, {"code": "2"}]

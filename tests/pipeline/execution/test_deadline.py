@@ -89,7 +89,7 @@ def test_after_the_deadline_nothing_starts_and_a_later_command_goes_on():
     status, screen = command(*words, "--until", "2020-01-01T06:00")
     assert status == 30
     assert "Word(word=hello, loudness=1.0): not begun: 0 s are left until 2020-01-01" in screen
-    assert "Run the same command again to go on." in screen
+    assert "Run the same command again to continue." in screen
     assert built() == []
     assert command(*words)[0] == 0
     assert command(*words, "--until", "2020-01-01T06:00")[0] == 0, "a made artifact needs none"

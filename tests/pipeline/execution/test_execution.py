@@ -72,15 +72,15 @@ def test_out_of_time():
     failure = failure_of(Act("sleep", timeout_seconds=1))
     assert failure.kind == "timeout"
     assert re.search(r"ended for taking too long \([1-9]\d* s, 0\.", failure.reason)
-    assert "Allow it more with --Act-timeout-seconds. Its log: " in failure.reason
+    assert "Allow more time with --Act-timeout-seconds. Its log: " in failure.reason
 
 
 def test_over_its_memory():
     failure = failure_of(Act("let_a_child_eat", memory_gib=0.15))
     assert failure.kind == "memory"
-    assert "ended for want of memory (" in failure.reason
+    assert "ended for lack of memory (" in failure.reason
     assert " s, 0.2 GiB)" in failure.reason
-    assert "or allow it more with --Act-memory-gib. Its log: " in failure.reason
+    assert "or allow more memory with --Act-memory-gib. Its log: " in failure.reason
 
 
 def test_limits_are_no_part_of_the_key():

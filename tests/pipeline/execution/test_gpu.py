@@ -64,7 +64,7 @@ def test_two_commands_never_share_a_card(cards):
     (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
     assert first_end <= second_begin
     assert {card for card, _, _ in turns().values()} == {"GPU-a"}
-    waited = "every GPU of this host is leased, waiting"
+    waited = "waiting for a GPU, since all are leased"
     assert sum(screen.count(waited) for screen in screens) == 1
 
 
@@ -138,7 +138,7 @@ def test_gpus_that_cannot_be_listed_are_leased_to_nobody(cards, tmp_path, monkey
     (tmp_path / "nvidia-smi").write_text("#!/bin/sh\nexit 9\n")
     (tmp_path / "nvidia-smi").chmod(mode)
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(StoreError, match=r"Name the cards .* in \[gpu\] cards"), gpu.leased(print):
+    with pytest.raises(StoreError, match=r"Name the UUIDs .* in \[gpu\] cards"), gpu.leased(print):
         pass
 
 
@@ -149,8 +149,8 @@ GPU 0: NVIDIA A100-SXM4-40GB (UUID: GPU-aa)
   MIG 3g.20gb     Device  1: (UUID: MIG-a1)
 GPU 1: NVIDIA A100-SXM4-40GB (UUID: GPU-bb)
 """
-    assert gpu.CARD.findall(listing) == ["MIG-a0", "MIG-a1", "GPU-bb"]
-    assert gpu.CARD.findall("No devices found.\n") == []
+    assert gpu.UUID_LINE.findall(listing) == ["MIG-a0", "MIG-a1", "GPU-bb"]
+    assert gpu.UUID_LINE.findall("No devices found.\n") == []
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ def test_a_build_that_could_not_even_write_why_it_failed_has_a_reason_all_the_sa
     log.touch()
     assert (
         find_blocking_failure(Told(["succeed"]), store).reason
-        == f"it wrote nothing (a full disk?). {log}"
+        == f"it wrote nothing; the disk may be full. Its log: {log}"
     )
     with store.lock(Act("succeed").action().key, lambda: None):
         assert not find_blocking_failure(Told(["succeed"]), store).reason, "it may still write"

@@ -62,7 +62,7 @@ def test_a_pin_keeps_its_artifact_with_all_it_was_made_from(store):
 
 @pytest.mark.parametrize("name", ["../format", "a/b", ".hidden", ""])
 def test_a_pin_has_the_name_of_a_file(store, name):
-    with pytest.raises(StoreError, match="is no name"):
+    with pytest.raises(StoreError, match="cannot be the name"):
         pin(store, made(store, "a").action.key, name)
     with pytest.raises(StoreError, match="has no pin"):
         unpin(store, name)
@@ -166,7 +166,7 @@ def test_what_vanishes_meanwhile_counts_nothing(store, tmp_path):
 def test_a_collection_that_has_to_wait_says_so(store):
     with locked(store.root / "gc.lock", shared=True):
         process = start("pipeline", "gc", "--delete")
-        assert "The store is in use; waiting" in process.stderr.readline()
+        assert "The store is in use. The collection waits" in process.stderr.readline()
         assert process.poll() is None
     process.communicate(timeout=30)
     assert process.returncode == 0

@@ -53,7 +53,7 @@ def test_commands(store):
         ("gc --grace nan", "nan is not 0 or more"),
         ("gc --grace -1", "-1 is not 0 or more"),
         ("gc --keep-last -1", "-1 is not 0 or more"),
-        ("ls Wrd", "has nothing of Wrd, but of Toy"),
+        ("ls Wrd", "has nothing of Wrd. Its families are Toy"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(store, words, said, capsys):

@@ -14,7 +14,7 @@ def test_what_is_on_the_list_comes_and_nothing_else(shared, elsewhere, capsys):
     keys = [task.action().key for task in (Word("hello"), Sentence())]
     upload_key_list(current_store(), "20261122T200000Z-host", keys)
     there = elsewhere()
-    status, rows = command(capsys, "pull", "--night", "20261122T200000Z-host")
+    status, rows = command(capsys, "pull", "--grid", "20261122T200000Z-host")
     assert (status, {row["done"] for row in rows}) == (0, {"fetched"})
     assert len(objects(there)) == 2
 
@@ -23,20 +23,20 @@ def test_what_is_on_the_list_comes_and_nothing_else(shared, elsewhere, capsys):
 def test_one_of_the_list_can_be_named(shared, elsewhere, capsys):
     assert build(Word("a"), Word("b"))
     keys = [Word(word).action().key for word in "ab"]
-    upload_key_list(current_store(), "night", keys)
+    upload_key_list(current_store(), "grid", keys)
     there = elsewhere()
-    assert command(capsys, "pull", keys[0][:12], "--night", "night")[0] == 0
+    assert command(capsys, "pull", keys[0][:12], "--night", "grid")[0] == 0, "the former name"
     assert len(objects(there)) == 1
 
 
-def test_an_unknown_night_is_answered_with_those_there_are(shared, capsys):
-    upload_key_list(current_store(), "night1", ["ab" * 32])
-    status, said = command(capsys, "pull", "--night", "night2")
+def test_an_unknown_grid_is_answered_with_those_there_are(shared, capsys):
+    upload_key_list(current_store(), "grid1", ["ab" * 32])
+    status, said = command(capsys, "pull", "--grid", "grid2")
     assert status == 2
-    assert "has no list of the night night2; the last are: night1" in said
+    assert "has no list of the grid grid2; the last are: grid1" in said
 
 
 def test_all_of_a_shared_store_has_to_be_meant(shared, capsys):
     status, said = command(capsys, "pull")
     assert status == 2
-    assert "a KEY or DIGEST, or --night NAME" in said
+    assert "a KEY or DIGEST, or --grid NAME" in said

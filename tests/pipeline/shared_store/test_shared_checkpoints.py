@@ -113,4 +113,4 @@ def test_a_shared_store_that_is_away_is_a_warning(tmp_path, monkeypatch, caplog)
     monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "nowhere"))
     with failing(folder(tmp_path / "here", checkpoint="step 1")):
         pass
-    assert "Going on without" in caplog.text
+    assert "Continuing without" in caplog.text

@@ -249,7 +249,7 @@ def test_a_failure_is_reported_in_sentences(caplog):
         raise StoreError("it is away")
 
     Remote("/nowhere").call_or_none("reading", fail)
-    assert caplog.messages == ["it is away. Going on without reading there for a minute."]
+    assert caplog.messages == ["it is away. Continuing without reading there for a minute."]
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ def test_wrong_bytes_are_rejected_set_aside_and_built_anew(shared, elsewhere, wr
     shared.write(name, WRONG[wrong](good, None))
     there = elsewhere()
     (record,) = (shared_record(current_remote(), Path(n).stem) for n in shared.names("actions"))
-    assert pull(there, record, current_remote()) == "is wrong there"
+    assert pull(there, record, current_remote()) == "is damaged there"
     assert objects(there) == []
     assert not Path("/tmp/escaped").exists()
     assert not list(tmp_path.rglob("escaped"))

@@ -205,7 +205,7 @@ def test_a_server_that_errs_for_longer_is_waited_for_as_long_as_patience_lasts(
     assert build(Word("hello"))
     assert len(place.names("actions")) == 1
     (warning,) = warnings(caplog)
-    assert "Waiting for it for up to 60 s" in warning
+    assert "Retrying for up to 60 s" in warning
 
 
 @pytest.mark.usefixtures("inline")
@@ -220,7 +220,7 @@ def test_what_will_not_pass_is_not_waited_for(proxied, monkeypatch, caplog, what
     begun = time.monotonic()
     assert build(Word("hello"))
     assert time.monotonic() - begun < 20
-    assert not any("Waiting" in warning for warning in warnings(caplog))
+    assert not any("Retrying" in warning for warning in warnings(caplog))
 
 
 @pytest.mark.usefixtures("inline")

@@ -19,7 +19,12 @@ from pipeline.record import ActionRecord
 from pipeline.shared_store.archive import pack
 from pipeline.shared_store.checkpoints import shared_checkpoints
 from pipeline.shared_store.settings import current_remote
-from pipeline.shared_store.signatures import SignatureError, sealed, signature, unsealed
+from pipeline.shared_store.signatures import (
+    SignatureError,
+    from_signed_text,
+    signature,
+    signed_text,
+)
 from pipeline.shared_store.sync import shared_record
 
 pytestmark = pytest.mark.usefixtures("inline")
@@ -93,7 +98,7 @@ def test_a_result_of_another_is_not_passed_off_under_a_signature(
     build(Word("hello"))
     (name,) = shared.names("actions")
     text = shared.read(name)
-    record, mark = unsealed(text, OURS), text[text.index(b"hmac-sha256") :]
+    record, mark = from_signed_text(text, OURS), text[text.index(b"hmac-sha256") :]
     forged = folder(tmp_path / "forged", **{"word.txt": "<script>"})
     other = dataclasses.replace(record, output=tree_digest(forged))
     pack(forged, tmp_path / "forged.tar")
@@ -159,7 +164,7 @@ def test_a_signed_checkpoint_is_gone_on_from(
 
 
 @pytest.mark.parametrize(
-    ("content", "problem"), [(None, "cannot be read"), (b"short\n", "holds 5 bytes, fewer than 32")]
+    ("content", "problem"), [(None, "cannot be read"), (b"short\n", "has 5 bytes, fewer than 32")]
 )
 def test_a_key_that_cannot_be_used_is_reported_and_nothing_is_shared(
     shared: Place, sign: Sign, tmp_path: Path, content: bytes | None, problem: str, caplog
@@ -189,15 +194,15 @@ def test_the_key_appears_nowhere(shared: Place, sign: Sign, elsewhere, caplog):
 def test_a_record_survives_its_seal(shared: Place, sign: Sign):
     build(Word("hello"))
     record = Word("hello").record()
-    assert unsealed(sealed(record, OURS), OURS) == record
-    assert sealed(record, b"") == record.to_json(), "off by default"
+    assert from_signed_text(signed_text(record, OURS), OURS) == record
+    assert signed_text(record, b"") == record.to_json(), "off by default"
     with pytest.raises(SignatureError):
-        unsealed(sealed(record, b""), OURS)
+        from_signed_text(signed_text(record, b""), OURS)
     with pytest.raises(ValueError, match="Expecting value"):
-        unsealed(b"garbage", OURS)
-    flipped = sealed(record, OURS)[:-3] + b"\xff\xff\n"
+        from_signed_text(b"garbage", OURS)
+    flipped = signed_text(record, OURS)[:-3] + b"\xff\xff\n"
     with pytest.raises(SignatureError):
-        unsealed(flipped, OURS)
+        from_signed_text(flipped, OURS)
     assert ActionRecord.from_json(record.to_json()) == record
 
 
