@@ -5,10 +5,10 @@ from unittest.mock import patch
 
 import pytest
 import torch
+from expected_errors import rejects
 from torch.nn.functional import conv2d
 
 from styletrf.devices import device_named, is_faster_in_bfloat16
-from styletrf.errors import InputError
 
 CPU = torch.device("cpu")
 
@@ -51,6 +51,6 @@ def test_a_process_answers_alike_and_measures_once():
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a GPU")
 def test_a_gpu_that_is_not_there_is_refused_and_auto_takes_the_cpu():
-    with pytest.raises(InputError, match="--device cuda"):
+    with rejects("--device cuda"):
         device_named("cuda")
     assert device_named("auto") == CPU

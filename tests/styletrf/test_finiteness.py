@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from expected_errors import stops
 from mini_scene import MINI_FIT as CONFIG
-from non_finite import stops
 
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField

@@ -102,8 +102,8 @@ def on_ray(grid: GridRun, proxy: Proxy) -> None:
         if command.poll() is not None:
             break
     screen, _ = command.communicate()
-    sent = [line for line in screen.splitlines() if "sent on" in line]
-    print(f"status {command.returncode}; sent on for want of room: {len(sent)}")  # noqa: T201
+    sent = [line for line in screen.splitlines() if "moved to another node" in line]
+    print(f"status {command.returncode}; moved to another node for lack of disk space: {len(sent)}")  # noqa: T201
     if command.returncode:
         raise SystemExit(screen)
     there = [Path(f"/proc/{raylet}/root{store}") for raylet in cluster.raylets]

@@ -8,10 +8,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from expected_errors import rejects
 
 from styletrf.content.coco_fetch import coco_source
 from styletrf.content.content_images import ContentConfig, write_content_images
-from styletrf.errors import InputError, NetworkError
+from styletrf.errors import NetworkError
 
 JPEG = cv2.imencode(".jpg", np.full((80, 80, 3), 90, np.uint8))[1].tobytes()
 
@@ -127,7 +128,7 @@ def test_an_image_without_end_is_refused_and_no_more_of_it_fetched(
         threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
         address = f"http://127.0.0.1:{server.server_port}/1.jpg"
         file = annotations(tmp_path, {"1.jpg": address})
-        with pytest.raises(InputError, match="has more than 1 MiB") as caught:
+        with rejects(address, "1 MiB") as caught:
             coco_source(file, tmp_path / "cache", pause=pauses.append).read("1.jpg")
         server.shutdown()
     assert caught.value.subject == address
@@ -147,7 +148,7 @@ def test_an_image_as_large_as_allowed_is_taken(
 def test_offline_is_a_clear_error_after_a_bounded_time(tmp_path: Path):
     pauses: list[float] = []
     file = annotations(tmp_path, {"1.jpg": "http://127.0.0.1:9/1.jpg"})
-    with pytest.raises(NetworkError, match="after 4 attempts") as caught:
+    with rejects("http://127.0.0.1:9/1.jpg", 4, kind=NetworkError) as caught:
         coco_source(file, tmp_path / "cache", pause=pauses.append).read("1.jpg")
     assert "folder" in caught.value.remedy
     assert sum(pauses) < 10
@@ -159,7 +160,7 @@ def test_offline_is_a_clear_error_after_a_bounded_time(tmp_path: Path):
 )
 def test_other_files_are_an_input_error(tmp_path: Path, text: str):
     (tmp_path / "a.json").write_text(text)
-    with pytest.raises(InputError, match="COCO annotations"):
+    with rejects(tmp_path / "a.json", "COCO"):
         coco_source(tmp_path / "a.json", tmp_path)
 
 
@@ -170,5 +171,5 @@ def test_other_files_are_an_input_error(tmp_path: Path, text: str):
 def test_paths_and_addresses_that_reach_elsewhere_are_refused(
     tmp_path: Path, name: str, address: str
 ):
-    with pytest.raises(InputError, match="refused"):
+    with rejects(tmp_path / "instances.json", repr(name), address):
         coco_source(annotations(tmp_path, {name: address}), tmp_path / "cache")

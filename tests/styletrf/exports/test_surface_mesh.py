@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from seen_balls import RADIUS, ball_seen, camera
+from ball_views import RADIUS, ball_seen, camera
 
 from styletrf.errors import InputError
 from styletrf.exports.surface_files import write_glb, write_points

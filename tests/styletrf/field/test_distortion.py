@@ -43,7 +43,7 @@ def test_gathered_weights_have_less_than_spread_ones():
 
 
 @pytest.mark.extremes("Distortion")
-def test_rays_without_samples_have_none():
+def test_rays_without_samples_have_no_distortion():
     assert distortion(*packed([[], []], [[], []])) == 0
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from expected_errors import stops
 from mini_scene import MINI_FIT, MiniScene, fit
 
-from styletrf.errors import NotFiniteError
 from styletrf.evaluation.metrics import psnr
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
@@ -52,7 +52,7 @@ def test_total_variation_weighs_more_where_there_are_fewer_views(scene, views, f
 
 @pytest.mark.parametrize("share", [200.0, 1.0, 0.0, -0.1, float("nan")])
 def test_growth_is_given_in_shares_of_the_iterations(share):
-    with pytest.raises(ValueError, match="shares of the iterations"):
+    with pytest.raises(ValueError, match=rf"upsample_at\b.*{re.escape(str(share))}"):
         FieldTrainingConfig(upsample_at=(share,))
 
 
@@ -103,7 +103,7 @@ def test_one_rank_is_spread_as_the_space_asks(kind, ranks):
 
 @pytest.mark.parametrize("ranks", [(), (4, 4), (0,), (4, 0, 4)])
 def test_ranks_are_one_or_three_positive_numbers(ranks):
-    with pytest.raises(ValueError, match="one or three positive numbers"):
+    with pytest.raises(ValueError, match=re.escape(f"{ranks}")):
         FieldConfig(ranks)
 
 
@@ -161,7 +161,7 @@ def test_a_damaged_checkpoint_counts_as_none(scene, tmp_path: Path):
 
 def test_what_is_not_finite_stops_the_training(scene):
     config = replace(CONFIG, factor_rate=1e30, network_rate=1e30, iterations=20)
-    with pytest.raises(NotFiniteError, match="field training: density is not finite"):
+    with stops("field training", "density", "at iteration 1"):
         fit(scene, config)
 
 
@@ -190,7 +190,7 @@ def test_the_first_stage_that_is_not_finite_is_named_and_the_state_saved(
     )
     trainer.step()
     spoil(trainer)
-    with pytest.raises(NotFiniteError, match=re.escape(f": {named} is not finite at iteration 1")):
+    with stops("field training", named, "at iteration 1"):
         trainer.step()
     assert load_checkpoint(tmp_path / "not_finite", CPU) is not None
     assert load_checkpoint(tmp_path, CPU) is None
@@ -212,7 +212,7 @@ def background(trainer: FieldTrainer) -> torch.Tensor:
 def test_a_camera_that_is_not_finite_is_named(scene):
     nowhere = replace(scene.cameras[1], world_from_camera=np.full((3, 4), np.nan))
     model = scene.model
-    with pytest.raises(NotFiniteError, match="rays: camera 1 is not finite"):
+    with stops("rays", "camera 1", f"in space {model.space.kind}"):
         FieldTrainer(
             [scene.cameras[0], nowhere], scene.images[:2], model.space, model.resolution,
             CONFIG, KERNELS,
@@ -226,7 +226,7 @@ def test_a_gradient_that_was_not_finite_is_named_before_the_parameter_it_spoilt(
     )
     trainer.field.appearance.shading.basis.weight.register_hook(lambda grad: grad * torch.nan)
     trainer.step()
-    with pytest.raises(NotFiniteError, match=r"gradient of appearance\.shading\.basis\.weight"):
+    with stops("field training", "gradient of appearance.shading.basis.weight", "at iteration 1"):
         trainer.step()
 
 

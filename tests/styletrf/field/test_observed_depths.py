@@ -142,7 +142,7 @@ def test_rays_that_meet_nothing_have_sparse_loss_1_and_the_greatest_dense_loss(o
     assert float(dense) == pytest.approx(WORST)
 
 
-def test_no_points_no_depths(observed):
+def test_images_without_points_have_no_observed_depths(observed):
     model, cameras, _ = observed
     tracks = seen(cameras, points_of("room"))
     assert len(of_points(model, cameras, tracks.of_images([]))) == 0

@@ -192,7 +192,7 @@ def test_the_picture_does_not_depend_on_the_unit_of_length(form, scale, stabilit
 
 
 @pytest.mark.parametrize("resolution", [(1, 4, 3), (4, 1, 3), (4, 3, 1), (1, 1, 1)])
-def test_axes_of_one_voxel(form, resolution):
+def test_fields_with_axes_of_one_voxel_render_within_range(form, resolution):
     field = small_field(resolution, density_scale=5.0)
     occupancy = occupied_voxels(field.density, form, 0.3, 1e-3)
     set_occupancy(field.density, occupancy)

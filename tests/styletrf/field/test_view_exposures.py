@@ -36,7 +36,7 @@ def test_saturated_pixels_say_only_that_it_is_at_least_so_bright():
     assert (EXPOSURES.shown(color, view, 0.9 * white)[:, 0] > 1).all()
 
 
-def test_gradients_of_the_shown_colors():
+def test_gradients_of_the_shown_colors_are_those_of_finite_differences():
     exposures = ViewExposures(LOG_GAIN.double(), POWER.double())
     drawn = torch.rand((4, 3), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     color = drawn.add(0.1).requires_grad_()

@@ -1,9 +1,9 @@
 import numpy as np
 import onnx
 import pytest
+from expected_errors import rejects
 from onnx import helper, numpy_helper
 
-from styletrf.errors import InputError
 from styletrf.files.onnx_weights import read_onnx_weights
 
 
@@ -17,7 +17,7 @@ def dequantize(inputs: list[str], output: str, **attributes: int) -> onnx.NodePr
     return helper.make_node("DequantizeLinear", inputs, [output], **attributes)
 
 
-def test_floats_come_as_they_are():
+def test_float_weights_are_read_as_they_are():
     x = np.random.default_rng(0).normal(size=(2, 3)).astype(np.float32)
     np.testing.assert_array_equal(read_onnx_weights(file_of({"x": x}, []), "f")["x"], x)
 
@@ -62,12 +62,12 @@ def test_quantized_activations_are_no_weights():
     ids=["empty", "text", "cut short"],
 )
 def test_what_is_no_graph_is_an_input_error(content: bytes):
-    with pytest.raises(InputError, match="my file"):
+    with rejects("my file"):
         read_onnx_weights(content, "my file")
 
 
 def test_scales_that_do_not_fit_are_an_input_error():
     constants = {"q": np.zeros((2, 2), np.int8), "s": np.ones(3, np.float32)}
     nodes = [dequantize(["q", "s"], "w", axis=0)]
-    with pytest.raises(InputError, match="cannot be read as an ONNX file"):
+    with rejects("f", "ONNX"):
         read_onnx_weights(file_of(constants, nodes), "f")

@@ -81,5 +81,5 @@ def test_the_last_value_is_written():
 @pytest.mark.parametrize(
     ("value", "text"), [(23.4567, "23.46"), (75493.0, "75.5k"), (0.0041234, "0.00412"), (0.0, "0")]
 )
-def test_numbers_are_short(value, text):
+def test_numbers_of_a_chart_have_few_digits(value, text):
     assert short(value) == text

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from headless import answer_of, needs_chromium
-from moving_pictures import moving
 from parsed_page import HOSTILE, Page
+from small_videos import moving
 
 from styletrf.files.images import write_rgb
 from styletrf.files.video import write_video
@@ -64,7 +64,7 @@ def test_a_viewer_opens_at_its_painting_and_is_a_result_of_its_own(tmp_path: Pat
     assert "viewer" not in "".join(without.addresses)
 
 
-def test_text_stays_text(tmp_path: Path):
+def test_markup_in_names_of_a_gallery_stays_text(tmp_path: Path):
     harmless = written(tmp_path, CELLS[2:3])
     text = [Score(HOSTILE, 1.0, HOSTILE), Score("PSNR", 1.0, "x")]
     hostile = Cell(HOSTILE, HOSTILE, True, HOSTILE, text, outcome="failed", reason=HOSTILE)

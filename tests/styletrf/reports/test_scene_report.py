@@ -52,7 +52,7 @@ def test_what_is_amiss_is_named_with_what_to_do(spoiled, said):
     assert re.search(said, line)
 
 
-def test_text_stays_text(tmp_path):
+def test_markup_in_names_of_a_scene_stays_text_in_its_report(tmp_path):
     name = "<script>alert(1)</script>"
     spoiled = content(
         [replace(GOOD, name=name, blurred=True)], scene=name, summary=name, model={name: name},

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from captures import arc, forward_cameras, points_before, points_of
+from expected_errors import rejects
 
 from styletrf.configuration import configured
-from styletrf.errors import InputError
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 
 
@@ -56,11 +56,12 @@ def test_beyond_infinity_nothing_moves_by_a_pixel_and_all_points_are_before_it()
 
 @pytest.mark.parametrize("cameras", [arc(10), arc(0, 180)], ids=["ring", "half"])
 def test_a_frustum_that_cannot_be_is_refused_when_it_is_asked_for(cameras):
-    with pytest.raises(InputError, match="do not look one way"):
+    with rejects("space 'ndc'"):
         decide_scene_model(cameras, points_of("block"), SceneModelConfig(space="ndc"))
 
 
 @pytest.mark.parametrize("word", ["contracted", "NDC", ""])
 def test_a_space_that_is_none_is_refused_with_those_that_are(word):
-    with pytest.raises(InputError, match="auto, ndc, box"):
+    with rejects("setting 'space'", repr(word)) as refusal:
         configured(SceneModelConfig, {"space": word})
+    assert "auto, ndc, box" in refusal.value.remedy

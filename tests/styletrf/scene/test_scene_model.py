@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from captures import forward_cameras, orbit_cameras, points_before, points_of, walk
+from expected_errors import rejects
 
-from styletrf.errors import InputError
 from styletrf.scene.exposure_choice import ExposureEvidence
 from styletrf.scene.exposures import Exposure
 from styletrf.scene.placement import transformed
@@ -19,12 +19,12 @@ from styletrf.scene.scene_model import (
 
 
 def test_too_few_points_are_an_error_that_says_what_to_do():
-    with pytest.raises(InputError, match="Take more overlapping photographs"):
+    with rejects("sparse points", 5):
         decide_scene_model(forward_cameras(), np.zeros((5, 3)), SceneModelConfig())
 
 
 @pytest.mark.parametrize("kind", ["ndc", "box", "unbounded"])
-def test_the_space_can_be_set(kind):
+def test_a_space_that_is_set_is_that_of_the_scene_model(kind):
     cameras = forward_cameras() if kind == "ndc" else orbit_cameras()
     model = decide_scene_model(cameras, points_before(cameras), SceneModelConfig(space=kind))
     assert model.space.kind == kind

@@ -62,7 +62,7 @@ def test_exposures_are_found_to_a_fraction_of_a_stop():
     assert [view.name for view in found.views if view.off_exposure] == ["view5"]
 
 
-def test_the_blurred_one_is_found():
+def test_a_blurred_photograph_among_sharp_ones_is_found():
     images, points = speckled(ring(), np.zeros(N_VIEWS))
     images[3] = cv2.GaussianBlur(images[3], (0, 0), 2.5)
     found = survey(ring(), images, points)
@@ -70,7 +70,7 @@ def test_the_blurred_one_is_found():
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
-def test_all_alike_are_no_outliers(n):
+def test_photographs_that_are_all_alike_have_no_outliers(n):
     found = survey(ring(n), *speckled(ring(n), np.zeros(n)))
     assert not [view for view in found.views if view.blurred or view.off_exposure]
 

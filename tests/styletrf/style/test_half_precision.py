@@ -118,7 +118,7 @@ def test_terms_are_those_of_float64(vgg, dtype, relative, picture, stability):
 
 @LOSS
 @pytest.mark.parametrize("size", [0.0, 1e-18, 1.0, 1e18])
-def test_total_variation_of_any_contrast(size, stability):
+def test_total_variation_of_any_contrast_is_that_of_float64(size, stability):
     image = (size * noise(1, 3, 20, 20)).requires_grad_()
     found = total_variation(image)
     found.backward()

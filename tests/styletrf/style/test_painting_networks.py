@@ -38,7 +38,7 @@ def test_output_has_the_size_of_the_input(
 def test_images_under_16_pixels_are_refused(
     tiny: Callable[..., PaintingNetwork], shape: tuple[int, int]
 ):
-    with pytest.raises(ValueError, match="at least 16"):
+    with pytest.raises(ValueError, match=f"{shape[1]}x{shape[0]}"):
         tiny()(torch.rand(1, 3, *shape))
 
 
@@ -61,7 +61,7 @@ def test_images_of_a_batch_do_not_see_each_other(tiny: Callable[..., PaintingNet
     torch.testing.assert_close(network(images), alone, rtol=1e-4, atol=1e-5)
 
 
-def test_same_generator_same_network(tiny: Callable[..., PaintingNetwork]):
+def test_networks_of_one_seed_paint_the_same(tiny: Callable[..., PaintingNetwork]):
     a, b, other = tiny(3), tiny(3), tiny(4)
     image = torch.rand(1, 3, 16, 16)
     assert torch.equal(a(image), b(image))

@@ -48,7 +48,7 @@ def test_gram_matrix_of_half_precision_neither_overflows_nor_rounds_the_sum():
     torch.testing.assert_close(gram, torch.full((1, 2, 2), 5000.0), rtol=1e-4, atol=0)
 
 
-def test_gram_matrix_gradient():
+def test_the_gradient_of_a_gram_matrix_is_that_of_finite_differences():
     features = torch.randn(1, 3, 2, 3, dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(gram_matrix, features)
 

@@ -56,7 +56,7 @@ def test_it_rises_again_when_more_is_lost_and_no_higher_than_it_began():
 
 
 @pytest.mark.parametrize("found", [0.0, 60.0, 1e30])
-def test_it_stays_within_its_limits(found):
+def test_the_factor_of_the_content_stays_within_its_limits(found):
     assert factors_of(constrained(Terms(found)), 40)[-1] == pytest.approx(1 if found > 0.5 else 0.1)
 
 
@@ -92,6 +92,6 @@ def test_the_weight_stays_where_it_cannot_follow(loss):
 @pytest.mark.parametrize(
     "wrong", [{"level": 0.0}, {"rate": -1.0}, {"least_factor": 0.0}, {"least_factor": 2.0}]
 )
-def test_a_wrong_setting_is_refused(wrong):
-    with pytest.raises(ValueError, match="level is above 0"):
+def test_a_setting_of_the_constraint_out_of_range_is_refused(wrong):
+    with pytest.raises(ValueError, match="{}={}".format(*next(iter(wrong.items())))):
         ContentConstraintConfig(**wrong)

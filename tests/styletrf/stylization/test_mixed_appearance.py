@@ -1,5 +1,6 @@
 """Mixing appearances of one density mixes their renders, exactly; a region bounds the style."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -118,10 +119,10 @@ def test_what_hides_behind_the_masked_surface_is_outside(scene):
 
 @pytest.mark.parametrize("shares", [[0.5], [0.5, 0.6], [-0.1, 1.1], []])
 def test_shares_that_are_none_are_refused(fields, shares):
-    with pytest.raises(ValueError, match="shares"):
+    with pytest.raises(ValueError, match=re.escape(f"{shares}")):
         MixedAppearance([f.appearance for f in fields], shares)
 
 
 def test_an_empty_box_is_refused():
-    with pytest.raises(ValueError, match="holds nothing"):
+    with pytest.raises(ValueError, match=r"\(1\.0, 0\.0, 1\.0\)"):
         Box((0.0, 0.0, 0.0), (1.0, 0.0, 1.0))

@@ -96,7 +96,7 @@ def test_views_of_nothing_get_the_smallest_scale():
     ],
 )
 def test_settings_that_mean_nothing_are_refused(wrong):
-    with pytest.raises(ValueError, match="points_per_px is above 0"):
+    with pytest.raises(ValueError, match="{}={}".format(*next(iter(wrong.items())))):
         StyleLatticeConfig(**wrong)
 
 

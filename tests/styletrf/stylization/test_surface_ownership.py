@@ -90,5 +90,5 @@ def test_each_next_view_is_the_farthest_from_those_before():
 
 
 def test_impossible_tolerances_are_refused():
-    with pytest.raises(ValueError, match="above 0"):
+    with pytest.raises(ValueError, match=r"tolerance=0\.0"):
         OwnershipConfig(tolerance=0.0)

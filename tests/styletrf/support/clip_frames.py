@@ -1,5 +1,6 @@
 """Frames of clips that turn, walk or keep still."""
 
+import cv2
 import numpy as np
 
 from styletrf.files.video import TimedFrame
@@ -9,6 +10,26 @@ HEIGHT, WIDTH = 120, 160
 
 def contrasted(image):
     return np.clip(128 + 6 * (image - 128), 0, 255).astype(np.uint8)
+
+
+def wall(seed, tint=(1.0, 1.0, 1.0), width=3 * WIDTH):
+    """A wall of texture, three times as wide as a frame."""
+    noise = np.random.default_rng(seed).uniform(0, 255, (HEIGHT, width, 3))
+    return cv2.GaussianBlur(noise, (0, 0), 2.0) * tint
+
+
+def panned(picture, place_px, count, share=0.0):
+    """A pan along a picture: `place_px(t)` is the left column at t frames.
+
+    Rows are exposed one after another, the last `share` of a frame's time after the first.
+    """
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
+    image = contrasted(picture)
+    frames = []
+    for k in range(count):
+        left = place_px(k + share * rows / HEIGHT).astype(np.float32)
+        frames.append(cv2.remap(image, columns + left, rows, cv2.INTER_LINEAR))
+    return frames
 
 
 def turned(picture, count):

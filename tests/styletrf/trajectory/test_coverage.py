@@ -32,7 +32,7 @@ def test_each_place_is_shown_as_often_as_asked_or_as_can_be(times):
 
 
 @pytest.mark.parametrize("count", [1, 5, 12, 99])
-def test_a_count_is_kept(count):
+def test_a_count_that_is_set_is_the_number_of_views(count):
     seen = np.random.default_rng(0).random((12, 30)) < 0.4
     assert len(covering(seen, CoverageConfig(count=count))) == min(count, 12)
 

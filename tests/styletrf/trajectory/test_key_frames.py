@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from expected_errors import rejects
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,7 +31,9 @@ PLACES = st.one_of(
 
 @settings(deadline=None)
 @given(st.lists(PLACES, min_size=1, max_size=5), st.booleans(), st.floats(0, 1))
-def test_what_is_written_is_read(tmp_path_factory, places, closed, easing):
+def test_key_frames_that_are_written_are_read_as_they_were(
+    tmp_path_factory, places, closed, easing
+):
     path = tmp_path_factory.mktemp("path") / "path.json"
     keys = KeyFrames(str(path), tuple(KeyFrame(*place) for place in places), closed, easing)
     write_key_frames(path, keys)
@@ -91,17 +94,17 @@ def test_a_mistake_is_named_with_the_file_and_the_entry(tmp_path, values, proble
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"),
-    [("", "is no JSON"), ("[1", "is no JSON"), ("[]", "neither key_frames"), ("{}", "neither")],
+    ("text", "value"),
+    [("", "JSON"), ("[1", "JSON"), ("[]", "transforms.json"), ("{}", "transforms.json")],
 )
-def test_a_file_of_something_else_is_refused(tmp_path, text, problem):
+def test_a_file_of_something_else_is_refused(tmp_path, text, value):
     (tmp_path / "path.json").write_text(text)
-    with pytest.raises(InputError, match=problem):
+    with rejects(tmp_path / "path.json", value):
         read_path(tmp_path / "path.json")
 
 
 def test_a_file_that_is_missing_is_answered_with_what_there_is(tmp_path):
-    with pytest.raises(InputError, match="no such file") as error:
+    with rejects(f"--path {tmp_path / 'path.json'}") as error:
         read_path(tmp_path / "path.json")
     assert "photographs" in error.value.remedy
 

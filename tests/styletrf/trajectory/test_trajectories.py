@@ -10,10 +10,10 @@ from captures import (
     points_of,
     walk,
 )
+from expected_errors import rejects
 from trajectory_captures import CAPTURES, centers_of, modeled
 
 from styletrf.configuration import configured
-from styletrf.errors import InputError
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.synthetic.courtyard.capture import CourtyardConfig, courtyard_cameras
 from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through, prior_views
@@ -50,7 +50,7 @@ def test_paths_are_closed_and_smooth(capture, turns):
 
 @pytest.mark.parametrize("turns", [0.0, 0.5, 1.5, -1.0])
 def test_turns_that_do_not_close_the_path_are_refused(turns):
-    with pytest.raises(InputError, match="is not closed"):
+    with rejects("setting 'turns'", turns):
         configured(TrajectoryConfig, {"turns": turns})
 
 

@@ -127,7 +127,7 @@ def test_densities_come_back_where_they_are_needed(most):
     np.testing.assert_array_equal(back[needed], codes.reshape(back.shape)[needed])
 
 
-def test_classes_come_back():
+def test_packed_classes_come_back_as_they_were():
     classes = np.random.default_rng(0).integers(0, CLASSES + 1, (BRICKS, 512)).astype(np.uint8)
     np.testing.assert_array_equal(unpacked_classes(*packed_classes(classes)), classes)
 

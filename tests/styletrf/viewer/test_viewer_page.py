@@ -38,7 +38,7 @@ def hostile(content):
     return replace(content, scene=HOSTILE, looks=looks)
 
 
-def test_names_stay_text(content, tmp_path):
+def test_markup_in_names_of_a_viewer_stays_text(content, tmp_path):
     harmless = Tags(written(content("ndc"), tmp_path / "a.html"))
     page = written(hostile(content("ndc")), tmp_path / "b.html")
     found = Tags(page)

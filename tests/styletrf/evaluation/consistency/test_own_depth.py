@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from pans import DEPTH, FRAMES, STEP, WIDTH, pan, shown, texture
+from moving_camera import DEPTH, FRAMES, STEP, WIDTH, pan, shown, texture
 
 from styletrf.evaluation.consistency.trajectory_consistency import (
     Consistency,

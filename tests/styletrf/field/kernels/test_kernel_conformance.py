@@ -82,7 +82,7 @@ def coordinates(n, seed):
 
 @pytest.mark.parametrize(("resolution", "ranks"), [*SHAPES, ((9, 5, 3), (3, 1, 8))])
 @pytest.mark.parametrize("n", [0, 1, 13])
-def test_features_and_their_gradients(form, resolution, ranks, n):
+def test_features_and_their_gradients_are_those_of_the_reference(form, resolution, ranks, n):
     positions = coordinates(n, seed=0)
     upstream = torch.randn(5 * n, sum(ranks), generator=generator(7))
 
@@ -97,7 +97,7 @@ def test_features_and_their_gradients(form, resolution, ranks, n):
 
 @pytest.mark.parametrize(("resolution", "ranks"), SHAPES)
 @pytest.mark.parametrize("n", [0, 1, 13])
-def test_density(form, resolution, ranks, n):
+def test_density_is_that_of_the_reference(form, resolution, ranks, n):
     positions = coordinates(n, seed=5)
 
     def compute(kernels, dtype):
@@ -108,7 +108,7 @@ def test_density(form, resolution, ranks, n):
 
 @pytest.mark.parametrize("channels", [1, 3, 5, 12, 24])
 @pytest.mark.parametrize("counts", [[], [0], [1], [3, 0, 70, 1]])
-def test_composites_and_their_gradients(form, channels, counts):
+def test_composites_and_their_gradients_are_those_of_the_reference(form, channels, counts):
     n, g = sum(counts), generator(channels)
     weights, values = torch.rand(n, generator=g), torch.randn(n, channels, generator=g)
     upstream = torch.randn(len(counts), channels, generator=g)
@@ -125,7 +125,7 @@ def test_composites_and_their_gradients(form, channels, counts):
 @pytest.mark.parametrize(
     ("n", "inputs", "hidden"), [(0, 5, 8), (1, 1, 1), (7, 6, 3), (60, 48, 64), (61, 24, 20)]
 )
-def test_decoded_colors_and_their_gradients(form, n, inputs, hidden):
+def test_decoded_colors_and_their_gradients_are_those_of_the_reference(form, n, inputs, hidden):
     g = generator(n)
     ray = torch.randint(0, 40, (n,), generator=g).sort().values
     upstream = torch.randn(n, 3, generator=g)

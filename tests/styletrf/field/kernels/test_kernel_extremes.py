@@ -66,7 +66,7 @@ def test_weights_and_gradients_are_finite_and_light_is_conserved(form, scale, st
 
 @pytest.mark.parametrize("raw", [-1e30, -1e4, -80.0, 0.0, 100.0, 1e4, 1e30])
 @pytest.mark.parametrize("scale", [1e-30, 25.0, 1e30])
-def test_raw_densities_of_any_size(form, raw, scale, stability):
+def test_raw_densities_of_any_size_have_the_opacity_of_the_closed_form(form, raw, scale, stability):
     """Softplus and its slope neither overflow nor turn into NaN (hazards 12, 13)."""
     factors = constant_factors(raw)
     samples, gradients = traced(form, factors, rays_of_lengths(LENGTHS[:6]), whole_grid(scale))
@@ -181,7 +181,7 @@ def test_rays_along_faces_edges_and_axes_of_the_grid(form):
     assert_finite(samples.weights, *gradients)
 
 
-def test_rays_without_length_or_steps(form):
+def test_rays_without_length_or_steps_have_no_weight(form):
     """A ray that misses has no steps; one whose ends are one point is a point."""
     point = torch.zeros(3, 3)
     segments = segments_between(point, point, torch.tensor([0, 1, 4]))

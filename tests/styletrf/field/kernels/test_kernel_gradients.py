@@ -37,14 +37,14 @@ def factors():
     return TensorVM((3, 4, 2), (2, 1, 1), scale=0.7, generator=generator(0)).double()
 
 
-def test_of_features(factors):
+def test_gradients_of_features_are_those_of_finite_differences(factors):
     positions = 2 * torch.rand(6, 3, generator=generator(1), dtype=torch.float64) - 1
     call = Call(factors, lambda module: REFERENCE.features(module, positions))
     assert gradcheck(call.of, call.inputs())
 
 
 @pytest.mark.parametrize("termination", [0.0, 0.3])
-def test_of_the_weights_along_rays(factors, termination):
+def test_gradients_of_the_weights_along_rays_are_those_of_finite_differences(factors, termination):
     segments = doubled(make_segments(4, seed=5, max_steps=6, reach=1.2))
     occupancy = torch.ones(2, 2, 2, dtype=torch.uint8)
     occupancy[0, 1, 0] = 0
@@ -54,19 +54,19 @@ def test_of_the_weights_along_rays(factors, termination):
     assert gradcheck(call.of, call.inputs(), atol=1e-6)
 
 
-def test_of_sums_along_rays():
+def test_gradients_of_sums_along_rays_are_those_of_finite_differences():
     weights, values = leaf(6), leaf(6, 3, seed=1)
     assert gradcheck(
         lambda w, v: REFERENCE.composite(packed([2, 0, 3, 1], w), v), (weights, values)
     )
 
 
-def test_of_kept_weights():
+def test_gradients_of_kept_weights_are_those_of_finite_differences():
     weights = leaf(6).detach().abs().requires_grad_()
     assert gradcheck(lambda w: REFERENCE.prune(packed([2, 0, 3, 1], w), 0.5).weights, weights)
 
 
-def test_of_decoded_colors():
+def test_gradients_of_decoded_colors_are_those_of_finite_differences():
     ray = torch.tensor([0, 0, 1, 3, 3])
     leaves = [
         leaf(*shape, seed=k) for k, shape in enumerate([(5, 4), (4, 6), (6, 4), (3, 6), (3,)])

@@ -33,7 +33,7 @@ def assert_bit_identical(one, many):
     assert all(torch.equal(a, b) for a, b in zip(one, many, strict=True))
 
 
-def test_scattered_gradients():
+def test_scattered_gradients_are_the_same_on_any_number_of_threads():
     positions = torch.rand(5000, 3, generator=generator(1)) * 2 - 1
 
     def compute():
@@ -60,7 +60,7 @@ def test_a_march_its_sums_and_their_gradients():
     assert_bit_identical(*on_threads(compute))
 
 
-def test_gradients_of_colors():
+def test_gradients_of_colors_are_the_same_on_any_number_of_threads():
     ray = torch.randint(0, 300, (5000,), generator=generator(0)).sort().values
     shapes = [(5000, 12), (300, 16), (16, 12), (3, 16), (3,)]
 

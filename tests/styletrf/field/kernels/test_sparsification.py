@@ -63,12 +63,12 @@ def test_nothing_and_what_is_not_finite_come_back_as_they_are(value):
     assert bool(kept.isfinite().all()) == bool(one_bad.isfinite().all())
 
 
-def test_no_rows():
+def test_a_gradient_without_rows_stays_empty():
     assert sparsified(torch.zeros(0, 3), Sparsification(3.0, 0.5)).shape == (0, 3)
 
 
 @pytest.mark.parametrize("magnitude", [1e-30, 1e30])
-def test_magnitudes_at_the_extremes(magnitude):
+def test_gradients_of_extreme_magnitude_keep_their_sum(magnitude):
     gradient = torch.full((64, 1), magnitude)
     total = sparsified(gradient, Sparsification(4.0, 0.5)).double().sum()
     assert float(total) == pytest.approx(64 * magnitude, rel=1e-5)

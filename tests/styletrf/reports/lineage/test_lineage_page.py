@@ -44,7 +44,7 @@ def test_each_artifact_has_its_state_age_size_and_seconds(tmp_path: Path):
     assert all(a.startswith("#artifact-") for a in page.addresses if not a.startswith("scene"))
 
 
-def test_names_stay_text(tmp_path: Path):
+def test_markup_in_names_of_a_lineage_stays_text(tmp_path: Path):
     harmless = written(tmp_path, "horns", [MADE, replace(FAILED, inputs=[MADE.name])])
     words = dict.fromkeys(("family", "label", "painting", "reason"), HOSTILE)
     of_record = dict.fromkeys(("name", "family", "label", "host", "made"), HOSTILE)

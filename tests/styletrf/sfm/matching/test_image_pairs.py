@@ -37,7 +37,7 @@ def test_sequences_are_found_by_their_counter(names, sequence):
 
 @settings(deadline=None)
 @given(counts)
-def test_all_pairs_are_all(count):
+def test_all_pairs_of_photographs_come_once_each(count):
     pairs = all_pairs(count)
     assert len(set(pairs)) == len(pairs) == count * (count - 1) // 2
     assert all(0 <= i < j < count for i, j in pairs)
