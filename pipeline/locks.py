@@ -114,7 +114,7 @@ def runs(root: Path) -> tuple[References, References]:
     """
     living, past = References(), References()
     for path in sorted((root / "runs").glob("*.keys")):
-        lines = path.read_text("ascii", "replace").splitlines()
+        lines = path.read_text("utf-8", "replace").splitlines()
         keys = {line[-64:] for line in lines}  # after a full disk, two lines may be joined
         (living if is_held(path) else past).append((path, keys))
     return living, past
