@@ -163,7 +163,7 @@ def test_commands_wait_for_a_shared_store_that_fails_for_a_while(
         commands.append(worker(*words))
     while not built():
         time.sleep(0.02)
-    end = time.monotonic() + 3
+    end = time.monotonic() + 8
     proxy.fault = lambda _method, _path: 500 if time.monotonic() < end else None
     outcomes = [finish(command) for command in commands]
     assert {status for status, _ in outcomes} <= {0, 10, 25}, outcomes
