@@ -30,7 +30,7 @@ from pipeline.maintenance.why import upstream_first
 _log = logging.getLogger("pipeline")
 _luigi_log = logging.getLogger("luigi-interface")
 INVALID = 1
-"""The exit status of a command that cannot be read, as of one that is refused."""
+"""The exit status of a command that is invalid or refused."""
 INTERRUPTED = 130
 """The exit status after Ctrl-C, as in shells."""
 Begin = Callable[[luigi.Task], None]
@@ -128,11 +128,13 @@ def _require_readable_options(parser: CmdlineParser) -> None:
         SystemExit: It names the option and the value.
     """
     for name, parameter in luigi.interface.core.get_params():  # type: ignore[no-untyped-call]
+        option = name.replace("_", "-")
         try:
             parameter.task_value("core", name)
         except ValueError as error:
             value = getattr(parser.known_args, f"core_{name}", None)
-            raise SystemExit(f"--{name.replace('_', '-')} {value}: {error}.") from error
+            place = f"[core] {name} in luigi.cfg" if value is None else f"--{option} {value}"
+            raise SystemExit(f"{place}: {error}. `luigi --help-all` explains it.") from error
 
 
 def _luigi_status(task: luigi.Task) -> int:

@@ -14,6 +14,7 @@ from pipeline.command import run_command
 from pipeline.console.progress_client import progress_client
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.settings import current_store
+from pipeline.task import artifact
 from styletrf.errors import InputError
 from tasks.command.build_order import seconds_ahead
 from tasks.command.graph import graph
@@ -116,7 +117,7 @@ def _results(root: luigi.Task) -> list[LinkedStage]:
 def _answer_for(stage: Stage) -> None:
     """Prints the folder of a stage that is no result, or logs why there is none."""
     if stage.complete():
-        print(stage.output().path)  # noqa: T201  the command's answer
+        print(artifact(stage))  # noqa: T201  the command's answer
     else:
         _log_reason(stage)
 

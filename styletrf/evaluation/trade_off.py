@@ -149,7 +149,14 @@ def variants(measurements: Sequence[Measurement], part: Part) -> list[Measuremen
         took.setdefault(stage, []).append(seconds)
     usual = {stage: fmean(seconds) for stage, seconds in took.items()}
     quality_db = fmean(m.quality_db for m in repeats)
-    mean = replace(repeats[0], tuning={}, quality_db=quality_db, seconds=usual)
+    ratios = [m.consistency_ratio for m in repeats if m.consistency_ratio is not None]
+    mean = replace(
+        repeats[0],
+        tuning={},
+        quality_db=quality_db,
+        seconds=usual,
+        consistency_ratio=fmean(ratios) if ratios else None,
+    )
     return [mean, *(replace(m, seconds=_shared(m, took, usual)) for m in side if m.name)]
 
 

@@ -62,9 +62,16 @@ def _kept(task: Any, front: Front) -> Choice | None:
 
 def _key(task: Any, front: Front) -> str:
     words = task.to_str_params(only_significant=True)
-    points = [asdict(point) for point in front.points]
+    points = [_without_newer_fields(point) for point in front.points]
     fields = {"words": words, "front": front.description, "points": points}
     return typed_digest("choice-v1", canonical_json(fields))
+
+
+def _without_newer_fields(point: Combination) -> dict[str, Any]:
+    """Returns the fields of a point; those that earlier versions lack only if they are given."""
+    fields = asdict(point)
+    newer = [name for name in ("consistency_ratio", "stylizer") if not fields[name]]
+    return {name: value for name, value in fields.items() if name not in newer}
 
 
 def _same(point: Combination, kept: Any) -> bool:

@@ -36,8 +36,8 @@ class Front:
     points: Sequence[Combination]
     calibration: Calibration | None
 
-    def as_painted(self) -> "Front":
-        """Returns the front without the points that name a stylizer, for who asks for another."""
+    def without_stylizers(self) -> "Front":
+        """Returns the front without its points that have another stylizer than the default."""
         return replace(self, points=[point for point in self.points if not point.stylizer])
 
 

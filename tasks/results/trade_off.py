@@ -129,6 +129,8 @@ class TradeOff(LinkedStage, PresetStage):
         front = pareto_front(points, measured)
         write_rows(out / "measurements.parquet", [_flat(asdict(m)) for m in measured])
         write_rows(out / "combinations.parquet", [_flat(asdict(p)) for p in points])
+        usual = pareto_front([p for p in points if not p.stylizer], measured)
+        served = [*front, *(p for p in usual if p not in front)]  # for who names a stylizer
         rows = [_flat(asdict(p.combination)) | {"overlaps": p.overlaps} for p in front]
         write_rows(out / "front.parquet", rows)
         evidence = json.loads((inputs["model"] / "scene.json").read_text())["evidence"]
@@ -138,7 +140,7 @@ class TradeOff(LinkedStage, PresetStage):
             "measured": measured_on(run.lineage), "changes": self._changes(),
         }  # fmt: skip
         calibration = asdict(calibration_of_machine(self.device))
-        measured_front = {"points": [asdict(p) for p in front], "calibration": calibration}
+        measured_front = {"points": [asdict(p) for p in served], "calibration": calibration}
         write_summary(out / "front.json", {**description, **measured_front})
         content = TradeOffContent(**description, points=points, front=front, measurements=measured,
                                   command=self.command)  # fmt: skip

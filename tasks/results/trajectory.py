@@ -256,7 +256,8 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """Returns the scene's own front, or those of its kind of space; all while it is unknown."""
         measured = Path(out_root(), self.scene, "trade-off", "front.json")
         fronts = fronts_for(measured, self._space())
-        return fronts if self.is_default("stylizer") else [front.as_painted() for front in fronts]
+        is_free = all(self.is_default(name) for name in _DECIDE_THE_STYLIZER)
+        return fronts if is_free else [front.without_stylizers() for front in fronts]
 
     def _space(self) -> str | None:
         """Returns the kind of the scene's space; None before it is decided."""
@@ -285,6 +286,9 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             if stage in upstream
         }
 
+
+_DECIDE_THE_STYLIZER = ("stylizer", "network", "method", "stroke_scale", "content_weight")
+"""Options that another stylizer would contradict or not obey."""
 
 _LINKED = {
     "video.mp4": ("frames", "video.mp4"),

@@ -36,14 +36,15 @@ def clip_warnings(
     if times := _listed([f"{cut_s:.1f} s" for cut_s in motion.cuts_s]):
         cuts = "a cut" if len(motion.cuts_s) == 1 else "cuts"
         yield f"{name} has {cuts} at {times}: what lies before and after are sequences of their own"
-    if times := _listed([_described(span, chosen) for span in rests(motion)]):
+    still = [f"{_described(span)} ({_left_out(span, chosen)})" for span in rests(motion)]
+    if times := _listed(still):
         yield f"{name} keeps still at {times}: a rest shows nothing new"
-    yield from _warnings_of_motion(name, motion, chosen)
+    yield from _warnings_of_motion(name, motion)
 
 
-def _warnings_of_motion(name: str, motion: FrameMotion, chosen: Chosen) -> Iterator[str]:
+def _warnings_of_motion(name: str, motion: FrameMotion) -> Iterator[str]:
     """Yields what the camera's motion makes worse, and how to film better."""
-    if times := _listed([_described(span, chosen) for span in blurs(motion)]):
+    if times := _listed([_described(span) for span in blurs(motion)]):
         yield (
             f"{name} is blurred by motion at {times}: move more slowly, use more light or a"
             " shorter exposure"
@@ -65,9 +66,15 @@ def _warnings_of_motion(name: str, motion: FrameMotion, chosen: Chosen) -> Itera
         yield f"{name} is blurred throughout: hold the camera steadier, or use more light"
 
 
-def _described(span: Span, chosen: Chosen) -> str:
-    """Returns when a part is, and how many of its frames are not taken."""
-    return f"{span.start_s:.1f} to {span.end_s:.1f} s ({span.without(chosen)} frames left out)"
+def _described(span: Span) -> str:
+    """Returns when a part of a clip begins and ends."""
+    return f"{span.start_s:.1f} to {span.end_s:.1f} s"
+
+
+def _left_out(span: Span, chosen: Chosen) -> str:
+    """Returns how many frames of a part are not taken."""
+    count = span.without(chosen)
+    return f"{count} {'frame' if count == 1 else 'frames'} left out"
 
 
 def _listed(times: Sequence[str]) -> str:

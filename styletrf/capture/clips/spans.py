@@ -12,7 +12,7 @@ _SHORTEST_REST_S = 0.75
 _FEWEST_RESTING = 5  # frames
 _REST_EXTENT = 0.06  # of the width at most, in which a hand-held camera rests for long
 _REST_SPEED = 0.2  # of the usual speed,
-_USUAL_SHARE = 0.25  # at or below which this share of the way is gone
+_USUAL_SHARE = 0.25  # at or below which this share of the way is covered
 _TREMOR_QUANTILE = 0.75
 _TREMOR = 1.5  # times this quantile of the distances from the middle
 _ROUNDING_S = 1e-6
@@ -130,7 +130,7 @@ def _near_the_middle(places: Places, half_step: float) -> Int64[np.ndarray, " ne
 
 
 def _usual_speed(time_s: PerFrame, places: Places) -> float:
-    """Returns the speed in widths a second at or below which a quarter of the way is gone."""
+    """Returns the speed in widths a second at or below which a quarter of the way is covered."""
     ends = np.searchsorted(time_s, time_s + (_SHORTEST_REST_S - _ROUNDING_S))
     starts = np.flatnonzero(ends < len(time_s))
     ways = np.sort(np.linalg.norm(places[ends[starts]] - places[starts], axis=1))

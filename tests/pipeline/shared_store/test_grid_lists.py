@@ -29,6 +29,15 @@ def test_one_of_the_list_can_be_named(shared, elsewhere, capsys):
     assert len(objects(there)) == 1
 
 
+@pytest.mark.usefixtures("inline")
+def test_a_list_of_an_earlier_version_is_read(shared, elsewhere, capsys):
+    assert build(Word("a"), Word("b"))
+    shared.write("nights/former.keys", f"{Word('a').action().key}\n".encode())
+    there = elsewhere()
+    assert command(capsys, "pull", "--grid", "former")[0] == 0
+    assert len(objects(there)) == 1
+
+
 def test_an_unknown_grid_is_answered_with_those_there_are(shared, capsys):
     upload_key_list(current_store(), "grid1", ["ab" * 32])
     status, said = command(capsys, "pull", "--grid", "grid2")

@@ -41,6 +41,8 @@ class Place:
     def write(self, name: str, content: bytes) -> None:
         files, root = self.files()
         self.remove(name)
+        if not self.url.startswith("s3:"):
+            Path(root, name).parent.mkdir(parents=True, exist_ok=True)
         files.pipe_file(f"{root}/{name}", content)
 
     def remove(self, *names: str) -> None:

@@ -35,7 +35,7 @@ def test_a_still_second_has_its_times_within_a_frame(moving, rate):
     assert rest.end_s == pytest.approx(30 / rate + 1, abs=1.01 / rate)
 
 
-def test_two_rests_are_two():
+def test_two_rests_of_a_walk_are_found_apart():
     frames = with_a_rest(with_a_rest(walked(wall(0), 60), 45, 20), 15, 20)
     assert len(rests_of(frames, 12)) == 2
 

@@ -36,17 +36,17 @@ def test_a_pan_by_hand_whose_rows_are_exposed_in_turn_leans(share):
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3])
-def test_however_the_camera_was_held(turns):
+def test_a_rolling_shutter_is_found_however_the_camera_was_held(turns):
     frames = panned(PAINTED, by_hand, COUNT, 0.6)
     assert shutter_of([np.ascontiguousarray(np.rot90(frame, turns)) for frame in frames])
 
 
 @pytest.mark.parametrize("way", [by_hand, steadily])
-def test_a_pan_whose_rows_are_exposed_at_once_does_not(way):
+def test_a_pan_whose_rows_are_exposed_at_once_shows_no_rolling_shutter(way):
     assert shutter_of(panned(PAINTED, way, COUNT)) is None
 
 
-def test_neither_does_a_walk_past_near_and_far_walls():
+def test_a_walk_past_near_and_far_walls_shows_no_rolling_shutter():
     """The halves of the picture move apart, at any time in proportion to the speed."""
     walk = walked(wall(4, width=5 * WIDTH), 160)
     columns = (by_hand(np.arange(COUNT)) - 40).astype(int)

@@ -65,6 +65,11 @@ def test_a_combination_has_the_stylizer_and_the_consistency_of_its_style():
         assert (points[name, ""].consistency_ratio, points[name, ""].stylizer) == (None, "")
 
 
+def test_the_consistency_of_the_unchanged_quality_is_the_mean_of_the_known_ones():
+    repeats = [style(consistency_ratio=ratio) for ratio in (1.2, None, 1.4)]
+    assert variants(repeats, "style")[0].consistency_ratio == pytest.approx(1.3)
+
+
 def test_stages_that_render_follow_what_a_frame_costs():
     measured = [scene(), style(), scene("cheap frames", frames=15.0)]
     by_name = {p.scene: p for p in combinations(measured)}

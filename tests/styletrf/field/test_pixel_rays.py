@@ -50,5 +50,5 @@ def test_pixels_that_a_mask_leaves_out_are_never_drawn():
 
 
 def test_images_of_which_nothing_counts_are_refused():
-    with pytest.raises(ValueError, match="pixel"):
+    with pytest.raises(ValueError, match="no pixel"):
         view_images([torch.zeros((4, 6, 4), dtype=torch.uint8)])

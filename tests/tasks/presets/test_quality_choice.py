@@ -7,11 +7,14 @@ from dataclasses import asdict, replace
 import pytest
 from luigi.cmdline_parser import CmdlineParser
 
+from pipeline.canonical import canonical_json
+from pipeline.digest import typed_digest
 from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination
 from tasks import StylizedTrajectory
 from tasks.machine.calibration import Calibration, keep_calibration, this_machine
+from tasks.machine.local_facts import add_fact
 from tasks.planning.kept_choice import choice_for, keep_choice
 from tasks.planning.remaining_time import cost_model, timing_of
 from tasks.planning.request_validation import configurations
@@ -85,9 +88,33 @@ def test_a_point_is_made_with_its_stylizer_and_the_choice_is_remembered(monkeypa
     assert task.at_point("draft", GOOD).stylizer == task.stylizer
 
 
-def test_who_names_a_stylizer_gets_no_point_of_another():
+@pytest.mark.parametrize(
+    "words",
+    [{"stylizer": "gatys"}, {"network": "n.pth"}, {"method": "per-frame"}, {"stroke_scale": 2.0},
+     {"content_weight": 0.5}],
+    ids=lambda words: next(iter(words)),
+)  # fmt: skip
+def test_options_that_another_stylizer_would_not_obey_exclude_its_points(words, monkeypatch):
     front = replace(FRONT, points=(PAINTED, FAST, GOOD))
-    assert front.as_painted().points == [FAST, GOOD]
+    monkeypatch.setattr("tasks.results.trajectory.fronts_for", lambda *_: [front])
+    assert [found.points for found in mini(budget="5min")._fronts()] == [front.points]
+    assert [found.points for found in mini(budget="5min", **words)._fronts()] == [[FAST, GOOD]]
+
+
+def test_a_choice_that_an_earlier_version_kept_is_found():
+    """Its points had neither consistencies nor stylizers."""
+    calibrated(1.0)
+    task, request = mini(budget="5min"), quality_request("draft", "5min")
+    former = [
+        {name: value for name, value in asdict(point).items()
+         if name not in ("consistency_ratio", "stylizer")}
+        for point in FRONT.points
+    ]  # fmt: skip
+    fields = {"words": task.to_str_params(only_significant=True), "front": FRONT.description,
+              "points": former}  # fmt: skip
+    key = typed_digest("choice-v1", canonical_json(fields))
+    add_fact("choices", key, {"tuning": FAST.tuning, "seconds": 7.0})
+    assert choice_for(task, request, FRONT).point == replace(FAST, seconds=7.0)
 
 
 def test_on_a_machine_twice_as_slow_a_budget_buys_less():
