@@ -70,8 +70,8 @@ def test_a_command_that_begin_refuses_builds_nothing_and_has_no_end():
     ("arguments", "status"),
     [
         (["Wrod"], 1),  # no such task
-        (["Word"], 40),  # a parameter is missing
-        (["Word", "--word", "a", "--memory-gib", "b"], 40),  # a parameter that is no number
+        (["Word"], 1),  # a parameter is missing
+        (["Word", "--word", "a", "--memory-gib", "b"], 1),  # a parameter that is no number
         (["Word", "--word", "a", "--volume", "1"], 2),  # no such parameter
     ],
 )
