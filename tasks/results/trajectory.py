@@ -162,17 +162,15 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """Returns the same result at the first preset, for its sources, which all presets share."""
         return self.with_settings(PRESETS[0], {})
 
-    def with_settings(self, quality: str, tuning: Tuning) -> "StylizedTrajectory":
-        """Returns the same fly-through at a preset, with settings of stages."""
-        words = {**self.param_kwargs, "quality": quality, "tuning": tuning, "budget": ""}
-        return StylizedTrajectory(**words)
+    def with_settings(self, quality: str, tuning: Tuning, **others: str) -> "StylizedTrajectory":
+        """Returns the same fly-through at a preset, with settings of stages and other options."""
+        changed = {"quality": quality, "tuning": tuning, "budget": "", **others}
+        return StylizedTrajectory(**{**self.param_kwargs, **changed})
 
     def at_point(self, quality: str, point: Combination) -> "StylizedTrajectory":
         """Returns the same fly-through with the settings and the stylizer of a point of a front."""
-        words = {**self.with_settings(quality, point.tuning).param_kwargs}
-        return StylizedTrajectory(
-            **words | ({"stylizer": point.stylizer} if point.stylizer else {})
-        )
+        others = {"stylizer": point.stylizer} if point.stylizer else {}
+        return self.with_settings(quality, point.tuning, **others)
 
     def complete(self) -> bool:
         """Returns whether the result, with a bound the chosen one, is in the store and `out/`."""
@@ -256,8 +254,9 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """Returns the scene's own front, or those of its kind of space; all while it is unknown."""
         measured = Path(out_root(), self.scene, "trade-off", "front.json")
         fronts = fronts_for(measured, self._space())
-        is_free = all(self.is_default(name) for name in _DECIDE_THE_STYLIZER)
-        return fronts if is_free else [front.without_stylizers() for front in fronts]
+        if self.decides_stylizer:
+            return [front.without_stylizers() for front in fronts]
+        return fronts
 
     def _space(self) -> str | None:
         """Returns the kind of the scene's space; None before it is decided."""
@@ -286,9 +285,6 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             if stage in upstream
         }
 
-
-_DECIDE_THE_STYLIZER = ("stylizer", "network", "method", "stroke_scale", "content_weight")
-"""Options that another stylizer would contradict or not obey."""
 
 _LINKED = {
     "video.mp4": ("frames", "video.mp4"),

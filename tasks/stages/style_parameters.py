@@ -21,6 +21,9 @@ STYLE_AND_PATH_PARAMETERS = (
 )  # fmt: skip
 """Parameters that are in the identity only if they differ from their defaults."""
 
+_DECIDE_STYLIZER = ("stylizer", "network", "method", "stroke_scale", "content_weight")
+"""Options that another stylizer would contradict or ignore."""
+
 
 class NetworkParameters(PresetStage):
     """The parameters of a style network."""
@@ -101,3 +104,8 @@ class FrameParameters(StyleParameters):
         description='where the style goes: {"box": [[x, y, z], [x, y, z]]}, or'
         ' {"view": "0003", "mask": "FILE.png"} for what a mask on a prior shows',
     )
+
+    @property
+    def decides_stylizer(self) -> bool:
+        """Returns whether an option is given that another stylizer would contradict or ignore."""
+        return not all(self.is_default(name) for name in _DECIDE_STYLIZER)

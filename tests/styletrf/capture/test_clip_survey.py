@@ -90,9 +90,9 @@ def test_a_video_by_hand_whose_frames_lean_says_so_and_a_steady_one_says_nothing
         return 40 + 2 * t + 8 * np.sin(t / 3.1)
 
     filmed = {share: panned(PAINTED, by_hand, 60, share) for share in (0.8, 0.0)}
-    told = []
+    reported = []
     for share, frames in filmed.items():
         write_video(tmp_path / f"{share}.mp4", frames, 24)
         warnings = capture_videos([tmp_path / f"{share}.mp4"], tmp_path / str(share), 12).warnings
-        told.append(any("rolling shutter" in warning for warning in warnings))
-    assert told == [True, False]
+        reported.append(any("rolling shutter" in warning for warning in warnings))
+    assert reported == [True, False]

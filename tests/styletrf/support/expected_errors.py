@@ -1,4 +1,4 @@
-"""Errors that a test expects, told by their types and fields, so that messages can improve."""
+"""Errors that a test expects, by their types and fields, so that messages can improve."""
 
 import re
 from contextlib import contextmanager
