@@ -130,7 +130,8 @@ class TradeOff(LinkedStage, PresetStage):
         write_rows(out / "measurements.parquet", [_flat(asdict(m)) for m in measured])
         write_rows(out / "combinations.parquet", [_flat(asdict(p)) for p in points])
         usual = pareto_front([p for p in points if not p.stylizer], measured)
-        served = [*front, *(p for p in usual if p not in front)]  # for who names a stylizer
+        shown = [p.combination for p in front]  # commands that decide the stylizer need the others
+        served = [*front, *(p for p in usual if p.combination not in shown)]
         rows = [_flat(asdict(p.combination)) | {"overlaps": p.overlaps} for p in front]
         write_rows(out / "front.parquet", rows)
         evidence = json.loads((inputs["model"] / "scene.json").read_text())["evidence"]

@@ -13,7 +13,7 @@ from styletrf.capture.clips.frame_flow import FrameFlow
 _CUT_CHANGE = 0.1  # of the colors, at least, and
 _CUT_CONTRAST = 2.0  # times as much as from frame to frame before and after
 _MOSTLY_NEW = 0.5  # more of a picture than is found again
-_ODDS = 4.0  # times the odds of what is new around, and of what usually is
+_ODDS = 4.0  # times the odds of new contrast around, and in most frames of the clip
 _USUAL = 0.75  # the quantile of the clip
 _AROUND_S = 0.1  # and at least one frame
 

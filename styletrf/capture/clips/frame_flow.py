@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 _SIDE = 160  # of the small pictures, in pixels
-_GRID = 4  # of whose pixels every so many count
+_GRID = 4  # every fourth pixel of them counts
 _AROUND = 15  # pixels, whose mean and deviation are the local brightness and contrast
 _LEAST_CONTRAST = 1.0  # of 255, of a picture
 _NOISE = 4.0  # of 255, far below which contrast does not count

@@ -55,7 +55,7 @@ def rolling_shutter(motion: FrameMotion) -> RollingShutter | None:
 
 
 def _along(motion: FrameMotion, tilt: Pairs, other: Pairs) -> RollingShutter | None:
-    """Returns what `tilt` tells of a shutter along its direction; `other` is across."""
+    """Returns the shutter that `tilt` shows along its direction; `other` is across."""
     used, shift = _followed(motion), motion.flow.shift
     change = np.gradient(shift, axis=0) if len(shift) > 1 else np.zeros_like(shift)
     if used.sum() < _FEWEST:
