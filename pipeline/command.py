@@ -8,6 +8,7 @@ import importlib
 import logging
 import sys
 from collections.abc import Callable, Sequence
+from configparser import ConfigParser
 from datetime import datetime
 from pathlib import Path
 
@@ -26,9 +27,11 @@ from pipeline.console.log_handler import in_one_line
 from pipeline.console.progress_client import close_progress, progress_client
 from pipeline.execution.fork_server import fork_server
 from pipeline.maintenance.why import upstream_first
+from pipeline.settings import data_root
 
 _log = logging.getLogger("pipeline")
 _luigi_log = logging.getLogger("luigi-interface")
+_PACKAGE = Path(__file__).parent
 INVALID = 1
 """The exit status of a command that is invalid or refused."""
 INTERRUPTED = 130
@@ -56,7 +59,8 @@ def run_command(
     Raises:
         SystemExit: The command is invalid, or prints its help.
     """
-    _require_configuration()
+    _require_place()
+    _complete_settings()
     try:
         with CmdlineParser.global_instance(list(arguments)) as parser:
             _require_readable_options(parser)
@@ -181,17 +185,33 @@ def _is_to_run_again(task: luigi.Task) -> bool:
     return True
 
 
-def _require_configuration() -> None:
-    """Refuses a command without settings, before Luigi looks for a scheduler.
-
-    Luigi reads `luigi.cfg` only in the working directory, and works without it.
+def _require_place() -> None:
+    """Refuses a command in a folder with neither settings nor data: it would leave a store there.
 
     Raises:
-        SystemExit: There is no section [store].
+        SystemExit: There is no section [store], and no folder of data.
     """
     config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
-    if not config.has_section("store"):
+    if not config.has_section("store") and not data_root().is_dir():
         raise SystemExit(
-            f"There is no luigi.cfg with a section [store] in {Path.cwd()}."
-            " Run the command in the root of the repository."
+            f"There is no luigi.cfg with a section [store] in {Path.cwd()}, and no {data_root()}."
+            " Run the command in the root of the repository, or in a folder with your data/."
         )
+
+
+def _complete_settings() -> None:
+    """Gives Luigi this project's settings of it, where the user has no others.
+
+    Luigi reads `luigi.cfg` in the working directory. A folder of an installed package has none, or
+    one with the user's settings alone, so a copy of the repository's lies in this package.
+    """
+    config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
+    ours = ConfigParser()
+    ours.read(_PACKAGE / "luigi.cfg", encoding="utf-8")
+    for section in ("core", "worker", "scheduler", "retcode"):
+        for name, value in ours.items(section):
+            if not config.has_option(section, name):
+                config.set(section, name, value)
+    logging_file = Path(config.get("core", "logging_conf_file"))
+    if not logging_file.exists():  # it is named as from the root of the repository
+        config.set("core", "logging_conf_file", str(_PACKAGE.parent / logging_file))

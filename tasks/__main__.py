@@ -23,7 +23,7 @@ tasks:
 
 example: styletrf StylizedTrajectory --scene horns --style mosaic --quality draft
 
-Run commands in the root of the repository, which contains luigi.cfg.
+Run commands in the root of the repository, or in another folder that contains your data/.
 README.md and docs/getting_started.md lead to a first result, and docs/index.md lists all pages.
 `python -m pipeline --help` lists the commands of the store.
 """

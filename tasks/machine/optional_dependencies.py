@@ -20,7 +20,7 @@ EXPORT_PACKAGES = {
     "cameras": (),
 }
 """What writes the files of each format of `Export`."""
-_EXPORT_REMEDY = "Install this project with its extra: pip install -e '.[export]'"
+_EXPORT_REMEDY = "Install its extra: pip install 'styletrf[export]'"
 
 
 def lpips_digests() -> dict[str, str]:

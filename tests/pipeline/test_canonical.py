@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
+from expected_failures import refuses
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -80,7 +81,7 @@ def test_one_form_for_tuples_sets_members_and_dataclasses():
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
 def test_what_is_no_number_is_refused(number):
-    with pytest.raises(ValueError, match="cannot be part of a key"):
+    with refuses(number, kind=ValueError):
         canonical({"x": [number]})
 
 

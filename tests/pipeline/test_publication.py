@@ -5,12 +5,14 @@ import signal
 from pathlib import Path
 
 import pytest
+from expected_failures import refuses
 from killing import make
+from message_words import mentions
 
 from pipeline.maintenance.verify import problems
 from pipeline.publication import publish
 from pipeline.record import Action
-from pipeline.store import Store
+from pipeline.store import FORMAT, Store
 
 POINTS = ["hashed", "synced", "renamed", "placed", "record-written", "linked", "committed"]
 ACTION = Action("Word", "code", {"word": "a"}, {}, {}, {})
@@ -202,7 +204,7 @@ def test_a_damaged_object_is_found_and_replaced_by_a_rebuild(store, damage):
 def test_an_empty_artifact_is_refused(store):
     with store.workspace("0" * 64) as workspace:
         (workspace / "out" / "empty").mkdir(parents=True)
-        with pytest.raises(ValueError, match="no file"):
+        with refuses("file", kind=ValueError):
             publish(store, workspace / "out", ACTION, TOLD)
 
 
@@ -213,20 +215,16 @@ def test_a_live_workspace_is_not_swept(store):
 
 
 def test_a_store_of_a_newer_program_is_refused(tmp_path):
-    from pipeline.errors import StoreError
-
     Store.open(tmp_path / "new")
     (tmp_path / "new" / "format").write_text("styletrf store 2\n")
-    with pytest.raises(StoreError, match="styletrf store 2"):
+    with refuses(tmp_path / "new", "styletrf store 2", FORMAT.strip()):
         Store.open(tmp_path / "new")
 
 
 def test_a_folder_of_other_things_does_not_become_a_store(tmp_path):
-    from pipeline.errors import StoreError
-
     theirs = tmp_path / "theirs" / "runs" / "2024"
     theirs.mkdir(parents=True)
-    with pytest.raises(StoreError, match="theirs is not a store and has other files"):
+    with refuses(tmp_path / "theirs"):
         Store.open(tmp_path / "theirs")
     assert list((tmp_path / "theirs").rglob("*")) == [theirs.parent, theirs]
     (tmp_path / "disk" / "lost+found").mkdir(parents=True)
@@ -237,10 +235,8 @@ def test_a_folder_of_other_things_does_not_become_a_store(tmp_path):
 
 
 def test_a_store_that_cannot_be_made_is_refused(tmp_path):
-    from pipeline.errors import StoreError
-
     (tmp_path / "file").touch()
-    with pytest.raises(StoreError, match="cannot be used as the store"):
+    with refuses(tmp_path / "file" / "store"):
         Store.open(tmp_path / "file" / "store")
 
 
@@ -251,9 +247,9 @@ def test_a_rebuild_with_other_bytes_is_reported(store, caplog):
         shutil.rmtree(store.object(lost.output.digest))
         made = make(store, "a", content)
         assert len(caplog.messages) == n_messages
-    assert "a: the lost artifact was made again with other bytes" in caplog.text
-    assert made.output.digest[:12] in caplog.text
-    assert lost.output.digest[:12] in caplog.text
+    (message,) = caplog.messages
+    assert message.startswith("a: ")
+    assert mentions(message, made.output.digest[:12], lost.output.digest[:12])
 
 
 def test_a_folder_of_checkpoints_may_vanish_before_it_is_opened(store, tmp_path, monkeypatch):

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from commands import ROOT, SUPPORT, pids_of_slow, start
@@ -28,12 +29,14 @@ sys.exit(run_command(sys.argv[1:], begin, end))
 """
 
 
-def run(*arguments: str, refusal: str = "", status: int | None = None) -> tuple[int, str, str]:
-    """Exit status, standard output and standard error of a command."""
+def run(
+    *arguments: str, refusal: str = "", status: int | None = None, folder: Path = ROOT
+) -> tuple[int, str, str]:
+    """Exit status, standard output and standard error of a command in a folder."""
     code = PROGRAM.format(refusal=refusal, status=status)
     done = subprocess.run(
         [sys.executable, "-c", code, *arguments],
-        cwd=ROOT,
+        cwd=folder,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)])},
         capture_output=True,
         text=True,
@@ -82,18 +85,24 @@ def test_a_command_that_luigi_cannot_read_has_neither_begin_nor_end(arguments, s
     assert "Traceback" not in errors
 
 
-def test_a_command_without_settings_is_refused(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    code = PROGRAM.format(refusal="", status=None)
-    done = subprocess.run(
-        [sys.executable, "-c", code, "Word", "--word", "hello"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stdout) == (1, "")
+def test_a_command_with_neither_settings_nor_data_is_refused(tmp_path, monkeypatch):
+    monkeypatch.delenv("STYLETRF_DATA", raising=False)
+    status, output, _ = run("Word", "--word", "hello", folder=tmp_path)
+    assert (status, output) == (1, "")
     assert built() == []
+
+
+@pytest.mark.parametrize("settings", [None, "[store]\nretry_seconds = 0\n"])
+def test_a_folder_of_data_needs_no_settings_of_luigi(settings, tmp_path, monkeypatch):
+    """Commands of an installed package end, and tell of it, as those in the repository do."""
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
+    if settings:
+        (tmp_path / "luigi.cfg").write_text(settings)
+    here, there = (run("Word", "--word", "bad", folder=folder) for folder in (tmp_path, ROOT))
+    assert here[:2] == there[:2] == (30, "begin Word\nend incomplete\n")
+    assert len(here[2].splitlines()) == len(there[2].splitlines()), here[2]
+    assert run("Word", "--word", "hello", folder=tmp_path)[0] == 0
+    assert "Word hello" in built()
 
 
 def test_an_interrupted_command_ends_with_130_and_is_ended(toys):

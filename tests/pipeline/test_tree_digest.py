@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from expected_failures import refuses
 
 from pipeline.digest import measure, tree_digest
 
@@ -57,7 +58,7 @@ def test_sees_every_change_of_content(tree, alter):
 
 def test_refuses_what_is_not_a_file(tree):
     (tree / "link").symlink_to("field.json")
-    with pytest.raises(ValueError, match="neither a file nor a directory"):
+    with refuses(tree / "link", kind=ValueError):
         tree_digest(tree)
 
 

@@ -26,6 +26,7 @@ PARSED_HERE = {"luigi", "python -m pipeline", "styletrf view"}
 RUN_BY = {
     "luigid": "tests/support/luigid_process.py",
     "python -m styletrf.style.export_style": "tests/styletrf/style/test_interchange.py",
+    "python -m styletrf.synthetic.paintings": "tests/styletrf/synthetic/test_paintings.py",
     "python docs/examples/library.py": "tests/test_docs.py",
     "styletrf --help": "tests/tasks/test_help.py",
 }

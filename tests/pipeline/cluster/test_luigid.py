@@ -3,6 +3,7 @@
 import configparser
 import json
 import signal
+import socket
 import subprocess
 import time
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ import luigi
 import pytest
 from commands import ROOT, are_gone, pids_of_slow, start
 from luigid_process import Luigid
+from message_words import mentions
 from small_disk import small_disk
 from store_toys import built
 
@@ -71,12 +73,12 @@ def test_a_build_outlives_a_killed_luigid(luigid):
     status, screen = finish(process)
     assert status == 40
     assert "Lasting: done in" in screen
-    assert "Errors (2 attempts) when connecting to remote scheduler" in screen
+    assert mentions(screen, f"http://127.0.0.1:{luigid.port}")
     assert "Traceback" not in screen
     luigid.start()
     status, screen = finish(worker("Lasting", "--steps", "20"))
     assert status == 0
-    assert "Did not run any tasks" in screen
+    assert "Lasting: " not in screen
     assert built() == ["Lasting"]
 
 
@@ -110,7 +112,7 @@ def test_a_command_asks_a_restarted_luigid_again(patient):
     restart_while_it_builds(patient)
     status, screen = finish(process)
     assert status == 0, screen
-    assert screen.count("luigid was restarted") == 1, screen
+    assert sum(mentions(line, "luigid") for line in screen.splitlines()) == 1, screen
     assert built() == ["Large a", "Large b", "Large c"]
     assert screen.count("whole") == 1, "only the last run of the command ends it"
 
@@ -123,7 +125,7 @@ def test_an_interrupted_command_does_not_restart(patient, toys):
         time.sleep(1)
     _, screen = finish(process)
     assert "Interrupted" in screen
-    assert "luigid was restarted" not in screen
+    assert not mentions(screen, "luigid")
     assert "whole" not in screen
     assert len(built()) == 3, "no further build started"
 
@@ -140,8 +142,8 @@ def test_a_command_with_a_full_disk_leaves_the_rest_to_others(tmp_path, monkeypa
         monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "roomy"))
         roomy = worker("Larges", "--names", json.dumps(names))
         (_, screen), (status, other) = finish(full), finish(roomy)
-        assert screen.count("no space left on the disk") == 1, screen
-        assert "requests no more tasks from luigid" in screen
+        assert screen.count("STYLETRF_STORE") == 1, screen
+        assert mentions(screen, "luigid")
         assert status in (0, 10, 25), other
         left = built()
         assert sorted({*left}) == [f"Large {name}" for name in names]
@@ -167,7 +169,7 @@ def test_commands_wait_for_a_shared_store_that_fails_for_a_while(
     proxy.fault = lambda _method, _path: 500 if time.monotonic() < end else None
     outcomes = [finish(command) for command in commands]
     assert {status for status, _ in outcomes} <= {0, 10, 25}, outcomes
-    assert any("Retrying for up to 300 s" in screen for _, screen in outcomes), outcomes
+    assert any(mentions(screen, "300 s") for _, screen in outcomes), outcomes
     assert built() == [f"Large {name}" for name in "abcdefgh"]
 
 
@@ -226,9 +228,10 @@ def test_a_machine_with_other_code_is_refused(luigid, toys):
     status, screen = finish(worker("Sentence", "--words", '["hello"]'))
     first.kill()
     first.communicate()
-    assert "their code, packages, settings or photographs differ" in screen, screen
+    (record,) = current_store().records()
+    assert mentions(screen, socket.gethostname(), record.action.key[:16]), screen
     assert status == 30
-    assert {record.action.salt for record in current_store().records()} == {""}
+    assert record.action.salt == ""
     assert not list(problems(current_store(), deep=True))
 
 

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from message_words import mentions
 
 ROOT = Path(__file__).parents[3]
 FILES = {
@@ -189,7 +190,7 @@ def test_a_rename_that_is_adopted_builds_nothing(town: Town):
         assert {"from": before, "to": town.snapshot()["families"]["House"]}.items() <= entry.items()
         assert entry["reason"] == "a rename"
         status, said = town.run(*adopt)
-        assert (status, "House: " in said, "Traceback" in said) == (2, True, False)
+        assert (status, mentions(said, "House"), said.count("\n")) == (2, True, 1)
     town.edit("SIZE = 2", "SIZE = 3")
     assert town.built() == ["House", "Street"]
 
@@ -215,7 +216,7 @@ def test_a_file_that_is_no_snapshot_is_one_line(town: Town, text: str):
     (town.folder / "town.json").write_text(text)
     status, said = town.run("pipeline", "snapshot", "--module", "town")
     assert status == 2
-    assert "town.json is not a snapshot" in said
+    assert mentions(said, "town.json", "git")
     assert said.count("\n") == 1
 
 
@@ -230,7 +231,7 @@ def test_the_snapshot_of_another_package_is_left_alone(town: Town):
     for command in (["snapshot"], ["adopt", "Tower", "--reason", "none"]):
         status, said = town.run("pipeline", *command, "--module", "city")
         assert (status, said.count("\n")) == (2, 1)
-        assert "town.json is the snapshot of town" in said
+        assert mentions(said, "town.json", "town", "city", "[store] identity")
     assert (town.folder / "town.json").read_text() == before
 
 
@@ -241,13 +242,14 @@ def test_a_refused_adoption_is_reported_with_what_to_do(town: Town):
         assert (status, said.count("\n")) == (2, 1)
         return said
 
-    assert "House is in no snapshot yet. Run `snapshot`" in adopt("House")
+    assert mentions(adopt("House"), "House", "`snapshot`")
     assert town.run("pipeline", "snapshot", "--module", "town")[0] == 0
-    assert "House: its code is that of the snapshot" in adopt("House")
-    assert "town has no stage Hose. Its stages are Demand, House, Street" in adopt("Hose")
+    assert mentions(of_old_code := adopt("House"), "House")
+    assert "`snapshot`" not in of_old_code
+    assert mentions(adopt("Hose"), "town", "Hose", "Demand", "House", "Street")
     town.edit("SIZE = 2", "SIZE = 3")
     before = town.snapshot()
-    assert "--reason is empty" in adopt("House", " ")
+    assert mentions(adopt("House", " "), "--reason")
     assert town.snapshot() == before
 
 
@@ -255,10 +257,7 @@ def test_a_refused_adoption_is_reported_with_what_to_do(town: Town):
 def test_a_module_there_is_not_is_one_line(town: Town, command: list[str]):
     town.built()
     status, said = town.run("pipeline", *command, "--module", "nosuch")
-    assert (status, said) == (
-        2,
-        "--module nosuch cannot be imported: No module named 'nosuch'\n",
-    )
+    assert (status, mentions(said, "--module nosuch"), said.count("\n")) == (2, True, 1)
 
 
 @pytest.mark.parametrize("task", [("Stret",), ("Street", "--x", "1"), ("Demand",)])

@@ -10,9 +10,9 @@ import textwrap
 
 import pytest
 from code_reach_cases import REACHED
+from expected_failures import refuses
 
 from pipeline.code.closure import code_closure, code_digest
-from pipeline.errors import StoreError
 
 counter = itertools.count()
 
@@ -102,7 +102,7 @@ def test_what_cannot_be_followed_is_refused(project, value):
             """
         }
     )
-    with pytest.raises(StoreError, match=r"Task: its build reaches .*\.a:value, where .* hides"):
+    with refuses(f"{made.name}.task:Task", f"{made.name}.a:value", "`revision`"):
         made.code()
 
 

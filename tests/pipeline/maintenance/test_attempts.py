@@ -6,7 +6,8 @@ from pathlib import Path
 import luigi
 import pytest
 from build_toys import Act
-from store_toys import ToyError
+from message_words import mentions
+from store_toys import NO_WORD, ToyError
 
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.task import RunContext, StoredTask
@@ -52,8 +53,8 @@ def test_what_was_never_tried_has_nothing_in_its_way(store):
 @pytest.mark.parametrize(
     ("act", "reason"),
     [
-        ("refuse", "words/bad: is no word. Choose another one."),
-        ("crash", "RuntimeError: a defect. The trace is in "),
+        ("refuse", NO_WORD),
+        ("crash", "RuntimeError: a defect. "),
     ],
 )
 def test_the_stage_that_failed_says_why(store, act, reason):
@@ -94,9 +95,6 @@ def test_a_build_that_could_not_even_write_why_it_failed_has_a_reason_all_the_sa
     """On a full disk its log stays empty."""
     log = store.new_log("Act", Act("succeed").action().key)
     log.touch()
-    assert (
-        find_blocking_failure(Told(["succeed"]), store).reason
-        == f"it wrote nothing; the disk may be full. Its log: {log}"
-    )
+    assert mentions(find_blocking_failure(Told(["succeed"]), store).reason, log)
     with store.lock(Act("succeed").action().key, lambda: None):
         assert not find_blocking_failure(Told(["succeed"]), store).reason, "it may still write"

@@ -8,6 +8,7 @@ import pytest
 from collection_cases import made, names
 from commands import start
 from killing import make, wrong
+from message_words import mentions
 
 from pipeline.maintenance.command_line import main
 
@@ -48,15 +49,15 @@ def test_commands(store):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "named"),
     [
-        ("gc --grace nan", "nan is not 0 or more"),
-        ("gc --grace -1", "-1 is not 0 or more"),
-        ("gc --keep-last -1", "-1 is not 0 or more"),
-        ("ls Wrd", "has nothing of Wrd. Its families are Toy"),
+        ("gc --grace nan", ["--grace", "nan"]),
+        ("gc --grace -1", ["--grace", "-1"]),
+        ("gc --keep-last -1", ["--keep-last", "-1"]),
+        ("ls Wrd", ["Wrd", "Toy"]),
     ],
 )
-def test_what_cannot_be_meant_is_refused(store, words, said, capsys):
+def test_what_cannot_be_meant_is_refused(store, words, named, capsys):
     made(store, "a")
     (store.root / "logs" / "Toy").mkdir()
     try:
@@ -64,7 +65,7 @@ def test_what_cannot_be_meant_is_refused(store, words, said, capsys):
     except SystemExit as end:
         status = end.code
     assert status == 2
-    assert said in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err.splitlines()[-1], *named)
 
 
 def test_what_nobody_reads_to_its_end_is_no_error(store):
@@ -80,7 +81,7 @@ def test_what_nobody_reads_to_its_end_is_no_error(store):
 @pytest.mark.parametrize("command", ["ls", "verify", "gc", "du", "pin", "push", "why Word"])
 def test_commands_make_no_store(tmp_path, command, capsys):
     assert main(command.split()) == 2
-    assert f"there is no store at {tmp_path / 'store'}" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, tmp_path / "store")
     assert not (tmp_path / "store").exists()
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import luigi
 import pytest
+from expected_failures import fails, refuses
 from killing import make
 from store_toys import Sentence, Word, built, mark
 
-from pipeline.errors import TaskFailure
 from pipeline.maintenance.command_line import main
 from pipeline.maintenance.verify import problems
 from pipeline.record import ActionRecord
@@ -261,7 +261,7 @@ def test_an_altered_record_is_the_records_fault(store, word, field, capsys):
 
 def test_a_record_without_provenance_is_none(store):
     record = dataclasses.replace(make(store, "a"), provenance={})
-    with pytest.raises(ValueError, match="altered"):
+    with refuses(kind=ValueError):
         ActionRecord.from_json(record.to_json())
 
 
@@ -294,9 +294,8 @@ def test_a_build_that_alters_its_input_fails_and_the_input_is_set_aside(store, w
         task.run()
         assert is_right(store, word), "only the modes changed, and were set right"
         return
-    with pytest.raises(TaskFailure, match=f"its input Word hello was {KINDS[kind]}") as failure:
+    with fails("changed", task, "Word hello", KINDS[kind]):
         task.run()
-    assert failure.value.kind == "changed"
     assert [r.provenance["label"] for r in store.records()].count(task.label) == 0
     assert not Word("hello").complete()
     assert build(Sentence())

@@ -9,6 +9,7 @@ import luigi
 import pytest
 from commands import start
 from killing import Gate, ended, forked, make
+from message_words import mentions
 from sharing_cases import build, command, is_whole, objects
 from store_toys import Sentence, Word, built
 
@@ -79,8 +80,7 @@ def test_the_command_itself_shares(shared, elsewhere, workers):
     assert "Sentence: done" in run()
     elsewhere()
     screen = run()
-    assert "Did not run any tasks" in screen
-    assert screen.index("=====") < 3, "and nothing to say about it"
+    assert screen.index("=====") < 3, "there was nothing to do and nothing to say"
     assert len(built()) == 3
 
 
@@ -233,7 +233,7 @@ def test_our_own_full_disk_is_not_the_shared_stores_failure(
         monkeypatch.setattr(
             "pipeline.shared_store.sync.unpack", lambda *_arguments: raising(failing)
         )
-    with pytest.raises(OSError, match="No space left") as failure:
+    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)) as failure:
         SharedArtifacts(there).fetch(record)
     assert failure.value.errno == errno.ENOSPC
     assert not list((there.root / "quarantine").iterdir())
@@ -249,7 +249,10 @@ def test_a_failure_is_reported_in_sentences(caplog):
         raise StoreError("it is away")
 
     Remote("/nowhere").call_or_none("reading", fail)
-    assert caplog.messages == ["it is away. Continuing without reading there for a minute."]
+    (message,) = caplog.messages
+    assert message.startswith("it is away. ")
+    assert mentions(message, "reading")
+    assert message.endswith(".")
 
 
 @pytest.mark.parametrize(

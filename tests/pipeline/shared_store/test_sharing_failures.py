@@ -13,7 +13,9 @@ from pathlib import Path
 import luigi
 import pytest
 from commands import start
+from expected_failures import refuses
 from killing import Scenario, kill_everywhere, make
+from message_words import mentions
 from shared_stores import Place, Server, read_only
 from sharing_cases import build, command, flipped, is_whole
 from store_toys import Sentence, Word, built
@@ -118,7 +120,7 @@ def test_a_directory_that_goes_away_while_a_command_runs(tmp_path, monkeypatch):
     folder.rename(tmp_path / "away")
     screen = "".join(process.communicate(timeout=60))
     assert process.returncode == 0, screen
-    assert "there is no such folder" in screen
+    assert mentions(screen, folder)
     assert "Traceback" not in screen
     (tmp_path / "away").rename(folder)
     process = start("pipeline", "push")
@@ -130,7 +132,8 @@ def test_a_directory_that_goes_away_while_a_command_runs(tmp_path, monkeypatch):
 def test_an_unusable_shared_store_is_reported_quickly_and_once(
     tmp_path, monkeypatch, server, caplog, capsys, url
 ):
-    monkeypatch.setenv("STYLETRF_REMOTE", url.replace("missing", str(tmp_path / "missing")))
+    url = url.replace("missing", str(tmp_path / "missing"))
+    monkeypatch.setenv("STYLETRF_REMOTE", url)
     for name, value in server.environment(port=9).items():  # where nobody listens
         monkeypatch.setenv(name, value)
     started = time.monotonic()
@@ -139,9 +142,9 @@ def test_an_unusable_shared_store_is_reported_quickly_and_once(
     assert build(*words)
     assert time.monotonic() - started < 15
     assert 1 <= len(warnings(caplog)) <= 2
-    assert "the shared store" in warnings(caplog)[0]
+    assert mentions(warnings(caplog)[0], url)
     status, said = command(capsys, "push")
-    assert (status, "the shared store" in said, said.count("\n")) == (2, True, 1)
+    assert (status, mentions(said, url), said.count("\n")) == (2, True, 1)
 
 
 def test_a_missing_shared_store_is_reported(capsys):
@@ -150,23 +153,32 @@ def test_a_missing_shared_store_is_reported(capsys):
     assert (status, "STYLETRF_REMOTE" in said) == (2, True)
 
 
+def cause_of(error: StoreError) -> str:
+    """The type of what failed, whose own words the message has."""
+    assert mentions(str(error), str(error.__cause__).rstrip("."))
+    return type(error.__cause__).__name__
+
+
 def test_a_missing_bucket_and_missing_credentials_have_different_messages(
     server, monkeypatch, tmp_path
 ):
     for name, value in server.environment().items():
         monkeypatch.setenv(name, value)
-    with pytest.raises(StoreError, match="bucket does not exist"):
+    with refuses("s3://nowhere/store") as error:
         Remote("s3://nowhere/store").read("actions/x.json")
+    assert cause_of(error.value) == "FileNotFoundError"
     (tmp_path / "file").touch()
-    with pytest.raises(StoreError, match="bucket does not exist"):
+    with refuses("s3://nowhere/store") as error:
         Remote("s3://nowhere/store").create("actions/x.json", tmp_path / "file")
+    assert cause_of(error.value) == "FileNotFoundError"
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.delenv(name)
     monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
     monkeypatch.setenv("HOME", str(tmp_path))
     bucket = server.bucket().url
-    with pytest.raises(StoreError, match="credentials"):
+    with refuses(bucket) as error:
         Remote(bucket, '{"skip_instance_cache": true}').read("actions/x.json")
+    assert cause_of(error.value) == "NoCredentialsError"
 
 
 def test_without_the_extra_it_says_what_to_install():
@@ -205,7 +217,7 @@ def test_a_server_that_errs_for_longer_is_waited_for_as_long_as_patience_lasts(
     assert build(Word("hello"))
     assert len(place.names("actions")) == 1
     (warning,) = warnings(caplog)
-    assert "Retrying for up to 60 s" in warning
+    assert mentions(warning, place.url, "60 s")
 
 
 @pytest.mark.usefixtures("inline")
@@ -220,7 +232,7 @@ def test_what_will_not_pass_is_not_waited_for(proxied, monkeypatch, caplog, what
     begun = time.monotonic()
     assert build(Word("hello"))
     assert time.monotonic() - begun < 20
-    assert not any("Retrying" in warning for warning in warnings(caplog))
+    assert not any(mentions(warning, "60 s") for warning in warnings(caplog))
 
 
 @pytest.mark.usefixtures("inline")

@@ -13,12 +13,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
+from store_toys import NO_WORD, Slow, ToyError, Word, mark
 from store_toys import Sentence as Sentence
-from store_toys import Slow, ToyError, Word, mark
 
 from pipeline.task import RunContext, StoredTask
 
 MEBIBYTE = 2**20
+UNREACHABLE = "example.org: cannot be reached. Check the network"
+"""What the toys say where their network is away."""
 EAT = "import sys, time; food = bytearray({mebibytes} << 20); time.sleep({seconds})"
 
 
@@ -59,11 +61,11 @@ class Act(StoredTask):
         logging.getLogger("toys").info("this is not")
 
     def refuse(self, run: RunContext) -> None:
-        raise ToyError("words/bad: is no word. Choose another one.")
+        raise ToyError(NO_WORD)
 
     def refuse_until_mended(self, run: RunContext) -> None:
         if not Path(os.environ["STYLETRF_TOYS"], "mended").exists():
-            raise ToyError("words/bad: is no word. Choose another one.")
+            raise ToyError(NO_WORD)
 
     def lament(self, run: RunContext) -> None:
         raise ToyError("\N{LOUDLY CRYING FACE}" * 100_000)
@@ -92,7 +94,7 @@ class Act(StoredTask):
     def lose_once(self, run: RunContext) -> None:
         if not (run.resume / "tried").exists():
             (run.resume / "tried").touch()
-            raise LostError("example.org: cannot be reached. Check the network")
+            raise LostError(UNREACHABLE)
 
     def leave(self, run: RunContext) -> None:
         sys.exit(0)

@@ -14,6 +14,9 @@ import luigi
 
 from pipeline.task import RunContext, StoredTask
 
+NO_WORD = "words/bad: is no word. Choose another one."
+"""What the toys say of their user's mistake."""
+
 
 class ToyError(Exception):
     """A mistake of the user of the toys."""
@@ -30,7 +33,7 @@ class Word(StoredTask):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         mark(self)
         if self.word == "bad":
-            raise ToyError("words/bad: is no word. Choose another one.")
+            raise ToyError(NO_WORD)
         if self.word == "crash":
             raise RuntimeError("a defect")
         (out / "word.txt").write_text(self.word.lower())

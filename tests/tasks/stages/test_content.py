@@ -10,10 +10,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from expected_errors import rejects
 
 import tasks
 from pipeline.task import RunContext
-from styletrf.errors import InputError
 from tasks.machine import digest_cache
 
 
@@ -79,7 +79,7 @@ def test_ambiguous_content_fails_in_the_run_and_not_in_the_graph(data: Path):
     stage = tasks.ContentImages(scene="s")
     assert stage.requires() == {}
     assert not stage.complete()
-    with pytest.raises(InputError, match=r"train\.zip, val\.zip"):
+    with rejects("--content auto", data / "content", "train.zip", "val.zip"):
         stage.external_digests()
 
 
@@ -87,7 +87,7 @@ def test_content_of_an_unreadable_name_is_to_be_renamed(data: Path):
     (data / "content/train.zip").unlink()
     (data / "content/photos").mkdir()
     (data / "content/photos" / os.fsdecode(b"caf\xe9.jpg")).touch()
-    with pytest.raises(InputError, match="Rename it"):
+    with rejects("photos/caf\N{REPLACEMENT CHARACTER}.jpg", "UTF-8"):
         tasks.ContentImages(scene="s").external_digests()
 
 
@@ -135,6 +135,5 @@ def test_a_folder_of_three_images_is_refused_with_what_is_needed(
     for path in sorted((photographs / "scenes/mini/images").iterdir())[:3]:
         shutil.copy(path, tmp_path)
     stage = tasks.ContentImages(scene="mini", content=str(tmp_path))
-    with pytest.raises(InputError, match="3 usable images, at least 8 are needed") as caught:
+    with rejects(tmp_path, 3, 8):
         build(stage)
-    assert caught.value.remedy

@@ -1,8 +1,8 @@
 """A style network trained by several processes, as on several cards; here on cores."""
 
 import pytest
+from expected_errors import rejects
 
-from styletrf.errors import InputError
 from styletrf.files.tables import read_rows
 from styletrf.style.style_network import load_style_network
 from tasks.stages.distributed_training import (
@@ -54,7 +54,7 @@ def test_a_network_trains_on_no_pair_of_renders_that_this_command_measures(stage
     usual, _ = stage_of("StyleNetwork", settings=settings)
     stage, inputs = stage_of("StyleNetwork", settings=settings, tuning=every)
     assert usual.identity_parameters() != stage.identity_parameters()
-    with pytest.raises(InputError, match="not measured"):
+    with rejects("temporal_loss.renders", 7, remedy=["`pairs`", "ConsistencyMetrics"]):
         build(stage, **inputs)
 
 
@@ -70,7 +70,7 @@ def test_two_processes_train_one_network(asked, tmp_path):
 
 @pytest.mark.slow
 def test_a_refusal_by_one_process_is_reported_as_in_one_process(asked):
-    with pytest.raises(InputError, match="Lower the learning rate"):
+    with rejects("style training", "iteration 2", remedy=['"learning_rate"']):
         train_distributed(
             asked(iterations=30, learning_rate=1e30, final_learning_rate=1e30), 2, Display()
         )

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+from expected_errors import rejects
 
 import tasks
 from pipeline.digest import tree_digest
-from styletrf.errors import InputError
 from tasks.command.graph import graph
 from tasks.stages.shards import shard_folders
 
@@ -53,12 +53,12 @@ def test_all_that_a_sharded_result_needs_is_sharded():
 
 @pytest.mark.parametrize("shard", ["0/3", "4/3", "1", "a/b", "/", "1/"])
 def test_what_is_no_part_is_refused(shard):
-    with pytest.raises(InputError, match="Give one such as 2/5"):
+    with rejects(f"--shard {shard}", remedy=["2/5"]):
         tasks.TrajectoryFrames(**WORDS, shard=shard).validate()
 
 
 def test_no_parts_at_all_are_refused():
-    with pytest.raises(InputError, match="Give 1 or more"):
+    with rejects("--shards 0", 1):
         tasks.TrajectoryFrames(**WORDS, shards=0).validate()
 
 
@@ -87,7 +87,7 @@ def test_parts_of_different_choices_are_not_put_together(stage_of, build, tmp_pa
         "shard 0001": build(part.clone(shard="1/2"), **inputs),
         "shard 0002": build(part.clone(shard="2/2", settings=words), **inputs),
     }
-    with pytest.raises(InputError, match="chose different views"):
+    with rejects("the parts", remedy=["--shards 1"]):
         build(part.clone(shards=2), **inputs, **parts)
 
 

@@ -1,6 +1,7 @@
 """What steers a style changes the stages it is about, and what cannot be is refused in words."""
 
 import pytest
+from expected_errors import rejects
 from stage_keys import WORDS, key_words
 
 import tasks
@@ -121,7 +122,7 @@ def test_free_strategies_are_fitted_as_the_field_is():
 
 def test_one_network_is_not_for_several_styles():
     grid = tasks.Grid(scenes=["a"], styles=["x", "y"], network="x.pth")
-    with pytest.raises(InputError, match=r"--network x\.pth"):
+    with rejects("--network x.pth"):
         grid.validate()
 
 
@@ -183,7 +184,7 @@ def test_a_part_of_a_grid_is_whole_scenes():
     cells = [[(c.scene, c.style) for c in part.cells()] for part in parts]
     assert cells[0] + cells[1] == [(scene, style) for scene in scenes for style in ("x", "y")]
     assert len(cells[0]) == 4
-    with pytest.raises(InputError, match="--part 3/2"):
+    with rejects("--part 3/2", remedy=["2/5"]):
         tasks.Grid(scenes=scenes, styles=["x"], part="3/2").validate()
 
 
@@ -238,5 +239,5 @@ def test_a_path_without_two_frames_to_compare_is_refused(frames, deltas, is_refu
     if not is_refused:
         stage.validate()
         return
-    with pytest.raises(InputError, match=r"trajectory\.frames"):
+    with rejects("trajectory.frames"):
         stage.validate()

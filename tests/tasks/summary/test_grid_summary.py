@@ -1,6 +1,8 @@
 """The summary of a grid: outcomes, exit status, files and webhook."""
 
+import errno
 import json
+import os
 import socket
 import threading
 from collections.abc import Iterator
@@ -10,6 +12,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import luigi
 import pytest
+from message_words import mentions
 
 import tasks
 from pipeline.errors import TaskFailure
@@ -44,13 +47,14 @@ def test_a_broken_scene_and_a_broken_style_are_named_with_their_reasons(out):
     grid = tasks.Grid(scenes=["mini", "nowhere"], styles=["p", "none"], **WORDS)
     found = summarize(grid.cells(), datetime.now(UTC))
     outcomes = {(cell.scene, cell.style): (cell.outcome, cell.reason) for cell in found.cells}
-    assert outcomes["mini", "p"] == ("not begun", "this machine has tried nothing")
+    outcome, reason = outcomes["mini", "p"]
+    assert (outcome, bool(reason)) == ("not begun", True)
     assert outcomes["mini", "none"][0] == outcomes["nowhere", "p"][0] == "failed"
-    assert "StyleImage: style 'none'" in outcomes["mini", "none"][1]
-    assert "SceneCapture: scene 'nowhere'" in outcomes["nowhere", "p"][1]
+    assert mentions(outcomes["mini", "none"][1], "StyleImage", "'none'")
+    assert mentions(outcomes["nowhere", "p"][1], "SceneCapture", "'nowhere'")
     lines = "\n".join(format_lines(found))
-    assert "4 cells: 3 failed, 1 not begun" in lines
-    assert lines.count("scene 'nowhere'") == 1, "a reason appears once"
+    assert mentions(lines, "4 cells", "3 failed", "1 not begun")
+    assert lines.count("'nowhere'") == 1, "a reason appears once"
 
 
 def test_linking_results_is_silent_about_cells_that_cannot_be_built(out, caplog):
@@ -87,8 +91,7 @@ def test_a_stage_skipped_for_until_is_late(out):
     log = current_store().new_log("StyleImage", key)
     write_outcome(log, failure.value.kind, failure.value.reason)
     (cell,) = summarize(grid.cells(), begun).cells
-    assert cell.outcome == "late"
-    assert cell.reason.startswith("StyleImage: not begun: 0 s are left until")
+    assert (cell.outcome, cell.reason) == ("late", f"StyleImage: {failure.value.reason}")
 
 
 def test_artifacts_of_this_run_are_built_and_earlier_ones_found(out):
@@ -129,19 +132,14 @@ def test_a_summary_is_written_and_printed(out, caplog):
     assert (out / "night.json").samefile(out / "grid.json"), "the name in earlier versions"
     assert [cell["outcome"] for cell in written["cells"]] == ["made", "failed"]
     assert written["stages"][0]["gpu_seconds"] == 1800
-    for words in (
-        "2 cells: 1 made, 1 failed",
-        "1.50 h, 0.50 h of them on GPUs",
-        "3 MiB",
-        "yard 1: Stage: why",
-    ):
-        assert words in caplog.text
+    assert mentions(caplog.text, "2 cells", "1 made", "1 failed", "yard 1", "Stage: why")
+    assert mentions(caplog.text, "1.50 h", "0.50 h", "GPUs", "3 MiB")
 
 
 def test_an_output_folder_that_cannot_be_written_is_a_warning(out, caplog):
     out.touch()
     publish_summary(summary("made"))
-    assert "grid.json could not be written" in caplog.text
+    assert mentions(caplog.text, out / "grid.json")
 
 
 class Listener(BaseHTTPRequestHandler):
@@ -173,7 +171,7 @@ def test_a_summary_is_posted_to_the_webhook(out, address):
     publish_summary(replace(summary("made", "failed"), host="somewhere"))
     (heard,) = Listener.heard
     assert heard["host"] == "somewhere"
-    assert heard["text"].startswith("2 cells: 1 made, 1 failed")
+    assert mentions(heard["text"], "2 cells", "1 made", "1 failed")
 
 
 @pytest.mark.parametrize("is_there", [False, True])
@@ -192,7 +190,7 @@ def test_a_webhook_that_does_not_answer_is_a_warning(out, address, caplog, is_th
             threading.Thread(target=answer, daemon=True).start()
         luigi.configuration.get_config().set("grid", "webhook", hook)
         publish_summary(summary("made"))
-    assert "nothing was posted to [grid] webhook" in caplog.text
+    assert mentions(caplog.text, "[grid] webhook", "luigi.cfg")
     assert hook not in caplog.text
 
 
@@ -204,21 +202,21 @@ class Refusing(Listener):
 
 
 @pytest.mark.parametrize(
-    ("hook", "warning"),
+    ("hook", "problem"),
     [
-        ("HERE/S3CRET", "the server answered 404"),
-        ("http://127.0.0.1:9/S3CRET", "Connection refused"),
+        ("HERE/S3CRET", "404"),
+        ("http://127.0.0.1:9/S3CRET", os.strerror(errno.ECONNREFUSED)),
         ("http://S3CRET.invalid/", "[grid] webhook"),
-        ("http://127.0.0.1:S3CRET/", "the answer is not HTTP (InvalidURL)"),
-        ("http://127.0.0.1:9/S3CRET with spaces", "the answer is not HTTP (InvalidURL)"),
-        ("HERES/S3CRET", "no secure connection (SSLError)"),
-        ("S3CRET", "it is not a web address"),
-        ("S3CRET://127.0.0.1/", "it is not a web address"),
-        ("http:///S3CRET", "it is not a web address"),
-        ("http://[S3CRET", "it is not a web address"),
+        ("http://127.0.0.1:S3CRET/", "InvalidURL"),
+        ("http://127.0.0.1:9/S3CRET with spaces", "InvalidURL"),
+        ("HERES/S3CRET", "SSLError"),
+        ("S3CRET", "web address"),
+        ("S3CRET://127.0.0.1/", "web address"),
+        ("http:///S3CRET", "web address"),
+        ("http://[S3CRET", "web address"),
     ],
 )
-def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, warning):
+def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, problem):
     """Who has it can post. Errors of the library, and answers of a server, quote it."""
     with HTTPServer(("127.0.0.1", 0), Refusing) as server:
         threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
@@ -230,7 +228,7 @@ def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, warning)
         finally:
             luigi.configuration.get_config().remove_section("grid")
             server.shutdown()
-    assert warning in caplog.text
+    assert mentions(caplog.text, "[grid] webhook", problem)
     said = capfd.readouterr()
     for text in (caplog.text, said.out, said.err, (out / "grid.json").read_text()):
         assert "s3cret" not in text.lower()

@@ -4,6 +4,7 @@ import socket
 from pathlib import Path
 
 import pytest
+from message_words import mentions
 
 from pipeline.digest import Tree
 from pipeline.record import Action, ActionRecord
@@ -42,11 +43,12 @@ def test_a_stage_made_in_parts_took_what_all_of_them_did():
 
 
 def test_another_host_is_named():
-    assert "measured on" not in machine([record("SceneModel", "m", host=socket.gethostname())])
+    own = machine([record("SceneModel", "m", host=socket.gethostname())])
+    assert not mentions(own, socket.gethostname())
     description = machine(
         [record("SceneModel", "m", host="faraway", started="2026-01-02T03:04:05")]
     )
-    assert description.endswith("measured on faraway")
+    assert mentions(description, "faraway")
 
 
 def test_the_consistency_of_a_style_is_its_error_over_the_floor():

@@ -17,7 +17,7 @@ def test_an_early_end_is_reported_and_a_whole_fit_is_not(planned, early):
     curve = training_curve("Field", "PSNR, dB", "psnr", ROWS)
     found = with_early_end(curve, planned)
     assert replace(found, note="") == curve
-    assert ("ended early" in found.note) == early
+    assert bool(found.note) == early
     assert (f"{planned:,}" in found.note) == early
 
 
