@@ -34,9 +34,8 @@ def supports(field: RadianceField) -> Iterator[tuple[str, Support]]:
     fitted, held_out = map(model.normalized, read_split(poses / "cameras.parquet"))
     radiance, device = load_field(artifact(field)), torch.device("cpu")
     meter = SupportMeter(fitted, radiance, model.space, config.support, device)
-    most = config.support.most_unsupported
-    path = supported_fly_through(cameras, model, config.trajectory, meter.measure, most)
-    for trial in path.trials[:-1]:
+    path = supported_fly_through(cameras, model, config.trajectory, meter.measure, config.support)
+    for trial in path.trials:
         yield f"auto {trial.spread:.2g}, x {trial.zoom:g}", Support({"": trial.unsupported})
     yield "auto", path.support
     for name in NAMES:

@@ -10,6 +10,8 @@ is free of what the halves do not agree on, which half the mean of (d_first - d_
 The halves are the fields of a chessboard of blocks, or lie on either side of the middle along one
 of the three principal axes: sheen on a table is in both halves of some of these, but not of all,
 and those that agree least count.
+Photographs of different sizes come from different cameras, which rarely expose alike; there less
+agreement is needed.
 From d the mean of the views that share the most points is taken: what changes slowly along the way,
 as the sheen of surfaces does, a field shows by colors that depend on the view (decision 20).
 """
@@ -25,7 +27,9 @@ from styletrf.geometry.point_table import SparsePoints
 from styletrf.scene.exposures import Exposure, Exposures, estimate_exposures
 
 LEAST_SPREAD = 0.05  # of log colors: 2 % of the range at mid-gray, an error of 34 dB
-LEAST_RATIO = 2.0  # of the spread to the disagreement
+LEAST_RATIO = 1.25  # of the spread to the disagreement: sheen alone has up to 1.1 (decision 20)
+LEAST_RATIO_OF_SEVERAL = 1.0  # likewise, of photographs by several cameras
+_SAME_SIZE = 1.05  # ratio of the longer sides of one camera's photographs, after undistortion
 _NEIGHBORS = 4  # of a view, that predict its exposure
 _BLOCKS = 2  # along each axis
 _NEAR = 5.0  # median distances from the middle, within which points tell the principal axes
@@ -37,17 +41,24 @@ _LEVELS = 0.1, 0.5, 0.9  # quantiles of the brightness at which changes are comp
 class ExposureEvidence:
     """The spread of log colors that the halves agree on, and that of what they do not agree on.
 
-    `exposures` are those by all points together, by the photograph's name.
+    `exposures` are those by all points together, by the photograph's name. `several_cameras` tells
+    that the photographs have different sizes.
     """
 
     spread: float
     disagreement: float
     exposures: dict[str, Exposure]
+    several_cameras: bool = False
+
+    @property
+    def least_ratio(self) -> float:
+        """The ratio of the spread to the disagreement that is needed."""
+        return LEAST_RATIO_OF_SEVERAL if self.several_cameras else LEAST_RATIO
 
     @property
     def needed(self) -> bool:
         """Whether photographs need exposures of their own."""
-        return self.spread >= max(LEAST_SPREAD, LEAST_RATIO * self.disagreement)
+        return self.spread >= max(LEAST_SPREAD, self.least_ratio * self.disagreement)
 
 
 def exposure_evidence(
@@ -78,7 +89,10 @@ def exposure_evidence(
         shared, apart = float((a * b).mean()), float(((a - b) ** 2).mean()) / 2
         found.append((max(shared, 0.0) ** 0.5, apart**0.5))
     spread, disagreement = min(found, key=lambda one: one[0] / max(one[1], _NO_SPREAD))
-    return ExposureEvidence(spread, disagreement, named)
+    sides = [max(camera.width, camera.height) for camera in cameras]
+    return ExposureEvidence(
+        spread, disagreement, named, several_cameras=max(sides) > _SAME_SIZE * min(sides)
+    )
 
 
 def _named(cameras: Sequence[Camera], exposures: Exposures) -> dict[str, Exposure]:

@@ -20,7 +20,7 @@ from styletrf.geometry.space import Space
 from styletrf.geometry.typical_view import typical_view
 from styletrf.scene.box import place_in_box
 from styletrf.scene.contraction import octaves_lost, place_unbounded
-from styletrf.scene.exposure_choice import LEAST_RATIO, LEAST_SPREAD, ExposureEvidence
+from styletrf.scene.exposure_choice import LEAST_SPREAD, ExposureEvidence
 from styletrf.scene.exposures import Exposure
 from styletrf.scene.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.scene.placement import Looking, Placement
@@ -190,7 +190,7 @@ def _exposures(
     if found is None:
         return {}, evidence | {"chosen": "one"}
     evidence |= {"spread": found.spread, "disagreement": found.disagreement}
-    evidence |= {"spread_threshold": LEAST_SPREAD, "ratio_threshold": LEAST_RATIO}
+    evidence |= {"spread_threshold": LEAST_SPREAD, "ratio_threshold": found.least_ratio}
     is_each = found.needed if is_auto else config.exposure == "each"
     chosen = "each" if is_each else "one"
     return found.exposures if is_each else {}, evidence | {"chosen": chosen}

@@ -35,10 +35,10 @@ def default_path(
         tells_depth: Whether there is parallax between the photographs.
     """
     n_frames = config.trajectory.count(config.frames_per_second)
-    trajectory, most = replace(config.trajectory, frames=n_frames), config.support.most_unsupported
+    trajectory = replace(config.trajectory, frames=n_frames)
     reason, found = "the photographs tell no depth", None
     if tells_depth:
-        found = supported_fly_through(cameras, model, trajectory, measure, most)
+        found = supported_fly_through(cameras, model, trajectory, measure, config.support)
         if found.support.share < config.support.least_for_stills or trajectory.fov_deg:
             return found
         reason = (

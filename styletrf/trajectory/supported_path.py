@@ -2,16 +2,20 @@
 
 Its spread is reduced step by step until less than 2 % of its pixels are seen by fewer than three of
 the photographs that the field was fitted to. Where no spread is enough, as where few photographs
-surround a scene and hardly any two show the same background, the best one gets a narrower angle of
-view, step by step. What is still unsupported is a warning; where that is a fifth or more, stills
-take the path's place (`styletrf.trajectory.stills`). A path that the user asks for is left as it
-is.
+surround a scene and hardly any two show the same background, the angle of view is narrowed, step by
+step. That is worth its loss of view where it leaves out margins that no photograph shows. Gaps
+behind leaves are everywhere in a frame: there the path keeps the photographs' angle of view, and
+the widest spread that is supported nearly as well as any. What is still unsupported is a warning;
+where that is a fifth or more, stills take the path's place (`styletrf.trajectory.stills`). A path
+that the user asks for is left as it is.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from styletrf.files.tables import write_summary
 from styletrf.geometry.cameras import Camera
@@ -26,6 +30,7 @@ from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
 _LOGGER = logging.getLogger(__name__)
 _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread that is asked for
 _ZOOMS = (1.25, 1.5, 1.75, 2.0)  # of the focal length
+_NEARLY = 1.25  # times the least share of unsupported pixels is nearly as good
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,39 +64,62 @@ def supported_fly_through(
     model: SceneModel,
     config: TrajectoryConfig,
     measure: Callable[[Sequence[Camera]], Support],
-    most_unsupported: float,
+    limits: SupportConfig,
 ) -> SupportedPath:
     """Returns the default path, the widest in spread, then in view, that photographs support.
 
-    The angle of view is left alone where `config` has one. Where nothing is enough, it is the path
-    with the least unsupported pixels.
+    The angle of view is left alone where `config` has one. A narrower one is enough if the share
+    falls with the area of the view at least, from that of the widest spread with nearly the least
+    unsupported pixels. Where nothing is enough, it is that path in the photographs' own view; or
+    the path with the least, where that one would give way to stills.
 
     Args:
         cameras: The photographs', in the normalized world.
         model: Of the scene.
         config: Of the path; its spread is the largest one tried.
         measure: Returns the support of a path.
-        most_unsupported: The share of pixels that a path stays below.
+        limits: How much support a path needs.
     """
-    found: list[tuple[Trial, SupportedPath]] = []
+    tried: dict[Trial, SupportedPath] = {}
 
-    def is_enough(spread: float, zoom: float) -> bool:
-        """Returns whether photographs support the path of a spread and a zoom."""
+    def attempt(spread: float, zoom: float) -> Trial:
         path = fly_through(cameras, model, replace(config, spread=spread))
         path = [at_size(camera, 0, config.fov_deg) for camera in path]
         path = [with_focal(camera, zoom * focal_of(camera)) for camera in path]
         support = measure(path)
-        found.append((Trial(spread, zoom, support.share), SupportedPath(path, support)))
-        return support.share < most_unsupported
+        trial = Trial(spread, zoom, support.share)
+        tried[trial] = SupportedPath(path, support)
+        return trial
 
-    def best() -> tuple[Trial, SupportedPath]:
-        """Returns the trial with the least unsupported pixels."""
-        return min(found, key=lambda one: one[0].unsupported)
+    def first_supported(
+        spreads: Iterable[float], zooms: Iterable[float], start: float = np.inf
+    ) -> Trial | None:
+        """Returns the first trial that is enough; later ones are not made."""
+        for trial in (attempt(spread, zoom) for spread in spreads for zoom in zooms):
+            most = min(limits.most_unsupported, start / trial.zoom**2)
+            if trial.unsupported < most:
+                return trial
+        return None
 
-    if not any(is_enough(share * config.spread, 1.0) for share in _SHRINKING):
-        spread = best()[0].spread
-        any(is_enough(spread, zoom) for zoom in (() if config.fov_deg else _ZOOMS))
-    return replace(best()[1], trials=tuple(trial for trial, _ in found))
+    chosen = first_supported([share * config.spread for share in _SHRINKING], [1.0])
+    if chosen is None:
+        wide = _widest_nearly_best(list(tried))
+        zooms = () if config.fov_deg else _ZOOMS
+        chosen = first_supported([wide.spread], zooms, wide.unsupported)
+        if chosen is None:
+            is_path = wide.unsupported < limits.least_for_stills
+            chosen = wide if is_path else min(tried, key=_unsupported)
+    return replace(tried[chosen], trials=tuple(tried))
+
+
+def _widest_nearly_best(trials: Sequence[Trial]) -> Trial:
+    """Returns the first trial, the widest, that has nearly the least unsupported pixels."""
+    least = min(map(_unsupported, trials))
+    return next(trial for trial in trials if trial.unsupported <= _NEARLY * least)
+
+
+def _unsupported(trial: Trial) -> float:
+    return trial.unsupported
 
 
 def write_support(file: Path, name: str, path: SupportedPath, config: SupportConfig) -> None:

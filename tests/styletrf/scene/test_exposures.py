@@ -162,6 +162,29 @@ def test_the_sheen_of_a_table_is_no_exposure_of_what_stands_on_it():
     assert not found.needed, found
 
 
+def test_exposures_beside_a_sheen_of_their_own_size_are_found():
+    """As those of photographs all around a table by a window."""
+    points = seen_by_half_of_the_views()
+    points = replace(points, xyz_world=points.xyz_world * [4, 2, 1])
+    log_color = seen(points, true_exposures(0.2, powers=True), noise=0.05)
+    is_table = points.xyz_world[points.observed_point, :1] < 0
+    sheen = np.random.default_rng(7).uniform(-0.2, 0.2, VIEWS)[points.observed_image, None]
+    found = evidence(points, log_color + np.where(is_table, sheen, 0.0))
+    assert found.needed, found
+
+
+def test_photographs_of_several_sizes_need_less_agreement():
+    points = seen_by_half_of_the_views()
+    log_color = seen(points, true_exposures(0.2, powers=True), noise=0.05)
+    sizes = [replace(c, width=16 + k % 3, height=12) for k, c in enumerate(cameras())]
+    several = exposure_evidence(points, log_color, sizes)
+    assert several.least_ratio < evidence(points, log_color).least_ratio
+    turned = [
+        replace(c, width=(16, 12)[k % 2], height=(12, 16)[k % 2]) for k, c in enumerate(sizes)
+    ]
+    assert exposure_evidence(points, log_color, turned).least_ratio > several.least_ratio
+
+
 @pytest.mark.parametrize("n", [0, 1, LEAST_OBSERVATIONS - 1])
 def test_views_that_share_too_little_keep_the_identity(n):
     point = np.repeat(np.arange(n), 2)

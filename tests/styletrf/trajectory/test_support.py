@@ -103,17 +103,21 @@ def spread_of(path) -> Support:
     return Support({camera.name: float(np.ptp(centers[:, 0])) for camera in path})
 
 
+def limits(most: float, stills: float = np.inf) -> SupportConfig:
+    return replace(CONFIG, most_unsupported=most, least_for_stills=stills)
+
+
 def test_the_default_path_is_narrowed_until_it_is_supported_and_no_further(tmp_path):
     views, model = modeled("forward")
     config = TrajectoryConfig(frames=12)
     whole = spread_of(fly_through(views, model, config)).share
-    untouched = supported_fly_through(views, model, config, spread_of, np.inf)
+    untouched = supported_fly_through(views, model, config, spread_of, limits(np.inf))
     assert [trial.spread for trial in untouched.trials] == [config.spread]
-    narrowed = supported_fly_through(views, model, config, spread_of, 0.6 * whole)
+    narrowed = supported_fly_through(views, model, config, spread_of, limits(0.6 * whole))
     assert narrowed.support.share < 0.6 * whole
     assert narrowed.trials[-2].unsupported >= 0.6 * whole
     assert narrowed.trials[-1].unsupported == narrowed.support.share
-    never = supported_fly_through(views, model, config, spread_of, -1.0)
+    never = supported_fly_through(views, model, config, spread_of, limits(-1.0, stills=-1.0))
     assert never.support.share == min(trial.unsupported for trial in never.trials)
     assert {trial.spread for trial in never.trials if trial.zoom > 1} == {0.0}
     write_support(tmp_path / "support.json", "auto", narrowed, CONFIG)
@@ -123,25 +127,70 @@ def test_the_default_path_is_narrowed_until_it_is_supported_and_no_further(tmp_p
 
 
 def width_of(path) -> Support:
-    """Counts as unsupported what a path sees beside the middle, wherever it is."""
-    return Support({camera.name: 1 / focal_of(camera) for camera in path})
+    """Counts as unsupported what a path sees at its margins, wherever it is."""
+    return Support({camera.name: focal_of(camera) ** -4 for camera in path})
 
 
 def test_where_no_spread_is_enough_the_view_is_narrowed_unless_it_was_asked_for():
     views, model = modeled("forward")
     config = TrajectoryConfig(frames=4)
     whole = width_of(fly_through(views, model, config)).share
-    narrowed = supported_fly_through(views, model, config, width_of, 0.7 * whole)
+    narrowed = supported_fly_through(views, model, config, width_of, limits(0.3 * whole))
     assert narrowed.trials[-1].zoom == 1.5
     assert narrowed.trials[-1].spread == config.spread
-    asked = supported_fly_through(views, model, replace(config, fov_deg=60.0), width_of, 0.1)
+    asked = supported_fly_through(
+        views, model, replace(config, fov_deg=60.0), width_of, limits(0.1)
+    )
     assert {trial.zoom for trial in asked.trials} == {1.0}
     assert focal_of(asked.cameras[0]) == pytest.approx(focal_from(60.0))
 
 
+@pytest.mark.parametrize(("stills", "zoom"), [(0.2, 1.0), (0.05, 2.0)])
+def test_a_narrower_view_that_is_not_enough_is_not_taken_unless_stills_were_due(stills, zoom):
+    """Leaves hide what is behind them: 8 % of the pixels, a little less in narrower frames."""
+    views, model = modeled("forward")
+    config, whole = TrajectoryConfig(frames=4), focal_of(views[0])
+
+    def hidden(path) -> Support:
+        return Support({c.name: 0.04 + 0.04 * whole / focal_of(c) for c in path})
+
+    found = supported_fly_through(views, model, config, hidden, limits(0.02, stills))
+    assert focal_of(found.cameras[0]) == pytest.approx(zoom * whole)
+    assert max(trial.zoom for trial in found.trials) == 2.0, "all were tried"
+    assert {trial.spread for trial in found.trials if trial.zoom > 1} == {config.spread}
+
+
+def test_a_narrower_view_that_shows_as_many_gaps_is_not_taken():
+    views, model = modeled("forward")
+    config, whole = TrajectoryConfig(frames=4), focal_of(views[0])
+
+    def gaps(path) -> Support:
+        return Support({camera.name: 0.03 * whole / focal_of(camera) for camera in path})
+
+    found = supported_fly_through(views, model, config, gaps, limits(0.02, 0.2))
+    assert found.support.share == pytest.approx(0.03)
+    assert min(trial.unsupported for trial in found.trials) < 0.02
+
+
+def test_a_narrower_spread_that_gains_little_is_not_taken():
+    views, model = modeled("forward")
+    config = TrajectoryConfig(frames=4)
+
+    def hidden(path) -> Support:
+        """A tenth, and a fifth of it more where the path is as wide as it can be."""
+        width = spread_of(path).share / spread_of(fly_through(views, model, config)).share
+        return Support({camera.name: 0.1 + 0.02 * width for camera in path})
+
+    found = supported_fly_through(views, model, config, hidden, limits(0.02, 0.2))
+    wide = fly_through(views, model, config)
+    assert spread_of(found.cameras).share == pytest.approx(spread_of(wide).share)
+
+
 def test_an_unsupported_path_is_warned_of_with_its_share_and_frames(tmp_path, caplog):
     views, model = modeled("forward")
-    found = supported_fly_through(views, model, TrajectoryConfig(frames=4), spread_of, np.inf)
+    found = supported_fly_through(
+        views, model, TrajectoryConfig(frames=4), spread_of, limits(np.inf)
+    )
     poor = replace(found, support=Support({"0001": 0.1, "0002": 0.3}))
     write_support(tmp_path / "support.json", "orbit", poor, CONFIG)
     (record,) = caplog.records
