@@ -1,17 +1,18 @@
 """The folder in which the toys note that they were built, and the stores they share."""
 
+import functools
 import json
-import os
-import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import luigi
 import pytest
 from fsspec import get_filesystem_class
+from memory import folder_in_memory
 from shared_stores import Place, Server, proxy_of
 
+from pipeline.code import closure
+from pipeline.code.source import data_files
 from pipeline.settings import current_store
 from pipeline.shared_store.remote import open_remote
 from pipeline.store import Store
@@ -27,17 +28,29 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def memory_path(tmp_path: Path) -> Iterator[Path]:
-    """An empty folder in memory, where a flush takes no time; on the disk if memory has no room.
-
-    For tests that kill a process: what it has written outlives it, flushed or not.
-    """
-    memory = Path("/dev/shm")
-    if not os.access(memory, os.W_OK) or shutil.disk_usage(memory).free < 1 << 30:
+def tmp_path(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
+    """In memory, and gone after the test; with `--basetemp`, there, and left to be looked at."""
+    if request.config.option.basetemp:
         yield tmp_path
         return
-    with TemporaryDirectory(dir=memory) as folder:
-        yield Path(folder)
+    with folder_in_memory(otherwise=tmp_path) as folder:
+        yield folder
+
+
+@pytest.fixture(scope="session")
+def listed_once() -> Callable[[str], dict[str, Path]]:
+    """The files of a package, which are listed once: the project does not change meanwhile."""
+    return functools.cache(data_files)
+
+
+@pytest.fixture(autouse=True)
+def _listed_once(listed_once: Callable[[str], dict[str, Path]], monkeypatch) -> None:
+    """Toys are no part of the project; for each of their keys, its files would be listed anew."""
+
+    def listed(package: str) -> dict[str, Path]:
+        return listed_once(package) if package in closure.PROJECT else data_files(package)
+
+    monkeypatch.setattr(closure, "data_files", listed)
 
 
 @pytest.fixture(scope="session")

@@ -1,18 +1,15 @@
 """A 16x16 scene of four views, and every stage built on it once, with tiny settings."""
 
-import gc
-import inspect
 import json
-import sys
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import pytest
+from memory import folder_in_memory
 
 from pipeline.execution.fork_server import fork_server
 from tasks.command_line import LIBRARIES
@@ -53,6 +50,16 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "style_px": 64,
     },
 }
+
+
+@pytest.fixture
+def tmp_path(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
+    """In memory, and gone after the test; with `--basetemp`, there, and left to be looked at."""
+    if request.config.option.basetemp:
+        yield tmp_path
+        return
+    with folder_in_memory(otherwise=tmp_path) as folder:
+        yield folder
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -143,36 +150,6 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def ran() -> dict[str, set[str]]:
-    """By family, the functions of the project that Python ran in its build: `module:Class.name`."""
-    return {}
-
-
-@contextmanager
-def recording(found: set[str]) -> Iterator[None]:
-    """Adds to `found` every function of the project that is called meanwhile, in any thread."""
-    root = f"{Path(__file__).parents[2]}/"
-    ours = (f"{root}styletrf/", f"{root}tasks/")
-
-    def note(frame: FrameType, event: str, _value: object) -> None:
-        code = frame.f_code
-        is_function = code.co_flags & inspect.CO_OPTIMIZED  # and no module's or class's body
-        if event == "call" and is_function and code.co_filename.startswith(ours):
-            module = code.co_filename.removeprefix(root).removesuffix(".py").replace("/", ".")
-            found.add(f"{module.removesuffix('.__init__')}:{code.co_qualname}")
-
-    gc.disable()  # it may close a generator left over from another build, which is a call
-    threading.setprofile(note)
-    sys.setprofile(note)
-    try:
-        yield
-    finally:
-        sys.setprofile(None)
-        threading.setprofile(None)
-        gc.enable()
-
-
-@pytest.fixture(scope="session")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Builds one stage from the artifacts given, and returns what it left."""
     from pipeline.task import RunContext
@@ -188,16 +165,38 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     return built
 
 
+Graph = tuple[Callable[..., Path], Callable[..., tuple[Any, dict[str, Path]]]]
+"""What `mini` and `stage_of` return."""
+
+
 @pytest.fixture(scope="session")
-def mini_graph(
+def new_graph(
     build: Callable[..., Path],
-    ran: dict[str, set[str]],
     mini_poses: Path,
     photographs: Path,
     perceptual_file: Path,
     transfer_folder: Path,
-) -> tuple[Callable[..., Path], Callable[..., tuple[Any, dict[str, Path]]]]:
-    """The stages on the mini scene: what `mini` and `stage_of` return."""
+) -> Callable[..., Graph]:
+    """Returns the stages on the mini scene, none of them built, in a context for each build."""
+    return partial(
+        _graph, build, mini_poses, photographs, perceptual_file, transfer_folder,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def mini_graph(new_graph: Callable[..., Graph]) -> Graph:
+    """The stages on the mini scene, shared by all tests of a worker."""
+    return new_graph(lambda _family: nullcontext())
+
+
+def _graph(
+    build: Callable[..., Path],
+    mini_poses: Path,
+    photographs: Path,
+    perceptual_file: Path,
+    transfer_folder: Path,
+    around: Callable[[str], AbstractContextManager[None]],
+) -> Graph:
     import luigi
 
     import tasks
@@ -231,7 +230,7 @@ def mini_graph(
                 if family == "SceneReport":  # it would measure this machine
                     reference = reference_costs().calibration
                     keep_calibration(replace(reference, machine=this_machine()))
-                with recording(ran.setdefault(family, set())):
+                with around(family):
                     made[key] = build(stage, **inputs)
         return made[key]
 
@@ -256,7 +255,7 @@ def mini_graph(
 
 
 @pytest.fixture(scope="session")
-def mini(mini_graph: tuple[Callable[..., Path], Any]) -> Callable[..., Path]:
+def mini(mini_graph: Graph) -> Callable[..., Path]:
     """Returns a stage's artifact on the mini scene by family and controls, built once."""
     return mini_graph[0]
 

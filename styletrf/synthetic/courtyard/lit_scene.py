@@ -26,7 +26,7 @@ _THROUGH_LEAF = 0.45
 Light = Callable[[Hierarchy, Points, Points], Points]
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)  # every kind of one seed
 def lit_courtyard(seed: int, *, glossy: bool, surround: bool = False) -> Surfaces:
     """Returns the courtyard of a seed, the same arrays for the same arguments."""
     around = surround_parts(seed) if surround else []

@@ -1,15 +1,13 @@
 """A small project under edits: what is built again, why, and what a declaration spares."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 import textwrap
-import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from forked_modules import libraries_imported, output_of
 from message_words import mentions
 
 ROOT = Path(__file__).parents[3]
@@ -73,15 +71,7 @@ class Town:
             (folder / name).write_text(textwrap.dedent(text))
 
     def run(self, *arguments: str) -> tuple[int, str]:
-        done = subprocess.run(
-            [sys.executable, "-m", *arguments],
-            cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(self.folder), str(ROOT)])},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        return done.returncode, done.stdout + done.stderr
+        return output_of(self.folder, *arguments)
 
     def built(self, *task: str) -> list[str]:
         """The families that Luigi builds for the task."""
@@ -103,6 +93,12 @@ class Town:
 
     def snapshot(self) -> dict:
         return json.loads((self.folder / "town.json").read_text())
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _forked() -> Iterator[None]:
+    with libraries_imported():
+        yield
 
 
 @pytest.fixture
@@ -167,7 +163,6 @@ def test_why_names_the_input_and_its_maker(town: Town):
 def test_why_takes_the_nearest_and_of_equals_the_newest(town: Town):
     for height, rooms in ((1, 1), (2, 2), (3, 2)):
         town.built("House", "--height", str(height), "--plan", json.dumps({"rooms": rooms}))
-        time.sleep(1.0)
     for rooms, nearest in ((1, 1), (2, 3)):
         ((*_, what, then, now),) = town.why(
             "House", "--height", "4", "--plan", json.dumps({"rooms": rooms})

@@ -78,6 +78,15 @@ KINDS: Mapping[Callable[[Path], None], str] = {
     stay_writable: "writable",
 }
 every_kind = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+# A bucket knows nothing of the damage here: one kind of each class tells what it would restore.
+OVER_THERE = [("directory", kind) for kind in KINDS]
+OVER_THERE += [("s3", kind) for kind in (flip, remove_all, stay_writable)]
+every_kind_and_store = pytest.mark.parametrize(
+    ("shared", "kind"),
+    OVER_THERE,
+    indirect=["shared"],
+    ids=[f"{store}-{kind.__name__}" for store, kind in OVER_THERE],
+)
 
 
 @pytest.fixture
@@ -156,7 +165,7 @@ def test_an_artifact_whose_damage_shows_is_not_complete(store, word, kind):
     assert not seen or is_right(store, word)
 
 
-@every_kind
+@every_kind_and_store
 def test_the_reader_restores_it_from_the_shared_store(store, shared, word, kind):
     damage(store, word, kind)
     assert build(Sentence())
@@ -165,7 +174,7 @@ def test_the_reader_restores_it_from_the_shared_store(store, shared, word, kind)
     assert is_right(store, word)
 
 
-@every_kind
+@every_kind_and_store
 def test_repair_restores_it_from_the_shared_store(store, shared, word, kind, capsys):
     damage(store, word, kind)
     status, rows = verify(capsys, "--deep", "--repair")
@@ -190,7 +199,7 @@ def test_repair_without_another_copy_lets_the_next_run_make_it_anew(store, word,
     assert is_right(store, word)
 
 
-@every_kind
+@every_kind_and_store
 def test_damage_is_not_given_away(store, shared, monkeypatch, kind, capsys):
     monkeypatch.setenv("STYLETRF_REMOTE", "")
     assert build(Word("hello"))

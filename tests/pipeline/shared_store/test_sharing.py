@@ -22,6 +22,8 @@ from pipeline.shared_store.sync import SharedArtifacts, pull, push, shared_recor
 from pipeline.store import Store
 from pipeline.task import artifact
 
+MEBIBYTE = 2**20
+
 # A run.
 
 
@@ -69,7 +71,9 @@ def test_shared_code_that_is_garbage_is_passed_over(shared, elsewhere):
     assert load_closure(closure, there) is None
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize(
+    ("shared", "workers"), [("directory", "2"), ("s3", "1"), ("s3", "2")], indirect=["shared"]
+)
 def test_the_command_itself_shares(shared, elsewhere, workers):
     def run() -> str:
         process = start("luigi", "--module", "toys", "Sentence", "--workers", workers)
@@ -257,10 +261,12 @@ def test_a_failure_is_reported_in_sentences(caplog):
 
 @pytest.mark.parametrize(
     ("shared", "size"),
-    [("directory", 10), ("s3", 10), pytest.param("s3", 120_000_000, id="s3 in parts")],
+    [("directory", 10), ("s3", 10), pytest.param("s3", 11 * MEBIBYTE, id="s3 in parts")],
     indirect=["shared"],
 )
-def test_what_is_there_is_never_replaced(shared, tmp_path, size):
+def test_what_is_there_is_never_replaced(shared, tmp_path, monkeypatch, size):
+    """Also what is uploaded in parts, here of the smallest size that S3 allows."""
+    monkeypatch.setattr("s3fs.core.calculate_chunksize", lambda *_, **__: 5 * MEBIBYTE)
     first, second = tmp_path / "first", tmp_path / "second"
     for path, letter in ((first, b"a"), (second, b"b")):
         with path.open("wb") as file:

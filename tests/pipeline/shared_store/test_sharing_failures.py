@@ -29,7 +29,7 @@ from pipeline.store import Store
 from pipeline.task import artifact
 
 
-def test_a_push_killed_anywhere_is_finished_by_the_next(shared, memory_path):
+def test_a_push_killed_anywhere_is_finished_by_the_next(shared, tmp_path):
     """SIGKILL at each point: over there an artifact is whole and recorded, or absent."""
     is_s3 = shared.url.startswith("s3:")
 
@@ -46,7 +46,7 @@ def test_a_push_killed_anywhere_is_finished_by_the_next(shared, memory_path):
 
     def is_believable(store: Store) -> None:
         remote = part(store)
-        reader = Store.open(memory_path / f"{store.root.name}-reader")
+        reader = Store.open(tmp_path / f"{store.root.name}-reader")
         for record in store.records():
             if found := shared_record(remote, record.action.key):
                 assert found == record
@@ -69,7 +69,7 @@ def test_a_push_killed_anywhere_is_finished_by_the_next(shared, memory_path):
 
     situations = {"partly": partly} | ({} if is_s3 else {"three": three})  # S3 takes its time
     kills = sum(
-        kill_everywhere(Scenario(name, give, prepare, is_believable, is_complete), memory_path)
+        kill_everywhere(Scenario(name, give, prepare, is_believable, is_complete), tmp_path)
         for name, prepare in situations.items()
     )
     assert kills >= (10 if is_s3 else 40)

@@ -17,8 +17,9 @@ def lit(frame, light):
     return np.clip(frame * light, 0, 255).astype(np.uint8)
 
 
-@pytest.mark.parametrize("rate", [6.0, 12.0, 24.0, 60.0])
-@pytest.mark.parametrize("frames_before", [3, 20, 37])
+@pytest.mark.parametrize(
+    ("frames_before", "rate"), [(3, 60.0), (3, 6.0), (20, 12.0), (20, 24.0), (37, 6.0), (37, 60.0)]
+)
 def test_a_cut_within_one_place_is_where_it_is(rate, frames_before):
     """The colors stay; the camera only goes on elsewhere."""
     walk = walked(wall(0, width=4 * WIDTH), 40)

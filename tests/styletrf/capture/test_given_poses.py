@@ -107,7 +107,7 @@ def given(request, tmp_path_factory):
     report = solve_camera_poses(
         folder / "capture",
         folder / "out",
-        CameraPosesConfig(max_features=1024),
+        CameraPosesConfig(max_features=512),
         log_dir=folder / "log",
     )
     return request.param, folder, poses, report
@@ -166,7 +166,7 @@ def test_poses_can_be_solved_all_the_same(tmp_path):
     found = find_given_poses(tmp_path)
     capture_photographs(tmp_path / "images", tmp_path / "capture", given=found)
     (tmp_path / "out").mkdir()
-    config = CameraPosesConfig(poses="solved", max_features=1024)
+    config = CameraPosesConfig(poses="solved", max_features=512)
     report = solve_camera_poses(tmp_path / "capture", tmp_path / "out", config, log_dir=tmp_path)
     assert report.mapper in ("global", "incremental")
 
@@ -178,7 +178,7 @@ def solved_with_rows(folder, change):
     capture_photographs(folder / "images", folder / "capture", given=found)
     (folder / "out").mkdir()
     return solve_camera_poses(
-        folder / "capture", folder / "out", CameraPosesConfig(max_features=1024)
+        folder / "capture", folder / "out", CameraPosesConfig(max_features=512)
     )
 
 

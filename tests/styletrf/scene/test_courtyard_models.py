@@ -46,9 +46,11 @@ def surface_points(capture: Capture, each: int = 250) -> np.ndarray:
     return np.concatenate(found)
 
 
-def tracks(capture: Capture) -> SparsePoints:
+@cache
+def tracks(kind: str, *, glossy: bool) -> SparsePoints:
     """Where the views see the points, as their depth tells."""
-    points, rows = surface_points(capture), []
+    capture = captured(kind, glossy=glossy)
+    points, rows = surface_points(capture, 150), []
     for k, (camera, depth) in enumerate(zip(capture.cameras, capture.depths, strict=True)):
         pixels, z = project(camera, points)
         inside = (z > 0) & (pixels > 0).all(1) & (pixels < [camera.width, camera.height]).all(1)
@@ -78,15 +80,14 @@ def test_each_capture_gets_its_space_and_its_path(kind, space, looking):
 def test_the_glossy_vase_needs_colors_that_depend_on_the_view_and_all_else_does_not(glossy):
     capture = captured("orbit", glossy=glossy)
     images = [from_integers(image) for image in capture.images]
-    points = tracks(capture)
+    points = tracks("orbit", glossy=glossy)
     found = view_dependence(observed_colors(images, points), points, capture.cameras)
     assert found.needed == glossy, found
 
 
 @pytest.mark.parametrize(("kind", "glossy"), [("forward", True), ("orbit", True), ("walk", True)])
 def test_photographs_of_one_exposure_keep_it_whatever_shines(kind, glossy):
-    capture = captured(kind, glossy=glossy)
-    points = tracks(capture)
+    capture, points = captured(kind, glossy=glossy), tracks(kind, glossy=glossy)
     observed = observed_colors(map(from_integers, capture.images), points)
     found = exposure_evidence(points, observed.log_color, capture.cameras)
     assert not found.needed, found
@@ -94,7 +95,7 @@ def test_photographs_of_one_exposure_keep_it_whatever_shines(kind, glossy):
 
 def test_changing_exposures_are_found_and_shiny_surfaces_stay_shiny():
     capture = captured("orbit", glossy=True)
-    points, rng = tracks(capture), np.random.default_rng(0)
+    points, rng = tracks("orbit", glossy=True), np.random.default_rng(0)
     log_gain = rng.uniform(-0.2, 0.2, (CONFIG.n_views, 1)) + rng.uniform(
         -0.2, 0.2, (CONFIG.n_views, 3)
     )

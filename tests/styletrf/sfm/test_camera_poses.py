@@ -129,7 +129,7 @@ def test_the_same_photographs_have_the_same_cameras_to_the_last_bit(tmp_path, le
     for k in range(3):
         out = tmp_path / f"out{k}"
         out.mkdir()
-        solve_camera_poses(capture, out, CameraPosesConfig(lenses=lenses))
+        solve_camera_poses(capture, out, CameraPosesConfig(lenses=lenses, max_features=1024))
         outputs.append({p.name: p.read_bytes() for p in sorted(out.rglob("*")) if p.is_file()})
     assert outputs[0] == outputs[1] == outputs[2]
 
@@ -170,13 +170,13 @@ def test_photographs_of_two_zooms_get_two_lenses(tmp_path):
 
 
 def test_of_photographs_of_two_places_the_larger_set_is_used_and_the_others_named(tmp_path):
-    poses = room_poses(7)
+    poses = room_poses(6)
     photographs = {f"here{i}.png": room_view(pose) for i, pose in enumerate(poses)}
-    photographs |= {f"there{i}.png": room_view(poses[i], seed=7) for i in range(4)}
+    photographs |= {f"there{i}.png": room_view(poses[i], seed=7) for i in range(3)}
     capture, out = captured(tmp_path, photographs)
     report = solve_camera_poses(capture, out, CameraPosesConfig())
-    assert report.registered == 7
-    assert set(report.unregistered) == {f"there{i}" for i in range(4)}
+    assert report.registered == 6
+    assert set(report.unregistered) == {f"there{i}" for i in range(3)}
     assert any("without a camera: there0, there1" in warning for warning in report.warnings)
 
 

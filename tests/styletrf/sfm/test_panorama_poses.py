@@ -19,7 +19,7 @@ from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
 from styletrf.sfm.colmap_features import extract_features
 from styletrf.sfm.colmap_images import prepare_images
 
-COUNT, WIDTH = 7, 640
+COUNT, WIDTH = 5, 512
 
 
 def captured(folder, images):

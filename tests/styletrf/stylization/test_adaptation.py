@@ -1,5 +1,6 @@
 """The cache holds what a ray needs; the density is only read."""
 
+import copy
 from dataclasses import replace
 
 import pytest
@@ -19,9 +20,15 @@ KERNELS = kernels_for(CPU)
 ADAPTATION = AdaptationConfig(iterations=60, batch=256)
 
 
-@pytest.fixture
-def field(scene):
+@pytest.fixture(scope="module")
+def fitted(scene):
     return fit(scene, replace(CONFIG, iterations=100))
+
+
+@pytest.fixture
+def field(fitted):
+    """A copy to change."""
+    return copy.deepcopy(fitted)
 
 
 def test_the_cache_renders_what_the_field_renders(scene, field):
@@ -179,9 +186,9 @@ def test_drawn_samples_err_at_least_as_much_as_their_rays(field, batch):
     assert float(error(opaque).detach()) <= float(drawn(opaque, error, 50).mean()) + 1e-4
 
 
-@pytest.mark.parametrize("fitted", ["samples", "rays"])
-def test_either_loss_fits_the_field_to_painted_views(scene, field, fitted):
-    config = replace(ADAPTATION, iterations=100, fitted=fitted)
+@pytest.mark.parametrize("to", ["samples", "rays"])
+def test_either_loss_fits_the_field_to_painted_views(scene, field, to):
+    config = replace(ADAPTATION, iterations=100, fitted=to)
     painted = 255 - scene.images
     curve, _ = adapt_appearance(field, scene.cameras, painted, scene.model.space, config, KERNELS)
     assert curve[-1].psnr > curve[0].psnr + 3

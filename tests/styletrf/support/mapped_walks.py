@@ -8,14 +8,14 @@ from styletrf.progress import silent
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
 from styletrf.sfm.mapping_choice import MappingTask, reconstruct
 
-PATH, OVERLAP = 36, 3
+PATH, OVERLAP, POINTS = 36, 3, 1800
 
 
-def world(seed=0):
+def world(count):
     """Points along a street, each with a descriptor of its own."""
-    rng = np.random.default_rng(seed)
-    xyz = rng.uniform([-1, -1.5, 3], [PATH + 1.0, 1.5, 6], (3000, 3))
-    descriptors = np.abs(rng.normal(size=(3000, 128)))
+    rng = np.random.default_rng(0)
+    xyz = rng.uniform([-1, -1.5, 3], [PATH + 1.0, 1.5, 6], (count, 3))
+    descriptors = np.abs(rng.normal(size=(count, 128)))
     descriptors *= 512 / np.linalg.norm(descriptors, axis=1, keepdims=True)
     return xyz, np.rint(descriptors).astype(np.uint8)
 
@@ -33,7 +33,7 @@ def rigged_lens(opened, focal_px):
     return lens, rig
 
 
-def walked(tmp_path, centers, focals_px=(150.0,)):
+def walked(tmp_path, centers, focals_px=(150.0,), points=POINTS):
     """Returns a database of features as seen from `centers`, in that order, looking along z.
 
     The centers have the focal lengths in turn, equally many in a row with each.
@@ -41,12 +41,11 @@ def walked(tmp_path, centers, focals_px=(150.0,)):
     database = tmp_path / "colmap.db"
     opened = pycolmap.Database.open(database)
     lenses = [rigged_lens(opened, focal_px) for focal_px in focals_px]
-    xyz, descriptors = world()
+    xyz, descriptors = world(points)
     files = []
     for index, center in enumerate(centers):
         lens, rig = lenses[index * len(lenses) // len(centers)]
-        points = xyz - center
-        pixels = lens.img_from_cam(points)
+        pixels = lens.img_from_cam(xyz - center)
         seen = ((pixels > 0) & (pixels < [200, 150])).all(axis=1)
         files.append(f"{index:06d}.png")
         image = pycolmap.Image(name=files[-1], camera_id=lens.camera_id)

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import torch
+from shared_results import made_once
 
 KINDS = {"ndc": "forward", "box": "orbit", "unbounded": "orbit"}
 
@@ -20,7 +21,12 @@ class TinyScene:
 
 
 @cache
-def tiny_scene(space: str, views: int = 6, width: int = 48) -> TinyScene:
+def tiny_scene(space: str) -> TinyScene:
+    """Returns the scene in a space, made once in a run."""
+    return made_once(f"tiny scene in {space}", lambda: _made(space))
+
+
+def _made(space: str, views: int = 6, width: int = 48) -> TinyScene:
     from mini_scene import KERNELS, MINI_FIT
 
     from styletrf.field.training.field_training import train_field

@@ -1,10 +1,19 @@
 """Small fields of the courtyard, and what the viewer shows of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 
 import pytest
+from shared_browser import close_browsers
+from shared_results import made_once
 from tiny_scene import TinyScene, tiny_scene
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _browsers() -> Iterator[None]:
+    """What a file's tests share of browsers ends with it."""
+    yield
+    close_browsers()
 
 
 @pytest.fixture(scope="session")
@@ -22,6 +31,7 @@ def content(tiny) -> Callable[[str], object]:
     def baked(space: str) -> object:
         scene = tiny(space)
         loads = [(name, lambda field=field: field) for name, field in scene.fields.items()]
-        return viewer_content("the yard", scene.model, loads, scene.cameras, scene.cameras[:5])
+        of = scene.model, loads, scene.cameras, scene.cameras[:5]
+        return made_once(f"viewer of {space}", lambda: viewer_content("the yard", *of))
 
     return baked

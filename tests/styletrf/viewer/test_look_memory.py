@@ -4,7 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from headless import needs_chromium, opened, with_text
+from headless import needs_chromium, with_text
+from shared_browser import opened
 from written_viewers import written_small
 
 pytestmark = needs_chromium

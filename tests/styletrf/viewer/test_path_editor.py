@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from headless import answer_of, needs_chromium, with_text
+from headless import needs_chromium, with_text
+from shared_browser import answer_of
 from written_viewers import written
 
 from styletrf.geometry.lenses import focal_of

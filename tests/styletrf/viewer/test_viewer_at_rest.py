@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import headless
 import numpy as np
 import pytest
-from headless import OpenPage, needs_chromium, opened
+from headless import OpenPage, needs_chromium
+from shared_browser import opened
 from viewer_pictures import psnr, rendered
 from written_viewers import written_small
 
@@ -27,7 +29,7 @@ def page_file(content, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(page_file: Path) -> Iterator[OpenPage]:
-    with opened(page_file.as_uri()) as shown:
+    with headless.opened(page_file.as_uri()) as shown:
         shown.run("await viewer;")
         yield shown
         assert shown.errors == []

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from headless import needs_chromium, opened
+from headless import needs_chromium
 from served_folder import served_folder
+from shared_browser import opened
 from written_viewers import written
 
 from styletrf.files.images import write_rgb

@@ -9,8 +9,9 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from headless import answer_of, needs_chromium, opened, page_text
+from headless import needs_chromium, page_text
 from served_folder import served_folder
+from shared_browser import answer_of, opened
 from written_viewers import written
 
 HOSTILE = "</script><script>ran=1</script>\"'><img src=x onerror=ran=2> $body & ünï"

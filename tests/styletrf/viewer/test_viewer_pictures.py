@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from headless import answer_of, needs_chromium, opened, with_text
+from headless import needs_chromium, with_text
+from shared_browser import answer_of, opened
 from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
 from written_viewers import with_third_painting, written, written_small
 
@@ -20,7 +21,7 @@ pytestmark = needs_chromium
 @pytest.mark.parametrize("space", ["ndc", "box", "unbounded"])
 def test_canvas_and_cpu_agree_for_every_look(tiny, content, tmp_path: Path, space: str):
     scene = tiny(space)
-    cases = [(camera, *look) for camera in scene.cameras[:5] for look in LOOKS]
+    cases = [(camera, *look) for camera in scene.cameras[:5:4] for look in LOOKS]
     baked = content(space)
     page = written(baked, tmp_path / "viewer.html")
     asked = json.dumps([case(*each) for each in cases])
