@@ -32,6 +32,8 @@ from pipeline.settings import data_root
 _log = logging.getLogger("pipeline")
 _luigi_log = logging.getLogger("luigi-interface")
 _PACKAGE = Path(__file__).parent
+_ADDRESSES = "scheduler_url", "scheduler_host", "default_scheduler_url", "default_scheduler_host"
+"""Options by which a user names a luigid."""
 INVALID = 1
 """The exit status of a command that is invalid or refused."""
 INTERRUPTED = 130
@@ -59,10 +61,10 @@ def run_command(
     Raises:
         SystemExit: The command is invalid, or prints its help.
     """
-    _require_place()
     _complete_settings()
     try:
-        with CmdlineParser.global_instance(list(arguments)) as parser:
+        with CmdlineParser.global_instance(list(arguments)) as parser:  # ends where help is asked
+            _require_place()
             _require_readable_options(parser)
             InterfaceLogging.setup(luigi.interface.core())  # type: ignore[no-untyped-call]
             return _run(parser, begin, end, libraries)
@@ -203,15 +205,17 @@ def _complete_settings() -> None:
     """Gives Luigi this project's settings of it, where the user has no others.
 
     Luigi reads `luigi.cfg` in the working directory. A folder of an installed package has none, or
-    one with the user's settings alone, so a copy of the repository's lies in this package.
+    one with the user's settings alone, so a copy of the repository's lies in this package. The
+    user's address of a luigid means that the user has one.
     """
     config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
     ours = ConfigParser()
     ours.read(_PACKAGE / "luigi.cfg", encoding="utf-8")
+    if any(config.has_option("core", name) for name in _ADDRESSES):
+        ours.remove_option("core", "local_scheduler")
     for section in ("core", "worker", "scheduler", "retcode"):
         for name, value in ours.items(section):
             if not config.has_option(section, name):
                 config.set(section, name, value)
-    logging_file = Path(config.get("core", "logging_conf_file"))
-    if not logging_file.exists():  # it is named as from the root of the repository
-        config.set("core", "logging_conf_file", str(_PACKAGE.parent / logging_file))
+    if config.get("core", "logging_conf_file") == ours.get("core", "logging_conf_file"):
+        config.set("core", "logging_conf_file", str(_PACKAGE / "logging.cfg"))

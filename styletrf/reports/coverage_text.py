@@ -42,8 +42,9 @@ def support_summary(support: Mapping[str, Any]) -> str:
         )
     elif support["unsupported"] >= support["most_unsupported"]:
         text += f"; worst are the frames {', '.join(support['worst'])}"
-    if len(tried := support["tried"]) > 1 and not stills:
-        best = min(tried, key=lambda one: float(one["unsupported"]))
-        text += f". It was narrowed from {tried[0]['unsupported']:.1%}: spread {best['spread']:.2g}"
-        text += f", focal length {best['zoom']:g} times" if best["zoom"] > 1 else ""
+    tried, chosen = support["tried"], support["chosen"]
+    if chosen and chosen != tried[0]:
+        text += f". It was narrowed from {tried[0]['unsupported']:.1%}:"
+        text += f" spread {chosen['spread']:.2g}"
+        text += f", focal length {chosen['zoom']:g} times" if chosen["zoom"] > 1 else ""
     return f"{text}."

@@ -28,7 +28,7 @@ from styletrf.scene.exposures import Exposure, Exposures, estimate_exposures
 
 LEAST_SPREAD = 0.05  # of log colors: 2 % of the range at mid-gray, an error of 34 dB
 LEAST_RATIO = 1.25  # of the spread to the disagreement: sheen alone has up to 1.1 (decision 20)
-LEAST_RATIO_OF_SEVERAL = 1.0  # likewise, of photographs by several cameras
+LEAST_RATIO_OF_SEVERAL_CAMERAS = 1.0  # likewise, of photographs by several cameras
 _SAME_SIZE = 1.05  # ratio of the longer sides of one camera's photographs, after undistortion
 _NEIGHBORS = 4  # of a view, that predict its exposure
 _BLOCKS = 2  # along each axis
@@ -53,7 +53,7 @@ class ExposureEvidence:
     @property
     def least_ratio(self) -> float:
         """The ratio of the spread to the disagreement that is needed."""
-        return LEAST_RATIO_OF_SEVERAL if self.several_cameras else LEAST_RATIO
+        return LEAST_RATIO_OF_SEVERAL_CAMERAS if self.several_cameras else LEAST_RATIO
 
     @property
     def needed(self) -> bool:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 class SupportConfig:
     """How support is measured, and how much of it the default path needs.
 
-    The path is narrowed until less than `most_unsupported` of its pixels are unsupported; it gives
-    way to stills where that stays at `least_for_stills` or more.
+    The path is narrowed where that brings its share of unsupported pixels below
+    `most_unsupported`. It gives way to stills where that stays at `least_for_stills` or more.
     `depth_px` is the longer side of the depth maps, `tolerance` a share of a depth, `parallax_px`
     a shift in these maps; surfaces that differ by no more than either are the same one. `frames`
     are looked at of a path, spread evenly.

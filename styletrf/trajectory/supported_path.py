@@ -13,6 +13,7 @@ that the user asks for is left as it is.
 import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
 _LOGGER = logging.getLogger(__name__)
 _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread that is asked for
 _ZOOMS = (1.25, 1.5, 1.75, 2.0)  # of the focal length
-_NEARLY = 1.25  # times the least share of unsupported pixels is nearly as good
+_NEARLY_LEAST = 1.25  # times the least share of unsupported pixels is nearly as good
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +46,14 @@ class Trial:
     unsupported: float
 
 
+_share = attrgetter("unsupported")
+
+
 @dataclass(frozen=True, slots=True)
 class SupportedPath:
     """A path, its support, and what was tried for it.
 
-    Where it is made of `stills`, `reason` says why.
+    `chosen` is the trial that became the path. Where it is made of `stills`, `reason` says why.
     """
 
     cameras: list[Camera]
@@ -57,6 +61,7 @@ class SupportedPath:
     trials: tuple[Trial, ...] = ()
     stills: tuple[Still, ...] = ()
     reason: str = ""
+    chosen: Trial | None = None
 
 
 def supported_fly_through(
@@ -68,10 +73,11 @@ def supported_fly_through(
 ) -> SupportedPath:
     """Returns the default path, the widest in spread, then in view, that photographs support.
 
-    The angle of view is left alone where `config` has one. A narrower one is enough if the share
-    falls with the area of the view at least, from that of the widest spread with nearly the least
-    unsupported pixels. Where nothing is enough, it is that path in the photographs' own view; or
-    the path with the least, where that one would give way to stills.
+    The angle of view is left alone where `config` has one. A narrower view is enough if its share
+    of unsupported pixels is below the limit, and falls at least as much as the area of the view.
+    Zooming begins at the widest spread with nearly the least share. Where no view is enough, the
+    path keeps that spread in the photographs' own view. Where that path would give way to stills,
+    it is the path with the least share.
 
     Args:
         cameras: The photographs', in the normalized world.
@@ -92,41 +98,39 @@ def supported_fly_through(
         return trial
 
     def first_supported(
-        spreads: Iterable[float], zooms: Iterable[float], start: float = np.inf
+        spreads: Iterable[float], zooms: Iterable[float], share_before: float = np.inf
     ) -> Trial | None:
         """Returns the first trial that is enough; later ones are not made."""
         for trial in (attempt(spread, zoom) for spread in spreads for zoom in zooms):
-            most = min(limits.most_unsupported, start / trial.zoom**2)
+            most = min(limits.most_unsupported, share_before / trial.zoom**2)
             if trial.unsupported < most:
                 return trial
         return None
 
-    chosen = first_supported([share * config.spread for share in _SHRINKING], [1.0])
+    spreads = dict.fromkeys(share * config.spread for share in _SHRINKING)
+    chosen = first_supported(spreads, [1.0])
     if chosen is None:
         wide = _widest_nearly_best(list(tried))
         zooms = () if config.fov_deg else _ZOOMS
         chosen = first_supported([wide.spread], zooms, wide.unsupported)
         if chosen is None:
-            is_path = wide.unsupported < limits.least_for_stills
-            chosen = wide if is_path else min(tried, key=_unsupported)
-    return replace(tried[chosen], trials=tuple(tried))
+            needs_no_stills = wide.unsupported < limits.least_for_stills
+            chosen = wide if needs_no_stills else min(tried, key=_share)
+    return replace(tried[chosen], trials=tuple(tried), chosen=chosen)
 
 
 def _widest_nearly_best(trials: Sequence[Trial]) -> Trial:
     """Returns the first trial, the widest, that has nearly the least unsupported pixels."""
-    least = min(map(_unsupported, trials))
-    return next(trial for trial in trials if trial.unsupported <= _NEARLY * least)
-
-
-def _unsupported(trial: Trial) -> float:
-    return trial.unsupported
+    least = min(map(_share, trials))
+    return next(trial for trial in trials if trial.unsupported <= _NEARLY_LEAST * least)
 
 
 def write_support(file: Path, name: str, path: SupportedPath, config: SupportConfig) -> None:
     """Writes how well a path is supported, and warns where it is not.
 
     The file has the share of the pixels (`unsupported`), that of each frame looked at, the spreads
-    and focal lengths that were tried, and the stills that there are instead, with the reason.
+    and focal lengths that were tried, the trial that was chosen, and the stills that there are
+    instead, with the reason.
     """
     support = path.support
     summary = {
@@ -137,6 +141,7 @@ def write_support(file: Path, name: str, path: SupportedPath, config: SupportCon
         "worst": support.worst(),
         "frames": support.unsupported,
         "tried": [asdict(trial) for trial in path.trials],
+        "chosen": asdict(path.chosen) if path.chosen else None,
         "stills": [asdict(still) for still in path.stills],
         "reason": path.reason,
     }

@@ -130,3 +130,22 @@ def test_an_attempt_leaves_its_outcome_beside_its_log():
     outcomes = [json.loads(p.read_text()) for p in (current_store().root / "logs").rglob("*.json")]
     assert sorted(outcome["kind"] for outcome in outcomes) == ["built", "user"]
     assert all(outcome["reason"] for outcome in outcomes)
+
+
+def test_help_needs_neither_settings_nor_data(tmp_path, monkeypatch):
+    monkeypatch.delenv("STYLETRF_DATA", raising=False)
+    status, output, _ = run("Word", "--help", folder=tmp_path)
+    assert status == 0
+    assert "--word" in output
+
+
+def test_an_address_of_luigid_in_the_users_settings_is_used(tmp_path, monkeypatch):
+    """The settings of the package would have built alone, without asking it."""
+    (tmp_path / "data").mkdir()
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path / "data"))
+    luigid = "scheduler_url = http://127.0.0.1:9\nrpc_retry_attempts = 1\nrpc_retry_wait = 0\n"
+    (tmp_path / "luigi.cfg").write_text(f"[core]\n{luigid}")
+    status, _, errors = run("Word", "--word", "hello", folder=tmp_path)
+    assert status != 0
+    assert "127.0.0.1:9" in errors
+    assert built() == []

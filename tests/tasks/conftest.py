@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from memory import folder_in_memory
+from memory import folder_in_memory, is_to_be_kept
 
 from pipeline.execution.fork_server import fork_server
 from tasks.command_line import LIBRARIES
@@ -55,7 +55,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 @pytest.fixture
 def tmp_path(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
     """In memory, and gone after the test; with `--basetemp`, there, and left to be looked at."""
-    if request.config.option.basetemp:
+    if is_to_be_kept(request.config):
         yield tmp_path
         return
     with folder_in_memory(otherwise=tmp_path) as folder:

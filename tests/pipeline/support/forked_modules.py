@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[3]
 
 @contextmanager
 def libraries_imported() -> Iterator[None]:
-    """The commands of the body are forked. Luigi, which reads settings on import, they import."""
+    """The body's commands are forked. Luigi reads settings on import, so each imports it itself."""
     with fork_server(["asyncio", "dateutil.parser", "jsonschema", "requests", "tenacity"]):
         yield
 

@@ -11,7 +11,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import pytest
+
 MEMORY = Path("/dev/shm")
+
+
+def is_to_be_kept(config: pytest.Config) -> bool:
+    """Whether the user gave `--basetemp`; pytest-xdist gives one to each of its workers."""
+    return bool(config.option.basetemp) and not hasattr(config, "workerinput")
 
 
 @contextmanager

@@ -171,6 +171,7 @@ def test_exposures_beside_a_sheen_of_their_own_size_are_found():
     sheen = np.random.default_rng(7).uniform(-0.2, 0.2, VIEWS)[points.observed_image, None]
     found = evidence(points, log_color + np.where(is_table, sheen, 0.0))
     assert found.needed, found
+    assert found.spread < 2 * found.disagreement, "the ratio that was asked for before"
 
 
 def test_photographs_of_several_sizes_need_less_agreement():
@@ -183,6 +184,8 @@ def test_photographs_of_several_sizes_need_less_agreement():
         replace(c, width=(16, 12)[k % 2], height=(12, 16)[k % 2]) for k, c in enumerate(sizes)
     ]
     assert exposure_evidence(points, log_color, turned).least_ratio > several.least_ratio
+    found = ExposureEvidence(0.1, 0.09, {})
+    assert replace(found, several_cameras=True).needed > found.needed
 
 
 @pytest.mark.parametrize("n", [0, 1, LEAST_OBSERVATIONS - 1])

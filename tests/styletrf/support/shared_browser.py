@@ -21,9 +21,9 @@ def opened(address: str, width: int = 1000) -> Iterator[OpenPage]:
         stack = ExitStack()
         _browsers[width] = stack, stack.enter_context(headless.opened("about:blank", width))
     page = _browsers[width][1]
-    page.command("Page.navigate", url="about:blank")
-    page.errors.clear()
     try:
+        page.command("Page.navigate", url="about:blank")
+        page.errors.clear()
         page.command("Page.navigate", url=address)
         page.run("await until(() => document.readyState === 'complete');")
         yield page

@@ -12,6 +12,7 @@ from trajectory_captures import modeled
 from styletrf.files.tables import read_summary
 from styletrf.geometry.cameras import Camera, pixel_centers, points_at_depth, project
 from styletrf.geometry.lenses import focal_from, focal_of
+from styletrf.reports.coverage_text import support_summary
 from styletrf.trajectory.support import Support, SupportMeter, photographs_seeing
 from styletrf.trajectory.support_config import SupportConfig
 from styletrf.trajectory.supported_path import supported_fly_through, write_support
@@ -131,6 +132,11 @@ def width_of(path) -> Support:
     return Support({camera.name: focal_of(camera) ** -4 for camera in path})
 
 
+def gaps_everywhere(path) -> Support:
+    """Counts as unsupported nearly as much of a narrower view."""
+    return Support({camera.name: 1 / focal_of(camera) for camera in path})
+
+
 def test_where_no_spread_is_enough_the_view_is_narrowed_unless_it_was_asked_for():
     views, model = modeled("forward")
     config = TrajectoryConfig(frames=4)
@@ -162,14 +168,26 @@ def test_a_narrower_view_that_is_not_enough_is_not_taken_unless_stills_were_due(
 
 def test_a_narrower_view_that_shows_as_many_gaps_is_not_taken():
     views, model = modeled("forward")
-    config, whole = TrajectoryConfig(frames=4), focal_of(views[0])
+    config = TrajectoryConfig(frames=4)
+    whole = gaps_everywhere(fly_through(views, model, config)).share
+    found = supported_fly_through(views, model, config, gaps_everywhere, limits(0.7 * whole))
+    assert found.support.share == pytest.approx(whole)
+    assert found.chosen == found.trials[0]
+    assert min(trial.unsupported for trial in found.trials) < 0.7 * whole
 
-    def gaps(path) -> Support:
-        return Support({camera.name: 0.03 * whole / focal_of(camera) for camera in path})
 
-    found = supported_fly_through(views, model, config, gaps, limits(0.02, 0.2))
-    assert found.support.share == pytest.approx(0.03)
-    assert min(trial.unsupported for trial in found.trials) < 0.02
+@pytest.mark.parametrize(("tried_on", "zoom"), [(gaps_everywhere, None), (width_of, 1.5)])
+def test_the_report_names_the_path_that_was_made_and_not_the_least_that_was_tried(
+    tmp_path, tried_on, zoom
+):
+    views, model = modeled("forward")
+    config = TrajectoryConfig(frames=4)
+    whole = tried_on(fly_through(views, model, config)).share
+    found = supported_fly_through(views, model, config, tried_on, limits(0.3 * whole))
+    write_support(tmp_path / "support.json", "auto", found, CONFIG)
+    text = support_summary(read_summary(tmp_path / "support.json"))
+    assert ("narrowed" in text) == (zoom is not None)
+    assert (f"focal length {zoom:g} times" if zoom else f"{whole:.1%}") in text
 
 
 def test_a_narrower_spread_that_gains_little_is_not_taken():
