@@ -63,8 +63,8 @@ def run_command(
     """
     _complete_settings()
     try:
-        with CmdlineParser.global_instance(list(arguments)) as parser:  # ends where help is asked
-            _require_place()
+        with CmdlineParser.global_instance(list(arguments)) as parser:  # or prints help
+            _require_settings_or_data()
             _require_readable_options(parser)
             InterfaceLogging.setup(luigi.interface.core())  # type: ignore[no-untyped-call]
             return _run(parser, begin, end, libraries)
@@ -187,7 +187,7 @@ def _is_to_run_again(task: luigi.Task) -> bool:
     return True
 
 
-def _require_place() -> None:
+def _require_settings_or_data() -> None:
     """Refuses a command in a folder with neither settings nor data: it would leave a store there.
 
     Raises:

@@ -18,7 +18,7 @@ _DEFAULTS = {
     ("store", "patience_seconds"): "0",  # retries if the shared store fails; see STYLETRF_PATIENCE
     ("store", "signing_key"): "",  # the file of the key that signs shared records
     ("store", "push"): "true",  # whether builds are uploaded to the shared store
-    # the snapshot of the code, with adoptions: beside the code, in a repository and installed
+    # the snapshot of the code, with adoptions; it lies beside the code, installed or not
     ("store", "identity"): str(Path(__file__).parents[1] / "tasks/identity.json"),
     ("store", "checkpoint_seconds"): "60",  # between uploads of checkpoints; 0: no uploads
     ("store", "executor"): "subprocess",  # "inline" builds in this process, for tests

@@ -53,5 +53,5 @@ def code_in_key(task: type, family: str, revision: str | None) -> str:
 
 
 def identity_file() -> Path:
-    """Returns the path of the snapshot: [store] identity, or tasks/identity.json by the code."""
+    """Returns where the snapshot is: [store] identity, or tasks/identity.json beside the code."""
     return configured_path("store", "identity")

@@ -10,8 +10,8 @@ is free of what the halves do not agree on, which half the mean of (d_first - d_
 The halves are the fields of a chessboard of blocks, or lie on either side of the middle along one
 of the three principal axes: sheen on a table is in both halves of some of these, but not of all,
 and those that agree least count.
-Photographs of different sizes come from different cameras, which rarely expose alike; there less
-agreement is needed.
+Photographs of different sizes come from different cameras, which rarely expose alike. Less
+agreement is needed there.
 From d the mean of the views that share the most points is taken: what changes slowly along the way,
 as the sheen of surfaces does, a field shows by colors that depend on the view (decision 20).
 """
@@ -41,8 +41,8 @@ _LEVELS = 0.1, 0.5, 0.9  # quantiles of the brightness at which changes are comp
 class ExposureEvidence:
     """The spread of log colors that the halves agree on, and that of what they do not agree on.
 
-    `exposures` are those by all points together, by the photograph's name. `several_cameras` tells
-    that the photographs have different sizes.
+    `exposures` are those by all points together, by the photograph's name. `several_cameras` says
+    whether the photographs have different sizes.
     """
 
     spread: float

@@ -88,35 +88,37 @@ def supported_fly_through(
     """
     tried: dict[Trial, SupportedPath] = {}
 
-    def attempt(spread: float, zoom: float) -> Trial:
-        path = fly_through(cameras, model, replace(config, spread=spread))
-        path = [at_size(camera, 0, config.fov_deg) for camera in path]
-        path = [with_focal(camera, zoom * focal_of(camera)) for camera in path]
-        support = measure(path)
-        trial = Trial(spread, zoom, support.share)
-        tried[trial] = SupportedPath(path, support)
-        return trial
-
     def first_supported(
-        spreads: Iterable[float], zooms: Iterable[float], share_before: float = np.inf
+        ways: Iterable[tuple[float, float]], share_before: float = np.inf
     ) -> Trial | None:
-        """Returns the first trial that is enough; later ones are not made."""
-        for trial in (attempt(spread, zoom) for spread in spreads for zoom in zooms):
-            most = min(limits.most_unsupported, share_before / trial.zoom**2)
-            if trial.unsupported < most:
+        """Returns the first spread and zoom that are enough; later ones are not tried."""
+        for spread, zoom in ways:
+            path = _fly_through_at(cameras, model, config, spread, zoom)
+            support = measure(path)
+            trial = Trial(spread, zoom, support.share)
+            tried[trial] = SupportedPath(path, support)
+            if trial.unsupported < min(limits.most_unsupported, share_before / zoom**2):
                 return trial
         return None
 
     spreads = dict.fromkeys(share * config.spread for share in _SHRINKING)
-    chosen = first_supported(spreads, [1.0])
+    chosen = first_supported((spread, 1.0) for spread in spreads)
     if chosen is None:
         wide = _widest_nearly_best(list(tried))
         zooms = () if config.fov_deg else _ZOOMS
-        chosen = first_supported([wide.spread], zooms, wide.unsupported)
-        if chosen is None:
-            needs_no_stills = wide.unsupported < limits.least_for_stills
-            chosen = wide if needs_no_stills else min(tried, key=_share)
+        chosen = first_supported(((wide.spread, zoom) for zoom in zooms), wide.unsupported)
+        needs_stills = wide.unsupported >= limits.least_for_stills
+        chosen = chosen or (min(tried, key=_share) if needs_stills else wide)
     return replace(tried[chosen], trials=tuple(tried), chosen=chosen)
+
+
+def _fly_through_at(
+    cameras: Sequence[Camera], model: SceneModel, config: TrajectoryConfig, spread: float,
+    zoom: float,
+) -> list[Camera]:  # fmt: skip
+    path = fly_through(cameras, model, replace(config, spread=spread))
+    path = [at_size(camera, 0, config.fov_deg) for camera in path]
+    return [with_focal(camera, zoom * focal_of(camera)) for camera in path]
 
 
 def _widest_nearly_best(trials: Sequence[Trial]) -> Trial:

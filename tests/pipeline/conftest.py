@@ -8,7 +8,7 @@ from pathlib import Path
 import luigi
 import pytest
 from fsspec import get_filesystem_class
-from memory import folder_in_memory, is_to_be_kept
+from memory import folder_in_memory
 from shared_stores import Place, Server, proxy_of
 
 from pipeline.code import closure
@@ -29,11 +29,7 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def tmp_path(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
-    """In memory, and gone after the test; with `--basetemp`, there, and left to be looked at."""
-    if is_to_be_kept(request.config):
-        yield tmp_path
-        return
-    with folder_in_memory(otherwise=tmp_path) as folder:
+    with folder_in_memory(tmp_path, request.config) as folder:
         yield folder
 
 

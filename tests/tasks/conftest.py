@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from memory import folder_in_memory, is_to_be_kept
+from memory import folder_in_memory
 
 from pipeline.execution.fork_server import fork_server
 from tasks.command_line import LIBRARIES
@@ -54,11 +54,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 
 @pytest.fixture
 def tmp_path(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
-    """In memory, and gone after the test; with `--basetemp`, there, and left to be looked at."""
-    if is_to_be_kept(request.config):
-        yield tmp_path
-        return
-    with folder_in_memory(otherwise=tmp_path) as folder:
+    with folder_in_memory(tmp_path, request.config) as folder:
         yield folder
 
 
@@ -178,9 +174,7 @@ def new_graph(
     transfer_folder: Path,
 ) -> Callable[..., Graph]:
     """Returns the stages on the mini scene, none of them built, in a context for each build."""
-    return partial(
-        _graph, build, mini_poses, photographs, perceptual_file, transfer_folder,
-    )  # fmt: skip
+    return partial(_graph, build, mini_poses, photographs, perceptual_file, transfer_folder)
 
 
 @pytest.fixture(scope="session")
@@ -197,6 +191,7 @@ def _graph(
     transfer_folder: Path,
     around: Callable[[str], AbstractContextManager[None]],
 ) -> Graph:
+    """Builds each stage once, when it is asked for, in the context that `around` has for it."""
     import luigi
 
     import tasks

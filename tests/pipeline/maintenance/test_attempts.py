@@ -15,8 +15,8 @@ from pipeline.task import RunContext, StoredTask
 pytestmark = pytest.mark.usefixtures("inline")
 
 
-class Told(StoredTask):
-    """What comes after some acts."""
+class AfterActs(StoredTask):
+    """Is built after some acts."""
 
     acts = luigi.ListParameter()
 
@@ -47,7 +47,7 @@ def build(task: luigi.Task) -> bool:
 
 
 def test_what_was_never_tried_has_nothing_in_its_way(store):
-    assert find_blocking_failure(Told(["succeed"]), store) is None
+    assert find_blocking_failure(AfterActs(["succeed"]), store) is None
 
 
 @pytest.mark.parametrize(
@@ -58,16 +58,16 @@ def test_what_was_never_tried_has_nothing_in_its_way(store):
     ],
 )
 def test_the_stage_that_failed_says_why(store, act, reason):
-    assert not build(Told(["succeed", act]))
-    found = find_blocking_failure(Told(["succeed", act]), store)
+    assert not build(AfterActs(["succeed", act]))
+    found = find_blocking_failure(AfterActs(["succeed", act]), store)
     assert (found.task, found.is_under_way) == (Act(act), False)
     assert found.reason.startswith(reason)
 
 
 def test_what_is_made_was_in_nobodys_way(store):
-    assert build(Told(["succeed"]))
-    assert find_blocking_failure(Told(["succeed"]), store) is None
-    assert find_blocking_failure(Told(["succeed", "warn"]), store) is None
+    assert build(AfterActs(["succeed"]))
+    assert find_blocking_failure(AfterActs(["succeed"]), store) is None
+    assert find_blocking_failure(AfterActs(["succeed", "warn"]), store) is None
 
 
 def test_what_cannot_be_asked_for_says_why(store, tmp_path):
@@ -85,16 +85,16 @@ def test_an_attempt_that_runs_is_no_failure_and_a_failure_counts_more(store):
     log = store.new_log("Act", task.action().key)
     log.write_text("half of it")
     with store.lock(task.action().key, lambda: None):
-        assert find_blocking_failure(Told(["sleep"]), store).is_under_way
+        assert find_blocking_failure(AfterActs(["sleep"]), store).is_under_way
         assert not build(Act("refuse"))
-        assert find_blocking_failure(Told(["sleep", "refuse"]), store).task == Act("refuse")
-    assert find_blocking_failure(Told(["sleep"]), store).reason == "half of it"
+        assert find_blocking_failure(AfterActs(["sleep", "refuse"]), store).task == Act("refuse")
+    assert find_blocking_failure(AfterActs(["sleep"]), store).reason == "half of it"
 
 
 def test_a_build_that_could_not_even_write_why_it_failed_has_a_reason_all_the_same(store):
     """On a full disk its log stays empty."""
     log = store.new_log("Act", Act("succeed").action().key)
     log.touch()
-    assert mentions(find_blocking_failure(Told(["succeed"]), store).reason, log)
+    assert mentions(find_blocking_failure(AfterActs(["succeed"]), store).reason, log)
     with store.lock(Act("succeed").action().key, lambda: None):
-        assert not find_blocking_failure(Told(["succeed"]), store).reason, "it may still write"
+        assert not find_blocking_failure(AfterActs(["succeed"]), store).reason, "it may still write"

@@ -16,19 +16,23 @@ import pytest
 MEMORY = Path("/dev/shm")
 
 
-def is_to_be_kept(config: pytest.Config) -> bool:
-    """Whether the user gave `--basetemp`; pytest-xdist gives one to each of its workers."""
-    return bool(config.option.basetemp) and not hasattr(config, "workerinput")
-
-
 @contextmanager
-def folder_in_memory(otherwise: Path) -> Iterator[Path]:
-    """An empty folder in memory; the other one if memory has no room or starts no programs."""
-    if not is_usable():
+def folder_in_memory(otherwise: Path, config: pytest.Config) -> Iterator[Path]:
+    """An empty folder in memory, which goes when the test ends.
+
+    It is the other one, which stays, if the user gave `--basetemp`, or if memory has no room or
+    starts no programs.
+    """
+    if is_to_be_kept(config) or not is_usable():
         yield otherwise
         return
     with TemporaryDirectory(dir=MEMORY, ignore_cleanup_errors=True) as folder:
         yield Path(folder)
+
+
+def is_to_be_kept(config: pytest.Config) -> bool:
+    """Whether the user gave `--basetemp`; pytest-xdist gives one to each of its workers."""
+    return bool(config.option.basetemp) and not hasattr(config, "workerinput")
 
 
 def is_usable() -> bool:

@@ -151,25 +151,27 @@ def test_light_from_a_side_that_changes_from_view_to_view_is_no_exposure():
     assert not found.needed, found
 
 
-def test_the_sheen_of_a_table_is_no_exposure_of_what_stands_on_it():
-    """It changes from view to view, in both halves of a chessboard alike."""
+def evidence_around_a_table(
+    exposures: Exposures, *, noise: float, sheen: float
+) -> ExposureEvidence:
+    """Half of what the views see is a table, whose log colors change from view to view."""
     points = seen_by_half_of_the_views()
     points = replace(points, xyz_world=points.xyz_world * [4, 2, 1])
-    log_color = seen(points, true_exposures(0.0, powers=False), noise=0.02)
     is_table = points.xyz_world[points.observed_point, :1] < 0
-    sheen = np.random.default_rng(7).uniform(-0.3, 0.3, VIEWS)[points.observed_image, None]
-    found = evidence(points, log_color + np.where(is_table, sheen, 0.0))
+    of_view = np.random.default_rng(7).uniform(-sheen, sheen, VIEWS)
+    of_table = np.where(is_table, of_view[points.observed_image, None], 0.0)
+    return evidence(points, seen(points, exposures, noise) + of_table)
+
+
+def test_the_sheen_of_a_table_is_no_exposure_of_what_stands_on_it():
+    """It changes from view to view, in both halves of a chessboard alike."""
+    found = evidence_around_a_table(true_exposures(0.0, powers=False), noise=0.02, sheen=0.3)
     assert not found.needed, found
 
 
 def test_exposures_beside_a_sheen_of_their_own_size_are_found():
     """As those of photographs all around a table by a window."""
-    points = seen_by_half_of_the_views()
-    points = replace(points, xyz_world=points.xyz_world * [4, 2, 1])
-    log_color = seen(points, true_exposures(0.2, powers=True), noise=0.05)
-    is_table = points.xyz_world[points.observed_point, :1] < 0
-    sheen = np.random.default_rng(7).uniform(-0.2, 0.2, VIEWS)[points.observed_image, None]
-    found = evidence(points, log_color + np.where(is_table, sheen, 0.0))
+    found = evidence_around_a_table(true_exposures(0.2, powers=True), noise=0.05, sheen=0.2)
     assert found.needed, found
     assert found.spread < 2 * found.disagreement, "the ratio that was asked for before"
 
