@@ -118,13 +118,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--count", choices=["field", "network", "adaptation"])
-    asked = parser.parse_args()
-    if asked.count:
-        sys.stdout.write(f"{count(asked.count, asked.seconds)}\n")
+    options = parser.parse_args()
+    if options.count:
+        sys.stdout.write(f"{count(options.count, options.seconds)}\n")
         return
     for kind in ("field", "network", "adaptation"):
         for name, environment in SETTINGS.items():
-            found = counts(kind, asked.seconds, environment)
+            found = counts(kind, options.seconds, environment)
             cells = (" and ".join(map(str, numbers)) for numbers in found.values())
             sys.stdout.write(f"| {kind} | {name} | {' | '.join(cells)} |\n")
             sys.stdout.flush()

@@ -98,14 +98,14 @@ def main() -> None:
     fit.add_argument("--quality", default="draft")
     fit.add_argument("--to", type=Path, required=True)
     commands.add_parser("ratio").add_argument("lines", type=Path)
-    asked = parser.parse_args()
-    if asked.command == "ratio":
-        lines = [json.loads(line) for line in asked.lines.read_text().splitlines()]
+    options = parser.parse_args()
+    if options.command == "ratio":
+        lines = [json.loads(line) for line in options.lines.read_text().splitlines()]
         sys.stdout.writelines(f"{line}\n" for line in ratios(lines))
         return
-    for scene in asked.scenes:
-        with asked.to.open("a") as file:
-            file.write(f"{json.dumps(measured(scene, asked.quality, SHARES))}\n")
+    for scene in options.scenes:
+        with options.to.open("a") as file:
+            file.write(f"{json.dumps(measured(scene, options.quality, SHARES))}\n")
 
 
 if __name__ == "__main__":

@@ -128,12 +128,12 @@ def main() -> None:
     measure.add_argument("names", nargs="+", choices=[run["name"] for run in runs()])
     measure.add_argument("--folder", type=Path, required=True)
     commands.add_parser("table")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     found = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
-    if asked.command == "measure":
+    if options.command == "measure":
         for run in runs():
-            if run["name"] in asked.names:
-                found[run["name"]] = measured(run, asked.folder)
+            if run["name"] in options.names:
+                found[run["name"]] = measured(run, options.folder)
                 FIGURES.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n")
     before, _, rest = PAGE.read_text().partition(BEGIN)
     _, _, after = rest.partition(END)

@@ -55,8 +55,8 @@ def measured(options: argparse.Namespace) -> None:
     """Measures what the file does not have."""
     for scene in options.scenes:
         for knob, value in runs(options.iterations):
-            asked = {"iterations": options.iterations}
-            key = {"scene": scene, "knob": knob, "value": value} | asked
+            setting = {"iterations": options.iterations}
+            key = {"scene": scene, "knob": knob, "value": value} | setting
             if any(key.items() <= row.items() for row in rows_of(options.rows)):
                 continue
             for row in _fit(scene, knob, value, options.iterations):

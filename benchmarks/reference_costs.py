@@ -12,10 +12,10 @@ import os
 from dataclasses import asdict
 
 from pipeline.execution.cost_history import Cost
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.record import ActionRecord
 from pipeline.task import StoredTask
 from tasks import StylizedTrajectory
-from tasks.command.graph import graph
 from tasks.machine.calibration import calibration_of_machine
 from tasks.planning.scene_sizes import sizes_of
 from tasks.planning.stage_costs import REFERENCE
@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument("style")
     options = parser.parse_args()
     words = {"scene": options.scene, "style": options.style, "quality": "draft"}
-    stages = graph(StylizedTrajectory(**words))
+    stages = list(upstream_first(StylizedTrajectory(**words)))
     records = {s.task_family: s.record() for s in stages if isinstance(s, StoredTask)}
     calibration = calibration_of_machine("cpu")
     fields = {

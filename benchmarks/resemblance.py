@@ -91,16 +91,16 @@ def _print_rows(results: Iterable[Result], options: argparse.Namespace) -> None:
 
 
 def _made(options: argparse.Namespace) -> Iterator[Result]:
-    """Yields the results asked for, made by the tasks."""
+    """Yields the requested results, made by the tasks."""
     methods = ["field", "per-frame"] if getattr(options, "per_frame", False) else ["field"]
     words = {"quality": options.quality, **json.loads(options.words)}
-    asked = [
+    tasks = [
         task_of(StylizedFrames, scene=scene, style=style, method=method, **words)
         for scene in options.scenes
         for style in options.styles
         for method in methods
     ]
-    for task in asked:
+    for task in tasks:
         with TemporaryDirectory() as folder:
             yield _result(task, Path(folder), options)
 

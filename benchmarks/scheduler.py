@@ -23,8 +23,8 @@ from luigi.scheduler import Scheduler, scheduler
 from luigi.task import flatten
 from task_of import task_of
 
+from pipeline.maintenance.task_graph import upstream_first
 from tasks import Grid
-from tasks.command.graph import graph
 
 SECONDS = {  # of the stages at draft on two cores, see the README beside this
     "CameraPoses": 25,
@@ -76,7 +76,7 @@ def shape() -> list[tuple[str, tuple[str, ...], set[str]]]:
             tuple(need.task_family for need in flatten(task.requires())),
             {name for name in ("scene", "style") if getattr(task, name, "")},
         )
-        for task in graph(cell)
+        for task in upstream_first(cell)
     ]
 
 

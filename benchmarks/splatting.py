@@ -42,7 +42,7 @@ def main() -> None:
     estimator = FlowEstimator(options.flow)
     print("| frames | gap | RMSE as published | where covered | covered | motion, px |")  # noqa: T201
     print("|---|---|---|---|---|---|")  # noqa: T201
-    for name, folder in (asked.split("=", 1) for asked in options.folders):
+    for name, folder in (pair.split("=", 1) for pair in options.folders):
         errors = splatting_consistency(frames_in(Path(folder), options.width), estimator)
         for gap, found in errors.items():
             cells = f"{found['rmse']:.4f} | {found['covered_rmse']:.4f}"

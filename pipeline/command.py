@@ -26,7 +26,7 @@ from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_task
 from pipeline.console.log_handler import in_one_line
 from pipeline.console.progress_client import close_progress, progress_client
 from pipeline.execution.fork_server import fork_server
-from pipeline.maintenance.why import upstream_first
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import data_root
 
 _log = logging.getLogger("pipeline")
@@ -106,7 +106,7 @@ def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]
         return int(retcode().unhandled_exception)  # type: ignore[no-untyped-call]
     with fork_server(libraries):
         begin(task)
-        reenable_failed_tasks(lambda: [task, *upstream_first(task)])
+        reenable_failed_tasks(lambda: upstream_first(task))
         progress_client()  # before workers are forked
         status = _luigi_status(task)
         while status != INTERRUPTED and _is_to_run_again(task):

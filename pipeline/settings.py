@@ -25,7 +25,8 @@ _DEFAULTS = {
     ("store", "locks"): "true",  # whether one process at a time builds a key
     ("store", "memory_gib"): "0",  # memory at which a build is ended; 0: no limit
     ("store", "retry_seconds"): "10",  # before a second attempt; 4 times that before a third
-    ("gpu", "cards"): "",  # UUIDs of GPUs; empty: all that `nvidia-smi -L` lists
+    ("gpu", "uuids"): "",  # of the GPUs for builds; empty: all that `nvidia-smi -L` lists
+    ("gpu", "cards"): "",  # its name in earlier versions
     ("host", "leases"): "/dev/shm/styletrf",  # noqa: S108  for all users
     ("host", "memory_gib"): "0",  # for all builds together; 0: nine tenths of the host's
     ("host", "cores"): "2",  # number that a build on another machine requests

@@ -13,11 +13,11 @@ import luigi
 from pipeline.command import run_command
 from pipeline.console.progress_client import progress_client
 from pipeline.maintenance.attempts import find_blocking_failure
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from pipeline.task import artifact
 from styletrf.errors import InputError
 from tasks.command.build_order import seconds_ahead
-from tasks.command.graph import graph
 from tasks.command.sources import begin_of_command
 from tasks.planning.plan_report import print_plan
 from tasks.planning.validation import validate_command
@@ -111,7 +111,7 @@ def _results(root: luigi.Task) -> list[LinkedStage]:
     """The stages of a command that are shown in `out/`, the first needed first."""
     if cells := _cells(root):
         return [result for cell in cells for result in cell.cells()]
-    return [stage for stage in reversed(graph(root)) if isinstance(stage, LinkedStage)]
+    return [stage for stage in upstream_first(root) if isinstance(stage, LinkedStage)]
 
 
 def _answer_for(stage: Stage) -> None:

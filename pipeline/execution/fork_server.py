@@ -136,33 +136,33 @@ def current_fork_server() -> ForkServer | None:
     return _of_command.get()
 
 
-def answer_of(function: str, question: str) -> str:
+def output_of(function: str, text: str) -> str:
     """Runs a function with a text on standard input; returns its standard output.
 
     The server of this context forks the process. Without a server it is a new interpreter.
 
     Args:
         function: The function to call, as `module:name`. It returns the exit status.
-        question: The text.
+        text: What it reads.
 
     Raises:
         RuntimeError: The process was killed, or the function failed.
     """
-    (stdin, question_end), (answer_end, stdout) = os.pipe(), os.pipe()
-    with os.fdopen(question_end, "w") as questions, os.fdopen(answer_end) as answers:
+    (stdin, to_process), (from_process, stdout) = os.pipe(), os.pipe()
+    with os.fdopen(to_process, "w") as written, os.fdopen(from_process) as read:
         try:
             process = _started(function, (stdin, stdout, 2))
         finally:
             os.close(stdin)
             os.close(stdout)
         with contextlib.suppress(BrokenPipeError):
-            questions.write(question)
-            questions.close()
-        answer = answers.read()
+            written.write(text)
+            written.close()
+        output = read.read()
         if status := process.wait():
             ended = f"failed with status {status}" if status > 0 else "was killed"
             raise RuntimeError(f"{function} {ended} before it answered")
-    return answer
+    return output
 
 
 def _started(

@@ -1,6 +1,8 @@
 """Leases of the GPUs of this host, each for one build (`pipeline.execution.host_locks`)."""
 
 import contextlib
+import functools
+import logging
 import os
 import re
 import subprocess
@@ -11,6 +13,7 @@ from pipeline.errors import StoreError
 from pipeline.execution.host_locks import acquire, open_locks
 from pipeline.settings import setting
 
+_log = logging.getLogger("pipeline")
 Lease: TypeAlias = tuple[dict[str, str], tuple[int, ...]]
 """Variables for the environment of a build, and open files whose flocks are its leases."""
 VISIBLE = "CUDA_VISIBLE_DEVICES"
@@ -33,12 +36,12 @@ def leased(on_wait: Callable[[], object], most: int = 1) -> Iterator[Lease]:
     Raises:
         StoreError: The GPUs cannot be listed, or the folder of leases cannot be used.
     """
-    with open_locks("gpu", visible_cards()) as files:
+    with open_locks("gpu", visible_gpus()) as files:
         taken = acquire(files, 1, most, on_wait) if files else []
         yield ({VISIBLE: ",".join(taken)} if taken else {}), tuple(files[gpu] for gpu in taken)
 
 
-def visible_cards() -> list[str]:
+def visible_gpus() -> list[str]:
     """Returns the UUIDs of the GPUs of this host that CUDA_VISIBLE_DEVICES allows.
 
     Raises:
@@ -47,17 +50,17 @@ def visible_cards() -> list[str]:
     return visible(_gpus(), os.environ.get(VISIBLE))
 
 
-def visible(gpus: Sequence[str], wanted: str | None) -> list[str]:
+def visible(gpus: Sequence[str], allowed: str | None) -> list[str]:
     """Returns the GPUs in a CUDA_VISIBLE_DEVICES: by number, or by the start of the UUID."""
-    if wanted is None:
+    if allowed is None:
         return list(gpus)
-    words = [word.strip() for word in wanted.split(",") if word.strip()]
+    words = [word.strip() for word in allowed.split(",") if word.strip()]
     numbered = list(enumerate(gpus))
     return [gpu for word in words for n, gpu in numbered if word == str(n) or gpu.startswith(word)]
 
 
 def _gpus() -> list[str]:
-    if uuids := setting("gpu", "cards"):
+    if uuids := setting("gpu", "uuids") or _former_uuids():
         return uuids.replace(",", " ").split()
     try:
         ask = ["nvidia-smi", "-L"]
@@ -66,5 +69,17 @@ def _gpus() -> list[str]:
         return []
     except (OSError, subprocess.SubprocessError) as error:
         reason = str(error).rstrip(".")
-        remedy = "Name the UUIDs of the GPUs of this host in [gpu] cards."
+        remedy = "Name the UUIDs of the GPUs of this host in [gpu] uuids."
         raise StoreError(f"no GPU can be leased: {reason}. {remedy}") from error
+
+
+def _former_uuids() -> str:
+    """Returns the UUIDs under the setting's name of earlier versions."""
+    if uuids := setting("gpu", "cards"):
+        _warn_of_former_name()
+    return uuids
+
+
+@functools.cache
+def _warn_of_former_name() -> None:
+    _log.warning("[gpu] cards of luigi.cfg is now [gpu] uuids; use the new name.")

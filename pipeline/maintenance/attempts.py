@@ -9,7 +9,7 @@ import luigi
 from pipeline.errors import Errors, StoreError
 from pipeline.job import read_outcome
 from pipeline.locks import is_held
-from pipeline.maintenance.why import upstream_first
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.store import Store
 from pipeline.task import StoredTask
 
@@ -75,6 +75,8 @@ def find_blocking_failure(
     missing: set[StoredTask] = set()
     found: list[BlockingFailure] = []
     for each in upstream_first(task):
+        if not isinstance(each, StoredTask):
+            continue
         if missing & set(each.requires().values()):
             missing.add(each)
             continue

@@ -108,8 +108,8 @@ def row_of(record: ActionRecord) -> dict[str, Json]:
 
 def _scene(record: ActionRecord) -> str:
     """Returns the scene of a task; "(none)" for an artifact of several scenes, such as a style."""
-    asked = re.search(r"\bscene=([^,)]*)", str(record.provenance["task"]))
-    return asked[1] if asked else "(none)"
+    scene = re.search(r"\bscene=([^,)]*)", str(record.provenance["task"]))
+    return scene[1] if scene else "(none)"
 
 
 def _failures(store: Store, family: str, everything: Iterable[ActionRecord]) -> Rows:

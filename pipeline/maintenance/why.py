@@ -10,6 +10,7 @@ import luigi
 from pipeline.canonical import Json, canonical_json
 from pipeline.code.closure import code_closure, load_closure
 from pipeline.errors import Errors, StoreError
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.record import Action, ActionRecord
 from pipeline.store import Store
 from pipeline.task import StoredTask
@@ -56,23 +57,14 @@ def explanations(roots: Iterable[luigi.Task], store: Store) -> Iterator[Explanat
     past = sorted(store.records(), key=lambda r: str(r.provenance["started"]), reverse=True)
     makers = {record.output.digest: str(record.provenance["label"]) for record in past}
     unknown: set[luigi.Task] = set()
-    seen: set[luigi.Task] = set()
-    for each in (each for root in roots for each in upstream_first(root, seen)):
+    for each in upstream_first(*roots):
+        if not isinstance(each, StoredTask):
+            continue
         missing = {n: t for n, t in each.requires().items() if t in unknown}
         state, differences = _state(each, store, past, missing)
         unknown |= set() if state in _KNOWN else {each}
         named = {n: (_named(a, makers), _named(b, makers)) for n, (a, b) in differences.items()}
         yield Explanation(each, state, named)
-
-
-def upstream_first(task: luigi.Task, seen: set[luigi.Task] | None = None) -> Iterator[StoredTask]:
-    """Yields the stored tasks of a graph, each once and after all that it needs."""
-    seen = set() if seen is None else seen
-    if task not in seen:
-        seen.add(task)
-        for upstream in task.deps():  # type: ignore[no-untyped-call]
-            yield from upstream_first(upstream, seen)
-        yield from [task] if isinstance(task, StoredTask) else []
 
 
 def _state(

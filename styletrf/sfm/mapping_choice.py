@@ -103,9 +103,12 @@ def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """Where pairs were chosen: more of them with the photographs that this left without a place.
 
     All of their pairs where these are few, else twice as many as before: a capture of which most
-    photographs are left out must not take a multiple of the time.
+    photographs are left out must not take a multiple of the time. Nothing where no two photographs
+    that share the most matches show the same: then others do not either.
     """
     if best is None or best.matcher == "exhaustive":
+        return None
+    if best.matcher == "preemptive" and not best.verified_pairs:
         return None
     missing = _unplaced(best, task.images)
     if not missing:

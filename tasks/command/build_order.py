@@ -7,9 +7,9 @@ import luigi
 
 from pipeline.execution.cost_history import DEFAULT_SECONDS, cost_history, cost_of_similar
 from pipeline.execution.resources import significant
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
-from tasks.command.graph import graph
 
 
 @functools.cache
@@ -18,7 +18,7 @@ def seconds_to_the_end(root: luigi.Task) -> Mapping[str, float]:
 
     As earlier builds took.
     """
-    stages = graph(root)
+    stages = list(upstream_first(root))
     seconds = _seconds(stages)
     waiting: dict[str, list[str]] = {stage.task_id: [] for stage in stages}
     for stage in stages:

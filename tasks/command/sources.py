@@ -15,9 +15,9 @@ import psutil
 
 from pipeline.errors import TaskFailure
 from pipeline.maintenance.attempts import find_blocking_failure
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
-from tasks.command.graph import graph
 
 SOURCE_PRIORITY = 10**9
 """Added to the priority of a source: more than the seconds of any command."""
@@ -31,7 +31,9 @@ def is_source(stage: luigi.Task) -> bool:
 @functools.cache
 def sources_of(root: luigi.Task) -> Sequence[StoredTask]:
     """Returns the sources of a command."""
-    return [task for task in graph(root) if isinstance(task, StoredTask) and is_source(task)]
+    return [
+        task for task in upstream_first(root) if isinstance(task, StoredTask) and is_source(task)
+    ]
 
 
 def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:

@@ -21,7 +21,7 @@ from typing import Any
 
 from pipeline.digest import typed_digest
 from pipeline.execution.cpu_memory import usable_cores
-from pipeline.execution.gpu import VISIBLE, visible_cards
+from pipeline.execution.gpu import VISIBLE, visible_gpus
 from tasks.machine.local_facts import add_fact, read_facts
 
 _MAIN = "from tasks.machine.calibration import main; main()"
@@ -91,9 +91,9 @@ def workload_of(family: str) -> str:
 
 def this_machine(device: str = "auto") -> Machine:
     """Returns what a calibration for `--device` is of."""
-    cards = [] if device == "cpu" else visible_cards()
+    gpus = [] if device == "cpu" else visible_gpus()
     versions = {name: version(name) for name in _LIBRARIES}
-    return Machine(processor(), len(usable_cores()), ",".join(cards) or "cpu", versions)
+    return Machine(processor(), len(usable_cores()), ",".join(gpus) or "cpu", versions)
 
 
 @functools.cache

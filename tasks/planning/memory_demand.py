@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import luigi
 
-from pipeline.execution.gpu import visible_cards
+from pipeline.execution.gpu import visible_gpus
 from pipeline.settings import setting
 from pipeline.task import artifact
 from styletrf.errors import InputError
@@ -95,7 +95,7 @@ def demands_of(stages: Iterable[luigi.Task]) -> list[Demand]:
     """Returns the demands of the stages whose memory grows with the user's input."""
     grown = (s for s in stages if isinstance(s, ConfigurableStage) and demand_name(s) in GROWTH)
     to_make = (s for s in grown if not is_made(s))
-    return [demand_of(s) for s in to_make if GROWTH[demand_name(s)].frame or not _is_on_a_card(s)]
+    return [demand_of(s) for s in to_make if GROWTH[demand_name(s)].frame or not _is_on_a_gpu(s)]
 
 
 def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float]:
@@ -192,8 +192,8 @@ def demand_name(stage: ConfigurableStage) -> str:
     return str(stage.task_family)
 
 
-def _is_on_a_card(stage: ConfigurableStage) -> bool:
-    return stage.needs_gpu and bool(visible_cards())
+def _is_on_a_gpu(stage: ConfigurableStage) -> bool:
+    return stage.needs_gpu and bool(visible_gpus())
 
 
 def _seen_px(demand: Demand, photographs: Photographs) -> int:

@@ -8,6 +8,7 @@ from typing import Any
 import luigi
 
 from pipeline.canonical import canonical, canonical_json
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.task import StoredTask
 from styletrf.evaluation.trade_off import Combination
 from tasks.command.build_order import is_made
@@ -52,19 +53,8 @@ class FoundStages:
 
 def stages_to_make(root: luigi.Task, is_found: Callable[[StoredTask], bool]) -> list[StoredTask]:
     """Returns what Luigi would build: the root and what is upstream, up to what is found."""
-    to_make: dict[str, StoredTask] = {}
-    pending, seen = [root], set[str]()
-    while pending:
-        task = pending.pop()
-        if task.task_id in seen:
-            continue
-        seen.add(task.task_id)
-        if isinstance(task, StoredTask):
-            if is_found(task):
-                continue
-            to_make[task.task_id] = task
-        pending += luigi.task.flatten(task.requires())  # type: ignore[no-untyped-call]
-    return list(to_make.values())
+    to_make = upstream_first(root, is_left_out=lambda t: isinstance(t, StoredTask) and is_found(t))
+    return [task for task in to_make if isinstance(task, StoredTask)]
 
 
 def cost_model(task: Any, front: Front | None = None) -> CostModel:

@@ -23,12 +23,14 @@ from tasks.stages.stage import ConfigurableStage, PresetStage
 
 START_S = 1.5
 """Seconds of a stage in which its interpreter starts and its libraries load, where measured."""
+LONGEST_DESCRIBED = 1600
+"""The default of `max_image_long_side` of `CameraPoses`, in pixels."""
 _OF_PRIORS = {"PriorRenders", "StylizedField", "StylizedPriors"}
 _JOINING = 0.1  # of the work of all parts, to put them together
 
 EXPONENTS: dict[str, dict[str, float]] = {
     "SceneCapture": {"photographs": 1},
-    "CameraPoses": {"photographs": 1},
+    "CameraPoses": {"photographs": 1, "feature_pixels": 0.7},
     "SceneModel": {"photographs": 1},
     "ContentImages": {"count": 1},
     "RadianceField": {
@@ -106,12 +108,14 @@ def _pixels(
 ) -> dict[str, float]:
     longest = max(photographs.width, photographs.height)
     seen = min(int(settings.get("image_long_side", longest)), longest)
+    described = min(int(settings.get("max_image_long_side", LONGEST_DESCRIBED)), longest)
     frame = int(settings.get("long_side_px", 0)) or seen
     if of_prior:  # priors are no larger than the photographs; frames of the path may be
         frame = min(frame, longest)
     return {
         "photographs": photographs.count,
         "photograph_pixels": photographs.pixels(seen),
+        "feature_pixels": photographs.pixels(described),
         "frame_pixels": photographs.pixels(frame),
     }
 

@@ -13,10 +13,10 @@ from typing import Any
 
 import luigi
 
-from pipeline.execution.fork_server import answer_of
+from pipeline.execution.fork_server import output_of
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from styletrf.errors import InputError
-from tasks.command.graph import graph
 from tasks.command.sources import may_stop, sources_of
 from tasks.planning.memory_demand import demands_of
 from tasks.stages.field import TrajectoryFrames
@@ -36,7 +36,7 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
         InputError: A budget or a combination of parameters is invalid.
         SystemExit: A setting, the device or a video is invalid, or they could not be checked.
     """
-    stages = graph(root)
+    stages = list(upstream_first(root))
     sources_of(root)  # once, before workers are forked
     for stage in stages:
         if hasattr(stage, "validate"):  # Luigi's own tasks do not
@@ -89,6 +89,6 @@ def _path_of(stage: luigi.Task) -> tuple[str, str, str] | None:
 def _validation_error(request: dict[str, Any]) -> str:
     """Returns the error that another process finds, or that it failed; "" if there is none."""
     try:
-        return answer_of("tasks.planning.request_validation:main", json.dumps(request)).strip()
+        return output_of("tasks.planning.request_validation:main", json.dumps(request)).strip()
     except RuntimeError as error:
         return f"The command could not be checked: {error}. What it wrote above may say why."

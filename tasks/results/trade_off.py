@@ -8,13 +8,13 @@ from typing import Any
 
 import luigi
 
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.parameters import IntParameter, ListParameter
 from pipeline.record import ActionRecord
 from pipeline.settings import data_root, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Measurement, Tuning, merged
-from tasks.command.graph import graph
 from tasks.command.main_command import main_command
 from tasks.machine.calibration import calibration_of_machine
 from tasks.presets.sweep import Variant, baseline_settings, sweep
@@ -70,7 +70,7 @@ class TradeOff(LinkedStage, PresetStage):
         super().validate()
         if self.repeats < 1:
             raise InputError(f"--repeats {self.repeats}", "is below 1", "Give 1 or more")
-        if changed := stages_with_settings(graph(self)):
+        if changed := stages_with_settings(upstream_first(self)):
             subject = f"settings of {', '.join(changed)}"
             raise InputError(subject, "would hide what a sweep changes", "Give them by --tuning")
         names = [v.name for v in sweep(baseline_settings(self.quality, self.tuning), 1) if v.name]

@@ -11,13 +11,14 @@ from typing import cast
 import luigi
 
 from pipeline.errors import TaskFailure
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.parameters import BoolParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination, Tuning
 from tasks.command.build_order import is_made
-from tasks.command.graph import graph, root_of_command
+from tasks.command.root_task import root_of_command
 from tasks.command.sources import is_source
 from tasks.planning.kept_choice import choice_for, keep_choice, known_choice
 from tasks.planning.remaining_time import timing_of
@@ -95,7 +96,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         if self.request and self.tuning:
             problem = "does not go with a bound on time or accuracy, which chooses the settings"
             raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
-        if self.request and (changed := stages_with_settings(graph(self._plain()))):
+        if self.request and (changed := stages_with_settings(upstream_first(self._plain()))):
             problem = "do not go with a bound on time or accuracy, which chooses them"
             raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
 
@@ -114,7 +115,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
     def requires(self) -> Mapping[str, Stage]:
         """Returns all inputs of the report; with a bound, the kind of space and the sources."""
         if self.request:
-            sources = [task for task in graph(self._plain()) if is_source(task)]
+            sources = [task for task in upstream_first(self._plain()) if is_source(task)]
             named = {task.task_family: cast("Stage", task) for task in sources}
             return {"model": self.upstream(SceneModel, quality=PRESETS[0]), **named}
         shown: dict[str, Stage] = {

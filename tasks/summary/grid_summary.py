@@ -12,12 +12,12 @@ from typing import Any, Literal
 import luigi
 
 from pipeline.maintenance.attempts import find_blocking_failure
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root
 from pipeline.shared_store.sync import upload_key_list
 from pipeline.task import StoredTask
 from styletrf.files.atomic_write import atomic_write
-from tasks.command.graph import graph
 from tasks.command.sources import begin_of_command
 from tasks.summary.gallery import refresh_gallery
 from tasks.summary.webhook import post_to_webhook
@@ -102,7 +102,7 @@ def summarize(cells: Iterable[Any], begun: datetime) -> GridSummary:
         begun: When the command began. Earlier artifacts are found; earlier failures do not count.
     """
     cells = [each for requested in cells for each in requested.cells()]
-    stages = {task.task_id: task for cell in cells for task in graph(cell)}
+    stages = {task.task_id: task for task in upstream_first(*cells)}
     records = {name: found_record(task) for name, task in stages.items()}
     made = {name: record for name, record in records.items() if record}
     families: dict[str, list[ActionRecord]] = {}

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.maintenance.attempts import find_blocking_failure
-from pipeline.maintenance.why import upstream_first
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root
 from pipeline.task import StoredTask
@@ -72,6 +72,8 @@ def _add_page(found: Found, folder: Path, page: Path) -> None:
 def _add_requested(found: Found, result: LinkedStage) -> None:
     names: dict[StoredTask, str] = {}
     for task in upstream_first(result):
+        if not isinstance(task, StoredTask):
+            continue
         record = found_record(task)
         names[task] = record.action.key if record else task.task_id
         inputs = [names[upstream] for upstream in task.requires().values()]

@@ -5,6 +5,7 @@ import pytest
 from message_words import mentions
 
 import tasks
+from pipeline.execution import gpu
 from tasks.summary import webhook
 
 
@@ -28,3 +29,16 @@ def test_a_webhook_may_stand_in_the_former_section(section, caplog, monkeypatch)
         config.remove_section(section)
     assert mentions(caplog.text, "[grid] webhook", "luigi.cfg")
     assert mentions(caplog.text, "[night]") == (section == "night")
+
+
+@pytest.mark.parametrize("name", ["uuids", "cards"])
+def test_gpus_may_be_named_by_the_former_setting(name, caplog, monkeypatch):
+    monkeypatch.delenv(gpu.VISIBLE, raising=False)
+    config = luigi.configuration.get_config()
+    config.set("gpu", name, "GPU-a, GPU-b")
+    gpu._warn_of_former_name.cache_clear()
+    try:
+        assert gpu.visible_gpus() == ["GPU-a", "GPU-b"]
+    finally:
+        config.remove_section("gpu")
+    assert mentions(caplog.text, "[gpu] cards", "[gpu] uuids") == (name == "cards")

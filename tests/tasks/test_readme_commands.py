@@ -9,7 +9,7 @@ import pytest
 from documented_commands import documented_commands
 from luigi.cmdline_parser import CmdlineParser
 
-from tasks.command.graph import graph
+from pipeline.maintenance.task_graph import upstream_first
 from tasks.machine.calibration import calibration_of_machine, keep_calibration, this_machine
 from tasks.planning.build_plan import plan_of
 from tasks.planning.stage_costs import reference_costs
@@ -62,7 +62,7 @@ def test_a_command_of_the_readme_can_be_planned(words, out):
     keep_calibration(replace(reference_costs().calibration, machine=this_machine()))
     with CmdlineParser.global_instance(words) as command:
         root = command.get_task_obj()
-    stages = graph(root)
+    stages = upstream_first(root)
     assert len(stages) > 1
     for stage in stages:
         for check in ("validate", "require_reachable"):

@@ -37,7 +37,7 @@ def job(tmp_path: Path) -> Job:
 
 def acted(executor: str, job: Job, act: str, **changes: object) -> Report:
     job = dataclasses.replace(job, parameters={"act": act}, **changes)
-    return EXECUTORS[executor].run(job, ProgressBar("Act", sys.stderr, interactive=False))
+    return EXECUTORS[executor](job, ProgressBar("Act", sys.stderr, interactive=False))
 
 
 def importer(job: Job) -> str:
@@ -94,7 +94,7 @@ def test_cores_of_a_build_and_of_others_are_counted_apart(job):
 @pytest.mark.parametrize("interactive", [False, True])
 def test_a_warning_is_a_line_on_the_terminal_and_in_the_log(executor, job, interactive, capfd):
     job = dataclasses.replace(job, parameters={"act": "warn"})
-    EXECUTORS[executor].run(job, ProgressBar("Act", sys.stderr, interactive=interactive))
+    EXECUTORS[executor](job, ProgressBar("Act", sys.stderr, interactive=interactive))
     said = capfd.readouterr().err.replace("\r", "\n").splitlines()
     assert [line for line in said if "odd" in line] == ["Act: warning: this is odd"]
     assert "Act: warning: this is odd\n" in Path(job.log).read_text()
@@ -202,7 +202,7 @@ def test_the_kernels_own_limit_is_recognized(job, cramped):
         "from pipeline.execution.executors import EXECUTORS, Job\n"
         "from pipeline.console.progress import ProgressBar\n"
         "job, bar = Job(**json.loads(sys.argv[2])), ProgressBar('', sys.stderr, interactive=0)\n"
-        "print(EXECUTORS['subprocess'].run(job, bar).kind)\n"
+        "print(EXECUTORS['subprocess'](job, bar).kind)\n"
     )
     job = dataclasses.replace(job, parameters={"act": "eat"})
     said = subprocess.run(
@@ -232,7 +232,7 @@ def test_it_sees_the_environment_it_is_given(job, monkeypatch):
 
 @either_process
 def test_it_holds_the_lease_itself(job, tmp_path, toys):
-    """Ours is closed while it runs; the card is free only when it has ended."""
+    """Ours is closed while it runs; the GPU is free only when it has ended."""
     import threading
 
     mine, others = (os.open(tmp_path / "log", os.O_RDONLY) for _ in range(2))

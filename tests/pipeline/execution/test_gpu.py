@@ -1,4 +1,4 @@
-"""One build a card, over real commands and processes; the cards' names are settings."""
+"""One build a GPU, over real commands and processes; their UUIDs are settings."""
 
 import os
 import signal
@@ -16,39 +16,39 @@ from expected_failures import refuses
 from pipeline.execution import gpu
 from pipeline.settings import current_store
 
-Cards = Callable[..., None]
+Gpus = Callable[..., None]
 
 
 @pytest.fixture
-def cards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Cards]:
-    """Sets the cards of this host, for this process and for those it starts."""
+def gpus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Gpus]:
+    """Sets the GPUs of this host, for this process and for those it starts."""
     monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
     here = luigi.configuration.get_config()
 
-    def tell(names: str, leases: Path = tmp_path / "leases") -> None:
-        file = tmp_path / "cards.cfg"
-        file.write_text(f"[gpu]\ncards = {names}\n[host]\nleases = {leases}\n")
+    def set_gpus(names: str, leases: Path = tmp_path / "leases") -> None:
+        file = tmp_path / "gpus.cfg"
+        file.write_text(f"[gpu]\nuuids = {names}\n[host]\nleases = {leases}\n")
         monkeypatch.setenv("LUIGI_CONFIG_PATH", str(file))
-        here.set("gpu", "cards", names)
+        here.set("gpu", "uuids", names)
         here.set("host", "leases", str(leases))
 
-    yield tell
+    yield set_gpus
     here.remove_section("gpu")
     here.remove_section("host")
 
 
-def on_card(name: str, *words: str) -> subprocess.Popen[str]:
-    return start("luigi", "--module", "toys", "OnCard", "--name", name, *words)
+def on_gpu(name: str, *words: str) -> subprocess.Popen[str]:
+    return start("luigi", "--module", "toys", "OnGpu", "--name", name, *words)
 
 
 def turns() -> dict[str, tuple[str, float, float]]:
-    """Card, begin and end of every build, by the task's name."""
+    """GPU, begin and end of every build, by the task's name."""
     store, found = current_store(), {}
     for record in store.records():
-        card, began, ended = (
-            (store.object(record.output.digest) / "card.txt").read_text().rsplit(" ", 2)
+        uuid, began, ended = (
+            (store.object(record.output.digest) / "gpu.txt").read_text().rsplit(" ", 2)
         )
-        found[record.provenance["label"].split()[1]] = (card, float(began), float(ended))
+        found[record.provenance["label"].split()[1]] = (uuid, float(began), float(ended))
     return found
 
 
@@ -58,91 +58,91 @@ def finish(*commands) -> list[str]:
     return screens
 
 
-def test_two_commands_never_share_a_card(cards):
-    cards("GPU-a")
-    screens = finish(on_card("one", "--seconds", "3"), on_card("two", "--seconds", "3"))
+def test_two_commands_never_share_a_gpu(gpus):
+    gpus("GPU-a")
+    screens = finish(on_gpu("one", "--seconds", "3"), on_gpu("two", "--seconds", "3"))
     (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
     assert first_end <= second_begin
-    assert {card for card, _, _ in turns().values()} == {"GPU-a"}
+    assert {uuid for uuid, _, _ in turns().values()} == {"GPU-a"}
     waited = "waiting for a GPU, since all are leased"
     assert sum(screen.count(waited) for screen in screens) == 1
 
 
-def test_two_cards_are_both_used(cards):
-    cards("GPU-a, GPU-b")
-    screens = finish(on_card("one", "--seconds", "3"), on_card("two", "--seconds", "3"))
-    assert {card for card, _, _ in turns().values()} == {"GPU-a", "GPU-b"}
+def test_two_gpus_are_both_used(gpus):
+    gpus("GPU-a, GPU-b")
+    screens = finish(on_gpu("one", "--seconds", "3"), on_gpu("two", "--seconds", "3"))
+    assert {uuid for uuid, _, _ in turns().values()} == {"GPU-a", "GPU-b"}
     (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
     assert second_begin < first_end
     assert not any("waiting" in screen for screen in screens)
 
 
-def test_workers_of_one_command_do_not_share_either(cards):
-    cards("GPU-a")
+def test_workers_of_one_command_do_not_share_either(gpus):
+    gpus("GPU-a")
     words = '["one", "two"]'
-    finish(start("luigi", "--module", "toys", "OnCards", "--names", words, "--workers", "2"))
+    finish(start("luigi", "--module", "toys", "OnGpus", "--names", words, "--workers", "2"))
     (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
     assert first_end <= second_begin
 
 
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
-def test_a_killed_command_frees_its_card(cards, toys, sent):
-    cards("GPU-a")
-    holder = on_card("one", "--seconds", "60")
+def test_a_killed_command_frees_its_gpu(gpus, toys, sent):
+    gpus("GPU-a")
+    holder = on_gpu("one", "--seconds", "60")
     while not (toys / "began-one").exists():
         assert holder.poll() is None
     holder.send_signal(sent)
     holder.communicate()
     assert are_gone([holder.pid])
-    finish(on_card("two", "--seconds", "0"))
+    finish(on_gpu("two", "--seconds", "0"))
     assert set(turns()) == {"two"}
 
 
 @pytest.mark.parametrize(("given", "seen"), [("1", "GPU-b"), ("GPU-b", "GPU-b"), ("", "")])
-def test_the_users_choice_is_honored(cards, monkeypatch, given, seen):
-    cards("GPU-a,GPU-b")
+def test_the_users_choice_is_honored(gpus, monkeypatch, given, seen):
+    gpus("GPU-a,GPU-b")
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", given)
-    finish(on_card("one", "--seconds", "0"))
+    finish(on_gpu("one", "--seconds", "0"))
     assert turns()["one"][0] == seen
 
 
-def test_what_computes_on_the_cpu_leases_nothing_and_sees_nothing(cards, tmp_path):
-    cards("GPU-a")
-    finish(on_card("one", "--seconds", "0", "--device", "cpu"))
+def test_what_computes_on_the_cpu_leases_nothing_and_sees_nothing(gpus, tmp_path):
+    gpus("GPU-a")
+    finish(on_gpu("one", "--seconds", "0", "--device", "cpu"))
     assert turns()["one"][0] == ""
     assert not (tmp_path / "leases").exists()
 
 
-def test_a_host_without_cards_leases_nothing(cards, tmp_path, monkeypatch):
-    cards("")
+def test_a_host_without_gpus_leases_nothing(gpus, tmp_path, monkeypatch):
+    gpus("")
     monkeypatch.setenv("PATH", str(tmp_path))
-    finish(on_card("one", "--seconds", "0"))
+    finish(on_gpu("one", "--seconds", "0"))
     assert turns()["one"][0] == "all"
     assert not (tmp_path / "leases").exists()
 
 
-def test_nvidia_smi_tells_the_cards(cards, tmp_path, monkeypatch):
-    cards("")
+def test_nvidia_smi_lists_the_gpus(gpus, tmp_path, monkeypatch):
+    gpus("")
     (tmp_path / "nvidia-smi").write_text(
         "#!/bin/sh\necho 'GPU 0: NVIDIA H200 (UUID: GPU-5f8a-11)'\n"
     )
     (tmp_path / "nvidia-smi").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
-    finish(on_card("one", "--seconds", "0"))
+    finish(on_gpu("one", "--seconds", "0"))
     assert turns()["one"][0] == "GPU-5f8a-11"
 
 
 @pytest.mark.parametrize("mode", [0o755, 0o644], ids=["fails", "cannot be run"])
-def test_gpus_that_cannot_be_listed_are_leased_to_nobody(cards, tmp_path, monkeypatch, mode):
-    cards("")
+def test_gpus_that_cannot_be_listed_are_leased_to_nobody(gpus, tmp_path, monkeypatch, mode):
+    gpus("")
     (tmp_path / "nvidia-smi").write_text("#!/bin/sh\nexit 9\n")
     (tmp_path / "nvidia-smi").chmod(mode)
     monkeypatch.setenv("PATH", str(tmp_path))
-    with refuses("nvidia-smi", "[gpu] cards"), gpu.leased(print):
+    with refuses("nvidia-smi", "[gpu] uuids"), gpu.leased(print):
         pass
 
 
-def test_a_divided_card_is_leased_in_its_parts():
+def test_a_divided_gpu_is_leased_in_its_parts():
     listing = """\
 GPU 0: NVIDIA A100-SXM4-40GB (UUID: GPU-aa)
   MIG 3g.20gb     Device  0: (UUID: MIG-a0)
@@ -164,13 +164,13 @@ GPU 1: NVIDIA A100-SXM4-40GB (UUID: GPU-bb)
         ("GPU-c", []),
     ],
 )
-def test_visible_cards(wanted, left):
+def test_visible_gpus(wanted, left):
     assert gpu.visible(["GPU-a1", "GPU-b1", "GPU-b2"], wanted) == left
 
 
-def test_the_leases_are_open_to_other_users(cards, tmp_path):
+def test_the_leases_are_open_to_other_users(gpus, tmp_path):
     """Whatever the umask: a folder like /tmp, files that everybody can open."""
-    cards("GPU-a")
+    gpus("GPU-a")
     before = os.umask(0o077)
     try:
         with gpu.leased(lambda: None) as (environment, holds):
@@ -184,7 +184,7 @@ def test_the_leases_are_open_to_other_users(cards, tmp_path):
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can be another user")
-def test_another_users_lease_is_honored_and_then_used(cards):
+def test_another_users_lease_is_honored_and_then_used(gpus):
     def take_as(user: int) -> int:
         child = os.fork()
         if child == 0:
@@ -199,7 +199,7 @@ def test_another_users_lease_is_honored_and_then_used(cards):
 
     with tempfile.TemporaryDirectory() as folder:
         Path(folder).chmod(0o777)
-        cards("GPU-a", Path(folder) / "leases")
+        gpus("GPU-a", Path(folder) / "leases")
         assert take_as(1234) == 0
         assert (Path(folder) / "leases" / "gpu-GPU-a").stat().st_uid == 1234
         assert take_as(4321) == 0
@@ -208,8 +208,8 @@ def test_another_users_lease_is_honored_and_then_used(cards):
 
 
 @pytest.mark.parametrize("obstacle", ["symlink_to", "a file for a folder"])
-def test_an_unusable_lease_folder_is_reported(cards, tmp_path, obstacle):
-    cards("GPU-a")
+def test_an_unusable_lease_folder_is_reported(gpus, tmp_path, obstacle):
+    gpus("GPU-a")
     if obstacle == "symlink_to":
         (tmp_path / "leases").mkdir()
         (tmp_path / "leases" / "gpu-GPU-a").symlink_to("/etc/passwd")

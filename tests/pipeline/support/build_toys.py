@@ -217,8 +217,8 @@ class Echo(StoredTask):
         (out / "echo.txt").write_text((inputs["said"] / "said.txt").read_text())
 
 
-class OnCard(StoredTask):
-    """Notes when it had which card."""
+class OnGpu(StoredTask):
+    """Notes when it had which GPU."""
 
     name = luigi.Parameter()
     seconds = luigi.FloatParameter(default=1.0, significant=False)
@@ -229,19 +229,19 @@ class OnCard(StoredTask):
         return self.device != "cpu"
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        card, began = os.environ.get("CUDA_VISIBLE_DEVICES", "all"), time.monotonic()
+        uuid, began = os.environ.get("CUDA_VISIBLE_DEVICES", "all"), time.monotonic()
         (Path(os.environ["STYLETRF_TOYS"]) / f"began-{self.name}").touch()
         time.sleep(self.seconds)
-        (out / "card.txt").write_text(f"{card} {began} {time.monotonic()}")
+        (out / "gpu.txt").write_text(f"{uuid} {began} {time.monotonic()}")
 
 
-class OnCards(luigi.WrapperTask):
-    """Several that each want a card."""
+class OnGpus(luigi.WrapperTask):
+    """Several that each want a GPU."""
 
     names = luigi.ListParameter()
 
     def requires(self) -> list[StoredTask]:
-        return [OnCard(name) for name in self.names]
+        return [OnGpu(name) for name in self.names]
 
 
 class Given(luigi.ExternalTask):

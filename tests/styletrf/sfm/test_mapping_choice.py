@@ -152,6 +152,15 @@ def test_photographs_with_nothing_in_common_give_no_model(tmp_path):
     assert (mapping.registered, mapping.verified_pairs) == (0, 0)
 
 
+def test_photographs_with_nothing_in_common_are_matched_once(tmp_path):
+    count = 20
+    apart = np.column_stack([np.zeros(count), 90.0 + 9 * np.arange(count), np.zeros(count)])
+    database, images = walked(tmp_path, apart)
+    mapping = mapped(database, images, named([f"{k**2}" for k in range(count)]), 10, 100)
+    assert (mapping.registered, mapping.verified_pairs) == (0, 0)
+    assert "left out" not in mapping.mapper_reason
+
+
 def test_three_photographs_are_enough(tmp_path):
     assert mapped(*walked(tmp_path, street(3)), frames(3), 90).registered == 3
 

@@ -5,9 +5,9 @@ import pytest
 import tasks
 from pipeline.execution.cost_history import Cost, CostSample, record_cost
 from pipeline.execution.resources import significant
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from tasks.command.build_order import seconds_to_the_end
-from tasks.command.graph import graph
 
 WORDS = {"quality": "draft", "content": "embedded"}
 
@@ -19,7 +19,7 @@ def _fresh(monkeypatch, photographs):
 
 
 def of_family(root, family):
-    return [task for task in graph(root) if task.task_family == family]
+    return [task for task in upstream_first(root) if task.task_family == family]
 
 
 def took(task, seconds):
@@ -29,7 +29,7 @@ def took(task, seconds):
 def test_a_stage_has_a_longer_way_than_all_that_wait_for_it():
     grid = tasks.Grid(scenes=["mini", "other"], styles=["p", "q"], **WORDS)
     plan = seconds_to_the_end(grid)
-    for task in graph(grid):
+    for task in upstream_first(grid):
         for upstream in task.requires().values() if task is not grid else ():
             assert plan[upstream.task_id] > plan[task.task_id] > 0
 

@@ -12,8 +12,8 @@ from message_words import mentions
 
 import tasks
 from pipeline.job import write_outcome
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
-from tasks.command.graph import graph
 from tasks.command.sources import begin_of_command, is_source, require_sources, sources_of
 
 WORDS = {"scene": "mini", "style": "p", "quality": "draft", "content": "embedded"}
@@ -21,7 +21,7 @@ BUDGET = {"scene": "mini", "style": "p", "budget": "5min", "content": "embedded"
 
 
 def stage(root, family):
-    return next(task for task in graph(root) if task.task_family == family)
+    return next(task for task in upstream_first(root) if task.task_family == family)
 
 
 def test_sources_are_what_reads_or_fetches_what_the_user_names():

@@ -10,8 +10,8 @@ from message_words import mentions
 import tasks
 from pipeline.execution import cpu_memory
 from pipeline.execution.cpu_memory import available_memory_bytes
+from pipeline.maintenance.task_graph import upstream_first
 from styletrf.errors import InputError
-from tasks.command.graph import graph
 from tasks.planning.memory_demand import (
     GROWTH,
     MARGIN,
@@ -98,12 +98,12 @@ def test_a_scene_that_cannot_be_read_is_left_to_its_own_stage(photographs, monke
 
 
 def test_demands_are_those_of_the_command(out):
-    demands = demands_of(graph(tasks.StylizedTrajectory(**WORDS, frame_size=1920)))
+    demands = demands_of(upstream_first(tasks.StylizedTrajectory(**WORDS, frame_size=1920)))
     by_stage = {demand.stage: demand for demand in demands}
     assert set(by_stage) == GROWTH.keys() - {"StylizedFrames per-frame"}
     assert {by_stage[name].frame_px for name in by_stage if GROWTH[name].frame} == {1920}
     assert {demand.photograph_px for demand in demands} == {504}
-    painted = demands_of(graph(tasks.StylizedTrajectory(**WORDS, method="per-frame")))
+    painted = demands_of(upstream_first(tasks.StylizedTrajectory(**WORDS, method="per-frame")))
     assert "StylizedFrames per-frame" in {demand.stage for demand in painted}
 
 

@@ -10,8 +10,9 @@ from luigi.cmdline_parser import CmdlineParser
 import tasks
 from pipeline.execution.cost_history import Cost, CostSample, record_cost
 from pipeline.execution.resources import significant
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
-from tasks.command.graph import graph
+from styletrf.sfm.camera_poses import CameraPosesConfig
 from tasks.planning.memory_demand import Photographs
 from tasks.planning.stage_costs import REFERENCE, CostModel, reference_costs
 from tasks.planning.stage_work import START_S, drivers_of, seconds_scaled
@@ -96,6 +97,29 @@ def test_priors_of_larger_photographs_keep_their_size_and_frames_do_not():
     assert frames["frame_pixels"] == 4 * drivers("StylizedFrames", 504)["frame_pixels"]
 
 
+@pytest.mark.parametrize(
+    ("size", "settings", "longest"),
+    [
+        ((1008, 756), {}, 1008),
+        ((4032, 3024), {}, CameraPosesConfig().max_image_long_side),
+        ((4032, 3024), {"max_image_long_side": 800}, 800),
+    ],
+)
+def test_features_of_larger_photographs_take_longer_up_to_the_size_they_are_described_at(
+    size, settings, longest
+):
+    def seconds(width, height, **words):
+        sizes = {"mini": Photographs(40, width, height)}
+        poses = stage("CameraPoses", **words)
+        return CostModel(reference_costs().calibration, sizes, reference_costs()).expected(poses)
+
+    pixels = Photographs(40, *size).pixels(longest)
+    share = (seconds(*size, settings=settings).seconds - START_S) / (
+        seconds(504, 378).seconds - START_S
+    )
+    assert share == pytest.approx((pixels / (504 * 378)) ** 0.7, rel=0.01)
+
+
 def test_settings_of_the_command_are_those_of_the_stage_and_not_of_the_reference():
     words = ["RadianceField", "--scene", "mini", "--quality", "draft"]
     with CmdlineParser.global_instance([*words, "--settings", '{"iterations": 500}']) as command:
@@ -103,7 +127,9 @@ def test_settings_of_the_command_are_those_of_the_stage_and_not_of_the_reference
     with CmdlineParser.global_instance(
         ["QualityMetrics", *words[1:], "--RadianceField-settings", '{"iterations": 500}']
     ) as command:
-        (field,) = (s for s in graph(command.get_task_obj()) if s.task_family == "RadianceField")
+        (field,) = (
+            s for s in upstream_first(command.get_task_obj()) if s.task_family == "RadianceField"
+        )
         assert model().expected(field).seconds == pytest.approx(few)
     assert few < 0.2 * model().expected(stage()).seconds
 
@@ -115,5 +141,5 @@ def test_the_start_of_a_stage_does_not_grow():
 
 def test_the_reference_has_every_stage_of_a_fly_through():
     words = {"scene": "s", "style": "p", "content": "embedded"}
-    families = {t.task_family for t in graph(tasks.StylizedTrajectory(**words))}
+    families = {t.task_family for t in upstream_first(tasks.StylizedTrajectory(**words))}
     assert families <= json.loads(REFERENCE.read_text())["stages"].keys()

@@ -203,7 +203,7 @@ def test_a_validation_that_dies_ends_the_command(monkeypatch):
     def died(function, question):
         raise RuntimeError(f"{function} ended with status 1")
 
-    monkeypatch.setattr(validation, "answer_of", died)
+    monkeypatch.setattr(validation, "output_of", died)
     assert "status 1" in (line := refusal("StylizedTrajectory", *CELL))
     assert "\n" not in line
 

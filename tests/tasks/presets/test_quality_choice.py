@@ -184,9 +184,9 @@ def test_the_seconds_measured_for_a_front_are_scaled_from_its_own_machine():
 
 
 def graph_of(task):
-    from tasks.command.graph import graph
+    from pipeline.maintenance.task_graph import upstream_first
 
-    return graph(task.with_settings("draft", {}))
+    return upstream_first(task.with_settings("draft", {}))
 
 
 def test_a_choice_that_was_kept_stays_whatever_becomes_faster():

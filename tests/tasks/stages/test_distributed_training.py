@@ -1,4 +1,4 @@
-"""A style network trained by several processes, as on several cards; here on cores."""
+"""A style network trained by several processes, as on several GPUs; here on cores."""
 
 import pytest
 from expected_errors import rejects
@@ -77,10 +77,10 @@ def test_a_refusal_by_one_process_is_reported_as_in_one_process(asked):
 
 
 @pytest.mark.parametrize(
-    ("batch", "cards", "processes"), [(1, 4, 1), (4, 3, 2), (4, 4, 4), (6, 4, 3), (4, 0, 1)]
+    ("batch", "gpus", "processes"), [(1, 4, 1), (4, 3, 2), (4, 4, 4), (6, 4, 3), (4, 0, 1)]
 )
-def test_as_many_cards_as_have_equal_parts_of_a_batch(batch, cards, processes):
-    assert processes_for(batch, cards) == processes
+def test_as_many_gpus_as_have_equal_parts_of_a_batch(batch, gpus, processes):
+    assert processes_for(batch, gpus) == processes
 
 
 def test_one_process_needs_nobody(asked, tmp_path):

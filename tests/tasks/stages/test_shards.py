@@ -7,7 +7,7 @@ from expected_errors import rejects
 
 import tasks
 from pipeline.digest import tree_digest
-from tasks.command.graph import graph
+from pipeline.maintenance.task_graph import upstream_first
 from tasks.stages.shards import shard_folders
 
 WORDS = {"scene": "mini", "quality": "draft"}
@@ -47,7 +47,7 @@ def test_parts_are_upstream_and_decide_nothing(family):
 def test_all_that_a_sharded_result_needs_is_sharded():
     """Else Luigi would meet one task in two forms, with parts and without."""
     result = tasks.StylizedTrajectory(**WORDS, **STYLE, shards=2)
-    for task in graph(result):
+    for task in upstream_first(result):
         assert task.shards == 2, task
 
 
@@ -80,7 +80,7 @@ def test_what_is_put_together_is_the_same_byte_by_byte(mini, stage_of, build, fa
 
 
 def test_parts_of_different_choices_are_not_put_together(stage_of, build, tmp_path):
-    """A card and a core may choose other priors; their parts would overlap, or leave gaps."""
+    """A GPU and a core may choose other priors; their parts would overlap, or leave gaps."""
     part, inputs = stage_of("PriorRenders")
     words = {"coverage.count": 2}
     parts = {

@@ -18,8 +18,8 @@ import tasks
 from pipeline.errors import TaskFailure
 from pipeline.execution.deadline import require_time_left
 from pipeline.job import write_outcome
+from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
-from tasks.command.graph import graph
 from tasks.stages.linked_results import link_results
 from tasks.summary.grid_summary import (
     CellOutcome,
@@ -72,7 +72,7 @@ def test_a_cell_with_a_budget_counts_with_its_chosen_settings(out, monkeypatch):
 
 def test_a_failure_of_an_earlier_run_is_no_reason(out):
     grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
-    (image,) = (t for t in graph(grid) if t.task_family == "StyleImage")
+    (image,) = (t for t in upstream_first(grid) if t.task_family == "StyleImage")
     current_store().new_log("StyleImage", image.action().key).write_text("for want of luck\n")
     last_week = datetime.now(UTC) - timedelta(days=7)
     (cell,) = summarize(grid.cells(), last_week).cells
@@ -83,7 +83,7 @@ def test_a_failure_of_an_earlier_run_is_no_reason(out):
 
 def test_a_stage_skipped_for_until_is_late(out):
     grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
-    (image,) = (t for t in graph(grid) if t.task_family == "StyleImage")
+    (image,) = (t for t in upstream_first(grid) if t.task_family == "StyleImage")
     begun, key = datetime.now(UTC), image.action().key
     with pytest.raises(TaskFailure) as failure:
         require_time_left(image, begun, None)
@@ -96,7 +96,7 @@ def test_a_stage_skipped_for_until_is_late(out):
 
 def test_artifacts_of_this_run_are_built_and_earlier_ones_found(out):
     grid = tasks.Grid(scenes=["mini"], styles=["p"], **WORDS)
-    (image,) = (t for t in graph(grid) if t.task_family == "StyleImage")
+    (image,) = (t for t in upstream_first(grid) if t.task_family == "StyleImage")
     before = datetime.now(UTC)
     assert luigi.build([image], local_scheduler=True, log_level="WARNING")
     ran = summarize(grid.cells(), before)
