@@ -5,7 +5,7 @@ import logging
 import shutil
 import socket
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -35,23 +35,6 @@ class Executor(Protocol):
 
     def built(self, task: ArtifactTask, record: ActionRecord, report: Report) -> None:
         """Records a build whose artifact was published."""
-
-
-def find_or_build(
-    task: ArtifactTask, action: Action, build: Callable[[], ActionRecord]
-) -> ActionRecord:
-    """Returns the record of the action: the known one, or else that of a new build.
-
-    Args:
-        task: The task.
-        action: Its action.
-        build: Builds the task, here or elsewhere.
-    """
-    known = task.artifacts
-    record = known.lookup(action.key)
-    if record and known.is_available(record) and (task.published() or known.fetch(record)):
-        return record
-    return build()
 
 
 def build_once(

@@ -11,15 +11,14 @@ from pipeline.errors import FailureKind
 from pipeline.record import ActionRecord
 
 
-class Progress(Protocol):
-    """A callback for the work done, the total and the quality reached (such as psnr or loss)."""
+class Display(Protocol):
+    """A place that shows the progress of one build."""
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Reports `done` of `total` units of work; both may restart for a further phase."""
+        """Shows `done` of `total` units of work, and the quality reached, such as psnr or loss.
 
-
-class Display(Progress, Protocol):
-    """A place that shows the progress of one build."""
+        Both numbers may restart for a further phase.
+        """
 
     def say(self, line: str) -> None:
         """Shows a line that stays on the screen."""

@@ -13,10 +13,11 @@ from typing import cast
 from luigi.parameter import UnconsumedParameterWarning
 
 from pipeline.artifact_task import ArtifactTask, StoreTarget, artifact
-from pipeline.build import build_once, find_or_build
+from pipeline.build import build_once
 from pipeline.canonical import Json
+from pipeline.cluster.backends import BACKENDS
 from pipeline.cluster.luigid import publish_key, require_same_key, stop_requesting_work
-from pipeline.cluster.submission import build_on_cluster, is_cluster
+from pipeline.cluster.submission import build_on_cluster
 from pipeline.code.closure import code_closure, save_closure
 from pipeline.code.snapshot import code_in_key
 from pipeline.errors import TaskFailure
@@ -127,14 +128,13 @@ class StoredTask(ArtifactTask):
     def make(self, action: Action, store: Store) -> ActionRecord:
         """Returns the record of the artifact: a known one, or that of a build here or on a node."""
         publish_key(self, action.key)
-        options = self.options
-
-        def build() -> ActionRecord:
-            if is_cluster(options.executor):
-                return build_on_cluster(self, action, store, options)
-            return build_once(self, action, store, LocalExecutor(store, options))
-
-        return find_or_build(self, action, build)
+        known, options = self.artifacts, self.options
+        record = known.lookup(action.key)
+        if record and known.is_available(record) and (self.published() or known.fetch(record)):
+            return record
+        if options.executor in BACKENDS:
+            return build_on_cluster(self, action, store, options)
+        return build_once(self, action, store, LocalExecutor(store, options))
 
     def run(self) -> "Generator[StoredTask, None, None] | None":
         """Finds or builds the artifact, and publishes it.

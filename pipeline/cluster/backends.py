@@ -1,8 +1,8 @@
 """The clusters that run remote jobs: Ray and SLURM.
 
-A backend takes a job and returns its result, after as many retries as the cluster needs. It decides
-where a build runs. The store decides what is built and whether it is valid, so the backend needs no
-shared folder.
+A backend takes a job, runs it on some node, and returns its result, after as many retries as the
+cluster needs. It decides where a build runs. The store decides what is built and whether it is
+valid, so the backend needs no shared folder.
 """
 
 import base64
@@ -12,9 +12,9 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import TypeAlias
 
 from pipeline.cluster.remote_job import JobResult, RemoteJob, runner_command
 from pipeline.errors import StoreError
@@ -23,32 +23,22 @@ from pipeline.settings import setting
 _SECONDS_BETWEEN_POLLS = 2.0
 _MAX_SECONDS_BETWEEN_POLLS = 20.0
 
-
-class ClusterBackend(Protocol):
-    """A cluster that runs jobs."""
-
-    def run(self, job: RemoteJob) -> JobResult:
-        """Runs a job on some node and waits for its result.
-
-        Raises:
-            StoreError: The cluster itself cannot be used.
-        """
+Backend: TypeAlias = Callable[[RemoteJob], JobResult]
+"""Runs a job on a node and returns its result; raises StoreError if the cluster cannot be used."""
 
 
-class RayBackend:
-    """The Ray cluster at `[ray] address`, by default the one that runs on this machine.
+def run_on_ray(job: RemoteJob) -> JobResult:
+    """Runs a job on the Ray cluster at `[ray] address`, by default the one on this machine.
 
-    If a node is lost, Ray runs its job again, up to three times.
+    The node has the cores, the memory and the GPUs. If it is lost, Ray runs the job again, up to
+    three times.
     """
-
-    def run(self, job: RemoteJob) -> JobResult:
-        """Runs a job on a node that has the cores, the memory and the GPUs."""
-        address = setting("ray", "address")
-        driver = [sys.executable, "-P", "-m", "pipeline.cluster.ray_driver", address]
-        process = _run(driver, job, job.to_json())
-        if process.returncode == os.EX_UNAVAILABLE:
-            raise StoreError(f"Ray cannot be used: {_last_line(process.stderr)}")
-        return JobResult.from_output(process.stdout or process.stderr)
+    address = setting("ray", "address")
+    driver = [sys.executable, "-P", "-m", "pipeline.cluster.ray_driver", address]
+    process = _run(driver, job, job.to_json())
+    if process.returncode == os.EX_UNAVAILABLE:
+        raise StoreError(f"Ray cannot be used: {_last_line(process.stderr)}")
+    return JobResult.from_output(process.stdout or process.stderr)
 
 
 _BATCH_SCRIPT = """#!/bin/sh
@@ -64,74 +54,75 @@ done
 """
 
 
-class SlurmBackend:
-    """A SLURM cluster, used through `sbatch`; `[slurm] options` are added to its arguments.
+def run_on_slurm(job: RemoteJob) -> JobResult:
+    """Runs a job on a SLURM cluster, which queues it again if its node fails.
 
-    The batch script contains the job, and the comment of the SLURM job returns the result.
+    `[slurm] options` are added to the arguments of `sbatch`. The batch script contains the job, and
+    the comment of the SLURM job returns the result.
     """
-
-    def run(self, job: RemoteJob) -> JobResult:
-        """Runs a job, which SLURM queues again if its node fails."""
-        environment = shlex.join(f"{name}={value}" for name, value in job.environment.items())
-        runner = shlex.join(runner_command(Path("/dev/stdin")))
-        script = _BATCH_SCRIPT.format(environment=environment, runner=runner, job=job.to_json())
-        submitted = _run(["sbatch", "--parsable", *self._options(job)], job, script)
-        job_id = submitted.stdout.partition(";")[0].strip()
-        if not job_id:
-            raise StoreError(f"SLURM cannot be used: {_last_line(submitted.stderr)}")
-        started_s = time.monotonic()
-        while state := self._pending_state(job_id, job):
-            if "held" in state.lower():
-                _run(["scancel", job_id], job)
-                return JobResult("killed", f"SLURM holds its job {job_id} back: {state}")
-            waited_s = time.monotonic() - started_s  # longer jobs are polled less often
-            pause_s = max(_SECONDS_BETWEEN_POLLS, waited_s / 20)
-            time.sleep(min(_MAX_SECONDS_BETWEEN_POLLS, pause_s))
-        return self._result(job_id, job)
-
-    def _pending_state(self, job_id: str, job: RemoteJob) -> str:
-        """Returns the state of a SLURM job that waits or runs; "" when it has ended.
-
-        If the controller does not answer, the job counts as pending. (`sbatch --wait` would poll
-        only every 30 seconds.)
-        """
-        answer = _run(["squeue", "--noheader", f"--jobs={job_id}", "--format=%T %r"], job)
-        is_away = answer.returncode and "Invalid job" not in answer.stderr
-        unknown = (answer.stderr.strip() or "no answer") if is_away else ""
-        return answer.stdout.strip() or unknown
-
-    def _result(self, job_id: str, job: RemoteJob) -> JobResult:
-        """Returns the result in the comment of a SLURM job that has ended."""
-        query = ["squeue", "--noheader", "--states=all", f"--jobs={job_id}", "--format=%T %k"]
-        state, _, comment = _run(query, job).stdout.strip().partition(" ")
-        with contextlib.suppress(ValueError):
-            if output := base64.b64decode(comment, validate=True).decode(errors="replace"):
-                return JobResult.from_output(output)
-        return JobResult.from_output(f"SLURM reports its job {job_id} as {state or 'unknown'}")
-
-    def _options(self, job: RemoteJob) -> list[str]:
-        """Returns the options of `sbatch`. Nodes are excluded only if the job can then run."""
-        options = [
-            "--requeue",
-            f"--job-name=styletrf-{job.key[:16]}",
-            "--dependency=singleton",  # a job that an earlier command left behind runs first
-            f"--cpus-per-task={job.cores}",
-            "--output=/dev/null",
-            f"--chdir={job.folder}",
-        ]
-        if job.memory_bytes:
-            options.append(f"--mem={-(-job.memory_bytes // 2**20)}M")
-        if job.gpus and "gpu" in _run(["sinfo", "-h", "-o", "%G"], job).stdout:
-            options.append(f"--gres=gpu:{job.gpus}")
-        options += setting("slurm", "options").split()
-        if job.excluded_nodes:
-            excluding = [*options, f"--exclude={','.join(job.excluded_nodes)}"]
-            if _run(["sbatch", "--test-only", *excluding, "--wrap=true"], job).returncode == 0:
-                return excluding
-        return options
+    environment = shlex.join(f"{name}={value}" for name, value in job.environment.items())
+    runner = shlex.join(runner_command(Path("/dev/stdin")))
+    script = _BATCH_SCRIPT.format(environment=environment, runner=runner, job=job.to_json())
+    submitted = _run(["sbatch", "--parsable", *_sbatch_options(job)], job, script)
+    job_id = submitted.stdout.partition(";")[0].strip()
+    if not job_id:
+        raise StoreError(f"SLURM cannot be used: {_last_line(submitted.stderr)}")
+    started_s = time.monotonic()
+    while state := _pending_state(job_id, job):
+        if "held" in state.lower():
+            _run(["scancel", job_id], job)
+            return JobResult("killed", f"SLURM holds its job {job_id} back: {state}")
+        waited_s = time.monotonic() - started_s  # longer jobs are polled less often
+        pause_s = max(_SECONDS_BETWEEN_POLLS, waited_s / 20)
+        time.sleep(min(_MAX_SECONDS_BETWEEN_POLLS, pause_s))
+    return _slurm_result(job_id, job)
 
 
-BACKENDS: Mapping[str, ClusterBackend] = {"ray": RayBackend(), "slurm": SlurmBackend()}
+def _sbatch_options(job: RemoteJob) -> list[str]:
+    """Returns the options of `sbatch`. Nodes are excluded only if the job can then run."""
+    options = [
+        "--requeue",
+        f"--job-name=styletrf-{job.key[:16]}",
+        "--dependency=singleton",  # a job that an earlier command left behind runs first
+        f"--cpus-per-task={job.cores}",
+        "--output=/dev/null",
+        f"--chdir={job.folder}",
+    ]
+    if job.memory_bytes:
+        options.append(f"--mem={-(-job.memory_bytes // 2**20)}M")
+    if job.gpus and "gpu" in _run(["sinfo", "-h", "-o", "%G"], job).stdout:
+        options.append(f"--gres=gpu:{job.gpus}")
+    options += setting("slurm", "options").split()
+    if job.excluded_nodes:
+        excluding = [*options, f"--exclude={','.join(job.excluded_nodes)}"]
+        if _run(["sbatch", "--test-only", *excluding, "--wrap=true"], job).returncode == 0:
+            return excluding
+    return options
+
+
+def _pending_state(job_id: str, job: RemoteJob) -> str:
+    """Returns the state of a SLURM job that waits or runs; "" when it has ended.
+
+    If the controller does not answer, the job counts as pending. (`sbatch --wait` would poll only
+    every 30 seconds.)
+    """
+    answer = _run(["squeue", "--noheader", f"--jobs={job_id}", "--format=%T %r"], job)
+    is_away = answer.returncode and "Invalid job" not in answer.stderr
+    unknown = (answer.stderr.strip() or "no answer") if is_away else ""
+    return answer.stdout.strip() or unknown
+
+
+def _slurm_result(job_id: str, job: RemoteJob) -> JobResult:
+    """Returns the result in the comment of a SLURM job that has ended."""
+    query = ["squeue", "--noheader", "--states=all", f"--jobs={job_id}", "--format=%T %k"]
+    state, _, comment = _run(query, job).stdout.strip().partition(" ")
+    with contextlib.suppress(ValueError):
+        if output := base64.b64decode(comment, validate=True).decode(errors="replace"):
+            return JobResult.from_output(output)
+    return JobResult.from_output(f"SLURM reports its job {job_id} as {state or 'unknown'}")
+
+
+BACKENDS: Mapping[str, Backend] = {"ray": run_on_ray, "slurm": run_on_slurm}
 """The backends, by the value of `--executor`."""
 
 

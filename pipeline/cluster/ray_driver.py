@@ -22,6 +22,9 @@ _SECONDS_TO_CONNECT = 10.0
 
 def run_on_node(text: str) -> str:
     """Returns the output of the job on this node. The job ends if this process is killed."""
+    from ray import get_runtime_context
+
+    node = str(get_runtime_context().get_node_id())
     job = RemoteJob.from_json(text)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "job.json")
@@ -33,15 +36,9 @@ def run_on_node(text: str) -> str:
             text=True,
             check=False,
             cwd=job.folder,
-            env={**os.environ, **job.environment, NODE: _this_node()},
+            env={**os.environ, **job.environment, NODE: node},
         )
     return process.stdout
-
-
-def _this_node() -> str:
-    from ray import get_runtime_context
-
-    return str(get_runtime_context().get_node_id())
 
 
 def _require_listener(address: str) -> None:

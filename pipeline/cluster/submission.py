@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline.artifact_task import ArtifactTask
-from pipeline.cluster.backends import BACKENDS, ClusterBackend
+from pipeline.cluster.backends import BACKENDS, Backend
 from pipeline.cluster.remote_job import JobResult, RemoteJob
 from pipeline.errors import LostInputError, TaskFailure
 from pipeline.execution.deadline import require_time_left
@@ -28,11 +28,6 @@ _SECONDS_EXCLUDED = 600.0
 _MAX_NODES = 3
 _FULL = ".full"
 _log = logging.getLogger("pipeline")
-
-
-def is_cluster(executor: str) -> bool:
-    """Whether an executor is a cluster, rather than this machine."""
-    return executor in BACKENDS
 
 
 def build_on_cluster(
@@ -99,14 +94,14 @@ def _is_forwarded(variable: str) -> bool:
 
 
 def _submit(
-    backend: ClusterBackend, job: RemoteJob, store: Store, max_nodes: int = _MAX_NODES
+    backend: Backend, job: RemoteJob, store: Store, max_nodes: int = _MAX_NODES
 ) -> JobResult:
     """Runs the job, and again on another node if the disk is full, on up to `max_nodes` in all.
 
     If the nodes share one folder, they share its full disk, so there is one attempt only.
     """
     job = replace(job, excluded_nodes=_full_nodes(store))
-    result = backend.run(job)
+    result = backend(job)
     is_known = result.node in ("", *job.excluded_nodes)
     if result.kind != "disk" or is_known or not current_remote().url or max_nodes == 1:
         return result

@@ -140,8 +140,6 @@ class _Walk:
         hiding = [
             *_UNTRACEABLE.findall(code.text),
             *sorted(filter(_DYNAMIC_EXECUTION.match, words)),
-        ]
-        hiding += [
             *_computed_imports(code, meanings),
             *filter(_FILE_LOOKUP.match, () if files else words),
         ]

@@ -25,23 +25,15 @@ def build_display(task: luigi.Task, label: str, expected_s: float) -> Iterator[D
         label: The name of the build on the screen.
         expected_s: The time it is expected to take, for the total of the command.
     """
-    client = progress_client()
-    display: Display = (
-        ProgressLine(label, client)
-        if client
-        else ProgressBar(label, sys.stderr, interactive=is_interactive())
-    )
-    if client:
-        display(0, 1)  # the line appears at once
-    try:
-        if luigi.interface.core().local_scheduler:  # type: ignore[no-untyped-call]
-            yield display
-        else:
-            with _LuigidDisplay(task, display) as reporting:
-                yield reporting
-    finally:
-        if client:
-            client.remove(label, expected_s)
+    display: Display = ProgressBar(label, sys.stderr, interactive=is_interactive())
+    with contextlib.ExitStack() as stack:
+        if client := progress_client():
+            display = ProgressLine(label, client)
+            display(0, 1)  # the line appears at once
+            stack.callback(client.remove, label, expected_s)
+        if not luigi.interface.core().local_scheduler:  # type: ignore[no-untyped-call]
+            display = stack.enter_context(_LuigidDisplay(task, display))
+        yield display
 
 
 class _LuigidDisplay:

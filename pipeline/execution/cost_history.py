@@ -6,8 +6,7 @@ as the earlier builds that share the most parameters with it.
 
 import contextlib
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
@@ -44,17 +43,25 @@ class CostSample:
 def record_cost(store: Store, family: str, spent: CostSample) -> None:
     """Adds a line, unless the disk is full or the store cannot be written to."""
     line = json.dumps(asdict(spent), sort_keys=True).encode() + b"\n"
-    with contextlib.suppress(OSError):
-        file = os.open(_file(store, family), os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-        try:
-            os.write(file, line)
-        finally:
-            os.close(file)
+    with contextlib.suppress(OSError), _file(store, family).open("ab", buffering=0) as file:
+        file.write(line)  # at once, since other processes add lines, too
 
 
 def cost_history(store: Store, family: str) -> list[CostSample]:
-    """Returns the costs of the newest builds of a family, the oldest first."""
-    return list(_lines(_file(store, family)))
+    """Returns the costs of the newest builds of a family, the oldest first.
+
+    It skips lines that cannot be read: the first may be cut off, and any by a full disk.
+    """
+    found: list[CostSample] = []
+    file = _file(store, family)
+    with contextlib.suppress(OSError), file.open("rb") as lines:
+        lines.seek(max(0, file.stat().st_size - _READ_BYTES))
+        for line in lines:
+            with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
+                noted: dict[str, Any] = json.loads(line)
+                host = str(noted.get("host", ""))
+                found.append(CostSample(dict(noted["parameters"]), Cost(**noted["cost"]), host))
+    return found
 
 
 def cost_of_similar(earlier: list[CostSample], parameters: Mapping[str, str]) -> Cost | None:
@@ -75,17 +82,6 @@ def most_similar(earlier: Sequence[CostSample], parameters: Mapping[str, str]) -
     shared = [len(spent.parameters.items() & parameters.items()) for spent in earlier]
     most = max(shared, default=0)
     return [s for s, n in zip(earlier, shared, strict=True) if n == most][-_NEWEST:]
-
-
-def _lines(file: Path) -> Iterator[CostSample]:
-    """Yields the lines that can be read; the first may be cut off, and any by a full disk."""
-    with contextlib.suppress(OSError), file.open("rb") as lines:
-        lines.seek(max(0, file.stat().st_size - _READ_BYTES))
-        for line in lines:
-            with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
-                noted: dict[str, Any] = json.loads(line)
-                host = str(noted.get("host", ""))
-                yield CostSample(dict(noted["parameters"]), Cost(**noted["cost"]), host)
 
 
 def _file(store: Store, family: str) -> Path:

@@ -8,9 +8,9 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from pipeline.execution.builder import run_job
 from pipeline.execution.cpu_memory import THREADS
@@ -25,84 +25,76 @@ from pipeline.job import Display, Job, Report
 _SUPERVISOR = "pipeline.execution.supervisor"
 
 
-class BuildProcess(Protocol):
-    """Runs a build within all limits of its job."""
-
-    def run(self, job: Job, display: Display) -> Report:
-        """Builds, and shows the progress; the report has the outcome."""
-
-
-class Inline:
+def build_inline(job: Job, display: Display) -> Report:
     """Builds in this interpreter, without limits: for tests and debuggers."""
-
-    def run(self, job: Job, display: Display) -> Report:
-        """Builds in this process."""
-        started = time.monotonic()
-        kind, message = run_job(job, display)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-        return Report(kind, message, kind != "built", time.monotonic() - started, peak)
+    started = time.monotonic()
+    kind, message = run_job(job, display)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    return Report(kind, message, kind != "built", time.monotonic() - started, peak)
 
 
-class Subprocess:
+def build_in_subprocess(job: Job, display: Display) -> Report:
     """Builds in another process, which ends with the call, and so do all that it starts.
 
     Its standard input is a pipe whose other end only this process holds. When this process closes
     the pipe or ends, the supervisor (`pipeline.execution.supervisor`) ends the process group of the
-    build.
+    build. The job is `job.json` beside its `out`.
     """
-
-    def run(self, job: Job, display: Display) -> Report:
-        """Builds in another process; writes the job as `job.json` beside its `out`."""
-        specification = Path(job.out).with_name("job.json")
-        specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
-        (stdin, lifeline), (messages, stdout) = os.pipe(), os.pipe()
-        with os.fdopen(lifeline, "wb") as alive, os.fdopen(messages, "rb") as lines:
-            try:
-                supervisor = self._start(specification, job, stdin, stdout)
-            finally:
-                os.close(stdin)
-                os.close(stdout)
-            try:
-                received = read_messages(lines, display)
-            finally:
-                display.close()
-                alive.close()
-                status = supervisor.wait()
-        return self._report(received, status, job.log)
-
-    def _start(
-        self, specification: Path, job: Job, stdin: int, stdout: int
-    ) -> "ForkedProcess | subprocess.Popen[bytes]":
-        """Starts a supervisor, by a fork or in its own interpreter.
-
-        Libraries read the number of their threads when they are imported, so a build with its own
-        cores has its own interpreter.
-        """
-        environment = {**build_environment(), **job.environment}
-        with Path(job.log).open("ab") as log:
-            server = current_fork_server()
-            if server and job.environment.keys().isdisjoint(THREADS):
-                with contextlib.suppress(OSError):  # the server was killed, or cannot fork
-                    streams = stdin, stdout, log.fileno()
-                    function, words = f"{_SUPERVISOR}:supervise", [str(specification)]
-                    return server.start(function, words, environment, streams, job.inherited_fds)
-            return subprocess.Popen(
-                [sys.executable, "-P", "-m", _SUPERVISOR, str(specification)],
-                stdin=stdin,
-                stdout=stdout,
-                stderr=log,
-                pass_fds=job.inherited_fds,
-                env=environment,
-                start_new_session=True,
-            )
-
-    def _report(self, received: Mapping[str, Any], status: int, log: str) -> Report:
-        """Returns the report from the fields that the builder and the supervisor sent."""
-        fields: dict[str, Any] = {"kind": "crash", "status": status}
-        fields |= {"seconds": 0.0, "peak_memory_bytes": 0} | dict(received)
-        silent = f"ended with status {fields['status']} before it was done. Its log: {log}"
-        return Report(**{"message": silent, **fields})
+    specification = Path(job.out).with_name("job.json")
+    specification.write_text(json.dumps(dataclasses.asdict(job), sort_keys=True))
+    (stdin, lifeline), (messages, stdout) = os.pipe(), os.pipe()
+    with os.fdopen(lifeline, "wb") as alive, os.fdopen(messages, "rb") as lines:
+        try:
+            supervisor = _started(specification, job, stdin, stdout)
+        finally:
+            os.close(stdin)
+            os.close(stdout)
+        try:
+            received = read_messages(lines, display)
+        finally:
+            display.close()
+            alive.close()
+            status = supervisor.wait()
+    return _report(received, status, job.log)
 
 
-EXECUTORS: Mapping[str, BuildProcess] = {"inline": Inline(), "subprocess": Subprocess()}
-"""The executors, by the value of [store] executor in `luigi.cfg`."""
+def _started(
+    specification: Path, job: Job, stdin: int, stdout: int
+) -> "ForkedProcess | subprocess.Popen[bytes]":
+    """Starts a supervisor, by a fork or in its own interpreter.
+
+    Libraries read the number of their threads when they are imported, so a build with its own
+    cores has its own interpreter.
+    """
+    environment = {**build_environment(), **job.environment}
+    with Path(job.log).open("ab") as log:
+        server = current_fork_server()
+        if server and job.environment.keys().isdisjoint(THREADS):
+            with contextlib.suppress(OSError):  # the server was killed, or cannot fork
+                streams = stdin, stdout, log.fileno()
+                function, words = f"{_SUPERVISOR}:supervise", [str(specification)]
+                return server.start(function, words, environment, streams, job.inherited_fds)
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", _SUPERVISOR, str(specification)],
+            stdin=stdin,
+            stdout=stdout,
+            stderr=log,
+            pass_fds=job.inherited_fds,
+            env=environment,
+            start_new_session=True,
+        )
+
+
+def _report(received: Mapping[str, Any], status: int, log: str) -> Report:
+    """Returns the report from the fields that the builder and the supervisor sent."""
+    fields: dict[str, Any] = {"kind": "crash", "status": status}
+    fields |= {"seconds": 0.0, "peak_memory_bytes": 0} | dict(received)
+    silent = f"ended with status {fields['status']} before it was done. Its log: {log}"
+    return Report(**{"message": silent, **fields})
+
+
+EXECUTORS: Mapping[str, Callable[[Job, Display], Report]] = {
+    "inline": build_inline,
+    "subprocess": build_in_subprocess,
+}
+"""The functions that run a build, by the value of [store] executor in `luigi.cfg`."""

@@ -77,22 +77,13 @@ def fifo_queue(on_wait: Callable[[], object]) -> Iterator[None]:
         yield
 
 
-def _lease_folder() -> Path:
-    """Returns the folder of the units' files, and makes it for all users if needed."""
-    folder = Path(setting("host", "leases"))
-    umask = os.umask(0)
-    try:
-        folder.mkdir(mode=0o1777, exist_ok=True)
-    finally:
-        os.umask(umask)
-    return folder
-
-
 def _open(name: str) -> int:
     """Opens the file of a unit. Another user may have made it, and all users may open it."""
     umask = os.umask(0)
     try:
-        path = _lease_folder() / name
+        folder = Path(setting("host", "leases"))
+        folder.mkdir(mode=0o1777, exist_ok=True)
+        path = folder / name
         with contextlib.suppress(FileExistsError):
             path.touch(0o644, exist_ok=False)
         return os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)

@@ -58,7 +58,7 @@ class LocalExecutor:
                 cpu_affinity=cpu.cpu_affinity,
             )
             with shared_checkpoints(job.key, Path(job.resume)) as fail:
-                report = EXECUTORS[options.executor].run(job, display)
+                report = EXECUTORS[options.executor](job, display)
                 if report.kind != "built":
                     fail()
         return replace(report, gpu=gpu.get(VISIBLE, ""), cores=cpu.cores)

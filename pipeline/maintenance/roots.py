@@ -93,11 +93,8 @@ def _held(store: Store, root: Path) -> set[str]:
         return {address for link in (root, *shown) for address in _addresses(store, link)}
     try:
         content = json.loads(root.read_bytes())
-        folder, device, shows = (
-            Path(content["folder"]),
-            content["device"],
-            set[str](content["shows"]),
-        )
+        folder, device = Path(content["folder"]), content["device"]
+        shows = set[str](content["shows"])
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(
             f"{root} cannot be read, so nobody can tell what it keeps. Delete it to keep nothing."

@@ -164,19 +164,16 @@ def upload_key_list(store: Store, name: str, keys: Sequence[str]) -> None:
 
     It does nothing without a shared store. A failure is a warning.
     """
-    if not current_remote().url:
+    remote = current_remote()
+    if not remote.url:
         return
     try:
-        _upload_keys(store, name, keys)
+        with store.workspace(name) as workspace:
+            file = workspace / "keys"
+            file.write_text("".join(f"{key}\n" for key in keys))
+            remote.call_or_none("writing", lambda r: r.create(f"grids/{name}.keys", file))
     except OSError as error:  # of the local disk
         _log.warning("the list of the grid %s was not uploaded: %s", name, error)
-
-
-def _upload_keys(store: Store, name: str, keys: Sequence[str]) -> None:
-    with store.workspace(name) as workspace:
-        at, file = f"grids/{name}.keys", workspace / "keys"
-        file.write_text("".join(f"{key}\n" for key in keys))
-        current_remote().call_or_none("writing", lambda remote: remote.create(at, file))
 
 
 def listed_records(remote: Remote, name: str) -> list[ActionRecord]:

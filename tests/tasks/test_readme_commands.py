@@ -62,7 +62,7 @@ def test_a_command_of_the_readme_can_be_planned(words, out):
     keep_calibration(replace(reference_costs().calibration, machine=this_machine()))
     with CmdlineParser.global_instance(words) as command:
         root = command.get_task_obj()
-    stages = upstream_first(root)
+    stages = list(upstream_first(root))
     assert len(stages) > 1
     for stage in stages:
         for check in ("validate", "require_reachable"):

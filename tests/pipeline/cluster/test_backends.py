@@ -112,7 +112,7 @@ def test_the_command_reports_the_reason_of_a_failure_on_a_node(backend, act, wor
 
 
 def test_a_node_refuses_a_job_whose_key_it_does_not_compute(backend):
-    result = BACKENDS[backend].run(remote_job_of(Act("succeed"), "0" * 64, 0, 0))
+    result = BACKENDS[backend](remote_job_of(Act("succeed"), "0" * 64, 0, 0))
     assert result.kind == "user"
     assert mentions(result.message, result.host, Act("succeed").action().key[:16], "0" * 16)
     assert built() == []
@@ -208,15 +208,14 @@ def test_a_missing_cluster_is_reported_in_one_line(tmp_path, monkeypatch):
         assert "Traceback" not in screen
 
 
-class FixedResult:
+def fixed_result(result, act=lambda: None):
     """A backend whose jobs have this result, whatever they did."""
 
-    def __init__(self, result, act=lambda: None):
-        self._result, self._act = result, act
+    def run(job):
+        act()
+        return result
 
-    def run(self, job):
-        self._act()
-        return self._result
+    return run
 
 
 def built_by(monkeypatch, task, backend):
@@ -226,7 +225,7 @@ def built_by(monkeypatch, task, backend):
 
 def test_an_artifact_counts_even_if_its_node_was_lost_right_after(monkeypatch):
     task = Act("succeed", executor="ray")
-    lost = FixedResult(
+    lost = fixed_result(
         JobResult.from_output("garbage"),
         lambda: Act("succeed").make(task.action(), current_store()),
     )
@@ -237,7 +236,9 @@ def test_an_input_that_a_node_lost_is_built_again(monkeypatch):
     sentence = Sentence(executor="ray")
     assert luigi.build([Word("hello"), Word("world")], local_scheduler=True)
     with pytest.raises(LostInputError) as lost:
-        built_by(monkeypatch, sentence, FixedResult(JobResult("lost", Word("world").task_id, "n1")))
+        built_by(
+            monkeypatch, sentence, fixed_result(JobResult("lost", Word("world").task_id, "n1"))
+        )
     assert lost.value.args == (Word("world"),)
 
 
@@ -245,7 +246,7 @@ def test_the_command_waits_until_it_sees_the_record(monkeypatch):
     """An NFS client may cache for a minute that the record does not exist."""
     task = Act("succeed", executor="ray")
     later = threading.Timer(1.5, lambda: Act("succeed").make(task.action(), current_store()))
-    backend = FixedResult(JobResult("built", "", "n1"), later.start)
+    backend = fixed_result(JobResult("built", "", "n1"), later.start)
     assert built_by(monkeypatch, task, backend).action == task.action()
     later.join()
 
@@ -256,7 +257,7 @@ def test_inputs_are_uploaded_before_the_job_is_submitted(monkeypatch, tmp_path):
     (tmp_path / "shared").mkdir()
     monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
     seen: list[Path] = []
-    backend = FixedResult(
+    backend = fixed_result(
         JobResult("user"), lambda: seen.extend((tmp_path / "shared").rglob("*.tar"))
     )
     with pytest.raises(TaskFailure):
@@ -278,7 +279,7 @@ class FullDisks:
     def __init__(self, *nodes):
         self._nodes, self.excluded = nodes, []
 
-    def run(self, job):
+    def __call__(self, job):
         self.excluded.append(job.excluded_nodes)
         left = [node for node in self._nodes if node not in job.excluded_nodes]
         return JobResult("disk", "full", "host", (left or self._nodes)[0])
@@ -336,7 +337,7 @@ def test_a_build_into_another_store_is_reported(monkeypatch):
     monkeypatch.setattr("pipeline.cluster.submission._SECONDS_TO_APPEAR", 0.0)
     task, reasons = Act("succeed", executor="ray"), {}
     for kind in ("built", "lost"):
-        backend = FixedResult(JobResult(kind, "", "n1"))
+        backend = fixed_result(JobResult(kind, "", "n1"))
         with fails("user", task, "n1", "STYLETRF_STORE", "STYLETRF_REMOTE") as failure:
             built_by(monkeypatch, task, backend)
         reasons[kind] = failure.value.reason
