@@ -17,11 +17,11 @@ from jaxtyping import Float
 
 from styletrf.scene.box import box_around, whole_box
 from styletrf.scene.placement import INFINITY_PX, Placement
-from styletrf.scene.surroundings import Extent, Surroundings, placed
+from styletrf.scene.surroundings import Extent, Surroundings, looked_at, placed
 
 INNER = 0.75  # of the grid's axes is the inner box
 LOST = 3.0  # octaves that a point outside a box counts as
-_PERCENT = 80.0  # of the points along each axis, that the inner box holds, and all cameras
+_PERCENT = 80.0  # of the points along each axis, that the inner box holds
 _FLATTEST = 0.5  # of the inner box's longest side is its shortest
 
 
@@ -60,15 +60,18 @@ def octaves_lost(scene: Surroundings, voxels: int) -> dict[str, float]:
 
 
 def inner_box(scene: Surroundings) -> Extent:
-    """Returns the box that holds the cameras and most points, none of its sides too short.
+    """Returns the box that holds most points, none of its sides too short.
 
-    A wall that stands in one of its faces would be cut between two parts of the grid: hence the
-    margin about the points.
+    It holds the cameras, too, unless they look inward: around an object they stand farther out than
+    what they show, and the lattice would be spread over the air between them. A wall that stands in
+    one of its faces would be cut between two parts of the grid: hence the margin about the points.
     """
     points = box_around(scene.points, _PERCENT)
-    centers = np.stack([view.center_world for view in scene.views])
-    lower = np.minimum(points.center - points.half, centers.min(axis=0))
-    upper = np.maximum(points.center + points.half, centers.max(axis=0))
+    lower, upper = points.center - points.half, points.center + points.half
+    if looked_at(scene)[1] != "inward":
+        centers = np.stack([view.center_world for view in scene.views])
+        lower = np.minimum(lower, centers.min(axis=0))
+        upper = np.maximum(upper, centers.max(axis=0))
     half = (upper - lower) / 2
     return Extent((lower + upper) / 2, np.maximum(half, _FLATTEST * half.max()))
 

@@ -46,9 +46,9 @@ def train_field(
 
     With a `checkpoint_dir`, the state is saved there about once a minute. A later call with the
     same arguments continues from it, to the same parameters up to the rounding of sums.
-    The fit ends early where views that are set aside for a while no longer improve
-    (`styletrf.field.training.early_end`). The cells of the grid that are `free` get no density
-    (`styletrf.scene.free_space`). The rays of pixels with `depths` end there
+    The fit is shorter where views that are set aside for a while no longer improve, and longer
+    where they improve fast (`styletrf.field.training.views_aside`). The cells of the grid that are
+    `free` get no density (`styletrf.scene.free_space`). The rays of pixels with `depths` end there
     (`styletrf.field.training.observed_depths`). Views may have `exposures` of their own
     (`styletrf.field.training.view_exposures`).
 

@@ -31,13 +31,13 @@ from styletrf.field.training.checkpoint import CurvePoint, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
 from styletrf.field.training.distortion import distortion
-from styletrf.field.training.early_end import views_aside
 from styletrf.field.training.observed_depths import ObservedDepths, depth_loss
 from styletrf.field.training.optimizer import optimizer_of, take_step
 from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.regularization import add_regularization_gradient
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
 from styletrf.field.training.view_exposures import ViewExposures
+from styletrf.field.training.views_aside import views_aside
 from styletrf.field.view_rays import ViewRays
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.geometry.cameras import Camera
@@ -69,7 +69,7 @@ class FieldTrainer:
         self.config, self.kernels, self.images = config, kernels, view_images(images)
         device = self.images.device
         self.checkpoint_dir, self.iteration = checkpoint_dir, 0
-        self.iterations = config.iterations  # fewer, once views set aside no longer improve
+        self.iterations = config.iterations  # fewer or more, as views set aside improve
         self.aside, self.aside_psnr = views_aside(self.images, config), 0.0
         self.cameras, self.space, self.final_resolution = cameras, space, resolution
         self.generator = torch.Generator().manual_seed(config.seed)
@@ -108,7 +108,7 @@ class FieldTrainer:
         self.iteration += 1
         if self.config.average_share and self.iteration % self.config.average_every == 0:
             self.average.add(self.field)
-        self._end_early_without_gain()
+        self._decide_end()
         keep = 0.98 if self.iteration > 1 else 0.0
         self.smooth_mse = keep * self.smooth_mse + (1 - keep) * mse
         self.seconds += time.monotonic() - started
@@ -151,18 +151,19 @@ class FieldTrainer:
             pixels = self.aside.without(self.images, pixels)
         return pixels
 
-    def _end_early_without_gain(self) -> None:
-        """Measures the views set aside, twice; without a gain, brings the end forward."""
-        aside = self.aside
+    def _decide_end(self) -> None:
+        """Measures the views set aside, twice, and moves the end by what they gained."""
+        aside, config = self.aside, self.config
         if aside is None or self.iteration not in (aside.before, aside.after):
             return
         averaged = copy.deepcopy(self.field)
         self.average.copy_to(averaged)
         psnr = bounded_psnr(self.loss_at(averaged, aside.pixels))
         gain, self.aside_psnr = psnr - self.aside_psnr, psnr
-        if self.iteration == aside.after and gain < self.config.early_gain_db:
-            self.iterations = aside.early
-            _LOGGER.info("views set aside gained %.2f dB: the fit ends early", gain)
+        if self.iteration == aside.after:
+            self.iterations = aside.end_after(gain, config)
+            gained = "views set aside gained %.2f dB: %d of %d iterations"
+            _LOGGER.info(gained, gain, self.iterations, config.iterations)
 
     def _curve_point(self, samples: Samples, rays: int) -> CurvePoint:
         colored = int((samples.weights > self.config.min_weight).sum())

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from captures import forward_cameras, orbit_cameras, points_before, points_of, walk
+from captures import forward_cameras, orbit_cameras, points_before, points_of, room, walk
 from expected_errors import rejects
 
+from styletrf.scene.contraction import INNER
 from styletrf.scene.exposure_choice import ExposureEvidence
 from styletrf.scene.exposures import Exposure
 from styletrf.scene.placement import transformed
@@ -66,6 +67,23 @@ def test_a_mountain_behind_leaves_a_scene_of_a_meter_its_inner_box_and_is_in_the
     )
     far = transformed(model.normalized_from_world, mountain)
     assert (np.abs(model.space.to_grid(far)) <= 1).all()
+
+
+@pytest.mark.parametrize(
+    ("cameras", "points", "are_inside"),
+    [
+        (orbit_cameras(), points_of("block"), False),
+        (walk(), 3 * points_of("block"), True),
+        (room(0), points_of("room"), True),
+    ],
+)
+def test_only_cameras_that_look_inward_stand_outside_the_inner_box(cameras, points, are_inside):
+    model = decide_scene_model(cameras, points, SceneModelConfig(space="unbounded"))
+    centers = np.stack([camera.center_world for camera in model.normalized(cameras)])
+    assert (np.abs(model.space.to_grid(centers)).max(axis=1) <= INNER + 1e-9).all() == are_inside
+    middle = np.abs(points - np.median(points, axis=0)) <= np.quantile(np.abs(points), 0.5, axis=0)
+    inside = model.space.to_grid(transformed(model.normalized_from_world, points))
+    assert (np.abs(inside[middle.all(axis=1)]) <= INNER).all()
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])

@@ -17,7 +17,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.ray_cache import march_once
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training import trainer
-from styletrf.field.training.early_end import views_aside
+from styletrf.field.training.views_aside import views_aside
 from styletrf.field.view_rays import ViewRays
 from styletrf.scene.free_space import CELLS
 from styletrf.stylization.adaptation import AdaptationConfig

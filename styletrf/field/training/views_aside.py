@@ -2,10 +2,11 @@
 
 After the last growth of the lattice, the PSNR of these views is measured twice, a tenth of the
 iterations apart. Where it rose by less than `early_gain_db`, more iterations fit the field to the
-noise and the gaps of its photographs, and the fit ends a tenth later. Elsewhere it has all of its
-iterations. From the second measurement on, it is fitted to all views. Learning rates fall as in a
-whole fit, whose end the average of the last parameters stands for. The first background, free space
-and the depths are those of all views throughout.
+noise and the gaps of its photographs, and the fit ends a tenth later. Where it rose by at least
+`steep_gain_db`, the fit is a quarter longer than planned. Elsewhere it has all of its iterations.
+From the second measurement on, it is fitted to all views. Learning rates fall as in a whole fit:
+the average of the last parameters stands for what an early end lacks of it, and in a longer fit
+they fall on. The first background, free space and the depths are those of all views throughout.
 """
 
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from styletrf.field.training.config import FieldTrainingConfig
 _EVERY = 10  # views, of which one is set aside
 _LEAST = 2  # views to measure by
 _SPACING = 0.1  # of the iterations, from the last growth to each measurement and to the end
+_LONGER = 0.25  # of the iterations, by which a fit is longer that improves fast
 _PIXELS = 1 << 14  # to measure by
 
 
@@ -28,7 +30,7 @@ class ViewsAside:
     """Which views are set aside, pixels of theirs, and the iterations that matter.
 
     `before` and `after` are those at which PSNR is measured; `early` is where a fit ends that did
-    not improve it in between.
+    not improve it in between, and `late` where one ends that improved it fast.
     """
 
     views: Bool[Tensor, " views"]
@@ -36,10 +38,18 @@ class ViewsAside:
     before: int
     after: int
     early: int
+    late: int
 
     def without(self, images: ViewImages, pixels: Int64[Tensor, " rays"]) -> Int64[Tensor, " kept"]:
         """Returns the pixels that are of other views."""
         return pixels[~self.views[images.places(pixels)[0]]]
+
+    def end_after(self, gain_db: float, config: FieldTrainingConfig) -> int:
+        """Returns the iteration at which a fit ends, from the gain between the measurements."""
+        if gain_db < config.early_gain_db:
+            return self.early
+        is_steep = config.steep_gain_db and gain_db >= config.steep_gain_db
+        return self.late if is_steep else config.iterations
 
 
 def views_aside(images: ViewImages, config: FieldTrainingConfig) -> ViewsAside | None:
@@ -52,4 +62,5 @@ def views_aside(images: ViewImages, config: FieldTrainingConfig) -> ViewsAside |
         return None
     drawn = images.spread(0, _PIXELS * _EVERY)
     pixels = drawn[views[images.places(drawn)[0]]]
-    return ViewsAside(views, pixels, before, after, early) if len(pixels) else None
+    late = round((1 + _LONGER) * config.iterations)
+    return ViewsAside(views, pixels, before, after, early, late) if len(pixels) else None

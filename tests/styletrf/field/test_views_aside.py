@@ -1,6 +1,5 @@
-"""Views set aside: none of their pixels is fitted to, and a fit that no longer helps them ends."""
+"""Views set aside: none of their pixels is fitted to, and what they gain decides a fit's end."""
 
-import logging
 from dataclasses import replace
 
 import pytest
@@ -14,6 +13,7 @@ from styletrf.field.training.trainer import FieldTrainer
 
 CONFIG = replace(MINI_FIT, iterations=60, upsample_at=(0.1, 0.3))
 BEFORE, AFTER, EARLY = 24, 30, 36  # iterations, one to three tenths after the last growth
+LATE = 75
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +59,38 @@ def test_views_set_aside_have_no_part_in_the_fit_before_they_are_measured(many):
     ), "from then on they have"
 
 
-def test_a_fit_ends_early_without_gain_and_only_then(many, caplog):
-    with caplog.at_level(logging.INFO):
-        for least_db, iterations in ((1e3, EARLY), (-1e3, 60), (0.0, 60)):
-            trainer = trainer_of(many, replace(CONFIG, early_gain_db=least_db))
-            while trainer.iteration < trainer.iterations:
-                trainer.step()
-            assert trainer.iteration == iterations
-    assert caplog.text.count("ends early") == 1
+@pytest.mark.parametrize(
+    ("early_db", "steep_db", "iterations"),
+    [
+        (1e3, 0.0, EARLY),
+        (1e3, -1e3, EARLY),
+        (-1e3, 0.0, 60),
+        (-1e3, 1e3, 60),
+        (-1e3, -1e3, LATE),
+        (0.0, -1e3, 60),
+    ],
+)
+def test_a_fit_is_shorter_without_gain_and_longer_with_much_of_it(
+    many, early_db, steep_db, iterations
+):
+    config = replace(CONFIG, early_gain_db=early_db, steep_gain_db=steep_db)
+    trainer = trainer_of(many, config)
+    while trainer.iteration < trainer.iterations:
+        trainer.step()
+    assert trainer.iteration == iterations
+
+
+def test_a_longer_fit_is_the_planned_one_that_goes_on(many):
+    """So that its parameters depend on the scene alone, and not on when it was asked for more."""
+    longer, planned = (
+        trainer_of(many, replace(CONFIG, early_gain_db=-1e3, steep_gain_db=steep_db))
+        for steep_db in (-1e3, 1e3)
+    )
+    for _ in range(CONFIG.iterations):
+        longer.step(), planned.step()
+    assert (longer.iterations, planned.iterations) == (LATE, CONFIG.iterations)
+    found, expected = (trainer.field.state_dict() for trainer in (longer, planned))
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-6)
 
 
 def test_noise_that_no_field_explains_ends_a_fit(many):
