@@ -77,7 +77,7 @@ def reconstruct(task: MappingTask) -> SfmResult:
     """Returns the best mapping of a task's images, by the first way that explains enough.
 
     The global mapper goes first. Where it leaves photographs out, they are matched with all others,
-    or, where they are many, with more than before.
+    or, where they are many, with more than before; unless no pair at all was verified.
     Where it explains less than 80 % of the matches, both mappers count the points that only two
     photographs share; where photographs are still left out, the incremental mapper is tried. Where
     then fewer than 80 % are placed or explained, it begins with less, verified pairs are matched
@@ -104,7 +104,7 @@ def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
 
     All of their pairs where these are few, else twice as many as before: a capture of which most
     photographs are left out must not take a multiple of the time. Nothing where no two photographs
-    that share the most matches show the same: then others do not either.
+    that share the most matches show the same: others are assumed not to.
     """
     if best is None or best.matcher == "exhaustive":
         return None

@@ -6,7 +6,8 @@ A stage is taken to need a constant time to start, and beyond it seconds in prop
 
 where a driver is a setting or a size. The exponents are rounded from sweeps of single settings
 (`benchmarks/README.md`, "Time against accuracy"), and are 1 where a stage does the same for every
-photograph, frame or pixel. What is no driver is taken to leave the time as it is.
+photograph, frame or pixel. That of the pixels of features is from three captures of 20 to 62
+photographs. What is no driver is taken to leave the time as it is.
 """
 
 from collections.abc import Iterator, Mapping

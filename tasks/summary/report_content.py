@@ -150,7 +150,7 @@ def _curves(inputs: Mapping[str, Path], lineage: Sequence[ActionRecord]) -> list
     fits = (_parameters(one) for one in lineage if one.action.family == "RadianceField")
     planned = max((fit["settings"]["iterations"] for fit in fits), default=0)
     if "field" in curves:
-        curves["field"] = with_other_end(curves["field"], planned)
+        curves["field"] = with_note_of_its_end(curves["field"], planned)
     return list(curves.values())
 
 
@@ -162,7 +162,7 @@ def training_curve(
     return Curve(title, quantity, at, values)
 
 
-def with_other_end(curve: Curve, planned: int) -> Curve:
+def with_note_of_its_end(curve: Curve, planned: int) -> Curve:
     """Returns the curve of a fit, and says so where the fit had other iterations than planned.
 
     A curve has points at equal distances, and ends less than one distance before its fit.
@@ -172,11 +172,12 @@ def with_other_end(curve: Curve, planned: int) -> Curve:
     last, distance = curve.at[-1], curve.at[1] - curve.at[0]
     if last <= planned < last + distance:
         return curve
-    is_early = last < planned
+    change, reason = ("ended early", "no longer improved")
+    if last > planned:
+        change, reason = ("was extended", "still improved fast")
     note = (
-        f"The fit ended {'early' if is_early else 'late'}, after about {last:,} iterations where"
-        f" {planned:,} were planned: photographs set aside"
-        f" {'no longer improved' if is_early else 'still improved fast'}."
+        f"The fit {change}: about {last:,} iterations instead of {planned:,}, because the field"
+        f" {reason} on photographs set aside."
     )
     return replace(curve, note=note)
 

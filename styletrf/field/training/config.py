@@ -19,9 +19,9 @@ class FieldTrainingConfig:
     ndc_step: float = 1.0  # the steps of NDC, whose voxels are longest along the rays, times this
     factor_rate: float = 0.03  # [lr_init]
     network_rate: float = 3e-3  # [lr_basis]
-    rate_decay: float = 0.05  # over all iterations, as of the TV weights [lr_decay_target_ratio]
+    rate_decay: float = 0.05  # over the planned iterations, as of TV [lr_decay_target_ratio]
     average_share: float = 0.1  # of the iterations: window of the average of parameters; 0: none
-    early_gain_db: float = 0.15  # of views set aside: with less, a fit ends early; 0: none is
+    early_gain_db: float = 0.15  # of views set aside: with less, a fit ends early; 0: none are
     steep_gain_db: float = 0.6  # likewise: with as much, a fit is a quarter longer; 0: never
     l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
     tv_density: float = 0.01  # [TV_weight_density]

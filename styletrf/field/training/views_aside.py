@@ -4,9 +4,10 @@ After the last growth of the lattice, the PSNR of these views is measured twice,
 iterations apart. Where it rose by less than `early_gain_db`, more iterations fit the field to the
 noise and the gaps of its photographs, and the fit ends a tenth later. Where it rose by at least
 `steep_gain_db`, the fit is a quarter longer than planned. Elsewhere it has all of its iterations.
-From the second measurement on, it is fitted to all views. Learning rates fall as in a whole fit:
-the average of the last parameters stands for what an early end lacks of it, and in a longer fit
-they fall on. The first background, free space and the depths are those of all views throughout.
+From the second measurement on, it is fitted to all views. Learning rates fall as in a
+planned fit. Where it ends early, the average of the last parameters replaces the rest of the fall;
+where it is longer, they continue to fall. The first background, free space and the depths are those
+of all views throughout.
 """
 
 from dataclasses import dataclass

@@ -124,6 +124,21 @@ def test_a_fit_that_ends_early_resumes_to_the_same_parameters(many, tmp_path, ki
     torch.testing.assert_close(resumed.field.state_dict(), whole.state_dict(), rtol=1e-4, atol=1e-6)
 
 
+def test_a_longer_fit_resumes_after_its_planned_end_to_the_same_parameters(many, tmp_path):
+    config = replace(CONFIG, early_gain_db=-1e3, steep_gain_db=-1e3)
+    whole, _ = fitted(many, config)
+    killed = trainer_of(many, config, checkpoint_dir=tmp_path)
+    for _ in range(config.iterations + 5):
+        killed.step()
+    save_fit(tmp_path, killed)
+    resumed = trainer_of(many, config, checkpoint_dir=tmp_path)
+    while resumed.iteration < resumed.iterations:
+        resumed.step()
+    assert resumed.iteration == LATE
+    resumed.finish()
+    torch.testing.assert_close(resumed.field.state_dict(), whole.state_dict(), rtol=1e-4, atol=1e-6)
+
+
 def test_views_aside_that_are_masked_all_over_tell_nothing(many):
     alpha = torch.full((*many.images.shape[:3], 1), 255, dtype=torch.uint8)
     alpha[5::10] = 0

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from captures import forward_cameras, orbit_cameras, points_before, points_of, room, walk
+from captures import forward_cameras, orbit_cameras, points_before, points_of, walk
 from expected_errors import rejects
 
 from styletrf.scene.contraction import INNER
@@ -74,7 +74,6 @@ def test_a_mountain_behind_leaves_a_scene_of_a_meter_its_inner_box_and_is_in_the
     [
         (orbit_cameras(), points_of("block"), False),
         (walk(), 3 * points_of("block"), True),
-        (room(0), points_of("room"), True),
     ],
 )
 def test_only_cameras_that_look_inward_stand_outside_the_inner_box(cameras, points, are_inside):

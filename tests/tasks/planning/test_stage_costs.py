@@ -15,7 +15,7 @@ from pipeline.settings import current_store
 from styletrf.sfm.camera_poses import CameraPosesConfig
 from tasks.planning.memory_demand import Photographs
 from tasks.planning.stage_costs import REFERENCE, CostModel, reference_costs
-from tasks.planning.stage_work import START_S, drivers_of, seconds_scaled
+from tasks.planning.stage_work import LONGEST_DESCRIBED, START_S, drivers_of, seconds_scaled
 
 SIZE = {"mini": Photographs(40, 504, 378)}
 
@@ -118,6 +118,7 @@ def test_features_of_larger_photographs_take_longer_up_to_the_size_they_are_desc
         seconds(504, 378).seconds - START_S
     )
     assert share == pytest.approx((pixels / (504 * 378)) ** 0.7, rel=0.01)
+    assert CameraPosesConfig().max_image_long_side == LONGEST_DESCRIBED
 
 
 def test_settings_of_the_command_are_those_of_the_stage_and_not_of_the_reference():
