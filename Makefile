@@ -28,7 +28,7 @@ $(VENV)/installed: pyproject.toml
 # The main job on the embedded scene, whose photographs the project makes itself: draft quality,
 # at 320 pixels and with fewer iterations and frames, for a first look in a few minutes.
 DEMO_SETTINGS = --SceneModel-settings '{"image_long_side": 320}' \
-	--RadianceField-settings '{"iterations": 1600}' \
+	--RadianceField-settings '{"iterations": 1600, "steep_gain_db": 0}' \
 	--StyleNetwork-settings '{"crop_px": 128, "style_px": 267}' \
 	--StylizedField-settings '{"adaptation.iterations": 200}'
 
