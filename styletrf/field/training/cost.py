@@ -31,7 +31,7 @@ _NEIGHBORHOOD = 7  # voxels about a point that may be occupied
 
 @dataclass(frozen=True, slots=True)
 class FieldCost:
-    """Seconds of a fit with its planned iterations, and the largest memory of this process so far."""
+    """Seconds of a fit as long as planned, and the largest memory of this process so far."""
 
     seconds: float
     peak_memory_bytes: int
