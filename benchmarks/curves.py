@@ -48,7 +48,7 @@ def point(scene: str, knob: str, value: Any) -> dict[str, Any]:
     return {
         "scene": scene, "knob": knob, "value": value,
         "cpu_ms": timed["cpu_ms_per_iteration"],
-        "density_samples": trainer.curve[-1].density_samples,
+        "density_samples": trainer.state.curve[-1].density_samples,
         "resolution": trainer.field.resolution,
         "photographs": len(given.train.cameras),
         "photographs_mb": sum(image.nbytes for image in given.train.images) / 2**20,

@@ -67,17 +67,17 @@ def measurements(
     trainer = trainer_of(scene, settings, kernels)
     trainer.step()  # compiles
     started, before, waiting = time.process_time(), 0.0, sorted(at)
-    while trainer.iteration < trainer.iterations:
+    while trainer.state.iteration < trainer.state.end:
         trainer.step()
-        at_end = trainer.iteration == trainer.iterations
+        at_end = trainer.state.iteration == trainer.state.end
         if at_end:
             trainer.finish()
-        if trainer.curve and (at_end or (waiting and trainer.seconds >= waiting[0])):
-            waiting = [seconds for seconds in waiting if seconds > trainer.seconds]
+        if trainer.state.curve and (at_end or (waiting and trainer.state.seconds >= waiting[0])):
+            waiting = [seconds for seconds in waiting if seconds > trainer.state.seconds]
             before += time.process_time() - started
             cpu = {
                 "cpu_seconds": before,
-                "cpu_ms_per_iteration": 1e3 * before / (trainer.iteration - 1),
+                "cpu_ms_per_iteration": 1e3 * before / (trainer.state.iteration - 1),
             }
             yield _reached(trainer) | cpu | held_out(scene, trainer, settings)
             started = time.process_time()
@@ -90,12 +90,12 @@ def measurements(
 
 
 def _reached(trainer: FieldTrainer) -> dict[str, Any]:
-    recent = trainer.curve[-min(10, len(trainer.curve)) :]
+    recent = trainer.state.curve[-min(10, len(trainer.state.curve)) :]
     spent = recent[-1].seconds - recent[0].seconds
     bytes_of_field = sum(t.nbytes for t in trainer.field.state_dict().values())
     return {
-        "iteration": trainer.iteration,
-        "seconds": trainer.seconds,
+        "iteration": trainer.state.iteration,
+        "seconds": trainer.state.seconds,
         "ms_per_iteration": 1e3 * spent / max(1, recent[-1].iteration - recent[0].iteration),
         "density_samples": recent[-1].density_samples,
         "color_samples": recent[-1].color_samples,
@@ -225,12 +225,12 @@ def compare(options: argparse.Namespace) -> None:
 def timed_steps(trainer: FieldTrainer, iterations: int) -> dict[str, Any]:
     """Returns the milliseconds and the losses of all iterations but the first, which compiles."""
     trainer.step()
-    first, cpu, losses = trainer.seconds, time.process_time(), []
+    first, cpu, losses = trainer.state.seconds, time.process_time(), []
     for _ in range(iterations - 1):
         trainer.step()
         losses.append(10 ** (-trainer.psnr() / 10))
     return {
-        "ms_per_iteration": 1e3 * (trainer.seconds - first) / (iterations - 1),
+        "ms_per_iteration": 1e3 * (trainer.state.seconds - first) / (iterations - 1),
         "cpu_ms_per_iteration": 1e3 * (time.process_time() - cpu) / (iterations - 1),
         "losses": losses,
     }

@@ -62,10 +62,10 @@ def finetune_all(
     )
     set_occupancy(trainer.field.density, field.density.occupancy.clone())
     trainer.field.load_state_dict(field.state_dict())
-    while trainer.iteration < config.iterations:
+    while trainer.state.iteration < config.iterations:
         psnr = trainer.step()
-        progress(trainer.iteration, config.iterations, psnr=psnr)
+        progress(trainer.state.iteration, config.iterations, psnr=psnr)
     trainer.finish()
     trainer.field.bounds = field.bounds
-    curve = [AdaptationPoint(p.iteration, p.seconds, p.psnr) for p in trainer.curve]
+    curve = [AdaptationPoint(p.iteration, p.seconds, p.psnr) for p in trainer.state.curve]
     return trainer.field, curve

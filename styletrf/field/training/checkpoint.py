@@ -1,6 +1,6 @@
 """The state of a fit as a checkpoint that a killed one goes on from, to the same parameters."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,11 +17,6 @@ from styletrf.files.checkpoints import (
 if TYPE_CHECKING:
     from styletrf.field.training.trainer import FieldTrainer
 
-_COUNTERS = (
-    "iteration", "iterations", "batch", "next_member", "seconds", "smooth_mse", "stage_start",
-    "aside_psnr",
-)  # fmt: skip
-
 
 @dataclass(frozen=True, slots=True)
 class CurvePoint:
@@ -35,39 +30,64 @@ class CurvePoint:
     color_samples: float  # a ray
 
 
+@dataclass(slots=True)
+class FitState:
+    """How far a fit is.
+
+    Attributes:
+        end: The iteration at which it ends: the planned one, unless the validation views move it.
+        batch: Rays of the next iteration.
+        next_member: The place in the order of pixels from which the next batch begins.
+        iteration: How many are done.
+        stage_start: The iteration at which the grid has grown last.
+        seconds: What the iterations took.
+        smooth_mse: The moving average of the mean squared error of the training rays.
+        validation_psnr: Of the validation views, in dB, at their last measurement.
+        curve: The training curve.
+    """
+
+    end: int
+    batch: int
+    next_member: int
+    iteration: int = 0
+    stage_start: int = 0
+    seconds: float = 0.0
+    smooth_mse: float = 0.0
+    validation_psnr: float = 0.0
+    curve: list[CurvePoint] = field(default_factory=list)
+
+
 def save_fit(folder: Path, trainer: "FieldTrainer") -> None:
     """Writes a checkpoint."""
     tensors = {f"field.{name}": value for name, value in trainer.field.state_dict().items()}
     tensors |= {f"average.{name}": value for name, value in trainer.average.mean.items()}
     tensors |= optimizer_tensors(trainer.optimizer)
     tensors["generator"] = trainer.generator.get_state()
-    state = {name: getattr(trainer, name) for name in _COUNTERS}
-    curve = [asdict(point) for point in trainer.curve]
-    state |= {"averaged": trainer.average.count, "curve": curve}
-    save_checkpoint(folder, tensors, state)
+    numbers = {"fit": asdict(trainer.state), "averaged": trainer.average.count}
+    save_checkpoint(folder, tensors, numbers)
 
 
 def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
     """Goes on from the checkpoint in `folder`, if there is one."""
     checkpoint = load_checkpoint(folder, trainer.images.device)
-    if checkpoint is None:
+    if checkpoint is None or "fit" not in checkpoint[1]:  # an earlier version wrote it
         return
-    tensors, state = checkpoint
-    trainer.iteration = state["stage_start"]
+    tensors, numbers = checkpoint
+    curve = [CurvePoint(**point) for point in numbers["fit"].pop("curve")]
+    state = FitState(**numbers["fit"], curve=curve)
+    trainer.state.iteration = state.stage_start
     trainer.field.upsample(
         [tensors[f"field.density.factors.lines.{k}"].shape[0] for k in (2, 1, 0)]
     )
     trainer.begin_stage()
-    field = _without_prefix("field.", tensors)
-    set_occupancy(trainer.field.density, field["density.occupancy"])
-    trainer.field.load_state_dict(field)
+    parameters = _without_prefix("field.", tensors)
+    set_occupancy(trainer.field.density, parameters["density.occupancy"])
+    trainer.field.load_state_dict(parameters)
     restore_optimizer(trainer.optimizer, tensors)
     trainer.average.mean = _without_prefix("average.", tensors)
-    trainer.average.count = state["averaged"]
+    trainer.average.count = numbers["averaged"]
     trainer.generator.set_state(tensors["generator"].cpu())
-    for name in _COUNTERS:
-        setattr(trainer, name, state[name])
-    trainer.curve = [CurvePoint(**point) for point in state["curve"]]
+    trainer.state = state
 
 
 def _without_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
+from styletrf.configuration import require_at_least
 from styletrf.field.field_config import FieldConfig
 
 
@@ -21,7 +22,7 @@ class FieldTrainingConfig:
     network_rate: float = 3e-3  # [lr_basis]
     rate_decay: float = 0.05  # over the planned iterations, as of TV [lr_decay_target_ratio]
     average_share: float = 0.1  # of the iterations: window of the average of parameters; 0: none
-    early_gain_db: float = 0.15  # of views set aside: with less, a fit ends early; 0: none are
+    early_gain_db: float = 0.15  # of validation views: with less, a fit ends early; 0: none are
     steep_gain_db: float = 0.6  # likewise: with as much, a fit is a quarter longer; 0: never
     l1_weight: float = 2e-5  # on density factors [L1_weight_inital]
     tv_density: float = 0.01  # [TV_weight_density]
@@ -52,6 +53,8 @@ class FieldTrainingConfig:
         if not (self.steps_per_voxel > 0 and self.ndc_step > 0):
             lengths = f"steps_per_voxel is {self.steps_per_voxel} and ndc_step {self.ndc_step}"
             raise ValueError(f"{lengths}, not both above 0")
+        counts = "iterations", "batch", "initial_voxels", "tv_views", "tv_every"
+        require_at_least(1, self, *counts, "depth_rays", "depth_every", "occupancy_every")
 
     def in_space(self, kind: str) -> "FieldTrainingConfig":
         """Returns the settings with what the space decides: ranks, and the weight of distortion.

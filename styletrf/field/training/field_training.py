@@ -46,8 +46,8 @@ def train_field(
 
     With a `checkpoint_dir`, the state is saved there about once a minute. A later call with the
     same arguments continues from it, to the same parameters up to the rounding of sums.
-    The fit is shorter where views that are set aside for a while no longer improve, and longer
-    where they improve fast (`styletrf.field.training.views_aside`). The cells of the grid that are
+    The fit is shorter where its validation views no longer improve, and longer where they improve
+    fast (`styletrf.field.training.validation_views`). The cells of the grid that are
     `free` get no density (`styletrf.scene.free_space`). The rays of pixels with `depths` end there
     (`styletrf.field.training.observed_depths`). Views may have `exposures` of their own
     (`styletrf.field.training.view_exposures`).
@@ -60,15 +60,15 @@ def train_field(
         cameras, images, space, resolution, config, kernels, checkpoint_dir, free, depths, exposures
     )
     saved = time.monotonic()
-    while trainer.iteration < trainer.iterations:
+    while trainer.state.iteration < trainer.state.end:
         psnr = trainer.step()
         if checkpoint_dir is not None and time.monotonic() - saved > config.checkpoint_seconds:
             trainer.require_finite(parameter_stages(trainer.field, trainer.optimizer))
             save_fit(checkpoint_dir, trainer)
             saved = time.monotonic()
-        progress(trainer.iteration, trainer.iterations, psnr=psnr)
+        progress(trainer.state.iteration, trainer.state.end, psnr=psnr)
     trainer.finish()
     if config.shrink_rise > 0:
         compression = compress(trainer.field, trainer.loss, config.shrink_rise)
         _LOGGER.info("compressed: %s", compression)
-    return trainer.field, trainer.curve
+    return trainer.field, trainer.state.curve

@@ -27,7 +27,7 @@ from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_color, render_rays
 from styletrf.field.training.background import begin_with_background
-from styletrf.field.training.checkpoint import CurvePoint, restore_fit, save_fit
+from styletrf.field.training.checkpoint import CurvePoint, FitState, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
 from styletrf.field.training.distortion import distortion
@@ -36,8 +36,8 @@ from styletrf.field.training.optimizer import optimizer_of, take_step
 from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.regularization import add_regularization_gradient
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
+from styletrf.field.training.validation_views import validation_views
 from styletrf.field.training.view_exposures import ViewExposures
-from styletrf.field.training.views_aside import views_aside
 from styletrf.field.view_rays import ViewRays
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.geometry.cameras import Camera
@@ -68,15 +68,13 @@ class FieldTrainer:
         config = config.in_space(space.kind)
         self.config, self.kernels, self.images = config, kernels, view_images(images)
         device = self.images.device
-        self.checkpoint_dir, self.iteration = checkpoint_dir, 0
-        self.iterations = config.iterations  # fewer or more, as views set aside improve
-        self.aside, self.aside_psnr = views_aside(self.images, config), 0.0
+        self.checkpoint_dir = checkpoint_dir
+        self.validation = validation_views(self.images, config)
         self.cameras, self.space, self.final_resolution = cameras, space, resolution
         self.generator = torch.Generator().manual_seed(config.seed)
         self.field = RadianceField(config.field, self._resolution(0), self.generator).to(device)
-        self.next_member = int(torch.randint(1 << 31, (), generator=self.generator))
-        self.seconds, self.smooth_mse, self.batch = 0.0, 0.0, config.batch
-        self.curve: list[CurvePoint] = []
+        next_member = int(torch.randint(1 << 31, (), generator=self.generator))
+        self.state = FitState(config.iterations, config.batch, next_member)
         self.begin_stage()
         self.free = None if free is None else free.to(device)
         self.depths, self.exposures = None if depths is None else depths.to(device), exposures
@@ -87,7 +85,7 @@ class FieldTrainer:
 
     def step(self) -> float:
         """Runs one iteration and returns the smoothed PSNR of the training rays."""
-        started = time.monotonic()
+        started, state = time.monotonic(), self.state
         self._grow_and_refresh()
         pixels = self._next_pixels()
         segments, target = pixel_rays(self.rays, self.images, pixels)
@@ -101,20 +99,20 @@ class FieldTrainer:
             loss = loss + self.config.distortion_weight * distortion(samples, segments)
         loss.backward()
         self._add_depth_gradient()
-        add_regularization_gradient(self.field, self.config, self.iteration, len(self.cameras))
-        since_growth = self.iteration - self.stage_start
+        add_regularization_gradient(self.field, self.config, state.iteration, len(self.cameras))
+        since_growth = state.iteration - state.stage_start
         rate = decay(self.config.rate_decay, since_growth, self.config.iterations)
         take_step(self.optimizer, rate)
-        self.iteration += 1
-        if self.config.average_share and self.iteration % self.config.average_every == 0:
+        state.iteration += 1
+        if self.config.average_share and state.iteration % self.config.average_every == 0:
             self.average.add(self.field)
         self._decide_end()
-        keep = 0.98 if self.iteration > 1 else 0.0
-        self.smooth_mse = keep * self.smooth_mse + (1 - keep) * mse
-        self.seconds += time.monotonic() - started
-        if self.iteration % CURVE_EVERY == 0:
-            self.curve.append(self._curve_point(samples, len(segments)))
-            self.batch = self._batch_of(len(samples.ray) / len(segments))
+        keep = 0.98 if state.iteration > 1 else 0.0
+        state.smooth_mse = keep * state.smooth_mse + (1 - keep) * mse
+        state.seconds += time.monotonic() - started
+        if state.iteration % CURVE_EVERY == 0:
+            state.curve.append(self._curve_point(samples, len(segments)))
+            state.batch = self._batch_of(len(samples.ray) / len(segments))
         return self.psnr()
 
     def finish(self) -> None:
@@ -142,34 +140,35 @@ class FieldTrainer:
 
     def psnr(self) -> float:
         """Returns the smoothed PSNR of the training rays."""
-        return bounded_psnr(self.smooth_mse)
+        return bounded_psnr(self.state.smooth_mse)
 
     def _next_pixels(self) -> Int64[Tensor, " rays"]:
-        pixels = self.images.spread(self.next_member, self.batch)
-        self.next_member += self.batch
-        if self.aside is not None and self.iteration < self.aside.after:
-            pixels = self.aside.without(self.images, pixels)
+        state, validation = self.state, self.validation
+        pixels = self.images.spread(state.next_member, state.batch)
+        state.next_member += state.batch
+        if validation is not None and state.iteration < validation.after:
+            pixels = validation.without(self.images, pixels)
         return pixels
 
     def _decide_end(self) -> None:
-        """Measures the views set aside, twice, and moves the end by what they gained."""
-        aside, config = self.aside, self.config
-        if aside is None or self.iteration not in (aside.before, aside.after):
+        """Measures the validation views, twice, and moves the end by what they gained."""
+        views, state = self.validation, self.state
+        if views is None or state.iteration not in (views.before, views.after):
             return
         averaged = copy.deepcopy(self.field)
         self.average.copy_to(averaged)
-        psnr = bounded_psnr(self.loss_at(averaged, aside.pixels))
-        gain, self.aside_psnr = psnr - self.aside_psnr, psnr
-        if self.iteration == aside.after:
-            self.iterations = aside.end_after(gain, config)
-            gained = "views set aside gained %.2f dB: %d of %d iterations"
-            _LOGGER.info(gained, gain, self.iterations, config.iterations)
+        psnr = bounded_psnr(self.loss_at(averaged, views.pixels))
+        gain, state.validation_psnr = psnr - state.validation_psnr, psnr
+        if state.iteration == views.after:
+            state.end = views.end_after(gain, self.config)
+            gained = "validation views gained %.2f dB: %d of %d iterations"
+            _LOGGER.info(gained, gain, state.end, self.config.iterations)
 
     def _curve_point(self, samples: Samples, rays: int) -> CurvePoint:
         colored = int((samples.weights > self.config.min_weight).sum())
         voxels, counts = math.prod(self.field.resolution), (len(samples.ray), colored)
         means = (count / rays for count in counts)
-        return CurvePoint(self.iteration, self.seconds, self.psnr(), voxels, *means)
+        return CurvePoint(self.state.iteration, self.state.seconds, self.psnr(), voxels, *means)
 
     def _batch_of(self, samples_a_ray: float) -> int:
         least, wanted = self.config.batch, self.config.batch_samples / max(samples_a_ray, 1.0)
@@ -199,10 +198,10 @@ class FieldTrainer:
 
     def _add_depth_gradient(self) -> None:
         """Adds the gradient of some rays that end at a depth."""
-        config, depths = self.config, self.depths
+        config, depths, iteration = self.config, self.depths, self.state.iteration
         until = config.dense_depth_until if depths and depths.are_dense else config.depth_until
-        is_over = self.iteration >= until * config.iterations
-        if not (depths and config.depth_weight) or is_over or self.iteration % config.depth_every:
+        is_over = iteration >= until * config.iterations
+        if not (depths and config.depth_weight) or is_over or iteration % config.depth_every:
             return
         drawn = depths.drawn(config.depth_rays, self.generator)
         segments = self.rays.segments(drawn.view, drawn.pixel)
@@ -210,11 +209,12 @@ class FieldTrainer:
         (config.depth_every * config.depth_weight * loss).backward()
 
     def _grow_and_refresh(self) -> None:
-        if self.iteration in (steps := self.config.upsample_steps):
-            stage = len([step for step in steps if step <= self.iteration])
+        iteration, steps = self.state.iteration, self.config.upsample_steps
+        if iteration in steps:
+            stage = len([step for step in steps if step <= iteration])
             self.field.upsample(self._resolution(stage))
             self.begin_stage()
-        if self.iteration and self.iteration % self.config.occupancy_every == 0:
+        if iteration and iteration % self.config.occupancy_every == 0:
             self.refresh_occupancy()
 
     def _resolution(self, stage: int) -> tuple[int, int, int]:
@@ -223,7 +223,8 @@ class FieldTrainer:
 
     def begin_stage(self) -> None:
         """Sets the step length, a new optimizer and a new average for the present resolution."""
-        self.stage_start, steps_per_voxel = self.iteration, self.config.steps_in(self.space.kind)
+        self.state.stage_start = self.state.iteration
+        steps_per_voxel = self.config.steps_in(self.space.kind)
         self.field.step_length = march_step(self.space, self.field.resolution, steps_per_voxel)
         self.rays = ViewRays(self.cameras, self.space, self.field.step_length, self.images.device)
         self.optimizer = optimizer_of(self.field, self.config)
@@ -260,4 +261,4 @@ class FieldTrainer:
             return
         if self.checkpoint_dir is not None:
             save_fit(self.checkpoint_dir / "not_finite", self)
-        raise NotFiniteError("field training", name, f"at iteration {self.iteration}")
+        raise NotFiniteError("field training", name, f"at iteration {self.state.iteration}")

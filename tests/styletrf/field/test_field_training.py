@@ -151,9 +151,9 @@ def test_a_finished_field_is_the_average_with_an_occupancy_of_its_own(scene, sha
         scene.cameras, scene.images, model.space, model.resolution, config, KERNELS
     )
     average = ParameterAverage(window)
-    while trainer.iteration < config.iterations:
+    while trainer.state.iteration < config.iterations:
         trainer.step()
-        if trainer.iteration % every == 0:
+        if trainer.state.iteration % every == 0:
             average.add(trainer.field)
     average.copy_to(trainer.field)
     trainer.refresh_occupancy(settled=True)
@@ -269,7 +269,7 @@ def test_a_batch_has_more_rays_where_they_have_few_samples(scene):
     set_occupancy(trainer.field.density, torch.zeros(2, 2, 2, dtype=torch.uint8))
     for _ in range(50):
         trainer.step()
-    assert trainer.batch == 8 * CONFIG.batch
+    assert trainer.state.batch == 8 * CONFIG.batch
 
 
 def test_a_field_reads_back_as_it_was_written_but_for_the_rounding_of_factors(scene, tmp_path):

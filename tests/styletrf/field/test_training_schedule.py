@@ -44,6 +44,14 @@ def test_only_steps_of_ndc_are_longer():
     assert config.steps_in("box") == config.steps_in("unbounded") == 0.6
 
 
+@pytest.mark.parametrize(
+    "name", ["iterations", "batch", "initial_voxels", "tv_views", "tv_every", "occupancy_every"]
+)
+def test_counts_below_one_are_refused(name):
+    with pytest.raises(ValueError, match=name):
+        FieldTrainingConfig(**{name: 0})
+
+
 @pytest.mark.parametrize("name", ["steps_per_voxel", "ndc_step"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan])
 def test_steps_without_a_length_are_refused(name, value):

@@ -1,4 +1,4 @@
-"""Views set aside for a while, to see whether a fit still improves views that it is not fitted to.
+"""Validation views, which show whether a fit still improves views that it is not fitted to.
 
 After the last growth of the lattice, the PSNR of these views is measured twice, a tenth of the
 iterations apart. Where it rose by less than `early_gain_db`, more iterations fit the field to the
@@ -19,7 +19,7 @@ from torch import Tensor
 from styletrf.capture.view_images import ViewImages
 from styletrf.field.training.config import FieldTrainingConfig
 
-_EVERY = 10  # views, of which one is set aside
+_EVERY = 10  # views, of which one is a validation view
 _LEAST = 2  # views to measure by
 _SPACING = 0.1  # of the iterations, from the last growth to each measurement and to the end
 _LONGER = 0.25  # of the iterations, by which a fit is longer that improves fast
@@ -27,8 +27,8 @@ _PIXELS = 1 << 14  # to measure by
 
 
 @dataclass(frozen=True, slots=True)
-class ViewsAside:
-    """Which views are set aside, pixels of theirs, and the iterations that matter.
+class ValidationViews:
+    """Views that are not fitted to at first, pixels of theirs, and the iterations that matter.
 
     `before` and `after` are those at which PSNR is measured; `early` is where a fit ends that did
     not improve it in between, and `late` where one ends that improved it fast.
@@ -53,7 +53,7 @@ class ViewsAside:
         return self.late if is_steep else config.iterations
 
 
-def views_aside(images: ViewImages, config: FieldTrainingConfig) -> ViewsAside | None:
+def validation_views(images: ViewImages, config: FieldTrainingConfig) -> ValidationViews | None:
     """Returns every tenth view; None where they, their pixels or the iterations are too few."""
     shares = [max((0.0, *config.upsample_at)) + k * _SPACING for k in (1, 2, 3)]
     before, after, early = (round(share * config.iterations) for share in shares)
@@ -64,4 +64,4 @@ def views_aside(images: ViewImages, config: FieldTrainingConfig) -> ViewsAside |
     drawn = images.spread(0, _PIXELS * _EVERY)
     pixels = drawn[views[images.places(drawn)[0]]]
     late = round((1 + _LONGER) * config.iterations)
-    return ViewsAside(views, pixels, before, after, early, late) if len(pixels) else None
+    return ValidationViews(views, pixels, before, after, early, late) if len(pixels) else None

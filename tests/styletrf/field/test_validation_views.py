@@ -1,4 +1,4 @@
-"""Views set aside: none of their pixels is fitted to, and what they gain decides a fit's end."""
+"""Validation views: none of their pixels is fitted to, and what they gain decides a fit's end."""
 
 from dataclasses import replace
 
@@ -34,14 +34,14 @@ def fitted(scene: MiniScene, config: FieldTrainingConfig):
 
 
 def spoilt(scene: MiniScene) -> MiniScene:
-    """The scene with noise in place of the views that are set aside."""
+    """The scene with noise in place of the validation views."""
     images = scene.images.clone()
     noise = torch.randint(0, 256, images[5::10].shape, generator=torch.Generator().manual_seed(0))
     images[5::10] = noise.byte()
     return replace(scene, images=images)
 
 
-def test_views_set_aside_have_no_part_in_the_fit_before_they_are_measured(many):
+def test_validation_views_have_no_part_in_the_fit_before_they_are_measured(many):
     whole = replace(CONFIG, early_gain_db=-1e3)  # both have the same learning rates
     parts = [trainer_of(scene, whole) for scene in (many, spoilt(many))]
     for trainer in parts:
@@ -75,9 +75,9 @@ def test_a_fit_is_shorter_without_gain_and_longer_with_much_of_it(
 ):
     config = replace(CONFIG, early_gain_db=early_db, steep_gain_db=steep_db)
     trainer = trainer_of(many, config)
-    while trainer.iteration < trainer.iterations:
+    while trainer.state.iteration < trainer.state.end:
         trainer.step()
-    assert trainer.iteration == iterations
+    assert trainer.state.iteration == iterations
 
 
 def test_a_longer_fit_is_the_planned_one_that_goes_on(many):
@@ -88,7 +88,7 @@ def test_a_longer_fit_is_the_planned_one_that_goes_on(many):
     )
     for _ in range(CONFIG.iterations):
         longer.step(), planned.step()
-    assert (longer.iterations, planned.iterations) == (LATE, CONFIG.iterations)
+    assert (longer.state.end, planned.state.end) == (LATE, CONFIG.iterations)
     found, expected = (trainer.field.state_dict() for trainer in (longer, planned))
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-6)
 
@@ -96,14 +96,14 @@ def test_a_longer_fit_is_the_planned_one_that_goes_on(many):
 def test_noise_that_no_field_explains_ends_a_fit(many):
     """What is learned of the other views does not help to see noise."""
     trainer = trainer_of(spoilt(many), CONFIG)
-    while trainer.iteration < trainer.iterations:
+    while trainer.state.iteration < trainer.state.end:
         trainer.step()
-    assert trainer.iteration == EARLY
+    assert trainer.state.iteration == EARLY
 
 
 def test_few_views_are_all_fitted_to():
-    assert trainer_of(painted_plane(14), CONFIG).aside is None
-    assert trainer_of(painted_plane(16), CONFIG).aside is not None
+    assert trainer_of(painted_plane(14), CONFIG).validation is None
+    assert trainer_of(painted_plane(16), CONFIG).validation is not None
 
 
 @pytest.mark.parametrize("killed_at", [BEFORE + 3, AFTER + 2])
@@ -116,10 +116,10 @@ def test_a_fit_that_ends_early_resumes_to_the_same_parameters(many, tmp_path, ki
         killed.step()
     save_fit(tmp_path, killed)
     resumed = trainer_of(scene, CONFIG, checkpoint_dir=tmp_path)
-    assert resumed.iteration == killed_at
-    while resumed.iteration < resumed.iterations:
+    assert resumed.state.iteration == killed_at
+    while resumed.state.iteration < resumed.state.end:
         resumed.step()
-    assert resumed.iteration == EARLY
+    assert resumed.state.iteration == EARLY
     resumed.finish()
     torch.testing.assert_close(resumed.field.state_dict(), whole.state_dict(), rtol=1e-4, atol=1e-6)
 
@@ -132,16 +132,16 @@ def test_a_longer_fit_resumes_after_its_planned_end_to_the_same_parameters(many,
         killed.step()
     save_fit(tmp_path, killed)
     resumed = trainer_of(many, config, checkpoint_dir=tmp_path)
-    while resumed.iteration < resumed.iterations:
+    while resumed.state.iteration < resumed.state.end:
         resumed.step()
-    assert resumed.iteration == LATE
+    assert resumed.state.iteration == LATE
     resumed.finish()
     torch.testing.assert_close(resumed.field.state_dict(), whole.state_dict(), rtol=1e-4, atol=1e-6)
 
 
-def test_views_aside_that_are_masked_all_over_tell_nothing(many):
+def test_validation_views_that_are_masked_all_over_are_not_measured(many):
     alpha = torch.full((*many.images.shape[:3], 1), 255, dtype=torch.uint8)
     alpha[5::10] = 0
     images = torch.cat([many.images, alpha], dim=3)
-    assert trainer_of(many, CONFIG).aside is not None
-    assert trainer_of(replace(many, images=images), CONFIG).aside is None
+    assert trainer_of(many, CONFIG).validation is not None
+    assert trainer_of(replace(many, images=images), CONFIG).validation is None
