@@ -17,7 +17,7 @@ from pipeline.errors import LostInputError, TaskFailure
 from pipeline.job import Job, Report, write_outcome
 from pipeline.publication import publish
 from pipeline.record import Action, ActionRecord
-from pipeline.settings import setting
+from pipeline.settings import boolean_setting, number_setting
 from pipeline.store import Store
 
 _log = logging.getLogger("pipeline")
@@ -42,7 +42,7 @@ def build_once(
 ) -> ActionRecord:
     """Returns the record of a build here, after any other process that builds the same key."""
     on_wait = partial(_log.info, "%s: waiting for another process that builds it", task.label)
-    is_locking = setting("store", "locks") == "true"
+    is_locking = boolean_setting("store", "locks")
     with store.lock(action.key, on_wait) if is_locking else contextlib.nullcontext():
         try:
             return store.find(action.key) or build(task, action, store, executor)
@@ -59,7 +59,7 @@ def build(task: ArtifactTask, action: Action, store: Store, executor: Executor) 
         TaskFailure: The build failed. Nothing was published.
         OSError: The disk fails. Nothing was published.
     """
-    seconds = float(setting("store", "retry_seconds"))
+    seconds = number_setting("store", "retry_seconds")
     for pause in (seconds, 4 * seconds):
         try:
             return _attempt(task, action, store, executor)
@@ -154,7 +154,8 @@ _REMEDIES = {
 
 @contextlib.contextmanager
 def _reason_in(log: Path) -> Iterator[None]:
-    """Writes the reason of a failed attempt to its log."""
+    """Writes the reason of a failed attempt to its log; until it ends, it is interrupted."""
+    write_outcome(log, "interrupted", "")
     try:
         yield
     except TaskFailure as failure:

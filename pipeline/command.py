@@ -25,9 +25,11 @@ from luigi.task_register import Register, TaskClassException
 from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_tasks
 from pipeline.console.log_handler import in_one_line
 from pipeline.console.progress_client import close_progress, progress_client
+from pipeline.errors import StoreError
 from pipeline.execution.fork_server import fork_server
 from pipeline.maintenance.task_graph import upstream_first
-from pipeline.settings import data_root
+from pipeline.parameters import parameter_errors
+from pipeline.settings import BOOLEANS, DEFAULTS, boolean_setting, data_root, number_setting
 
 _log = logging.getLogger("pipeline")
 _luigi_log = logging.getLogger("luigi-interface")
@@ -41,7 +43,10 @@ INTERRUPTED = 130
 Begin = Callable[[luigi.Task], None]
 """Called with the task of the command before Luigi runs it; SystemExit ends the command."""
 End = Callable[[luigi.Task], int | None]
-"""Called with the task at the end; returns the exit status, or None for Luigi's."""
+"""Called with the task at the end; returns the exit status, or None for Luigi's.
+
+After Ctrl-C the status is `INTERRUPTED`, whatever it returns.
+"""
 
 
 def run_command(
@@ -66,11 +71,13 @@ def run_command(
         with CmdlineParser.global_instance(list(arguments)) as parser:  # or prints help
             _require_settings_or_data()
             _require_readable_options(parser)
+            _require_valid_settings()
             InterfaceLogging.setup(luigi.interface.core())  # type: ignore[no-untyped-call]
-            return _run(parser, begin, end, libraries)
+            with parameter_errors():
+                return _run(parser, begin, end, libraries)
     except KeyboardInterrupt:
         return _interrupted()
-    except TaskClassException as error:
+    except (TaskClassException, ParameterException) as error:
         sys.stderr.write(f"{in_one_line(error)}\n")
         return INVALID
 
@@ -98,9 +105,8 @@ def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]
     except MissingParameterException:
         sys.stderr.write(f"{_missing_in_words(parser)}\n")
         return INVALID
-    except ParameterException as error:
-        sys.stderr.write(f"{in_one_line(error)}\n")
-        return INVALID
+    except ParameterException:
+        raise
     except Exception:  # noqa: BLE001  every error is reported
         _luigi_log.exception("The command cannot be read")
         return int(retcode().unhandled_exception)  # type: ignore[no-untyped-call]
@@ -113,7 +119,7 @@ def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]
             status = _luigi_status(task)
     close_progress()
     own = end(task)
-    return status if own is None else own
+    return status if own is None or status == INTERRUPTED else own
 
 
 def _missing_in_words(parser: CmdlineParser) -> str:
@@ -141,6 +147,22 @@ def _require_readable_options(parser: CmdlineParser) -> None:
             value = getattr(parser.known_args, f"core_{name}", None)
             place = f"[core] {name} in luigi.cfg" if value is None else f"--{option} {value}"
             raise SystemExit(f"{place}: {error}. `luigi --help-all` explains it.") from error
+
+
+def _require_valid_settings() -> None:
+    """Refuses a setting of the pipeline that is of another kind than its default.
+
+    Raises:
+        SystemExit: It names the setting and the value.
+    """
+    try:
+        for (section, name), default in DEFAULTS.items():
+            if default.isdigit():
+                number_setting(section, name)
+            elif default in BOOLEANS:
+                boolean_setting(section, name)
+    except StoreError as error:
+        raise SystemExit(str(error)) from error
 
 
 def _luigi_status(task: luigi.Task) -> int:

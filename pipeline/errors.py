@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias
 FailureKind: TypeAlias = Literal[
     "user", "crash", "killed", "memory", "timeout", "transient", "changed", "late", "disk"
 ]
+Outcome: TypeAlias = Literal["built", "interrupted"] | FailureKind
 Errors: TypeAlias = tuple[type[Exception], ...]
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _ALMOST_FULL_BYTES = 1 << 20

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
 
-from pipeline.errors import FailureKind
+from pipeline.errors import FailureKind, Outcome
 from pipeline.record import ActionRecord
 
 
@@ -112,20 +112,23 @@ class Report:
     cores: int = 0
 
 
-def write_outcome(log: Path, kind: Literal["built"] | FailureKind, reason: str) -> None:
-    """Ends the log of an attempt with the reason, and writes both as JSON beside it.
+def write_outcome(log: Path, kind: Outcome, reason: str) -> None:
+    """Adds the reason to the log of an attempt, and writes kind and reason as JSON beside it.
 
-    On a full disk it writes nothing, and raises no error.
+    An attempt is "interrupted" until it has another outcome: a killed process writes nothing.
+    On a full disk it removes that outcome, writes nothing, and raises no error.
     """
     with contextlib.suppress(OSError):
-        with log.open("a") as file:
-            file.write(f"{reason}\n")
-        log.with_suffix(".json").write_text(json.dumps({"kind": kind, "reason": reason}))
+        (file := log.with_suffix(".json")).unlink(missing_ok=True)
+        with log.open("a") as lines:
+            lines.write(f"{reason}\n" if reason else "")
+        file.write_text(json.dumps({"kind": kind, "reason": reason}))
 
 
 def read_outcome(log: Path) -> tuple[str, str]:
-    """Returns the kind and reason from `write_outcome`, or "" and the last line of the log."""
+    """Returns what `write_outcome` wrote, if anything; without a reason, the log's last line."""
+    kind = reason = ""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         outcome = json.loads(log.with_suffix(".json").read_text())
-        return str(outcome["kind"]), str(outcome["reason"])
-    return "", log.read_text(errors="replace").strip().rpartition("\n")[2]
+        kind, reason = str(outcome["kind"]), str(outcome["reason"])
+    return kind, reason or log.read_text(errors="replace").strip().rpartition("\n")[2]

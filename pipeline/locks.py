@@ -9,15 +9,12 @@ import errno
 import fcntl
 import os
 import socket
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TypeAlias
 
 # EBADF: NFS cannot lock a directory for writing, since nobody can open one for writing.
 _UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EBADF)
-References: TypeAlias = list[tuple[Path, Set[str]]]
-"""Files that protect artifacts from collection, each with the keys and digests it protects."""
 
 
 @contextlib.contextmanager
@@ -41,9 +38,13 @@ def locked(
         os.close(descriptor)
 
 
-def try_lock(descriptor: int) -> bool:
-    """Takes the flock of an open file or directory; returns False if another process has it."""
-    return _flock(descriptor, fcntl.LOCK_EX) is not False
+def try_lock(descriptor: int) -> bool | None:
+    """Takes the flock of an open file or directory, if no other process has it.
+
+    Returns:
+        Whether this process has the lock now; None on a file system without flock.
+    """
+    return _flock(descriptor, fcntl.LOCK_EX)
 
 
 def is_held(path: Path) -> bool | None:
@@ -105,16 +106,3 @@ class Run:
         if key not in self._keys:
             os.write(self._descriptor, f"{key}\n".encode())
             self._keys.add(key)
-
-
-def runs(root: Path) -> tuple[References, References]:
-    """Returns the runs of living processes and the finished ones, with their keys, oldest first.
-
-    The caller holds `gc.lock` exclusively.
-    """
-    living, past = References(), References()
-    for path in sorted((root / "runs").glob("*.keys")):
-        lines = path.read_text("utf-8", "replace").splitlines()
-        keys = {line[-64:] for line in lines}  # after a full disk, two lines may be joined
-        (living if is_held(path) else past).append((path, keys))
-    return living, past

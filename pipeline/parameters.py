@@ -3,8 +3,9 @@
 Luigi itself ends the command with a trace that names neither the flag nor the task.
 """
 
+import contextlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import luigi
@@ -93,6 +94,20 @@ class BoolParameter(_Flag, luigi.BoolParameter):
     """A flag that is given or not."""
 
     allowed = "true or false"
+
+
+@contextlib.contextmanager
+def parameter_errors() -> Iterator[None]:
+    """Raises the error of a parameter instead of Luigi's error that has it as its cause.
+
+    Luigi wraps the errors of parameters that the task of the command does not have itself.
+    """
+    try:
+        yield
+    except ValueError as error:
+        if isinstance(error.__cause__, ParameterException):
+            raise error.__cause__ from None
+        raise
 
 
 def workers_of_command() -> int:

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 
@@ -88,23 +88,6 @@ class ActionRecord:
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an action record: {error!r}") from error
         return record
-
-
-def ancestors(addresses: Iterable[str], known: Mapping[str, ActionRecord]) -> list[ActionRecord]:
-    """Returns the records of addresses and of everything that they were made from, each once.
-
-    Args:
-        addresses: Keys or digests.
-        known: The records by their addresses. A record that is not among them is left out.
-    """
-    found: dict[str, ActionRecord] = {}
-    pending = list(addresses)
-    while pending:
-        record = known.get(pending.pop())
-        if record and record.action.key not in found:
-            found[record.action.key] = record
-            pending += record.action.inputs.values()
-    return list(found.values())
 
 
 def _check(fields: Mapping[str, Json]) -> str:

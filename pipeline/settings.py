@@ -1,7 +1,9 @@
 """The user's settings: `luigi.cfg`, and the environment variables that take precedence."""
 
 import configparser
+import contextlib
 import functools
+import math
 import os
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import luigi
 from pipeline.errors import StoreError
 from pipeline.store import Store, open_store
 
-_DEFAULTS = {
+DEFAULTS = {
     ("store", "root"): "store",  # STYLETRF_STORE takes precedence
     ("store", "salt"): "",  # another word invalidates all artifacts
     ("store", "remote"): "",  # path or URL of the shared store; STYLETRF_REMOTE takes precedence
@@ -37,12 +39,35 @@ _DEFAULTS = {
     ("data", "root"): "data",  # STYLETRF_DATA takes precedence
     ("out", "root"): "out",  # STYLETRF_OUT takes precedence
 }
+"""The settings by section and name. A number or boolean has a default of its kind."""
+BOOLEANS = configparser.ConfigParser.BOOLEAN_STATES
 
 
 def setting(section: str, name: str) -> str:
     """Returns a setting from `luigi.cfg`, or its default."""
     config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
-    return str(config.get(section, name, _DEFAULTS[section, name]))
+    return str(config.get(section, name, DEFAULTS[section, name]))
+
+
+def number_setting(section: str, name: str) -> float:
+    """Returns a setting that is a number of 0 or more; a StoreError says that it is none."""
+    with contextlib.suppress(ValueError):
+        if 0 <= (number := float(setting(section, name))) < math.inf:
+            return number
+    raise invalid_setting(section, name, "a number of 0 or more")
+
+
+def boolean_setting(section: str, name: str) -> bool:
+    """Returns whether a setting is true; a StoreError says that it is neither true nor false."""
+    with contextlib.suppress(KeyError):
+        return BOOLEANS[setting(section, name).lower()]
+    raise invalid_setting(section, name, "true or false")
+
+
+def invalid_setting(section: str, name: str, expected: str) -> StoreError:
+    """Returns the error of a setting that is not what is expected."""
+    place = f"[{section}] {name} = {setting(section, name)} in {_file_of(section, name)}"
+    return StoreError(f"{place} is not {expected}. Correct it, or delete it for the default.")
 
 
 def current_store(*, create: bool = True) -> Store:
@@ -75,9 +100,12 @@ def _place(variable: str, section: str) -> Path:
 
 def configured_path(section: str, name: str) -> Path:
     """Returns a path setting; relative paths start at the folder of the file that has them."""
+    return _file_of(section, name).parent / setting(section, name)
+
+
+def _file_of(section: str, name: str) -> Path:
     other = os.environ.get("LUIGI_CONFIG_PATH")
-    folder = Path(other).parent if other and _defines(other, section, name) else Path()
-    return folder / setting(section, name)
+    return Path(other if other and _defines(other, section, name) else "luigi.cfg")
 
 
 @functools.cache

@@ -78,12 +78,12 @@ class Store:
     def resume(self, key: str, workspace: Path) -> Iterator[Path]:
         """Yields a directory for the checkpoints of one build, which survive if it is killed.
 
-        If another build uses that one, the directory is in `workspace`.
+        If another build may use that one, the directory is in `workspace`.
         """
         path = self.root / "resume" / key
         descriptor = _opened(path)
         try:
-            if not try_lock(descriptor) or not os.fstat(descriptor).st_nlink:  # taken, or removed
+            if not try_lock(descriptor) or not os.fstat(descriptor).st_nlink:  # not ours or removed
                 path = workspace / "resume"
                 path.mkdir()
             yield path

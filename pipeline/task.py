@@ -3,6 +3,7 @@
 This module combines the parts of the pipeline. The core imports none of these packages.
 """
 
+import contextlib
 import functools
 import multiprocessing
 import signal
@@ -19,16 +20,17 @@ from pipeline.cluster.backends import BACKENDS
 from pipeline.cluster.luigid import publish_key, require_same_key, stop_requesting_work
 from pipeline.cluster.submission import build_on_cluster
 from pipeline.code.closure import code_closure, save_closure
-from pipeline.code.snapshot import code_in_key
-from pipeline.errors import TaskFailure
+from pipeline.code.snapshot import code_in_key, present_code
+from pipeline.errors import NotBuiltError, TaskFailure
 from pipeline.execution.deadline import Deadline
+from pipeline.execution.executors import EXECUTORS
 from pipeline.execution.local_executor import LocalExecutor
 from pipeline.execution.options import BuildOptions
 from pipeline.execution.parent_process import die_with
 from pipeline.job import RunContext
 from pipeline.parameters import ChoiceParameter, FloatParameter
 from pipeline.record import Action, ActionRecord
-from pipeline.settings import current_store, setting
+from pipeline.settings import current_store, invalid_setting, number_setting, setting
 from pipeline.shared_store.sync import SharedArtifacts
 from pipeline.store import Store
 
@@ -78,9 +80,12 @@ class StoredTask(ArtifactTask):
     @property
     def options(self) -> BuildOptions:
         """Returns how and where this task is built."""
-        memory_gib = self.memory_gib or float(setting("store", "memory_gib"))
+        executor = self.executor or setting("store", "executor")
+        if executor not in (known := [*EXECUTORS, *BACKENDS]):
+            raise invalid_setting("store", "executor", f"one of {', '.join(known)}")
+        memory_gib = self.memory_gib or number_setting("store", "memory_gib")
         return BuildOptions(
-            executor=self.executor or setting("store", "executor"),
+            executor=executor,
             until=self.until,
             timeout_seconds=self.timeout_seconds,
             memory_limit_bytes=int(memory_gib * 2**30),
@@ -93,9 +98,13 @@ class StoredTask(ArtifactTask):
         return SharedArtifacts(current_store())
 
     def code(self, *, refresh: bool = False) -> str:
-        """Returns the digest of all code that `build` reaches, or its pinned revision."""
-        code_of = code_in_key if refresh else _first_code
-        return code_of(type(self), self.task_family, self.revision)
+        """Returns the digest of all code that `build` reaches, or its pinned revision.
+
+        An adoption of this code counts only if it was there when this process read the code first.
+        """
+        first, in_key = _first_code(type(self), self.task_family, self.revision)
+        now = present_code(type(self), self.revision) if refresh else first
+        return in_key if now == first else now
 
     def provenance(self, store: Store) -> Mapping[str, Json]:
         """Returns the digest of the list of code that the build reached."""
@@ -155,9 +164,16 @@ class StoredTask(ArtifactTask):
 
     def _run_after(self, upstream: ArtifactTask) -> "Generator[ArtifactTask, None, None]":
         self.forget()
-        require_same_key(upstream, upstream.action().key)
+        with contextlib.suppress(NotBuiltError):  # without its own inputs it has no key yet
+            require_same_key(upstream, upstream.action().key)
         yield from super()._run_after(upstream)
 
 
-_first_code = functools.cache(code_in_key)
-"""The code as this process read it first, since imported code does not change with the files."""
+@functools.cache
+def _first_code(task: type, family: str, revision: str | None) -> tuple[str, str]:
+    """Returns the code as this process read it first, and what represents it in the key.
+
+    Imported code does not change with the files.
+    """
+    code = present_code(task, revision)
+    return code, code_in_key(family, code)

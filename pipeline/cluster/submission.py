@@ -2,8 +2,8 @@
 
 import contextlib
 import logging
+import math
 import os
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -11,13 +11,14 @@ from pathlib import Path
 from pipeline.artifact_task import ArtifactTask
 from pipeline.cluster.backends import BACKENDS, Backend
 from pipeline.cluster.remote_job import JobResult, RemoteJob
+from pipeline.code.interpreters import interpreter_environment
 from pipeline.errors import LostInputError, TaskFailure
 from pipeline.execution.deadline import require_time_left
 from pipeline.execution.options import BuildOptions
 from pipeline.execution.resources import CORES, expected_cost
 from pipeline.job import write_outcome
 from pipeline.record import Action, ActionRecord
-from pipeline.settings import setting
+from pipeline.settings import number_setting
 from pipeline.shared_store.settings import PATIENCE, current_remote
 from pipeline.store import Store
 
@@ -68,7 +69,7 @@ def build_on_cluster(
 
 def remote_job_of(task: ArtifactTask, key: str, memory_bytes: int, max_gpus: int) -> RemoteJob:
     """Returns the job that builds a task on a node."""
-    cores = int(setting("host", "cores"))
+    cores = math.ceil(number_setting("host", "cores"))
     parameters: dict[str, str] = task.to_str_params()  # type: ignore[no-untyped-call]
     return RemoteJob(
         module=type(task).__module__,
@@ -83,7 +84,7 @@ def remote_job_of(task: ArtifactTask, key: str, memory_bytes: int, max_gpus: int
             **{name: value for name, value in os.environ.items() if _is_forwarded(name)},
             CORES: str(cores),
             PATIENCE: str(current_remote().patience_seconds or _PATIENCE_S),
-            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+            "PYTHONPATH": interpreter_environment()["PYTHONPATH"],
         },
     )
 
@@ -130,7 +131,7 @@ def _await_record(
         record = task.artifacts.lookup(action.key)
         if record and task.artifacts.is_available(record):
             return record
-        is_away = current_remote().is_silent("reading")
+        is_away = current_remote().is_open("reading")
         limit_s = _SECONDS_FOR_REMOTE if is_away else _SECONDS_TO_APPEAR
         if result.kind != "built" or time.monotonic() > started_s + limit_s:
             return None

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 
 from pipeline.artifact_task import ArtifactTask
+from pipeline.code.atomic_write import write_atomically
 from pipeline.code.closure import code_closure, code_digest
 from pipeline.code.snapshot import Snapshot, identity_file
 from pipeline.errors import StoreError
@@ -23,9 +24,9 @@ def snapshot_of(tasks: Iterable[type[ArtifactTask]]) -> Snapshot:
 
 
 def write_snapshot(snapshot: Snapshot) -> None:
-    """Replaces the file that `Snapshot.read` reads."""
+    """Replaces the file that `Snapshot.read` reads, also of builds under way."""
     text = json.dumps(asdict(snapshot), sort_keys=True, indent=1)
-    identity_file().write_text(f"{text}\n")
+    write_atomically(identity_file(), f"{text}\n")
 
 
 def packages(snapshot: Snapshot) -> set[str]:

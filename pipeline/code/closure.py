@@ -10,6 +10,7 @@ change there that alters artifacts changes a tag in `record`.
 """
 
 import ast
+import contextlib
 import functools
 import itertools
 import json
@@ -83,11 +84,17 @@ def save_closure(members: Mapping[str, str], store: Store) -> str:
 
 def load_closure(digest: str, store: Store) -> dict[str, str] | None:
     """Reads what `save_closure` wrote under the digest; None if it is absent or damaged."""
-    try:
-        members: dict[str, str] = json.loads(store.code(digest).read_bytes())
-    except (OSError, ValueError):
-        return None
-    return members if code_digest(members) == digest else None
+    with contextlib.suppress(OSError):
+        return closure_from_json(store.code(digest).read_bytes(), digest)
+    return None
+
+
+def closure_from_json(text: bytes, digest: str) -> dict[str, str] | None:
+    """Reads the result of `code_closure` with this digest; None if the text is anything else."""
+    with contextlib.suppress(ValueError, TypeError, RecursionError):
+        members: dict[str, str] = json.loads(text)
+        return members if code_digest(members) == digest else None
+    return None
 
 
 class _Walk:

@@ -8,7 +8,6 @@ for the present files only. A result that is absent, damaged or not writable is 
 
 import contextlib
 import json
-import os
 import shutil
 import sys
 from collections.abc import Callable, Iterable
@@ -16,6 +15,7 @@ from importlib.util import cache_from_source
 from pathlib import Path
 
 from pipeline.canonical import canonical_json
+from pipeline.code.atomic_write import write_atomically
 from pipeline.code.source import package_files
 from pipeline.digest import file_digest, typed_digest
 
@@ -80,17 +80,12 @@ def _read(path: Path, name: str) -> Closure | None:
 
 
 def _write(path: Path, name: str, closure: Closure) -> None:
-    """Writes a file atomically, and removes the results of earlier files."""
+    """Writes a result, and removes those of earlier files."""
     path.parent.mkdir(parents=True, exist_ok=True)
     for other in path.parent.parent.iterdir():
         if other != path.parent:
             shutil.rmtree(other, ignore_errors=True)
-    partial = path.with_suffix(f".{os.getpid()}")
-    try:
-        partial.write_text(json.dumps({"digest": _digest(name, closure), "closure": closure}))
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_atomically(path, json.dumps({"digest": _digest(name, closure), "closure": closure}))
 
 
 def _digest(name: str, closure: Closure) -> str:

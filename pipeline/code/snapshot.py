@@ -46,9 +46,13 @@ class Snapshot:
         return code
 
 
-def code_in_key(task: type, family: str, revision: str | None) -> str:
-    """Returns the present code of a task, or the oldest code that was declared equal to it."""
-    code = f"revision {revision}" if revision else code_digest(code_closure(task))
+def present_code(task: type, revision: str | None) -> str:
+    """Returns the digest of the present code of a task, or its pinned revision."""
+    return f"revision {revision}" if revision else code_digest(code_closure(task))
+
+
+def code_in_key(family: str, code: str) -> str:
+    """Returns the oldest code of the family that was declared equal to `code` by now."""
     return Snapshot.read().original(family, code)
 
 

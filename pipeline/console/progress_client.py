@@ -12,6 +12,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 
+from pipeline.code.interpreters import interpreter_environment
 from pipeline.parameters import workers_of_command
 
 _MAX_CHARACTERS = 300  # of a string; Linux may split a write of more than 4 KiB to a pipe
@@ -99,10 +100,9 @@ def progress_client() -> ProgressClient | None:
         return None
     reading, writing = os.pipe()
     command = [sys.executable, "-P", "-m", "pipeline.console.progress_renderer"]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     with os.fdopen(reading, "rb") as messages:  # in a session of its own, Ctrl-C does not end it
         renderer = subprocess.Popen(
-            command, stdin=messages, start_new_session=True, env=environment
+            command, stdin=messages, start_new_session=True, env=interpreter_environment()
         )
     return ProgressClient(writing, renderer)
 

@@ -40,9 +40,9 @@ class CostSample:
     host: str = ""
 
 
-def record_cost(store: Store, family: str, spent: CostSample) -> None:
+def record_cost(store: Store, family: str, sample: CostSample) -> None:
     """Adds a line, unless the disk is full or the store cannot be written to."""
-    line = json.dumps(asdict(spent), sort_keys=True).encode() + b"\n"
+    line = json.dumps(asdict(sample), sort_keys=True).encode() + b"\n"
     with contextlib.suppress(OSError), _file(store, family).open("ab", buffering=0) as file:
         file.write(line)  # at once, since other processes add lines, too
 
@@ -70,7 +70,7 @@ def cost_of_similar(earlier: list[CostSample], parameters: Mapping[str, str]) ->
     The five newest builds that share the most parameters decide it. The time is their median. The
     memory is a fifth more than their largest.
     """
-    costs = [spent.cost for spent in most_similar(earlier, parameters)]
+    costs = [sample.cost for sample in most_similar(earlier, parameters)]
     if not costs:
         return None
     memory = _RESERVE * max(c.peak_memory_bytes for c in costs)
@@ -79,7 +79,7 @@ def cost_of_similar(earlier: list[CostSample], parameters: Mapping[str, str]) ->
 
 def most_similar(earlier: Sequence[CostSample], parameters: Mapping[str, str]) -> list[CostSample]:
     """Returns the newest builds, at most five, of those that share most of the parameters."""
-    shared = [len(spent.parameters.items() & parameters.items()) for spent in earlier]
+    shared = [len(sample.parameters.items() & parameters.items()) for sample in earlier]
     most = max(shared, default=0)
     return [s for s, n in zip(earlier, shared, strict=True) if n == most][-_NEWEST:]
 

@@ -15,13 +15,13 @@ from pathlib import Path
 import psutil
 
 from pipeline.execution.host_locks import acquire, fifo_queue, open_locks
-from pipeline.settings import setting
+from pipeline.settings import number_setting
 
 _MEMORY_PARTS = 64
 _CGROUP = Path("/sys/fs/cgroup")
 SPIN_COUNT = "GOMP_SPINCOUNT"
 """The variable for how often a thread of libgomp checks a barrier before it sleeps."""
-_SPINS = "2000"
+_SPINS = "500"
 _KEPT_MEMORY = "MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"
 """The variables of glibc for how much freed memory the process keeps."""
 THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "MKL_NUM_THREADS")
@@ -92,7 +92,7 @@ def usable_cores() -> list[int]:
 
 def memory_bytes() -> int:
     """Returns the memory for all builds: `[host] memory_gib`, or nine tenths of the host's."""
-    if gibibytes := float(setting("host", "memory_gib")):
+    if gibibytes := number_setting("host", "memory_gib"):
         return int(gibibytes * 2**30)
     total = int(psutil.virtual_memory().total)
     return int(0.9 * min([total, *_limits_of_memory()]))
@@ -122,7 +122,7 @@ def _limits_of_memory() -> list[int]:
 
 def _cores_of_memory() -> int:
     """Returns how many cores share `memory_bytes`: all of the host without limits of this group."""
-    is_own = float(setting("host", "memory_gib")) or _quota() or _limits_of_memory()
+    is_own = number_setting("host", "memory_gib") or _quota() or _limits_of_memory()
     return len(usable_cores()) if is_own else max(len(usable_cores()), os.cpu_count() or 1)
 
 

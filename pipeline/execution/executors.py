@@ -1,12 +1,10 @@
 """Runs one build: in this process (`inline`, for tests) or in another one (`subprocess`)."""
 
-import contextlib
 import dataclasses
 import json
 import os
 import resource
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,12 +15,10 @@ from pipeline.execution.cpu_memory import THREADS
 from pipeline.execution.fork_server import (
     ForkedProcess,
     build_environment,
-    current_fork_server,
+    start_process,
 )
 from pipeline.execution.progress_pipe import read_messages
 from pipeline.job import Display, Job, Report
-
-_SUPERVISOR = "pipeline.execution.supervisor"
 
 
 def build_inline(job: Job, display: Display) -> Report:
@@ -45,7 +41,7 @@ def build_in_subprocess(job: Job, display: Display) -> Report:
     (stdin, lifeline), (messages, stdout) = os.pipe(), os.pipe()
     with os.fdopen(lifeline, "wb") as alive, os.fdopen(messages, "rb") as lines:
         try:
-            supervisor = _started(specification, job, stdin, stdout)
+            supervisor = _start_supervisor(specification, job, stdin, stdout)
         finally:
             os.close(stdin)
             os.close(stdout)
@@ -58,7 +54,7 @@ def build_in_subprocess(job: Job, display: Display) -> Report:
     return _report(received, status, job.log)
 
 
-def _started(
+def _start_supervisor(
     specification: Path, job: Job, stdin: int, stdout: int
 ) -> "ForkedProcess | subprocess.Popen[bytes]":
     """Starts a supervisor, by a fork or in its own interpreter.
@@ -68,20 +64,13 @@ def _started(
     """
     environment = {**build_environment(), **job.environment}
     with Path(job.log).open("ab") as log:
-        server = current_fork_server()
-        if server and job.environment.keys().isdisjoint(THREADS):
-            with contextlib.suppress(OSError):  # the server was killed, or cannot fork
-                streams = stdin, stdout, log.fileno()
-                function, words = f"{_SUPERVISOR}:supervise", [str(specification)]
-                return server.start(function, words, environment, streams, job.inherited_fds)
-        return subprocess.Popen(
-            [sys.executable, "-P", "-m", _SUPERVISOR, str(specification)],
-            stdin=stdin,
-            stdout=stdout,
-            stderr=log,
-            pass_fds=job.inherited_fds,
-            env=environment,
-            start_new_session=True,
+        return start_process(
+            "pipeline.execution.supervisor:supervise",
+            [str(specification)],
+            environment,
+            (stdin, stdout, log.fileno()),
+            job.inherited_fds,
+            is_forked=job.environment.keys().isdisjoint(THREADS),
         )
 
 

@@ -22,6 +22,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO, Any, final
 
+from pipeline.code.interpreters import interpreter_command, interpreter_environment
 from pipeline.execution.cpu_memory import allocator_settings, openmp_wait_settings
 
 _LARGEST_REQUEST_BYTES = 2**17
@@ -151,7 +152,7 @@ def output_of(function: str, text: str) -> str:
     (stdin, to_process), (from_process, stdout) = os.pipe(), os.pipe()
     with os.fdopen(to_process, "w") as written, os.fdopen(from_process) as read:
         try:
-            process = _started(function, (stdin, stdout, 2))
+            process = start_process(function, (), build_environment(), (stdin, stdout, 2))
         finally:
             os.close(stdin)
             os.close(stdout)
@@ -165,30 +166,38 @@ def output_of(function: str, text: str) -> str:
     return output
 
 
-def _started(
-    function: str, streams: tuple[int, int, int]
+def start_process(
+    function: str,
+    arguments: Sequence[str],
+    environment: Mapping[str, str],
+    streams: tuple[int, int, int],
+    kept: Sequence[int] = (),
+    *,
+    is_forked: bool = True,
 ) -> "ForkedProcess | subprocess.Popen[bytes]":
-    if server := current_fork_server():
+    """Starts a process: a fork of the server of this context, or else a new interpreter.
+
+    The arguments are those of `ForkServer.start`. Unless `is_forked`, it is an interpreter.
+    """
+    if is_forked and (server := current_fork_server()):
         with contextlib.suppress(OSError):  # the server was killed, or cannot fork
-            return server.start(function, (), build_environment(), streams)
-    module, _, name = function.partition(":")
-    code = f"import sys; from {module} import {name}; sys.exit({name}())"
+            return server.start(function, arguments, environment, streams, kept)
     stdin, stdout, stderr = streams
     return subprocess.Popen(
-        [sys.executable, "-P", "-c", code],
+        [*interpreter_command(function), *arguments],
         stdin=stdin,
         stdout=stdout,
         stderr=stderr,
-        env=build_environment(),
+        pass_fds=kept,
+        env=environment,
+        start_new_session=True,
     )
 
 
 def build_environment() -> dict[str, str]:
     """Returns the variables of an interpreter for builds."""
     settings = openmp_wait_settings(os.environ) | allocator_settings(os.environ)
-    environment = {**os.environ, **settings, "PYTHONUNBUFFERED": "1"}
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-    return environment
+    return {**interpreter_environment(), **settings, "PYTHONUNBUFFERED": "1"}
 
 
 def main() -> int:

@@ -47,7 +47,7 @@ def try_acquire(files: Mapping[str, int], least: int, most: int) -> list[str]:
     """
     taken: list[str] = []
     for name, file in files.items():
-        if len(taken) < most and try_lock(file):
+        if len(taken) < most and try_lock(file) is not False:
             taken.append(name)
     if len(taken) >= least:
         return taken
@@ -71,7 +71,7 @@ def acquire(
 def fifo_queue(on_wait: Callable[[], object]) -> Iterator[None]:
     """Lets one process at a time choose its units, in the order of their requests."""
     with open_locks("turn", ["0"]) as files:
-        if not try_lock(files["0"]):
+        if try_lock(files["0"]) is False:
             on_wait()
             fcntl.flock(files["0"], fcntl.LOCK_EX)
         yield

@@ -1,4 +1,4 @@
-"""`python -m pipeline.execution.supervisor JOB.json`: runs one build under supervision.
+"""Runs one build under supervision, in a process that calls `supervise`.
 
 The supervisor forks before it imports any code of the project. It waits for the builder and checks
 its time, its memory, and standard input. The end of standard input means that the command has
@@ -53,6 +53,7 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -
     """
     started, oom_kills, seconds, peak, kind = time.monotonic(), _oom_kills(), 0.0, 0, "killed"
     busy, earlier, noted = _busy_seconds(), _spent(resume), 0.0
+    watched = {0, *_end_of(builder)}
     while not (ended := os.wait4(builder, os.WNOHANG))[0]:
         seconds, peak = time.monotonic() - started, max(peak, _resident_bytes(builder))
         if seconds > noted + _SECONDS_BETWEEN_NOTES:
@@ -62,9 +63,11 @@ def _supervise(builder: int, max_seconds: float, max_bytes: int, resume: Path) -
             kind = "timeout"
         elif max_bytes and peak > max_bytes:
             kind = "memory"
-        if kind != "killed" or select.select([0], [], [], 0)[0]:
+        if kind != "killed" or 0 not in watched:
             _end(builder)
-        time.sleep(_SECONDS_BETWEEN_POLLS)
+        if 0 in select.select(watched, [], [], _SECONDS_BETWEEN_POLLS)[0]:
+            watched.remove(0)  # the command has ended
+    seconds = time.monotonic() - started
     _end(builder)  # processes that it started and left behind
     status, largest = os.waitstatus_to_exitcode(ended[1]), ended[2].ru_maxrss * _MAXRSS_UNIT
     own = ended[2].ru_utime + ended[2].ru_stime
@@ -98,6 +101,13 @@ def _build(job: dict[str, Any]) -> int:
 def _report(descriptor: int, **fields: object) -> None:
     with open(descriptor, "w") as file:
         file.write(f"\n{json.dumps(fields)}\n")  # a killed process may leave half a line before it
+
+
+def _end_of(process: int) -> list[int]:
+    """Returns a descriptor that can be read once the process has ended; none if there are none."""
+    with contextlib.suppress(AttributeError, OSError):  # neither on macOS nor on an old Linux
+        return [os.pidfd_open(process)]
+    return []
 
 
 def _end(group: int) -> None:
@@ -155,7 +165,3 @@ def _oom_kills() -> int:
     """Returns how many processes the kernel has killed for lack of memory, in any container."""
     counters = Path("/proc/vmstat").read_text() if sys.platform == "linux" else ""
     return sum(map(int, re.findall(r"^oom_kill (\d+)", counters, re.MULTILINE)))
-
-
-if __name__ == "__main__":
-    sys.exit(supervise(sys.argv[1]))

@@ -9,7 +9,7 @@ import luigi
 from pipeline.errors import Errors, StoreError
 from pipeline.job import read_outcome
 from pipeline.locks import is_held
-from pipeline.maintenance.task_graph import upstream_first
+from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.store import Store
 from pipeline.task import StoredTask
 
@@ -22,7 +22,8 @@ class Attempt:
 
     Attributes:
         log: Its log.
-        kind: "built", the kind of the failure, or "" if it did not write its outcome.
+        kind: "built", the kind of the failure, "interrupted" if it was ended with its command or
+            has not ended, or "" if it could not write its outcome.
         end: The reason, or the last line of the log.
         is_under_way: Whether a process holds the lock of its key.
     """
@@ -65,7 +66,8 @@ def find_blocking_failure(
 ) -> BlockingFailure | None:
     """Returns what prevents a task: a failure, or else a running build; or None.
 
-    It uses this store only, and the last attempt at each stage whose inputs are complete.
+    It uses this store only, and the last attempt at each stage whose inputs are complete. An
+    interrupted attempt is no failure.
 
     Args:
         task: The task that is not made.
@@ -74,9 +76,7 @@ def find_blocking_failure(
     """
     missing: set[StoredTask] = set()
     found: list[BlockingFailure] = []
-    for each in upstream_first(task):
-        if not isinstance(each, StoredTask):
-            continue
+    for each in stored_tasks(task):
         if missing & set(each.requires().values()):
             missing.add(each)
             continue
@@ -95,11 +95,10 @@ def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, Block
         return False, BlockingFailure(task, str(error))
     if store.record(key):
         return True, None
-    tried = attempts(store, task.task_family, key, since)[-1:]
-    seen = [
-        BlockingFailure(task, a.end, a.is_under_way, a.kind) for a in tried if not a.is_published
-    ]
-    return False, seen[0] if seen else None
+    for last in attempts(store, task.task_family, key, since)[-1:]:
+        if last.is_under_way or last.kind not in ("built", "interrupted"):
+            return False, BlockingFailure(task, last.end, last.is_under_way, last.kind)
+    return False, None
 
 
 def _attempt(store: Store, log: Path) -> Attempt:
@@ -107,7 +106,8 @@ def _attempt(store: Store, log: Path) -> Attempt:
     locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
     is_under_way = any(is_held(lock) for lock in locks)
     if not end and not is_under_way:
-        end = f"it wrote nothing; the disk may be full. Its log: {log}"
+        problem = "it was interrupted" if kind else "it wrote nothing; the disk may be full"
+        end = f"{problem}. Its log: {log}"
     return Attempt(log, kind, end, is_under_way)
 
 

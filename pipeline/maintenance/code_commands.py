@@ -5,22 +5,32 @@ import importlib
 from argparse import Namespace
 
 from luigi.cmdline_parser import CmdlineParser
+from luigi.parameter import ParameterException
+from luigi.task_register import TaskClassException
 
 from pipeline.code.adoption import packages, snapshot_of, with_adoption, write_snapshot
 from pipeline.code.snapshot import Snapshot, identity_file
-from pipeline.errors import StoreError
+from pipeline.console.log_handler import in_one_line
+from pipeline.errors import Errors, StoreError
 from pipeline.maintenance.commands import CommandResult
 from pipeline.maintenance.why import explain
+from pipeline.parameters import parameter_errors
 from pipeline.store import Store
 from pipeline.task import StoredTask
 
 
 def why(store: Store, options: Namespace) -> CommandResult:
     """Explains why tasks would run: their differences from the nearest artifact."""
-    _import(options.module)
+    user_errors = [error for kind in families(options.module) for error in kind.user_errors]
+    invalid: Errors = (ParameterException, TaskClassException, *user_errors)
     words = ["--module", options.module, *options.task]
-    with CmdlineParser.global_instance(words) as parser:
-        return 0, list(explain(parser.get_task_obj(), store))
+    if not options.task:
+        raise StoreError("`why` needs a task, as Luigi does: TASK --parameter value ...")
+    try:
+        with parameter_errors(), CmdlineParser.global_instance(words) as parser:
+            return 0, list(explain(parser.get_task_obj(), store))
+    except invalid as error:
+        raise StoreError(in_one_line(error)) from error
 
 
 def snapshot(_store: object, options: Namespace) -> CommandResult:

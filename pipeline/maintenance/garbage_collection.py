@@ -17,9 +17,10 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.errors import StoreError
-from pipeline.locks import References, is_held, locked, runs
-from pipeline.maintenance.roots import roots
-from pipeline.record import ActionRecord, ancestors
+from pipeline.locks import is_held, locked
+from pipeline.maintenance.ancestors import ancestors
+from pipeline.maintenance.roots import References, roots
+from pipeline.record import ActionRecord
 from pipeline.store import Store
 
 _log = logging.getLogger("pipeline")
@@ -117,11 +118,24 @@ def _by_address(store: Store) -> dict[str, ActionRecord]:
     return known
 
 
+def _runs(root: Path) -> tuple[References, References]:
+    """Returns the runs of living processes and the finished ones, with their keys, oldest first.
+
+    The caller holds `gc.lock` exclusively.
+    """
+    living, past = References(), References()
+    for path in sorted((root / "runs").glob("*.keys")):
+        lines = path.read_text("utf-8", "replace").splitlines()
+        keys = {line[-64:] for line in lines}  # after a full disk, two lines may be joined
+        (living if is_held(path) else past).append((path, keys))
+    return living, past
+
+
 def _references(
     store: Store, known: Mapping[str, ActionRecord], keep_last: int, grace_hours: float
 ) -> dict[str, References]:
     """Returns, by reason, the paths that keep artifacts, with their keys and digests."""
-    living, past = runs(store.root)
+    living, past = _runs(store.root)
     useful = [run for run in past if not known.keys().isdisjoint(run[1])]
     made = [(store.action(key), {key}) for key in known]
     return {

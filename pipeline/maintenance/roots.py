@@ -8,14 +8,18 @@ system of the folder is not mounted.
 import json
 import os
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Set
 from pathlib import Path
+from typing import TypeAlias
 
 from pipeline.digest import typed_digest
 from pipeline.errors import StoreError
-from pipeline.locks import References, locked
+from pipeline.locks import locked
 from pipeline.record import ActionRecord
 from pipeline.store import Store
+
+References: TypeAlias = list[tuple[Path, Set[str]]]
+"""Files that protect artifacts from collection, each with the keys and digests it protects."""
 
 
 def pin(store: Store, key: str, name: str) -> None:
@@ -71,7 +75,7 @@ def add_folder_root(store: Store, folder: Path, targets: Iterable[Path]) -> None
         folder: The folder, which exists.
         targets: The present or later targets of its links.
     """
-    shows = sorted(address for target in targets for address in _addresses(store, target))
+    shows = sorted(address for target in targets for address in shown_artifacts(store, target))
     content = {"folder": str(folder.absolute()), "device": folder.stat().st_dev, "shows": shows}
     _write_root(store, _name_of(folder), lambda path: path.write_text(json.dumps(content)))
 
@@ -90,7 +94,7 @@ def roots(store: Store) -> References:
 def _held(store: Store, root: Path) -> set[str]:
     if root.is_symlink():  # to a record; in earlier versions also to a folder
         shown = root.iterdir() if root.is_dir() else ()
-        return {address for link in (root, *shown) for address in _addresses(store, link)}
+        return {address for link in (root, *shown) for address in shown_artifacts(store, link)}
     try:
         content = json.loads(root.read_bytes())
         folder, device = Path(content["folder"]), content["device"]
@@ -100,12 +104,12 @@ def _held(store: Store, root: Path) -> set[str]:
             f"{root} cannot be read, so nobody can tell what it keeps. Delete it to keep nothing."
         ) from error
     links = folder.iterdir() if folder.is_dir() else ()
-    now = {address for link in links for address in _addresses(store, link)}
+    now = {address for link in links for address in shown_artifacts(store, link)}
     place = next(path for path in (folder, *folder.parents) if path.exists())
     return now or (shows if place.stat().st_dev != device else set())
 
 
-def _addresses(store: Store, link: Path) -> set[str]:
+def shown_artifacts(store: Store, link: Path) -> set[str]:
     """Returns the key or digest of a link's target in the store; empty for other targets."""
     home, place = store.root.resolve(), Path(os.path.realpath(link))
     parts = place.relative_to(home).parts if place.is_relative_to(home) else ()

@@ -8,10 +8,11 @@ from pipeline.console.display import is_interactive
 from pipeline.console.progress import ProgressBar
 from pipeline.errors import StoreError
 from pipeline.maintenance import roots
+from pipeline.maintenance.ancestors import ancestors
 from pipeline.maintenance.commands import CommandResult, Rows, find_all, row_of, totals
 from pipeline.maintenance.garbage_collection import collect
 from pipeline.maintenance.verify import problems, repair, unreferenced_objects
-from pipeline.record import ActionRecord, ancestors
+from pipeline.record import ActionRecord
 from pipeline.shared_store import sync
 from pipeline.shared_store.settings import current_remote
 from pipeline.store import Store

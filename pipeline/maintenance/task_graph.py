@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator
 
 import luigi
 
+from pipeline.task import StoredTask
+
 
 def upstream_first(
     *roots: luigi.Task, is_left_out: Callable[[luigi.Task], bool] = lambda _: False
@@ -18,6 +20,7 @@ def upstream_first(
     seen: set[luigi.Task] = set()
 
     def visit(task: luigi.Task) -> Iterator[luigi.Task]:
+        """Yields what of the graph of one task did not come before."""
         if task in seen:
             return
         seen.add(task)
@@ -29,3 +32,18 @@ def upstream_first(
 
     for root in roots:
         yield from visit(root)
+
+
+def stored_tasks(
+    *roots: luigi.Task, is_left_out: Callable[[StoredTask], bool] = lambda _: False
+) -> Iterator[StoredTask]:
+    """Yields the tasks of `upstream_first` whose artifacts are stored, in its order.
+
+    Args:
+        *roots: The tasks.
+        is_left_out: Whether to leave out a stored task, and what only that task needs.
+    """
+    graph = upstream_first(
+        *roots, is_left_out=lambda task: isinstance(task, StoredTask) and is_left_out(task)
+    )
+    return (task for task in graph if isinstance(task, StoredTask))

@@ -10,7 +10,7 @@ import luigi
 from pipeline.canonical import Json, canonical_json
 from pipeline.code.closure import code_closure, load_closure
 from pipeline.errors import Errors, StoreError
-from pipeline.maintenance.task_graph import upstream_first
+from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.record import Action, ActionRecord
 from pipeline.store import Store
 from pipeline.task import StoredTask
@@ -57,9 +57,7 @@ def explanations(roots: Iterable[luigi.Task], store: Store) -> Iterator[Explanat
     past = sorted(store.records(), key=lambda r: str(r.provenance["started"]), reverse=True)
     makers = {record.output.digest: str(record.provenance["label"]) for record in past}
     unknown: set[luigi.Task] = set()
-    for each in upstream_first(*roots):
-        if not isinstance(each, StoredTask):
-            continue
+    for each in stored_tasks(*roots):
         missing = {n: t for n, t in each.requires().items() if t in unknown}
         state, differences = _state(each, store, past, missing)
         unknown |= set() if state in _KNOWN else {each}

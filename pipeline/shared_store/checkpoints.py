@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.digest import Tree, tree_digest
-from pipeline.settings import setting
+from pipeline.settings import boolean_setting, number_setting
 from pipeline.shared_store.archive import pack, unpack
 from pipeline.shared_store.remote import Remote
 from pipeline.shared_store.settings import current_remote
@@ -44,7 +44,7 @@ def shared_checkpoints(key: str, resume: Path) -> Iterator[Callable[[], None]]:
     if not _are_shared():
         yield lambda: None
         return
-    remote, seconds = current_remote(), float(setting("store", "checkpoint_seconds"))
+    remote, seconds = current_remote(), number_setting("store", "checkpoint_seconds")
     with contextlib.suppress(OSError):
         remote.call_or_none("reading", partial(_download_newest, key, resume))
     uploader = CheckpointUploader(key, resume, remote)
@@ -76,8 +76,8 @@ def forget_checkpoints(key: str) -> None:
 
 
 def _are_shared() -> bool:
-    has_store = current_remote().url and setting("store", "push") == "true"
-    return bool(has_store) and float(setting("store", "checkpoint_seconds")) > 0
+    is_on = boolean_setting("store", "push") and number_setting("store", "checkpoint_seconds") > 0
+    return is_on and bool(current_remote().url)
 
 
 def _checkpoints(resume: Path) -> list[tuple[str, int, int]]:

@@ -55,7 +55,7 @@ class Remote:
     patience_seconds: float = 0.0
     key: bytes = field(default=b"", repr=False)
     reached: Callable[[str], None] = nothing
-    _silent_until: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
+    _open_until: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
     _warned: set[str] = field(default_factory=set, compare=False, repr=False)
 
     def call_or_none(self, kind: str, call: Callable[["Remote"], Result]) -> Result | None:
@@ -64,20 +64,20 @@ class Remote:
         For a minute after a failure of kind "reading" it calls nothing, and after a failure of
         kind "writing" it calls nothing of this kind.
         """
-        if not self.url or self.is_silent(kind):
+        if not self.url or self.is_open(kind):
             return None
         try:
             return self._with_retries(call)
         except StoreError as error:
-            self._silent_until[kind] = time.monotonic() + CIRCUIT_OPEN_S
+            self._open_until[kind] = time.monotonic() + CIRCUIT_OPEN_S
             reason = str(error).rstrip(".")
             _log.warning("%s. Continuing without %s there for a minute.", reason, kind)
             return None
 
-    def is_silent(self, kind: str) -> bool:
-        """Whether a recent failure suspends all calls of this kind."""
-        silent_until = max(self._silent_until.get(each, 0) for each in ("reading", kind))
-        return time.monotonic() < silent_until
+    def is_open(self, kind: str) -> bool:
+        """Whether the circuit breaker is open: a recent failure suspends all calls of this kind."""
+        open_until = max(self._open_until.get(each, 0) for each in ("reading", kind))
+        return time.monotonic() < open_until
 
     def warn_unsigned(self, sort: str, problem: str) -> None:
         """Warns once in a process about unsigned records, or about unsigned checkpoints."""
@@ -110,10 +110,14 @@ class Remote:
                 return None
 
     def read_all(self, folder: str) -> list[bytes]:
-        """Returns the bytes of every file in the folder."""
+        """Returns the bytes of every file in the folder, except those removed meanwhile."""
         with self._at(folder) as (files, path):
             names = files.find(path)
-            return list(files.cat(names, on_error="omit").values()) if names else []
+            found = files.cat(names, on_error="return").values() if names else []
+            for each in found:
+                if isinstance(each, Exception) and not isinstance(each, FileNotFoundError):
+                    raise each
+            return [each for each in found if isinstance(each, bytes)]
 
     def has(self, name: str) -> bool:
         """Whether there is a file of this name."""

@@ -3,7 +3,7 @@
 import os
 
 from pipeline.errors import StoreError
-from pipeline.settings import configured_path, setting
+from pipeline.settings import configured_path, number_setting, setting
 from pipeline.shared_store.remote import Remote, open_remote
 from pipeline.shared_store.signatures import SHORTEST_KEY
 
@@ -14,9 +14,10 @@ PATIENCE = "STYLETRF_PATIENCE"
 def current_remote() -> Remote:
     """Returns the shared store in STYLETRF_REMOTE or [store] remote, if there is one."""
     url = os.environ.get("STYLETRF_REMOTE", setting("store", "remote"))
-    patience_seconds = os.environ.get(PATIENCE, setting("store", "patience_seconds"))
+    given = os.environ.get(PATIENCE)
+    patience_seconds = float(given) if given else number_setting("store", "patience_seconds")
     options = setting("store", "remote_options")
-    return open_remote(url, options, float(patience_seconds), signing_key() if url else b"")
+    return open_remote(url, options, patience_seconds, signing_key() if url else b"")
 
 
 def signing_key() -> bytes:

@@ -11,7 +11,6 @@ in its record. Records are trusted, so whoever can write there decides the resul
 """
 
 import contextlib
-import json
 import logging
 import time
 from collections.abc import Sequence
@@ -20,12 +19,12 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.artifacts import Artifacts
-from pipeline.code.closure import code_digest, load_closure, save_closure
+from pipeline.code.closure import closure_from_json, load_closure, save_closure
 from pipeline.digest import is_tree
 from pipeline.errors import StoreError
 from pipeline.publication import commit, publish
 from pipeline.record import ActionRecord
-from pipeline.settings import setting
+from pipeline.settings import boolean_setting
 from pipeline.shared_store.archive import pack, unpack
 from pipeline.shared_store.remote import Remote
 from pipeline.shared_store.settings import current_remote
@@ -83,7 +82,7 @@ class SharedArtifacts(Artifacts):
         Raises:
             OSError: The store's own disk is full, so no other machine can get the artifact.
         """
-        if setting("store", "push") == "true":
+        if boolean_setting("store", "push"):
             current_remote().call_or_none("writing", partial(push, self.store, record))
 
 
@@ -91,10 +90,9 @@ def import_record(store: Store, record: ActionRecord, remote: Remote) -> ActionR
     """Copies a shared record into the store, which keeps its own record if it has one."""
     code = str(record.provenance.get("closure", ""))
     if code and load_closure(code, store) is None:
-        with contextlib.suppress(ValueError, AttributeError):  # invalid; `why` then explains less
-            members = json.loads(remote.read(_code(code)) or b"")
-            if code_digest(members) == code:
-                save_closure(members, store)
+        members = closure_from_json(remote.read(_code(code)) or b"", code)
+        if members is not None:  # otherwise `why` explains less
+            save_closure(members, store)
     with store.run.lease(record.action.key):
         return commit(store, record, store.record)
 

@@ -1,4 +1,4 @@
-"""The bare command, as a user types it, in processes of its own."""
+"""The bare command, as a user types it, and commands about what it left."""
 
 import contextlib
 import json
@@ -10,11 +10,12 @@ import termios
 
 import psutil
 import pytest
-from commands import are_gone, luigi, pids_of_slow, start
+from commands import are_gone, luigi, pids_of_slow, pipeline, start
 from expected_failures import log_named_in, refuses
 from killing import make
 from message_words import mentions
-from store_toys import NO_WORD, Slow, Word, built
+from sharing_cases import build
+from store_toys import NO_WORD, Batch, Sentence, Slow, Word, built
 
 from pipeline.maintenance.roots import require_single
 from pipeline.maintenance.verify import problems
@@ -154,24 +155,24 @@ def test_two_commands_one_build(toys):
     assert any("Lasting: waiting" in screen for screen in screens)
 
 
+@pytest.mark.usefixtures("inline")
 def test_a_pin_is_of_one_artifact_and_of_its_makers_the_newest():
-    for words in (["hello", "2"], ["hello", "1"], ["hello", "3"], ["bye", "1"]):
-        assert luigi("Word", "--word", words[0], "--loudness", words[1])[0] == 0
+    for word, loudness in (("hello", 2.0), ("hello", 1.0), ("hello", 3.0), ("bye", 1.0)):
+        assert build(Word(word, loudness=loudness))
     made = sorted(current_store().records(), key=lambda r: str(r.provenance["started"]))
-    process = start("pipeline", "pin", made[0].output.digest, "--json")
-    (pinned,) = json.loads(process.communicate(timeout=30)[0])
+    (pinned,) = json.loads(pipeline("pin", made[0].output.digest, "--json")[1])
     assert pinned["key"] == made[2].action.key
     with refuses("Word hello", "Word bye", *(record.action.key[:12] for record in made)):
         require_single(made)
 
 
+@pytest.mark.usefixtures("inline")
 def test_failed_attempts_are_those_that_published_nothing(toys):
     def failed() -> list[tuple[str, str]]:
-        process = start("pipeline", "ls", "--failed", "--json")
-        rows = json.loads(process.communicate(timeout=30)[0])
+        rows = json.loads(pipeline("ls", "--failed", "--json")[1])
         return [(row["state"], row["end"]) for row in rows]
 
-    assert luigi("Batch", "--words", '["hello", "bad"]')[0] != 0
+    assert not build(Batch(["hello", "bad"]))
     assert failed() == [("ended", NO_WORD)]
     for record in current_store().records():
         current_store().action(record.action.key).unlink()  # as a collection does
@@ -186,7 +187,7 @@ def test_failed_attempts_are_those_that_published_nothing(toys):
 
 
 def test_what_is_no_longer_here_is_shown_so():
-    luigi("Word", "--word", "hello")
+    assert build(Word("hello"))
     store = current_store()
     (record,) = store.records()
     gone = {
@@ -195,8 +196,7 @@ def test_what_is_no_longer_here_is_shown_so():
     }
     for path in gone.values():
         path.rename(store.root / f"elsewhere {path.name}")
-    process = start("pipeline", "show", record.action.key, "--json")
-    rows = json.loads(process.communicate(timeout=30)[0])
+    rows = json.loads(pipeline("show", record.action.key, "--json")[1])
     shown = {row["fact"]: row["value"] for row in rows}
     for fact, path in gone.items():
         assert shown[fact].startswith(f"{path} "), "what is said after the path"
@@ -206,20 +206,16 @@ def test_an_artifact_is_not_shown_as_made_from_itself(store):
     """Its bytes are those of its input."""
     source = make(store, "source", "same")
     record = make(store, "copy", "same", inputs=[source])
-    said = start("pipeline", "show", record.action.key).communicate(timeout=30)[0]
+    said = pipeline("show", record.action.key)[1]
     (line,) = (line for line in said.splitlines() if line.startswith("input"))
     assert mentions(line, "source")
     assert "copy" not in line
 
 
+@pytest.mark.usefixtures("inline")
 def test_store_commands():
-    luigi("Sentence")
+    assert build(Sentence())
     (record,) = (r for r in current_store().records() if r.action.family == "Sentence")
-
-    def pipeline(*arguments: str) -> tuple[int, str]:
-        process = start("pipeline", *arguments)
-        said = "".join(process.communicate(timeout=30))
-        return process.returncode, said
 
     status, said = pipeline("ls")
     assert status == 0

@@ -1,5 +1,7 @@
 """Several real processes at one store, at the same moment."""
 
+import errno
+import fcntl
 import os
 import random
 import signal
@@ -117,6 +119,20 @@ def test_two_builds_of_one_key_share_no_checkpoint_and_one_record(store, stumble
     assert len(list(store.records())) == 1
     assert not list((store.root / "resume").iterdir())
     assert not list((store.root / "tmp").iterdir())
+
+
+def test_checkpoints_are_separate_where_nothing_can_be_locked(store, monkeypatch):
+    def unsupported(*_words):
+        raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
+
+    monkeypatch.setattr(fcntl, "flock", unsupported)
+    with (
+        store.workspace(KEY) as one,
+        store.workspace(KEY) as other,
+        store.resume(KEY, one) as first,
+        store.resume(KEY, other) as second,
+    ):
+        assert (first.parent, second.parent) == (one, other)
 
 
 @pytest.mark.usefixtures("inline")

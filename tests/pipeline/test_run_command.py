@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from commands import ROOT, SUPPORT, pids_of_slow, start
+from commands import ROOT, SUPPORT, pids_of_slow
+from message_words import mentions
 from store_toys import built
 
 PROGRAM = """
@@ -33,17 +34,23 @@ def run(
     *arguments: str, refusal: str = "", status: int | None = None, folder: Path = ROOT
 ) -> tuple[int, str, str]:
     """Exit status, standard output and standard error of a command in a folder."""
-    code = PROGRAM.format(refusal=refusal, status=status)
-    done = subprocess.run(
-        [sys.executable, "-c", code, *arguments],
+    process = begun(*arguments, refusal=refusal, status=status, folder=folder)
+    output, errors = process.communicate(timeout=60)
+    return process.returncode, output, errors
+
+
+def begun(
+    *arguments: str, refusal: str = "", status: int | None = None, folder: Path = ROOT
+) -> "subprocess.Popen[str]":
+    """A command in a folder."""
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM.format(refusal=refusal, status=status), *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)])},
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        check=False,
-        timeout=60,
     )
-    return done.returncode, done.stdout, done.stderr
 
 
 def test_begin_comes_first_and_end_last():
@@ -105,12 +112,15 @@ def test_a_folder_of_data_needs_no_settings_of_luigi(settings, tmp_path, monkeyp
     assert "Word hello" in built()
 
 
-def test_an_interrupted_command_ends_with_130_and_is_ended(toys):
-    process = start("luigi", "--module", "toys", "Slow")
+@pytest.mark.parametrize("status", [None, 0, 31])
+def test_an_interrupted_command_ends_with_130_whatever_end_returns(toys, status):
+    """A grid that had made some cells ended with 31, as if others had failed."""
+    process = begun("Slow", status=status)
     pids_of_slow(toys)
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=20)
-    assert process.returncode == 130
+    output, errors = process.communicate(timeout=20)
+    assert (process.returncode, output.split()[-2:]) == (130, ["end", "incomplete"])
+    assert "Traceback" not in errors
 
 
 def test_a_package_imported_by_any_other_program_takes_nothing_over():
@@ -130,6 +140,39 @@ def test_an_attempt_leaves_its_outcome_beside_its_log():
     outcomes = [json.loads(p.read_text()) for p in (current_store().root / "logs").rglob("*.json")]
     assert sorted(outcome["kind"] for outcome in outcomes) == ["built", "user"]
     assert all(outcome["reason"] for outcome in outcomes)
+
+
+@pytest.mark.parametrize(
+    ("section", "line"),
+    [
+        ("store", "memory_gib = lots"),
+        ("store", "patience_seconds = long"),
+        ("store", "retry_seconds = -1"),
+        ("store", "checkpoint_seconds = nan"),
+        ("store", "push = maybe"),
+        ("store", "locks ="),
+        ("host", "cores = two"),
+        ("host", "memory_gib = lots"),
+    ],
+)
+def test_a_setting_of_another_kind_is_one_line_before_the_begin(
+    tmp_path, monkeypatch, section, line
+):
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
+    (tmp_path / "luigi.cfg").write_text(f"[{section}]\n{line}\n")
+    status, output, errors = run("Word", "--word", "hello", folder=tmp_path)
+    assert (status, output, errors.count("\n")) == (1, "", 1), errors
+    assert mentions(errors, f"[{section}]", line, "luigi.cfg")
+    assert built() == []
+
+
+def test_an_executor_that_does_not_exist_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
+    (tmp_path / "luigi.cfg").write_text("[store]\nexecutor = foo\n")
+    status, _, errors = run("Word", "--word", "hello", folder=tmp_path)
+    assert status == 30
+    assert mentions(errors, "[store] executor = foo", "luigi.cfg", "subprocess", "slurm")
+    assert "Traceback" not in errors
 
 
 def test_help_needs_neither_settings_nor_data(tmp_path, monkeypatch):

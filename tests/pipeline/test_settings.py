@@ -4,10 +4,19 @@ import os
 from pathlib import Path
 
 import pytest
+from luigi.configuration import LuigiConfigParser
+from message_words import mentions
 
 import pipeline
 from pipeline.code.snapshot import identity_file
-from pipeline.settings import current_store, data_root, out_root
+from pipeline.errors import StoreError
+from pipeline.settings import (
+    boolean_setting,
+    current_store,
+    data_root,
+    number_setting,
+    out_root,
+)
 
 
 @pytest.fixture
@@ -39,3 +48,39 @@ def test_a_variable_starts_at_the_working_directory(elsewhere, tmp_path, monkeyp
     monkeypatch.setenv("STYLETRF_STORE", "theirs")
     assert current_store().root == tmp_path / "work" / "theirs"
     assert os.listdir(tmp_path / "work") == ["theirs"]  # noqa: PTH208
+
+
+@pytest.fixture
+def write(elsewhere, monkeypatch):
+    """Writes the configuration file, which Luigi then reads again."""
+
+    def written(text: str) -> None:
+        (elsewhere / "cluster.cfg").write_text(text)
+        monkeypatch.setattr(LuigiConfigParser, "_config_paths", [elsewhere / "cluster.cfg"])
+        monkeypatch.setattr(LuigiConfigParser, "_instance", None)
+
+    return written
+
+
+@pytest.mark.parametrize("word", ["true", "True", "YES", "on", "1", "false", "No", "0"])
+def test_a_boolean_is_any_word_that_configparser_knows(write, word):
+    """`push = True` meant false."""
+    write(f"[store]\npush = {word}\n")
+    is_true = word in ("true", "True", "YES", "on", "1")
+    assert boolean_setting("store", "push") is is_true
+
+
+@pytest.mark.parametrize("word", ["lots", "-1", "nan", "inf", ""])
+def test_a_number_that_is_none_is_an_error_with_its_file(write, elsewhere, word):
+    write(f"[store]\nretry_seconds = {word}\n")
+    with pytest.raises(StoreError) as error:
+        number_setting("store", "retry_seconds")
+    assert mentions(str(error.value), f"[store] retry_seconds = {word}", elsewhere / "cluster.cfg")
+    assert number_setting("store", "checkpoint_seconds") == 60
+
+
+def test_a_boolean_that_is_none_is_an_error_with_its_file(write, elsewhere):
+    write("[store]\nlocks = maybe\n")
+    with pytest.raises(StoreError) as error:
+        boolean_setting("store", "locks")
+    assert mentions(str(error.value), "[store] locks = maybe", elsewhere / "cluster.cfg")

@@ -1,5 +1,6 @@
 import json
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 from typing import ClassVar
 
@@ -7,8 +8,9 @@ import luigi
 import pytest
 from expected_failures import fails, refuses
 from message_words import mentions
-from store_toys import Sentence, ToyError, Word, built, mark
+from store_toys import Account, Sentence, ToyError, Word, built, mark
 
+from pipeline.code import snapshot
 from pipeline.errors import NotBuiltError, TaskFailure
 from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
@@ -86,6 +88,16 @@ class Photographs(StoredTask):
             (Path(self.folder) / "photo").write_text("another")
 
 
+class Adopted(Word):
+    """Its code is declared equal to a former one while it is built."""
+
+    def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
+        declared = {"family": "Adopted", "from": "former", "to": self.code()}
+        text = json.dumps({"families": {}, "code": {}, "adopted": [declared]})
+        snapshot.identity_file().write_text(text)
+        (out / "word.txt").write_text(self.word)
+
+
 class Link(StoredTask):
     """A chain of diamonds: 2^depth paths, depth + 1 tasks."""
 
@@ -151,6 +163,11 @@ def test_unresolved_output_is_absent_and_prints():
     assert target.path == artifact(Sentence())
 
 
+def test_an_input_whose_own_inputs_are_missing_is_built_first():
+    """With luigid, another machine may have made both, so Luigi starts the last task here."""
+    assert [*islice(Account().run(), 1)] == [Sentence()]
+
+
 def test_a_user_error_of_the_inputs_surfaces_when_the_task_runs(tmp_path):
     task = Photographs(str(tmp_path / "nowhere"))
     assert not task.complete()
@@ -178,6 +195,13 @@ def test_files_edited_during_the_build_publish_nothing(tmp_path, monkeypatch):
     with fails("changed", task):
         task.run()
     assert not list((current_store().root / "actions").glob("*/*"))
+
+
+def test_a_build_whose_code_is_adopted_while_it_runs_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(snapshot, "identity_file", lambda: tmp_path / "identity.json")
+    task = Adopted("a")
+    task.run()
+    assert current_store().record(task.action().key)
 
 
 def test_what_is_outside_the_store_is_restored_without_a_build(tmp_path):

@@ -95,19 +95,10 @@ def test_a_build_on_a_node_is_found_by_the_command(backend):
     assert built() == ["Act succeed"]
 
 
-@pytest.mark.parametrize(
-    ("act", "words"),
-    [
-        ("refuse", NO_WORD.rstrip(".")),
-        ("crash", "RuntimeError: a defect"),
-        ("be_killed", "SIGKILL"),
-    ],
-    ids=["refuse", "crash", "be_killed"],
-)
-def test_the_command_reports_the_reason_of_a_failure_on_a_node(backend, act, words):
-    status, screen = finish(submit(backend, "Act", "--act", act))
+def test_the_command_reports_the_reason_of_a_failure_on_a_node(backend):
+    status, screen = finish(submit(backend, "Act", "--act", "be_killed"))
     assert status == 30
-    assert mentions(screen, Act(act), words)
+    assert mentions(screen, Act("be_killed"), "SIGKILL")
     assert "Traceback" not in screen
 
 
@@ -221,6 +212,16 @@ def fixed_result(result, act=lambda: None):
 def built_by(monkeypatch, task, backend):
     monkeypatch.setitem(BACKENDS, "ray", backend)
     return build_on_cluster(task, task.action(), current_store(), task.options)
+
+
+@pytest.mark.parametrize(
+    ("act", "kind", "words"),
+    [("refuse", "user", NO_WORD.rstrip(".")), ("crash", "crash", "RuntimeError: a defect")],
+)
+def test_a_failure_on_a_node_has_the_reason_that_its_job_reports(monkeypatch, act, kind, words):
+    task = Act(act, executor="ray")
+    with fails(kind, task, words):
+        built_by(monkeypatch, task, run_remote_job)
 
 
 def test_an_artifact_counts_even_if_its_node_was_lost_right_after(monkeypatch):

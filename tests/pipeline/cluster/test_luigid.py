@@ -240,7 +240,7 @@ def test_a_machine_with_other_code_is_refused(luigid, toys):
 def test_the_page_of_luigid_shows_progress_and_keys(luigid):
     from luigi.rpc import RemoteScheduler
 
-    process = worker("Lasting", "--steps", "70")
+    process = worker("Lasting", "--steps", "40")
     scheduler, seen, messages = RemoteScheduler(f"http://127.0.0.1:{luigid.port}/"), set(), set()
     while process.poll() is None:
         for name in scheduler.task_list("RUNNING", ""):

@@ -10,6 +10,10 @@ import pytest
 from forked_modules import libraries_imported, output_of
 from message_words import mentions
 
+from pipeline.code import adoption
+from pipeline.code.adoption import with_adoption
+from pipeline.code.snapshot import Snapshot
+
 ROOT = Path(__file__).parents[3]
 FILES = {
     "luigi.cfg": (ROOT / "luigi.cfg")
@@ -34,11 +38,14 @@ FILES = {
 
         class Street(StoredTask):
             height = luigi.FloatParameter(default=2.5)
+            user_errors = (LookupError,)
 
             def identity_parameters(self):
                 return {}
 
             def requires(self):
+                if not self.height:
+                    raise LookupError("a street of height 0 has no houses")
                 return {"house": House(self.height)}
 
             def build(self, inputs, out, run):
@@ -191,9 +198,6 @@ def test_a_rename_that_is_adopted_builds_nothing(town: Town):
 
 
 def test_what_was_adopted_for_one_family_says_nothing_of_another(town: Town):
-    from pipeline.code.adoption import with_adoption
-    from pipeline.code.snapshot import Snapshot
-
     one = with_adoption(Snapshot({"A": "1", "B": "1"}), "A", "2", "why not")
     assert (one.original("A", "2"), one.original("B", "2")) == ("1", "2")
     chain = with_adoption(one, "A", "3", "again")
@@ -255,11 +259,40 @@ def test_a_module_there_is_not_is_one_line(town: Town, command: list[str]):
     assert (status, mentions(said, "--module nosuch"), said.count("\n")) == (2, True, 1)
 
 
-@pytest.mark.parametrize("task", [("Stret",), ("Street", "--x", "1"), ("Demand",)])
-def test_why_of_what_there_is_not(town: Town, task: tuple[str, ...]):
+@pytest.mark.parametrize(
+    ("task", "named"),
+    [
+        ((), ["TASK"]),
+        (("Stret",), ["Stret", "Street"]),
+        (("Demand",), ["Demand", "name"]),
+        (("Street", "--until", "soon"), ["--until", "soon"]),
+        (("Street", "--House-executor", "no"), ["--executor", "no", "subprocess"]),
+        (("Street", "--height", "0"), ["a street of height 0"]),
+    ],
+)
+def test_why_of_what_cannot_be_made_is_one_line(town: Town, task: tuple[str, ...], named: list):
+    """It was a traceback, with the status of a problem that was found."""
+    town.built()
     status, said = town.run("pipeline", "why", "--module", "town", *task)
-    assert status in (1, 2)
-    assert "Traceback" not in said
+    assert (status, mentions(said, *named), said.count("\n")) == (2, True, 1), said
+
+
+def test_why_with_an_unknown_parameter_is_an_invalid_command(town: Town):
+    town.built()
+    status, said = town.run("pipeline", "why", "--module", "town", "Street", "--x", "1")
+    assert (status, mentions(said, "--x"), "Traceback" in said) == (2, True, False)
+
+
+def test_who_reads_the_snapshot_while_it_is_replaced_reads_the_former_one(tmp_path, monkeypatch):
+    file = tmp_path / "identity.json"
+    monkeypatch.setattr(adoption, "identity_file", lambda: file)
+    adoption.write_snapshot(Snapshot({"A": "1"}))
+    former = file.read_text()
+    with file.open() as reader:
+        adoption.write_snapshot(Snapshot({"A": "2"}))
+        assert reader.read() == former
+    assert json.loads(file.read_text())["families"] == {"A": "2"}
+    assert [path.name for path in tmp_path.glob("*identity*")] == [file.name]
 
 
 def test_the_members_of_a_code_are_kept_once_and_not_believed_when_damaged(store, tmp_path):
@@ -272,7 +305,7 @@ def test_the_members_of_a_code_are_kept_once_and_not_believed_when_damaged(store
     before = store.code(digest).stat().st_ino
     assert save_closure(members, store) == digest
     assert store.code(digest).stat().st_ino == before
-    for damage in (b"", b"{", b'{"a:f":"1"}', b"[]"):
+    for damage in (b"", b"{", b'{"a:f":"1"}', b'{"@a": 1}', b"[]"):
         store.code(digest).write_bytes(damage)
         assert load_closure(digest, store) is None
     assert save_closure(members, store) == digest

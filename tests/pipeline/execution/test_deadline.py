@@ -72,11 +72,11 @@ def test_a_build_expected_to_end_after_the_deadline_does_not_start():
 
 def test_the_deadline_is_checked_after_the_build_has_its_cores(monkeypatch):
     """It may pass while the build waits for them."""
-    limit = soon(4)
+    limit = soon(2)
 
     @contextlib.contextmanager
     def late(*_words):
-        time.sleep(5)
+        time.sleep(2)
         yield CpuAllocation(1)
 
     monkeypatch.setattr("pipeline.execution.local_executor.cpu_for", late)

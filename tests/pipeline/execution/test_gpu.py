@@ -5,6 +5,7 @@ import signal
 import stat
 import subprocess
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -58,19 +59,29 @@ def finish(*commands) -> list[str]:
     return screens
 
 
-def test_two_commands_never_share_a_gpu(gpus):
+def await_begin(toys: Path, name: str, command: "subprocess.Popen[str]") -> None:
+    while not (toys / f"began-{name}").exists():
+        assert command.poll() is None
+        time.sleep(0.02)
+
+
+def test_two_commands_never_share_a_gpu(gpus, toys):
     gpus("GPU-a")
-    screens = finish(on_gpu("one", "--seconds", "3"), on_gpu("two", "--seconds", "3"))
+    first = on_gpu("one", "--awaited", "a command that waits")
+    await_begin(toys, "one", first)
+    second, waiting = on_gpu("two"), "waiting for a GPU, since all are leased"
+    assert any(waiting in line for line in iter(second.stderr.readline, ""))
+    (toys / "a command that waits").touch()
+    assert not any(waiting in screen for screen in finish(first, second)), "one line says it"
     (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
     assert first_end <= second_begin
     assert {uuid for uuid, _, _ in turns().values()} == {"GPU-a"}
-    waited = "waiting for a GPU, since all are leased"
-    assert sum(screen.count(waited) for screen in screens) == 1
 
 
 def test_two_gpus_are_both_used(gpus):
     gpus("GPU-a, GPU-b")
-    screens = finish(on_gpu("one", "--seconds", "3"), on_gpu("two", "--seconds", "3"))
+    first, second = (("one", "--awaited", "began-two"), ("two", "--awaited", "began-one"))
+    screens = finish(on_gpu(*first), on_gpu(*second))
     assert {uuid for uuid, _, _ in turns().values()} == {"GPU-a", "GPU-b"}
     (_, first_end), (second_begin, _) = sorted((b, e) for _, b, e in turns().values())
     assert second_begin < first_end
@@ -88,13 +99,12 @@ def test_workers_of_one_command_do_not_share_either(gpus):
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
 def test_a_killed_command_frees_its_gpu(gpus, toys, sent):
     gpus("GPU-a")
-    holder = on_gpu("one", "--seconds", "60")
-    while not (toys / "began-one").exists():
-        assert holder.poll() is None
+    holder = on_gpu("one", "--awaited", "the signal")
+    await_begin(toys, "one", holder)
     holder.send_signal(sent)
     holder.communicate()
     assert are_gone([holder.pid])
-    finish(on_gpu("two", "--seconds", "0"))
+    finish(on_gpu("two"))
     assert set(turns()) == {"two"}
 
 
@@ -102,13 +112,13 @@ def test_a_killed_command_frees_its_gpu(gpus, toys, sent):
 def test_the_users_choice_is_honored(gpus, monkeypatch, given, seen):
     gpus("GPU-a,GPU-b")
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", given)
-    finish(on_gpu("one", "--seconds", "0"))
+    finish(on_gpu("one"))
     assert turns()["one"][0] == seen
 
 
 def test_what_computes_on_the_cpu_leases_nothing_and_sees_nothing(gpus, tmp_path):
     gpus("GPU-a")
-    finish(on_gpu("one", "--seconds", "0", "--device", "cpu"))
+    finish(on_gpu("one", "--device", "cpu"))
     assert turns()["one"][0] == ""
     assert not (tmp_path / "leases").exists()
 
@@ -116,7 +126,7 @@ def test_what_computes_on_the_cpu_leases_nothing_and_sees_nothing(gpus, tmp_path
 def test_a_host_without_gpus_leases_nothing(gpus, tmp_path, monkeypatch):
     gpus("")
     monkeypatch.setenv("PATH", str(tmp_path))
-    finish(on_gpu("one", "--seconds", "0"))
+    finish(on_gpu("one"))
     assert turns()["one"][0] == "all"
     assert not (tmp_path / "leases").exists()
 
@@ -128,7 +138,7 @@ def test_nvidia_smi_lists_the_gpus(gpus, tmp_path, monkeypatch):
     )
     (tmp_path / "nvidia-smi").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
-    finish(on_gpu("one", "--seconds", "0"))
+    finish(on_gpu("one"))
     assert turns()["one"][0] == "GPU-5f8a-11"
 
 

@@ -1,15 +1,20 @@
 """What keeps a task from being made, as the store tells it."""
 
+import errno
+import signal
 from collections.abc import Mapping
 from pathlib import Path
 
 import luigi
 import pytest
 from build_toys import Act
+from commands import pids_of_slow, start
 from message_words import mentions
-from store_toys import NO_WORD, ToyError
+from store_toys import NO_WORD, Slow, ToyError
 
-from pipeline.maintenance.attempts import find_blocking_failure
+from pipeline.execution.executors import EXECUTORS
+from pipeline.job import write_outcome
+from pipeline.maintenance.attempts import attempts, find_blocking_failure
 from pipeline.task import RunContext, StoredTask
 
 pytestmark = pytest.mark.usefixtures("inline")
@@ -98,3 +103,42 @@ def test_a_build_that_could_not_even_write_why_it_failed_has_a_reason_all_the_sa
     assert mentions(find_blocking_failure(AfterActs(["succeed"]), store).reason, log)
     with store.lock(Act("succeed").action().key, lambda: None):
         assert not find_blocking_failure(AfterActs(["succeed"]), store).reason, "it may still write"
+
+
+@pytest.mark.parametrize("workers", [[], ["--workers", "2"]])
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+def test_an_attempt_that_was_interrupted_is_no_failure(store, toys, sent, workers):
+    """Its empty log was taken for that of a full disk."""
+    process = start("luigi", "--module", "toys", "Slow", *workers)
+    pids_of_slow(toys)
+    process.send_signal(sent)
+    process.communicate(timeout=20)
+    (attempt,) = attempts(store)
+    assert (attempt.kind, attempt.is_under_way) == ("interrupted", False)
+    assert find_blocking_failure(Slow(), store) is None
+
+
+def test_an_attempt_that_fails_after_an_interruption_is_a_failure(store, monkeypatch):
+    def interrupted(*_words):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setitem(EXECUTORS, "inline", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            Act("refuse").run()
+    assert find_blocking_failure(Act("refuse"), store) is None
+    assert not build(Act("refuse"))
+    assert find_blocking_failure(Act("refuse"), store).kind == "user"
+
+
+def test_an_attempt_that_cannot_write_its_outcome_on_a_full_disk_is_a_failure(store, monkeypatch):
+    log = store.new_log("Act", Act("succeed").action().key)
+    write_outcome(log, "interrupted", "")
+
+    def full(*_words, **_more):
+        raise OSError(errno.ENOSPC, "no space left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", full)
+        write_outcome(log, "disk", "no space left")
+    assert mentions(find_blocking_failure(Act("succeed"), store).reason, log)

@@ -16,10 +16,11 @@ from store_toys import Sentence, Word
 import pipeline.maintenance.garbage_collection
 from pipeline.digest import Tree, typed_digest
 from pipeline.locks import locked
+from pipeline.maintenance.ancestors import ancestors
 from pipeline.maintenance.garbage_collection import collect
 from pipeline.maintenance.roots import add_folder_root, pin, pins, unpin
 from pipeline.publication import commit
-from pipeline.record import ActionRecord, ancestors
+from pipeline.record import ActionRecord
 from pipeline.settings import current_store
 from pipeline.store import Store
 

@@ -6,17 +6,11 @@ import sys
 
 import pytest
 from collection_cases import made, names
-from commands import start
+from commands import pipeline
 from killing import make, wrong
 from message_words import mentions
 
 from pipeline.maintenance.command_line import main
-
-
-def pipeline_command(*arguments: str) -> tuple[int, str]:
-    process = start("pipeline", *arguments)
-    said = "".join(process.communicate(timeout=30))
-    return process.returncode, said
 
 
 def test_commands(store):
@@ -24,26 +18,26 @@ def test_commands(store):
     shared = made(store, "fern", "the same")
     made(store, "horns", "the same", inputs=[shared])
     other = made(store, "orchid")
-    rows = json.loads(pipeline_command("du", "--json")[1])
+    rows = json.loads(pipeline("du", "--json")[1])
     assert rows == [
         {"family": "Toy", "count": 2, "size_bytes": 14},
         {"scene": "fern, horns", "count": 1, "size_bytes": 8},
         {"scene": "orchid", "count": 1, "size_bytes": 6},
     ]
-    status, said = pipeline_command("pin", other.output.digest[:10], "--name", "best")
+    status, said = pipeline("pin", other.output.digest[:10], "--name", "best")
     assert (status, said.split()) == (0, ["name", "key", "best", other.action.key[:12]])
     policy = ("--grace", "0", "--keep-last", "0")
-    rows = json.loads(pipeline_command("gc", *policy, "--json")[1])
+    rows = json.loads(pipeline("gc", *policy, "--json")[1])
     fates = {row["what"]: row["fate"] for row in rows}
     assert fates["artifacts"] == "stays"
     assert "orchid" not in fates
     assert set(fates) >= {"horns", "actions", "runs"}
     assert len(names(store)) == 3, "it was only asked"
-    assert pipeline_command("gc", *policy, "--delete")[0] == 0
+    assert pipeline("gc", *policy, "--delete")[0] == 0
     assert names(store) == ["orchid"]
-    assert pipeline_command("unpin", "best") == (0, "")
-    assert pipeline_command("unpin", "best")[0] == 2
-    assert pipeline_command("gc", *policy, "--delete")[0] == 0
+    assert pipeline("unpin", "best") == (0, "")
+    assert pipeline("unpin", "best")[0] == 2
+    assert pipeline("gc", *policy, "--delete")[0] == 0
     assert names(store) == []
     assert not wrong(store)
 
@@ -87,5 +81,5 @@ def test_commands_make_no_store(tmp_path, command, capsys):
 
 def test_the_usual_policy_keeps_a_day_and_three_runs(store):
     made(store, "a")
-    assert pipeline_command("gc", "--delete")[0] == 0
+    assert pipeline("gc", "--delete")[0] == 0
     assert names(store) == ["a"]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.maintenance.task_graph import upstream_first
+from pipeline.maintenance.task_graph import stored_tasks, upstream_first
 
 
 class Numbered(luigi.Task):
@@ -65,3 +65,8 @@ def test_nothing_comes_that_only_left_out_tasks_need(root, left_out):
 def test_a_graph_without_needs_is_its_roots(count):
     roots = [Numbered(number=n, needs={}) for n in range(count)]
     assert list(upstream_first(*roots)) == roots
+
+
+@given(roots())
+def test_a_graph_without_artifacts_has_no_stored_tasks(root):
+    assert not list(stored_tasks(root, is_left_out=lambda _: pytest.fail("it has an artifact")))

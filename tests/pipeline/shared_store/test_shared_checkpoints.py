@@ -4,6 +4,7 @@ import os
 import threading
 import time
 
+import luigi
 import pytest
 from checkpoint_cases import KEY, failing, folder, uploaded
 from message_words import mentions
@@ -71,10 +72,7 @@ def test_what_is_half_written_is_not_given(shared: Place, tmp_path):
 
 def test_they_are_given_while_it_builds(shared: Place, tmp_path, monkeypatch):
     """A machine that is lost has no end."""
-    monkeypatch.setattr(
-        "pipeline.shared_store.checkpoints.setting",
-        lambda *name: {"push": "true"}.get(name[1], "0.1"),
-    )
+    monkeypatch.setattr("pipeline.shared_store.checkpoints.number_setting", lambda *_name: 0.1)
     here, seen = folder(tmp_path / "here"), threading.Event()
     with shared_checkpoints(KEY, here):
         assert not uploaded()
@@ -83,6 +81,19 @@ def test_they_are_given_while_it_builds(shared: Place, tmp_path, monkeypatch):
         while not uploaded() and time.monotonic() < deadline:
             seen.wait(0.05)
         assert uploaded()
+
+
+@pytest.mark.parametrize(("word", "count"), [("True", 1), ("yes", 1), ("No", 0), ("false", 0)])
+def test_push_has_the_words_of_configparser(shared: Place, tmp_path, word, count):
+    """`push = True` meant false, and nothing was shared."""
+    config = luigi.configuration.get_config()
+    config.set("store", "push", word)
+    try:
+        with failing(folder(tmp_path / "here", checkpoint="step 1")):
+            pass
+    finally:
+        config.set("store", "push", "true")
+    assert len(uploaded()) == count
 
 
 @pytest.mark.parametrize("damage", [b"", b"garbage", None])

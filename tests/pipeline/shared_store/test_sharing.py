@@ -62,10 +62,11 @@ def test_another_machine_reports_which_function_differs(shared, elsewhere):
 
 
 @pytest.mark.usefixtures("inline")
-def test_shared_code_that_is_garbage_is_passed_over(shared, elsewhere):
+@pytest.mark.parametrize("garbage", [b"", b"{", b'{"a": "b"}', b'{"@a": 1}', b"[" * 100_000])
+def test_shared_code_that_is_garbage_is_passed_over(shared, elsewhere, garbage):
     build(Word("hello"))
     closure = str(Word("hello").record().provenance["closure"])
-    shared.write(f"code/{closure[:2]}/{closure}.json", b'{"a": "b"}')
+    shared.write(f"code/{closure[:2]}/{closure}.json", garbage)
     there = elsewhere()
     assert Word("hello").complete()
     assert load_closure(closure, there) is None

@@ -61,8 +61,16 @@ WRONG = {
 }
 
 
+ON_BOTH = ("flipped", "upwards")
+"""What is unpacked is checked in the same way wherever it comes from."""
+
+
 @pytest.mark.usefixtures("inline")
-@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize(
+    ("shared", "wrong"),
+    [*(("directory", wrong) for wrong in WRONG), *(("s3", wrong) for wrong in ON_BOTH)],
+    indirect=["shared"],
+)
 def test_wrong_bytes_are_rejected_set_aside_and_built_anew(shared, elsewhere, wrong, tmp_path):
     build(Word("hello"))
     (name,) = shared.names("objects")
@@ -97,6 +105,7 @@ def test_a_record_without_its_object_counts_as_absent(shared, elsewhere):
 
 
 @pytest.mark.usefixtures("inline")
+@pytest.mark.parametrize("shared", ["directory"], indirect=True)
 @pytest.mark.parametrize(
     "garble",
     [

@@ -109,11 +109,11 @@ class Act(StoredTask):
         os.kill(os.getpid(), signal.SIGKILL)
 
     def let_a_child_eat(self, run: RunContext) -> None:
-        code = EAT.format(mebibytes=200, seconds=1)
+        code = EAT.format(mebibytes=200, seconds=0.5)
         subprocess.run([sys.executable, "-c", code], check=True)
 
     def let_an_outsider_eat(self, run: RunContext) -> None:
-        code = EAT.format(mebibytes=200, seconds=1)
+        code = EAT.format(mebibytes=200, seconds=0.5)
         subprocess.run([sys.executable, "-c", code], check=True, start_new_session=True)
 
     def eat(self, run: RunContext) -> None:
@@ -218,10 +218,10 @@ class Echo(StoredTask):
 
 
 class OnGpu(StoredTask):
-    """Notes when it had which GPU."""
+    """Notes when it had which GPU, and keeps it until a file is in the folder of the toys."""
 
     name = luigi.Parameter()
-    seconds = luigi.FloatParameter(default=1.0, significant=False)
+    awaited = luigi.Parameter(default="", significant=False)
     device = luigi.Parameter(default="auto", significant=False)
 
     @property
@@ -230,8 +230,11 @@ class OnGpu(StoredTask):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         uuid, began = os.environ.get("CUDA_VISIBLE_DEVICES", "all"), time.monotonic()
-        (Path(os.environ["STYLETRF_TOYS"]) / f"began-{self.name}").touch()
-        time.sleep(self.seconds)
+        toys = Path(os.environ["STYLETRF_TOYS"])
+        (toys / f"began-{self.name}").touch()
+        while not (toys / self.awaited).exists():
+            time.sleep(0.02)
+        time.sleep(0.3)
         (out / "gpu.txt").write_text(f"{uuid} {began} {time.monotonic()}")
 
 

@@ -1,12 +1,16 @@
 """Commands in processes of their own, and the processes that they leave."""
 
+import io
 import os
 import subprocess
 import sys
 import time
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import psutil
+
+from pipeline.maintenance.command_line import main
 
 SUPPORT = Path(__file__).parent
 ROOT = SUPPORT.parents[2]
@@ -34,6 +38,12 @@ def luigi(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
     process = start("luigi", "--module", "toys", *arguments, cwd=cwd)
     screen = "".join(process.communicate(timeout=60))
     return process.returncode, screen
+
+
+def pipeline(*arguments: str) -> tuple[int, str]:
+    """Exit status and screen of `python -m pipeline ...`, which runs in this process."""
+    with io.StringIO() as screen, redirect_stdout(screen), redirect_stderr(screen):
+        return main([*arguments]), screen.getvalue()
 
 
 def pids_of_slow(toys: Path) -> list[int]:

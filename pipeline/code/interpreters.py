@@ -1,0 +1,53 @@
+"""Other interpreters, which find the same modules as this one."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+
+def interpreter_environment() -> dict[str, str]:
+    """Returns the variables of an interpreter that finds the modules of this one."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+def interpreter_command(function: str) -> list[str]:
+    """Returns the command of an interpreter that calls a function and exits with its result.
+
+    Args:
+        function: The function, as `module:name`. Its arguments are added to the command.
+    """
+    module, _, name = function.partition(":")
+    code = f"import sys; from {module} import {name}; sys.exit({name}(*sys.argv[1:]))"
+    return [sys.executable, "-P", "-c", code]
+
+
+def json_from(
+    function: str,
+    *arguments: str,
+    environment: Mapping[str, str] | None = None,
+    stderr: int | None = None,
+) -> Any:
+    """Calls a function in another interpreter; returns the JSON that it writes.
+
+    Args:
+        function: The function, as `module:name`. It writes the JSON as the last line of standard
+            output, since libraries may write lines of their own before it.
+        arguments: The arguments of the function.
+        environment: The variables of the interpreter; by default those of this one.
+        stderr: The standard error, as of `subprocess.run`.
+
+    Raises:
+        subprocess.CalledProcessError: The function failed.
+    """
+    done = subprocess.run(
+        [*interpreter_command(function), *arguments],
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+        check=True,
+        env=environment or interpreter_environment(),
+    )
+    return json.loads(done.stdout.splitlines()[-1])
