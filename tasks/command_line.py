@@ -12,6 +12,7 @@ import luigi
 
 from pipeline.command import run_command
 from pipeline.console.progress_client import progress_client
+from pipeline.errors import StoreError
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
@@ -52,7 +53,7 @@ def begin(root: luigi.Task) -> None:
         if root.complete():  # type: ignore[no-untyped-call]
             return
         stages = validate_command(root)
-    except InputError as error:
+    except (InputError, StoreError) as error:
         raise SystemExit(str(error)) from error
     if client := progress_client():
         client.start_total(seconds_ahead(stages))

@@ -10,13 +10,14 @@ from pipeline.execution.resources import significant
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
+from tasks.command.found_records import is_made
 
 
 @functools.cache
 def seconds_to_the_end(root: luigi.Task) -> Mapping[str, float]:
-    """Returns how long each task and all that waits for it take, along the longest way, by task_id.
+    """Returns, by task_id, the seconds of the longest path from each task to the root.
 
-    As earlier builds took.
+    The seconds of a task are those of similar earlier builds.
     """
     stages = list(upstream_first(root))
     seconds = _seconds(stages)
@@ -34,16 +35,8 @@ def seconds_to_the_end(root: luigi.Task) -> Mapping[str, float]:
 
 def seconds_ahead(stages: Iterable[luigi.Task]) -> float:
     """Returns how long those of the stages will take together that are not made yet."""
-    made = [s for s in stages if isinstance(s, StoredTask) and not is_made(s)]
-    return sum(_seconds(made).values())
-
-
-def is_made(stage: StoredTask) -> bool:
-    """Whether the stage's artifact is recorded."""
-    try:
-        return stage.record() is not None
-    except Exception:  # noqa: BLE001  its own run reports why
-        return False
+    to_make = [s for s in stages if isinstance(s, StoredTask) and not is_made(s)]
+    return sum(_seconds(to_make).values())
 
 
 def _seconds(stages: Sequence[luigi.Task]) -> dict[str, float]:

@@ -15,7 +15,7 @@ import psutil
 
 from pipeline.errors import TaskFailure
 from pipeline.maintenance.attempts import find_blocking_failure
-from pipeline.maintenance.task_graph import upstream_first
+from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
 
@@ -31,9 +31,7 @@ def is_source(stage: luigi.Task) -> bool:
 @functools.cache
 def sources_of(root: luigi.Task) -> Sequence[StoredTask]:
     """Returns the sources of a command."""
-    return [
-        task for task in upstream_first(root) if isinstance(task, StoredTask) and is_source(task)
-    ]
+    return [task for task in stored_tasks(root) if is_source(task)]
 
 
 def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:

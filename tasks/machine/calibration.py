@@ -7,7 +7,6 @@ another. No result depends on them, and no key has them.
 import functools
 import json
 import logging
-import os
 import platform
 import subprocess
 import sys
@@ -19,12 +18,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from pipeline.code.interpreters import interpreter_environment, json_from
 from pipeline.digest import typed_digest
 from pipeline.execution.cpu_memory import usable_cores
 from pipeline.execution.gpu import VISIBLE, visible_gpus
 from tasks.machine.local_facts import add_fact, read_facts
 
-_MAIN = "from tasks.machine.calibration import main; main()"
+_MAIN = "tasks.machine.calibration:main"
 _log = logging.getLogger("pipeline")
 
 CALIBRATIONS = "calibrations"
@@ -129,18 +129,16 @@ def processor() -> str:
 
 
 def _measured(device: str) -> dict[str, float]:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    environment = interpreter_environment()
     if device != "cpu" and not environment.get(VISIBLE):
         environment.pop(VISIBLE, None)  # of a build that computes on no GPU itself
-    command = [sys.executable, "-P", "-c", _MAIN, device]
-    pipe = subprocess.PIPE  # COLMAP writes what it does
-    done = subprocess.run(command, stdout=pipe, stderr=pipe, text=True, check=True, env=environment)
-    return dict(json.loads(done.stdout.splitlines()[-1]))
+    unread = subprocess.DEVNULL  # COLMAP writes what it does
+    return dict(json_from(_MAIN, device, environment=environment, stderr=unread))
 
 
-def main() -> None:
-    """Writes them as JSON, of what the words of the command name."""
+def main(device: str) -> None:
+    """Writes the seconds of the workloads on a device, as JSON."""
     from styletrf.devices import device_named
     from styletrf.evaluation.calibration.workloads import measure_workloads
 
-    sys.stdout.write(f"{json.dumps(measure_workloads(device_named(sys.argv[1])))}\n")
+    sys.stdout.write(f"{json.dumps(measure_workloads(device_named(device)))}\n")

@@ -1,7 +1,7 @@
 """Small facts that a machine remembers beside the artifacts of its store, in files of JSON.
 
-No result depends on them: a file that is damaged counts as empty, and one that cannot be written
-stays as it is.
+They decide no artifact, but `choices` decides which settings the next command builds with. A file
+that is damaged counts as empty, and one that cannot be written stays as it is.
 """
 
 import json
@@ -22,10 +22,14 @@ def read_facts(name: str) -> dict[str, Any]:
 
 
 def add_fact(name: str, key: str, value: Any) -> None:
-    """Adds a value to the file, which others see as it was or as it is, never a part."""
-    known = {**read_facts(name), key: value}
-    with suppress(OSError), atomic_write(facts_file(name)) as partial:
-        partial.write_text(json.dumps(known, indent=1, sort_keys=True))
+    """Adds a value to the file; others see the file as it was or as it is, never a part.
+
+    The workers of a command may add values at the same time, so each waits for the others.
+    """
+    with suppress(OSError), current_store().lock(name, on_wait=lambda: None):
+        known = {**read_facts(name), key: value}
+        with atomic_write(facts_file(name)) as partial:
+            partial.write_text(json.dumps(known, indent=1, sort_keys=True))
 
 
 def facts_file(name: str) -> Path:

@@ -10,7 +10,10 @@ from styletrf.errors import InputError
 from tasks.planning.memory_demand import Demand, Photographs, frame_pixels
 
 BYTES_A_PIXEL = {"TrajectoryFrames": 8.7, "StylizedFrames": 2.5, "StylizedFrames per-frame": 2.5}
-"""Of a frame on disk, by stage: colors and depths as floats, and pictures with their video."""
+"""The bytes of one pixel of a frame on disk, by stage.
+
+A frame has colors and depths as floats, or a picture and its part of the video.
+"""
 
 
 def written_bytes(demand: Demand, photographs: Photographs) -> float:

@@ -16,10 +16,10 @@ from typing import Any, cast
 import luigi
 
 from pipeline.execution.gpu import visible_gpus
-from pipeline.settings import setting
+from pipeline.settings import number_setting
 from pipeline.task import artifact
 from styletrf.errors import InputError
-from tasks.command.build_order import is_made
+from tasks.command.found_records import is_made
 from tasks.stages.field import PriorRenders, TrajectoryFrames
 from tasks.stages.scene import SceneCapture, SceneModel
 from tasks.stages.stage import ConfigurableStage
@@ -94,8 +94,10 @@ class Photographs:
 def demands_of(stages: Iterable[luigi.Task]) -> list[Demand]:
     """Returns the demands of the stages whose memory grows with the user's input."""
     grown = (s for s in stages if isinstance(s, ConfigurableStage) and demand_name(s) in GROWTH)
-    to_make = (s for s in grown if not is_made(s))
-    return [demand_of(s) for s in to_make if GROWTH[demand_name(s)].frame or not _is_on_a_gpu(s)]
+    to_make = [s for s in grown if not is_made(s)]
+    has_gpu = any(s.needs_gpu for s in to_make) and bool(visible_gpus())
+    large = (s for s in to_make if GROWTH[demand_name(s)].frame or not (has_gpu and s.needs_gpu))
+    return [demand_of(s) for s in large]
 
 
 def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float]:
@@ -112,10 +114,17 @@ def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float
 
 
 def frames_of(settings: Mapping[str, Any]) -> float:
-    """Returns the number of frames of a fly-through with these settings of TrajectoryFrames."""
-    seconds = float(settings.get("trajectory.seconds", 0))
-    rate = float(settings.get("frames_per_second", _FRAMES_PER_SECOND))
-    return seconds * rate or float(settings.get("trajectory.frames", 0))
+    """Returns the number of frames of a fly-through with these settings of TrajectoryFrames.
+
+    It is 0 if they are no finite numbers, which the validation of a command rejects.
+    """
+    defaults = {"trajectory.seconds": 0, "frames_per_second": _FRAMES_PER_SECOND}
+    defaults |= {"trajectory.frames": 0}
+    with suppress(ValueError, TypeError, OverflowError):
+        seconds, rate, frames = (float(settings.get(*pair)) for pair in defaults.items())
+        if math.isfinite(seconds * rate + frames):
+            return seconds * rate or frames
+    return 0.0
 
 
 def frame_pixels(demand: Demand, photographs: Photographs) -> int:
@@ -160,7 +169,7 @@ def demand_of(stage: ConfigurableStage) -> Demand:
     """Returns the demand of a stage listed in `GROWTH`."""
     model = stage.upstream(SceneModel)
     path = stage.upstream(TrajectoryFrames).values()
-    limit_gib = stage.memory_gib or float(setting("store", "memory_gib"))
+    limit_gib = stage.memory_gib or number_setting("store", "memory_gib")
     return Demand(
         stage=demand_name(stage),
         scene=str(stage.param_kwargs["scene"]),
@@ -190,10 +199,6 @@ def demand_name(stage: ConfigurableStage) -> str:
     if getattr(stage, "resolved_match", "") == "pixels":
         return "StylizedField pixels"
     return str(stage.task_family)
-
-
-def _is_on_a_gpu(stage: ConfigurableStage) -> bool:
-    return stage.needs_gpu and bool(visible_gpus())
 
 
 def _seen_px(demand: Demand, photographs: Photographs) -> int:

@@ -8,10 +8,10 @@ from typing import Any
 import luigi
 
 from pipeline.canonical import canonical, canonical_json
-from pipeline.maintenance.task_graph import upstream_first
+from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.task import StoredTask
 from styletrf.evaluation.trade_off import Combination
-from tasks.command.build_order import is_made
+from tasks.command.found_records import is_made
 from tasks.command.sources import builds_alone
 from tasks.machine.calibration import calibration_of_machine
 from tasks.planning.scene_sizes import sizes_of
@@ -53,8 +53,7 @@ class FoundStages:
 
 def stages_to_make(root: luigi.Task, is_found: Callable[[StoredTask], bool]) -> list[StoredTask]:
     """Returns what Luigi would build: the root and what is upstream, up to what is found."""
-    to_make = upstream_first(root, is_left_out=lambda t: isinstance(t, StoredTask) and is_found(t))
-    return [task for task in to_make if isinstance(task, StoredTask)]
+    return list(stored_tasks(root, is_left_out=is_found))
 
 
 def cost_model(task: Any, front: Front | None = None) -> CostModel:

@@ -37,7 +37,7 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
     return None
 
 
-def main() -> None:
-    """Writes the photographs of the scenes that the command names, as JSON."""
-    photographs = {scene: photographs_of(scene, _VIDEO_FRAMES) for scene in sys.argv[1:]}
+def main(*scenes: str) -> None:
+    """Writes the photographs of the scenes, as JSON."""
+    photographs = {scene: photographs_of(scene, _VIDEO_FRAMES) for scene in scenes}
     json.dump({s: asdict(found) for s, found in photographs.items() if found}, sys.stdout)

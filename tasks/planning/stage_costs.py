@@ -108,7 +108,7 @@ class CostModel:
         self.here, self.reference = here, reference
         self._sizes = {**sizes, reference.scene: reference.photographs}
         self._known_drivers: dict[tuple[luigi.Task, bool], Mapping[str, float]] = {}
-        self._spendings = functools.cache(_spendings_here if uses_own_builds else _no_spendings)
+        self._samples = functools.cache(_samples_here if uses_own_builds else _no_samples)
 
     def expected(self, stage: luigi.Task, measured_s: float | None = None) -> ExpectedCost:
         """Returns what a stage will take.
@@ -125,11 +125,11 @@ class CostModel:
         if not isinstance(stage, StoredTask):
             return None
         found = []
-        for spent in most_similar(self._spendings(stage.task_family), significant(stage)):
-            earlier = _task_of(stage.task_family, spent.parameters)
+        for sample in most_similar(self._samples(stage.task_family), significant(stage)):
+            earlier = _task_of(stage.task_family, sample.parameters)
             if earlier is not None:
-                scale = self._scale(stage, earlier, spent.cost)
-                found.append(self._scaled(spent.cost, *scale, "this machine"))
+                scale = self._scale(stage, earlier, sample.cost)
+                found.append(self._scaled(sample.cost, *scale, "this machine"))
         if not found:
             return None
         middle = sorted(found, key=lambda cost: cost.seconds)[len(found) // 2]
@@ -192,13 +192,13 @@ WRITTEN: dict[str, tuple[str, ...]] = {
 """What the bytes of an artifact are in proportion to, by stage."""
 
 
-def _spendings_here(family: str) -> list[CostSample]:
+def _samples_here(family: str) -> list[CostSample]:
     """The builds of this machine; those that name no host are from before hosts were noted."""
     ours = ("", socket.gethostname())
-    return [spent for spent in cost_history(current_store(), family) if spent.host in ours]
+    return [sample for sample in cost_history(current_store(), family) if sample.host in ours]
 
 
-def _no_spendings(_family: str) -> list[CostSample]:
+def _no_samples(_family: str) -> list[CostSample]:
     return []
 
 

@@ -74,7 +74,7 @@ def drivers_of(
     """Returns the values of the drivers of a stage: its settings, and the sizes of its scene.
 
     Args:
-        stage: Of which.
+        stage: The stage whose drivers are returned.
         sizes: The photographs of scenes, by name.
         upstream: Parameters of the stages upstream, where they are not those of this command:
             `settings={}`, since a command's settings of a family are otherwise its default.

@@ -92,25 +92,25 @@ CONFIG_DEFAULTS: dict[str, dict[str, Any]] = {
 
 def baseline_settings(quality: str, tuning: Values) -> dict[str, dict[str, Any]]:
     """Returns the settings of a preset, replaced by those of `tuning`, by stage."""
-    stages = {setting.split("/")[0] for knob in SWEEP_AXES for setting in knob.settings}
+    stages = {setting.split("/")[0] for axis in SWEEP_AXES for setting in axis.settings}
     of_quality = {stage: settings_for(stage, quality) for stage in sorted(stages)}
     return merged(CONFIG_DEFAULTS, of_quality, tuning)
 
 
-def sweep(middle: Values, repeats: int) -> list[Variant]:
+def sweep(baseline: Values, repeats: int) -> list[Variant]:
     """Returns the variants to measure; the repeated baseline comes first.
 
     Changes without effect, because a setting is 0 or has its smallest value, are left out.
 
     Args:
-        middle: The settings around which is swept, see `baseline_settings`.
-        repeats: How often the middle is measured, each time with other seeds.
+        baseline: The settings that the variants change, see `baseline_settings`.
+        repeats: How often the baseline is measured, each time with other seeds.
 
     Raises:
         InputError: A setting of the baseline is not a number.
     """
-    changes = [*_single(middle), *_combined(middle)]
-    return [*_repeated(repeats), *(v for v in changes if not _is_baseline(v, middle))]
+    changes = [*_single(baseline), *_combined(baseline)]
+    return [*_repeated(repeats), *(v for v in changes if not _is_baseline(v, baseline))]
 
 
 def _repeated(repeats: int) -> Iterator[Variant]:
@@ -120,33 +120,35 @@ def _repeated(repeats: int) -> Iterator[Variant]:
         yield Variant("style", "", style if seed else {})
 
 
-def _single(middle: Values) -> Iterator[Variant]:
-    for knob in SWEEP_AXES:
-        for factor in knob.factors:
-            yield Variant(knob.part, f"{knob.name} x {factor:.2g}", _changed(knob, factor, middle))
+def _single(baseline: Values) -> Iterator[Variant]:
+    for axis in SWEEP_AXES:
+        for factor in axis.factors:
+            yield Variant(
+                axis.part, f"{axis.name} x {factor:.2g}", _changed(axis, factor, baseline)
+            )
     yield Variant("style", "network in float32", {"StyleNetwork": {"bfloat16": False}})
     yield Variant("style", "painted by arbitrary", {}, stylizer="arbitrary")
 
 
-def _combined(middle: Values) -> Iterator[Variant]:
-    knobs = {knob.name: knob for knob in SWEEP_AXES}
+def _combined(baseline: Values) -> Iterator[Variant]:
+    axes = {axis.name: axis for axis in SWEEP_AXES}
     for (part, name), factors in COMBINED_CHANGES.items():
-        changes = (_changed(knobs[knob], factor, middle) for knob, factor in factors.items())
+        changes = (_changed(axes[known], factor, baseline) for known, factor in factors.items())
         yield Variant(part, name, merged(*changes))
 
 
-def _changed(knob: SweepAxis, factor: float, middle: Values) -> dict[str, dict[str, Any]]:
+def _changed(axis: SweepAxis, factor: float, baseline: Values) -> dict[str, dict[str, Any]]:
     tuning: dict[str, dict[str, Any]] = {}
-    for setting in knob.settings:
+    for setting in axis.settings:
         stage, name = setting.split("/")
-        tuning.setdefault(stage, {})[name] = _times(middle[stage][name], factor, setting)
-    return merged(tuning, _beside(knob, middle))
+        tuning.setdefault(stage, {})[name] = _times(baseline[stage][name], factor, setting)
+    return merged(tuning, _beside(axis, baseline))
 
 
-def _beside(knob: SweepAxis, middle: Values) -> Values:
+def _beside(axis: SweepAxis, baseline: Values) -> Values:
     """Returns further settings that keep the results of a change comparable."""
-    if knob.name == "photographs' size":  # frames and held-out views keep their size
-        size = {"long_side_px": middle["SceneModel"]["image_long_side"]}
+    if axis.name == "photographs' size":  # frames and held-out views keep their size
+        size = {"long_side_px": baseline["SceneModel"]["image_long_side"]}
         return dict.fromkeys(("TrajectoryFrames", "QualityMetrics"), size)
     return {}
 
@@ -163,9 +165,9 @@ def _times(value: Any, factor: float, setting: str) -> Any:
     return max(1, round(factor * value)) if value else 0
 
 
-def _is_baseline(variant: Variant, middle: Values) -> bool:
+def _is_baseline(variant: Variant, baseline: Values) -> bool:
     return not variant.stylizer and all(
-        middle.get(stage, {}).get(name) == value
+        baseline.get(stage, {}).get(name) == value
         for stage, settings in variant.tuning.items()
         for name, value in settings.items()
         if name != "long_side_px"

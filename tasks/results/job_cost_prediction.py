@@ -9,9 +9,8 @@ from tasks.results.job_costs import JobCost
 from tasks.results.trajectory import StylizedTrajectory
 
 
-def main() -> None:
-    """Writes the costs as JSON; the command has the job's parameters and the qualities."""
-    words, *qualities = sys.argv[1:]
+def main(words: str, *qualities: str) -> None:
+    """Writes the costs at each quality as JSON; `words` are the job's parameters, as JSON."""
     costs = {}
     for quality in qualities:
         job = StylizedTrajectory(**{**json.loads(words), "quality": quality})

@@ -1,18 +1,17 @@
-"""What a whole fly-through costs here at each quality, as an interpreter of its own predicts.
+"""What a whole fly-through costs here at each quality.
 
-Its own, since the prediction asks every stage for its settings: a page that shows it would
-otherwise depend on the code of all stages.
+The prediction runs in another interpreter, because it reads the settings of every stage. Otherwise
+the code of all stages would be part of the key of `SceneReport`.
 """
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-_MAIN = "from tasks.results.job_cost_prediction import main; main()"
+from pipeline.code.interpreters import json_from
+
+_PREDICTION = "tasks.results.job_cost_prediction:main"
 _PAINTING = "any painting"  # its name decides no cost
 
 
@@ -42,8 +41,5 @@ def job_costs(
         subprocess.CalledProcessError: The prediction fails.
     """
     words = {"scene": scene, "device": device, "tuning": tuning, "style": _PAINTING}
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-P", "-c", _MAIN, json.dumps(words, default=dict), *qualities]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
-    found: dict[str, dict[str, float]] = json.loads(done.stdout.splitlines()[-1])
-    return {quality: JobCost(**fields) for quality, fields in found.items()}  # type: ignore[arg-type]
+    found = json_from(_PREDICTION, json.dumps(words, default=dict), *qualities)
+    return {quality: JobCost(**fields) for quality, fields in found.items()}

@@ -10,14 +10,14 @@ from typing import cast
 
 import luigi
 
-from pipeline.errors import TaskFailure
+from pipeline.errors import StoreError, TaskFailure
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.parameters import BoolParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask, artifact
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination, Tuning
-from tasks.command.build_order import is_made
+from tasks.command.found_records import is_made
 from tasks.command.root_task import root_of_command
 from tasks.command.sources import is_source
 from tasks.planning.kept_choice import choice_for, keep_choice, known_choice
@@ -185,15 +185,15 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
     def _run_resolved(self) -> "Generator[StoredTask, None, None]":
         try:
             choice = self._keep_choice()
-        except InputError as error:
+        except (InputError, StoreError) as error:
             raise TaskFailure("user", str(self), str(error)) from error
         yield self.at_point(choice.quality, choice.point)
 
     def resolved(self) -> "StylizedTrajectory | None":
         """Returns the result with the settings chosen for a bound on time or quality.
 
-        None without a bound, before `choose_settings` or `run` choose, and if no settings meet the
-        bound, which `require_reachable` or `run` report.
+        None without a bound, before `choose_settings` or `run` choose, if no settings meet the
+        bound, and if the store does not give the scene model, which `run` reports.
         """
         try:
             if not self.request:
@@ -202,16 +202,17 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             if not self._space():
                 return None
             choice = known_choice(self, self.request, self._fronts()[0])
-        except InputError:
+        except (InputError, StoreError, OSError):
             return None
         return self.at_point(choice.quality, choice.point) if choice else None
 
     def choose_settings(self) -> None:
         """With a bound, chooses the settings if the kind of space is known, and keeps them.
 
-        It may measure the speed of the machine. If no settings meet the bound, it chooses none.
+        It may measure the speed of the machine. If no settings meet the bound, or the store does
+        not give the scene model, it chooses none.
         """
-        with suppress(InputError):
+        with suppress(InputError, StoreError, OSError):
             if self.request:
                 self.validate()
                 if self._space():
@@ -260,7 +261,12 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         return fronts
 
     def _space(self) -> str | None:
-        """Returns the kind of the scene's space; None before it is decided."""
+        """Returns the kind of the scene's space; None before it is decided.
+
+        Raises:
+            StoreError: The shared store does not return the scene model.
+            OSError: The disk of this machine is full.
+        """
         model = self.requires()["model"]
         if not is_made(model):
             return None

@@ -3,13 +3,13 @@
 import contextlib
 import json
 import logging
-import os
+import uuid
 from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
-from pipeline.maintenance.roots import add_folder_root
+from pipeline.maintenance.roots import add_folder_root, shown_artifacts
 from pipeline.settings import current_store
 from pipeline.task import StoredTask, artifact
 from styletrf.errors import InputError
@@ -48,21 +48,24 @@ class LinkedStage(Stage):
         )
 
     def publish(self, object_path: Path) -> None:
-        """Makes the links, removes links of earlier runs, and lists the keys of the lineage."""
-        links = self.links(artifact)
+        """Makes the links, removes links of earlier runs, and lists the keys of the lineage.
+
+        Other commands may do the same at the same time. Links of the user stay.
+        """
+        store, links = current_store(), self.links(artifact)
         self.folder.mkdir(parents=True, exist_ok=True)
-        add_folder_root(current_store(), self.folder, links.values())
+        add_folder_root(store, self.folder, links.values())
         for name, target in links.items():
-            partial = self.folder / f".{name}.{os.getpid()}"
-            partial.unlink(missing_ok=True)
+            partial = self.folder / f".{name}.{uuid.uuid4().hex}"
             partial.symlink_to(target)
             partial.replace(self.folder / name)
         keys = [*self.lineage(), self.action().key]
         with atomic_write(_keys_file(self.folder / self.page)) as file:
             file.write_text(json.dumps(keys))
-        for path in self.folder.iterdir():
-            if path.is_symlink() and path.name not in links:
-                path.unlink()
+        for path in self.folder.glob("[!.]*"):  # a name with a dot first is a partial link
+            is_old = path.is_symlink() and path.name not in links
+            if is_old and shown_artifacts(store, path):
+                path.unlink(missing_ok=True)
 
 
 def made_from(page: Path) -> list[str]:

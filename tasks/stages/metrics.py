@@ -84,9 +84,8 @@ class ConsistencyMetrics(FrameMetrics):
         super().validate()
         frames = self.upstream(TrajectoryFrames).frame_count()
         deltas = self.values().get("deltas")
-        nearest = min(
-            [d for d in deltas if isinstance(d, int)] if isinstance(deltas, list) else [1]
-        )
+        whole = [d for d in deltas if isinstance(d, int)] if isinstance(deltas, list) else []
+        nearest = min(whole, default=1)
         if frames is not None and frames <= nearest:
             problem = f"are too few: no two frames are {nearest} apart"
             raise InputError(

@@ -16,7 +16,7 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.machine.digest_cache import cached_digests
 from tasks.stages.content import ContentImages
-from tasks.stages.distributed_training import TrainingRequest, batch_of, processes_for, train
+from tasks.stages.distributed_training import TrainingRequest, processes_for, train
 from tasks.stages.field import TrajectoryFrames
 from tasks.stages.stage import ConfigurableStage, Stage
 from tasks.stages.style_parameters import NetworkParameters
@@ -83,7 +83,8 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
     @property
     def max_gpus(self) -> int:
         """Returns the requested number of GPUs, reduced to a divisor of the batch size."""
-        return processes_for(batch_of(self.values()), self.cards or self.gpus)
+        batch = self.values().get("batch", 1)  # without torch, which the class of settings imports
+        return processes_for(batch, self.cards or self.gpus)
 
     def requires(self) -> Mapping[str, Stage]:
         """The painting, the content and the perceptual network; or only a network that is given."""

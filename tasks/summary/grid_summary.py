@@ -7,17 +7,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
-
-import luigi
+from typing import Any, Literal, get_args
 
 from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root
 from pipeline.shared_store.sync import upload_key_list
-from pipeline.task import StoredTask
 from styletrf.files.atomic_write import atomic_write
+from tasks.command.found_records import found_record
 from tasks.command.sources import begin_of_command
 from tasks.summary.gallery import refresh_gallery
 from tasks.summary.webhook import post_to_webhook
@@ -147,7 +145,7 @@ def _link_former_name(path: Path) -> None:
 
 def format_lines(summary: GridSummary) -> list[str]:
     """Returns the summary in a few lines."""
-    counts = [f"{summary.count(o)} {o}" for o in _OUTCOMES if summary.count(o)]
+    counts = [f"{summary.count(o)} {o}" for o in get_args(Outcome) if summary.count(o)]
     stages = summary.stages
     built, found = sum(stage.built for stage in stages), sum(stage.found for stage in stages)
     hours = sum(stage.seconds for stage in stages) / 3600
@@ -165,16 +163,13 @@ def format_lines(summary: GridSummary) -> list[str]:
     return lines + [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
 
 
-_OUTCOMES: tuple[Outcome, ...] = ("made", "found", "failed", "under way", "late", "not begun")
-
-
 def _outcome(cell: Any, begun: datetime) -> CellOutcome:
     name = cell.scene, cell.style
     if record := found_record(cell):
         return CellOutcome(*name, "made" if _began(record) >= begun else "found")
     problem = find_blocking_failure(cell, current_store(), since=begun)
     if problem is None:
-        return CellOutcome(*name, "not begun", "this machine has tried nothing")
+        return CellOutcome(*name, "not begun", "no attempt of this machine has ended")
     ended: Outcome = "late" if problem.kind == "late" else "failed"
     outcome: Outcome = "under way" if problem.is_under_way else ended
     return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
@@ -196,14 +191,6 @@ def _cost_summary(name: str, records: Sequence[ActionRecord], begun: datetime) -
 
 def _gpus(provenance: Mapping[str, Any]) -> int:
     return len([gpu for gpu in str(provenance.get("gpu", "")).split(",") if gpu])
-
-
-def found_record(task: luigi.Task) -> ActionRecord | None:
-    """Returns the record of a task's artifact; None if it is not made, or cannot be."""
-    try:
-        return task.record() if isinstance(task, StoredTask) else None
-    except Exception:  # noqa: BLE001  reported by `find_blocking_failure`
-        return None
 
 
 def _began(record: ActionRecord) -> datetime:

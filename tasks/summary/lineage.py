@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.maintenance.attempts import find_blocking_failure
-from pipeline.maintenance.task_graph import upstream_first
+from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root
 from pipeline.task import StoredTask
 from styletrf.reports.lineage.artifact import Artifact
 from styletrf.reports.lineage.page import write_lineage_page
+from tasks.command.found_records import found_record
 from tasks.stages.linked_results import LinkedStage, linked_pages, made_from
-from tasks.summary.grid_summary import found_record
 
 _log = logging.getLogger("pipeline")
 Found = dict[str, Artifact]
@@ -71,9 +71,7 @@ def _add_page(found: Found, folder: Path, page: Path) -> None:
 
 def _add_requested(found: Found, result: LinkedStage) -> None:
     names: dict[StoredTask, str] = {}
-    for task in upstream_first(result):
-        if not isinstance(task, StoredTask):
-            continue
+    for task in stored_tasks(result):
         record = found_record(task)
         names[task] = record.action.key if record else task.task_id
         inputs = [names[upstream] for upstream in task.requires().values()]

@@ -9,7 +9,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
 
-from pipeline.record import ActionRecord, ancestors
+from pipeline.maintenance.ancestors import ancestors
+from pipeline.record import ActionRecord
 from styletrf.evaluation.trade_off import Measurement, Part
 from tasks.machine.calibration import processor
 from tasks.presets.sweep import Variant

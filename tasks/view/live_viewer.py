@@ -31,14 +31,14 @@ class LiveViewer:
         file: Path,
         command: Command,
     ) -> None:
-        """Takes what is shown at first.
+        """Creates the viewer with its first looks.
 
         Args:
             content: The scene with the look of its photographs, and more if there are.
             thumbnails: Of these looks, as `data:` URIs.
             frames_per_second: Of the fly-through.
             file: Where paths are saved.
-            command: Of what a saved path is rendered by.
+            command: Returns the shell command that renders a saved path.
         """
         self._content, self._scene = content, packed_scene(content, frames_per_second)
         self._looks: Sequence[tuple[BakedLook, Packed]] = ()

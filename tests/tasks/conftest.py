@@ -1,5 +1,6 @@
 """A 16x16 scene of four views, and every stage built on it once, with tiny settings."""
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
@@ -10,6 +11,7 @@ from typing import Any
 
 import pytest
 from memory import folder_in_memory
+from shared_results import made_once
 
 from pipeline.execution.fork_server import fork_server
 from tasks.command_line import LIBRARIES
@@ -173,14 +175,17 @@ def new_graph(
     perceptual_file: Path,
     transfer_folder: Path,
 ) -> Callable[..., Graph]:
-    """Returns the stages on the mini scene, none of them built, in a context for each build."""
+    """Returns the stages on the mini scene, none of them built, in a context for each build.
+
+    `once` may return what another worker has built.
+    """
     return partial(_graph, build, mini_poses, photographs, perceptual_file, transfer_folder)
 
 
 @pytest.fixture(scope="session")
 def mini_graph(new_graph: Callable[..., Graph]) -> Graph:
-    """The stages on the mini scene, shared by all tests of a worker."""
-    return new_graph(lambda _family: nullcontext())
+    """The stages on the mini scene, shared by all tests of all workers."""
+    return new_graph(lambda _family: nullcontext(), made_once)
 
 
 def _graph(
@@ -190,6 +195,7 @@ def _graph(
     perceptual_file: Path,
     transfer_folder: Path,
     around: Callable[[str], AbstractContextManager[None]],
+    once: Callable[[str, Callable[[], Path]], Path] = lambda _name, make: make(),
 ) -> Graph:
     """Builds each stage once, when it is asked for, in the context that `around` has for it."""
     import luigi
@@ -220,14 +226,19 @@ def _graph(
         key = family, json.dumps(controls, sort_keys=True, default=dict)
         if key not in made:
             stage, inputs = with_inputs(family, **controls)
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setenv("STYLETRF_DATA", str(photographs))
-                if family == "SceneReport":  # it would measure this machine
-                    reference = reference_costs().calibration
-                    keep_calibration(replace(reference, machine=this_machine()))
-                with around(family):
-                    made[key] = build(stage, **inputs)
+            name = hashlib.sha256("".join(key).encode()).hexdigest()
+            made[key] = once(f"{family} {name}", lambda: built(stage, inputs))
         return made[key]
+
+    def built(stage: Any, inputs: dict[str, Path]) -> Path:
+        family = stage.task_family
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("STYLETRF_DATA", str(photographs))
+            if family == "SceneReport":  # it would measure this machine
+                reference = reference_costs().calibration
+                keep_calibration(replace(reference, machine=this_machine()))
+            with around(family):
+                return build(stage, **inputs)
 
     def with_inputs(family: str, **controls: Any) -> tuple[Any, dict[str, Path]]:
         kind: type[luigi.Task] = getattr(tasks, family)

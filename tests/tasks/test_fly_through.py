@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,8 @@ from styletrf.files.video import video_info
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.synthetic.courtyard.capture import CourtyardConfig
 from styletrf.synthetic.courtyard.folder import write_courtyard
+from tasks.machine.calibration import keep_calibration, this_machine
+from tasks.planning.stage_costs import reference_costs
 
 pytestmark = pytest.mark.slow
 
@@ -62,6 +64,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "QualityMetrics": {"perceptual_px": 96},
     "StyleMetrics": {"frames": 2},
 }
+NOT_OF_FRAMES = {"--style", "--strength", "--blend", "--content", "--perceptual"}
 OF_THE_STYLE = {
     "StyleImage",
     "StyleNetwork",
@@ -137,6 +140,10 @@ class Workplace:
         )
         return run_of(process, begun)
 
+    def videos(self) -> list[Path]:
+        """Those that stages left."""
+        return [*(self.root / "store/objects").glob("*/*/*.mp4")]
+
 
 def run_of(process: "subprocess.CompletedProcess[str]", begun: float) -> Run:
     report = Path(process.stdout.strip().splitlines()[-1]) if process.stdout else Path()
@@ -155,7 +162,11 @@ def workplace(tmp_path_factory: pytest.TempPathFactory, perceptual_file: Path) -
     (root / "data/styles").mkdir()
     for name in ("brush", "dots"):
         shutil.copy(ROOT / "data/styles" / f"{name}.jpg", root / "data/styles")
-    return Workplace(root, perceptual_file)
+    workplace = Workplace(root, perceptual_file)
+    with pytest.MonkeyPatch.context() as patch:  # a sweep would measure this machine
+        patch.setenv("STYLETRF_STORE", workplace.environment()["STYLETRF_STORE"])
+        keep_calibration(replace(reference_costs().calibration, machine=this_machine("cpu")))
+    return workplace
 
 
 @pytest.fixture(scope="module")
@@ -254,10 +265,16 @@ def test_another_style_builds_only_what_depends_on_it_and_comes_into_an_open_vie
         saved = viewer.asked("path", request)
         assert viewer.interrupted() == 0
     assert Path(saved["file"]) == workplace.root / "out/yard/camera-path.json"
-    rendered = workplace.luigi(*shlex.split(saved["command"])[1:])
-    assert rendered.status == 0, rendered.screen
-    assert rendered.started[0] == "TrajectoryFrames"
-    assert video_info(rendered.report.with_name("video.mp4")).frames == 12
+    words = shlex.split(saved["command"])[1:]
+    planned = command(*words, "--plan", "--json", **workplace.environment())
+    assert planned.returncode == 0, planned.stderr
+    missing = [s["family"] for s in json.loads(planned.stdout)["stages"] if s["state"] == "to make"]
+    assert missing[0] == "TrajectoryFrames", "the fields are those that the viewer shows"
+    given = zip(words[3::2], words[4::2], strict=True)
+    along = [word for pair in given if pair[0] not in NOT_OF_FRAMES for word in pair]
+    rendered = workplace.luigi("--module", "tasks", "TrajectoryFrames", *along)
+    assert (rendered.status, rendered.started) == (0, ["TrajectoryFrames"]), rendered.screen
+    assert 12 in {video_info(file).frames for file in workplace.videos()}
     assert other.status == 0, other.screen
     assert set(other.started) == OF_THE_STYLE
     assert other.report.parent.name == "dots"

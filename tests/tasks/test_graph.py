@@ -35,6 +35,19 @@ def test_importing_tasks_loads_no_torch_and_starts_no_thread():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_a_command_that_builds_a_style_loads_no_torch_itself():
+    """Its builds are other processes. Torch takes seconds to import."""
+    words = {"content": "embedded", **WORDS}
+    code = (
+        "import sys, tasks;"
+        "from pipeline.maintenance.task_graph import stored_tasks;"
+        f"options = [t.options for t in stored_tasks(tasks.StylizedTrajectory(**{words!r}))];"
+        "assert len(options) > 10;"
+        "assert 'torch' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_a_stage_leases_a_gpu_exactly_if_its_build_asks_for_a_device():
     for name in set(tasks.__all__) - {"Grid"}:
         stage = getattr(tasks, name)

@@ -1,11 +1,14 @@
 """How fast a machine is, measured once and kept for it alone."""
 
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
 
 import tasks
+from tasks.machine import local_facts
 from tasks.machine.calibration import (
     CALIBRATIONS,
     Calibration,
@@ -49,6 +52,20 @@ def test_a_damaged_file_counts_as_empty_and_is_replaced_whole():
     add_fact(CALIBRATIONS, "b", 1)
     assert json.loads(facts_file(CALIBRATIONS).read_text()) == {"b": 1}
     assert [p.name for p in facts_file(CALIBRATIONS).parent.glob(".*partial*")] == []
+
+
+def test_facts_that_are_added_at_once_are_all_kept(monkeypatch):
+    """Two workers of a grid keep the choices of their budgets."""
+
+    def read_slowly(name):
+        known = read_facts(name)
+        time.sleep(0.02)
+        return known
+
+    monkeypatch.setattr(local_facts, "read_facts", read_slowly)
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(lambda number: add_fact("choices", str(number), number), range(4)))
+    assert read_facts("choices") == {str(number): number for number in range(4)}
 
 
 def test_every_stage_has_a_workload():

@@ -1,6 +1,7 @@
 """A command that takes clearly more memory than there is stops before anything long begins."""
 
 from dataclasses import replace
+from math import nan
 
 import pytest
 from command_output import CELL, said
@@ -12,12 +13,14 @@ from pipeline.execution import cpu_memory
 from pipeline.execution.cpu_memory import available_memory_bytes
 from pipeline.maintenance.task_graph import upstream_first
 from styletrf.errors import InputError
+from tasks.planning import memory_demand
 from tasks.planning.memory_demand import (
     GROWTH,
     MARGIN,
     Demand,
     Photographs,
     demands_of,
+    frames_of,
     predicted_bytes,
     require_memory,
 )
@@ -105,6 +108,23 @@ def test_demands_are_those_of_the_command(out):
     assert {demand.photograph_px for demand in demands} == {504}
     painted = demands_of(upstream_first(tasks.StylizedTrajectory(**WORDS, method="per-frame")))
     assert "StylizedFrames per-frame" in {demand.stage for demand in painted}
+
+
+@pytest.mark.parametrize("settings", [{"trajectory.frames": "many"}, {"trajectory.seconds": nan}])
+def test_frames_by_settings_that_are_no_numbers_are_left_to_the_validation(settings):
+    assert frames_of(settings) == 0
+
+
+@pytest.mark.parametrize("gpus", [[], ["GPU-a"]])
+def test_the_demands_of_a_command_ask_for_the_gpus_once(out, monkeypatch, gpus):
+    """`nvidia-smi` ran for each stage that computes on a GPU."""
+    calls = []
+    monkeypatch.setattr(memory_demand, "visible_gpus", lambda: calls.append(1) or gpus)
+    styles = (tasks.StylizedTrajectory(**WORDS | {"style": style}) for style in "pq")
+    demands = demands_of(upstream_first(*styles))
+    assert len(calls) == 1
+    assert ("RadianceField" in {demand.stage for demand in demands}) is not bool(gpus)
+    assert demands_of([]) == []
 
 
 def test_a_command_stops_with_one_line_unless_it_keeps_going(photographs):

@@ -1,8 +1,11 @@
 """A command reports mistakes in its words before its first stage."""
 
+import io
 import json
 import re
 import shutil
+import sys
+from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
@@ -14,8 +17,22 @@ from message_words import mentions
 import tasks
 from styletrf.files.video import write_video
 from tasks.command_line import begin
-from tasks.planning import validation
+from tasks.planning import request_validation, validation
 from tasks.planning.validation import LEAST_ROOM_BYTES, require_room
+
+
+@pytest.fixture(autouse=True)
+def _checked_in_this_process(monkeypatch):
+    """As the process does that a command starts: those of `said` have one each."""
+
+    def output_of(function: str, text: str) -> str:
+        assert function == "tasks.planning.request_validation:main"
+        monkeypatch.setattr(sys, "stdin", io.StringIO(text))
+        with redirect_stdout(io.StringIO()) as answer:
+            assert request_validation.main() == 0
+        return answer.getvalue()
+
+    monkeypatch.setattr(validation, "output_of", output_of)
 
 
 def refusal(*words: str) -> str:
@@ -46,6 +63,12 @@ def refusal(*words: str) -> str:
             ["--tuning", '{"RadianceField": {"iteration": 3}}'],
             ["RadianceField", "'iteration'", "FieldTrainingConfig"],
         ),
+        (["--ConsistencyMetrics-settings", '{"deltas": []}'], ["ConsistencyMetrics", "deltas"]),
+        *(
+            (["--TrajectoryFrames-settings", json.dumps({name: value})], ["TrajectoryFrames", name])
+            for name in ("trajectory.frames", "trajectory.seconds", "frames_per_second")
+            for value in ("many", [1])
+        ),
         (["--device", "cuda"], ["--device cuda", "--device auto"]),
         (["--path", "orbits"], ["--path orbits", "auto", "orbit"]),
         (["--frame-rate", "12"], ["--frame-rate 12", 24, 60]),
@@ -73,6 +96,21 @@ def test_a_refused_command_prints_the_line_and_nothing_else(photographs):
     assert status == 1
     assert mentions(screen, "StylizedField", "'iteration'")
     assert screen.count("\n") == 1
+
+
+def test_a_store_that_cannot_be_used_is_one_line(photographs, monkeypatch):
+    """It was a traceback."""
+    monkeypatch.setenv("STYLETRF_STORE", str(photographs))
+    status, screen = said(photographs, "StylizedTrajectory", *CELL)
+    assert (status, screen.count("\n"), mentions(screen, photographs)) == (1, 1, True), screen
+
+
+@pytest.mark.parametrize(("option", "value"), [("--settings", "many"), ("--memory-gib", "lots")])
+def test_a_wrong_value_of_another_stage_is_one_line(photographs, option, value):
+    """Luigi wraps the error of a parameter that the task of the command does not have."""
+    other = option.replace("--", "--TrajectoryFrames-")
+    status, screen = said(photographs, "StylizedTrajectory", *CELL, other, value)
+    assert (status, screen.count("\n"), mentions(screen, option, value)) == (1, 1, True), screen
 
 
 @pytest.mark.parametrize(

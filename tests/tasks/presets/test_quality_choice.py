@@ -10,6 +10,7 @@ from luigi.cmdline_parser import CmdlineParser
 
 from pipeline.canonical import canonical_json
 from pipeline.digest import typed_digest
+from pipeline.errors import NotBuiltError, TaskFailure
 from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination
@@ -252,6 +253,18 @@ def test_settings_of_a_stage_and_a_request_are_refused():
         rejects("RadianceField"),
     ):
         command.get_task_obj().validate()
+
+
+def test_a_result_whose_scene_model_cannot_be_fetched_is_incomplete(monkeypatch):
+    """Its copy in the shared store is damaged, for example."""
+    monkeypatch.setattr("tasks.results.trajectory.is_made", lambda _stage: True)
+    task = mini(budget="5min")
+    with pytest.raises(NotBuiltError):
+        task._space()
+    task.choose_settings()
+    assert not task.complete()
+    with pytest.raises(TaskFailure):
+        next(task.run())
 
 
 def test_a_budget_needs_the_kind_of_scene_and_the_sources(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""The designed sweep: its middle, its changes, and what it calls the usual values."""
+"""The designed sweep: its baseline, its changes, and what it calls the usual values."""
 
 from functools import reduce
 
@@ -18,8 +18,8 @@ from tasks.presets.sweep import (
 
 @pytest.mark.parametrize("quality", PRESETS)
 def test_every_change_is_a_setting_of_its_stage_and_changes_something(quality):
-    middle = baseline_settings(quality, {})
-    changes = [variant for variant in sweep(middle, 1) if variant.name]
+    baseline = baseline_settings(quality, {})
+    changes = [variant for variant in sweep(baseline, 1) if variant.name]
     assert len(changes) >= 25
     assert len({(v.part, v.name) for v in changes}) == len(changes)
     for variant in changes:
@@ -28,7 +28,7 @@ def test_every_change_is_a_setting_of_its_stage_and_changes_something(quality):
 
             configured(configurations()[stage], settings)
         assert variant.stylizer or any(
-            middle.get(stage, {}).get(name) != value
+            baseline.get(stage, {}).get(name) != value
             for stage, settings in variant.tuning.items()
             for name, value in settings.items()
         )
@@ -47,8 +47,8 @@ def test_the_usual_values_are_those_of_the_configurations():
 
 
 def test_changes_are_factors_of_what_is_tuned():
-    middle = baseline_settings("draft", {"RadianceField": {"iterations": 100}})
-    by_name = {v.name: v.tuning for v in sweep(middle, 1)}
+    baseline = baseline_settings("draft", {"RadianceField": {"iterations": 100}})
+    by_name = {v.name: v.tuning for v in sweep(baseline, 1)}
     assert by_name["iterations x 0.5"] == {"RadianceField": {"iterations": 50}}
     assert by_name["ranks x 2"]["RadianceField"]["field.density_ranks"] == [32]
 
@@ -74,7 +74,7 @@ def test_a_baseline_setting_that_is_not_a_number_is_refused():
         sweep(baseline_settings("draft", {"RadianceField": {"iterations": "many"}}), 1)
 
 
-def test_several_changes_are_of_knobs_there_are():
-    known = {knob.name: knob.part for knob in SWEEP_AXES}
+def test_several_changes_are_of_axes_there_are():
+    known = {axis.name: axis.part for axis in SWEEP_AXES}
     for (part, _), factors in COMBINED_CHANGES.items():
         assert {known[name] for name in factors} == {part}

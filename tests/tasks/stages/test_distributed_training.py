@@ -11,6 +11,7 @@ from tasks.stages.distributed_training import (
     train_distributed,
     train_local,
 )
+from tasks.stages.style import StyleNetwork
 
 
 class Display:
@@ -81,6 +82,14 @@ def test_a_refusal_by_one_process_is_reported_as_in_one_process(asked):
 )
 def test_as_many_gpus_as_have_equal_parts_of_a_batch(batch, gpus, processes):
     assert processes_for(batch, gpus) == processes
+
+
+@pytest.mark.parametrize(
+    ("words", "most"), [({}, 2), ({"settings": {"batch": 6}}, 3), ({"stylizer": "gatys"}, 1)]
+)
+def test_a_training_leases_no_more_gpus_than_have_equal_parts_of_its_batch(words, most):
+    stage = StyleNetwork(scene="s", style="t", quality="draft", gpus=3, **words)
+    assert stage.options.max_gpus == most
 
 
 def test_one_process_needs_nobody(asked, tmp_path):

@@ -63,9 +63,16 @@ def test_no_parts_at_all_are_refused():
 
 
 @pytest.mark.parametrize(
-    "family", ["TrajectoryFrames", "PriorRenders", "StylizedPriors", "StylizedFrames"]
+    ("count", "family"),
+    [
+        (2, "TrajectoryFrames"),
+        (2, "PriorRenders"),
+        (2, "StylizedPriors"),
+        (2, "StylizedFrames"),
+        (9, "PriorRenders"),  # more than there are
+        (9, "StylizedFrames"),
+    ],
 )
-@pytest.mark.parametrize("count", [2, 9])
 def test_what_is_put_together_is_the_same_byte_by_byte(mini, stage_of, build, family, count):
     whole = mini(family)
     part, inputs = stage_of(family)

@@ -62,7 +62,7 @@ def served(baked: Any, tmp_path: Path) -> Iterator[Served]:
     live = LiveViewer(content, [scene.thumbnail], scene.frames_per_second, file, command)
     with PageServer("127.0.0.1", 0, TOKEN) as server:
         server.site = live
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         yield Served(server, live, file, more, scene)
         server.shutdown()
