@@ -1,8 +1,11 @@
 """Configurations from plain values, as a settings table or a user gives them."""
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, Literal, TypeVar, get_args, get_origin
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from types import UnionType
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from styletrf.errors import InputError
 
@@ -12,10 +15,12 @@ Config = TypeVar("Config")
 def configured(config: type[Config], values: Mapping[str, Any]) -> Config:
     """Returns the configuration with its defaults replaced by `values`.
 
-    A name with dots reaches into a nested configuration: `network.width`. Lists become tuples.
+    A name with dots reaches into a nested configuration: `network.width`. Lists become tuples, and
+    whole numbers floats where these are declared.
 
     Raises:
-        InputError: A name is unknown, or a value is not of the default's type or among its words.
+        InputError: A name is unknown, or a value is not of the declared type, not finite, or
+            refused by the configuration.
     """
     result = config()
     for name, value in values.items():
@@ -23,8 +28,19 @@ def configured(config: type[Config], values: Mapping[str, Any]) -> Config:
     return result
 
 
+def require_at_least(least: int, config: Any, *names: str) -> None:
+    """Refuses a configuration whose numbers by these names are too small.
+
+    Raises:
+        ValueError: One is.
+    """
+    for name in names:
+        if not getattr(config, name) >= least:
+            raise ValueError(f"{name} is {getattr(config, name)}, not at least {least}")
+
+
 def _replaced(config: Any, path: list[str], value: Any, name: str) -> Any:
-    fields = {field.name: field.type for field in dataclasses.fields(config)}
+    fields = get_type_hints(type(config))
     if path[0] not in fields:
         known = ", ".join(sorted(fields))
         raise InputError(
@@ -36,29 +52,62 @@ def _replaced(config: Any, path: list[str], value: Any, name: str) -> Any:
             raise InputError(f"setting {name!r}", f"{path[0]} has no parts", f"Set {path[0]!r}")
         new = _replaced(present, path[1:], value, name)
     else:
-        new = _of_the_kind(present, value, name)
-        _refuse_unknown_word(fields[path[0]], new, name)
+        new = _declared(fields[path[0]], value, name)
     try:
         return dataclasses.replace(config, **{path[0]: new})
     except ValueError as error:
         raise InputError(f"setting {name!r}", str(error), "Give another value") from error
 
 
-def _refuse_unknown_word(hint: Any, value: Any, name: str) -> None:
-    if get_origin(hint) is Literal and value not in get_args(hint):
-        known = ", ".join(map(str, get_args(hint)))
-        raise InputError(f"setting {name!r}", f"{value!r} is unknown", f"Choose one of {known}")
+def _declared(hint: Any, value: Any, name: str) -> Any:
+    """Returns a value as it is declared.
+
+    Raises:
+        InputError: It is of another type, or not finite.
+    """
+    try:
+        return _of_type(hint, value)
+    except (TypeError, OverflowError) as error:
+        if get_origin(hint) is Literal:
+            problem, known = f"{value!r} is unknown", ", ".join(map(str, get_args(hint)))
+            raise InputError(f"setting {name!r}", problem, f"Choose one of {known}") from error
+        kind = str(hint) if get_args(hint) else hint.__name__
+        problem = f"{value!r} is not {kind}, or not finite"
+        raise InputError(f"setting {name!r}", problem, "Give a value of that kind") from error
 
 
-def _of_the_kind(present: Any, value: Any, name: str) -> Any:
-    if isinstance(value, list):
-        value = tuple(value)
-    if isinstance(present, float) and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if present is not None and type(value) is not type(present):
-        raise InputError(
-            f"setting {name!r}",
-            f"{value!r} is not {type(present).__name__} as its default {present!r} is",
-            "Give a value of that kind",
-        )
+def _of_type(hint: Any, value: Any) -> Any:
+    """Returns a value as a type hint has it.
+
+    Raises:
+        TypeError: It is of another type, or not finite.
+        OverflowError: It is a whole number, and no float is as large.
+    """
+    if get_origin(hint) is Literal and value in get_args(hint):
+        return value
+    if get_origin(hint) is UnionType:
+        return _of_one_type(get_args(hint), value)
+    if get_origin(hint) is tuple and isinstance(value, list | tuple):
+        return _of_types(get_args(hint), value)
+    if hint is float and type(value) is int:
+        value = float(value)
+    if type(value) is not hint or (hint is float and not math.isfinite(value)):
+        raise TypeError(f"{value!r} is not {hint}")
     return value
+
+
+def _of_one_type(hints: Sequence[Any], value: Any) -> Any:
+    """Returns a value as the first of some types has it that it is of."""
+    for hint in hints:
+        with suppress(TypeError):
+            return _of_type(hint, value)
+    raise TypeError(f"{value!r} is none of {hints}")
+
+
+def _of_types(hints: Sequence[Any], values: Sequence[Any]) -> tuple[Any, ...]:
+    """Returns a tuple of the types, or of however many of the first, if an ellipsis follows it."""
+    if hints[-1] is Ellipsis:
+        hints = [hints[0]] * len(values)
+    if len(values) != len(hints):
+        raise TypeError(f"{values!r} are not {len(hints)}")
+    return tuple(_of_type(hint, value) for hint, value in zip(hints, values, strict=True))

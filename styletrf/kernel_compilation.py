@@ -56,7 +56,7 @@ def compile_viewer_kernels() -> None:
     refit_kernels.totals(*samples, starts, rest, 512, of_samples)
     sums = np.empty((refit_kernels.BANDS, *values.shape), np.float32)
     tint = np.zeros((len(MONOMIALS), 3), np.float32)
-    refit_kernels.lacking(*samples, rest, starts, rest, tint, 1, values, of_samples, sums)
+    refit_kernels.residuals(*samples, rest, starts, rest, tint, 1, values, of_samples, sums)
 
 
 def compile_all_but_the_field() -> None:

@@ -6,7 +6,7 @@ A mask is a PNG as large as its upright photograph, black where the photograph d
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, UInt8
 
 from styletrf.capture.photographs import read_photograph
 from styletrf.errors import InputError
@@ -15,12 +15,17 @@ MASKS = "masks"
 
 
 def read_mask(path: Path) -> Bool[np.ndarray, "height width"]:
-    """Returns which pixels count: those that are nearer to white than to black.
+    """Returns which pixels of a photograph count by its mask.
 
     Raises:
         InputError: The file is no image.
     """
-    counts: Bool[np.ndarray, "height width"] = read_photograph(path).mean(axis=2) > 127
+    return counted_pixels(read_photograph(path))
+
+
+def counted_pixels(mask: UInt8[np.ndarray, "height width 3"]) -> Bool[np.ndarray, "height width"]:
+    """Returns which pixels of a mask count: those that are nearer to white than to black."""
+    counts: Bool[np.ndarray, "height width"] = mask.mean(axis=2) > 127
     return counts
 
 

@@ -58,6 +58,12 @@ FEWEST_PHOTOGRAPHS = 3
 # What libjpeg says of damaged data. It also warns of harmless things: padding before the last
 # marker, the scan parameters that some phones write.
 _JPEG_DAMAGE = re.compile(r"premature end|bad Huffman|extraneous bytes before marker 0xd[0-7]")
+# What decoders say of any photograph, harmless or not; other lines are those of other threads.
+_OF_DECODERS = re.compile(
+    rb"Corrupt JPEG|Premature end of JPEG|Invalid SOS|Inconsistent progression|Unknown Adobe color"
+    rb"|Warning: unknown JFIF|Application transferred|libpng |TIFF\w+:"
+    rb"|\[ ?(?:WARN|ERROR|INFO|DEBUG):|\r?\n"
+)
 _JPEG_START = b"\xff\xd8"
 _JPEG_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]", re.DOTALL)  # not one within a scan
 _UPRIGHT = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH  # BGR: RGB garbles 16-bit TIFF in OpenCV 5.0
@@ -236,7 +242,8 @@ def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 
 def _captured_stderr() -> Iterator[list[str]]:
     """Collects what C libraries write to standard error, once the block is left.
 
-    libjpeg replaces missing data by gray and tells nobody but standard error.
+    libjpeg replaces missing data by gray and tells nobody but standard error. What other threads
+    write there meanwhile follows later.
     """
     complaints: list[str] = []
     with _STANDARD_ERROR, tempfile.TemporaryFile() as log:
@@ -249,4 +256,7 @@ def _captured_stderr() -> Iterator[list[str]]:
             os.dup2(standard_error, 2)
             os.close(standard_error)
             log.seek(0)
-            complaints.append(log.read().decode(errors="replace"))
+            lines = log.read().splitlines(keepends=True)
+            complaints.extend(line.decode(errors="replace") for line in lines)
+            if others := [line for line in lines if not _OF_DECODERS.match(line)]:
+                os.write(2, b"".join(others))

@@ -9,7 +9,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
-from zipfile import BadZipFile
 
 import cv2
 import numpy as np
@@ -19,6 +18,7 @@ import pyarrow.parquet as pq
 from styletrf.content.content_sources import ContentSource
 from styletrf.content.prefetch import prefetch
 from styletrf.errors import InputError
+from styletrf.files.zip_damage import ZIP_DAMAGE
 from styletrf.progress import Progress, silent
 
 _SCHEMA = pa.schema(
@@ -70,7 +70,8 @@ def write_content_images(
     The same source and configuration give the same bytes.
 
     Args:
-        source: From `styletrf.content.content_sources` or `styletrf.content.coco_fetch`.
+        source: From `styletrf.content.content_sources` or `styletrf.content.coco_fetch`; it is
+            closed in the end.
         folder: An existing, empty folder.
         config: Which images, and their size.
         progress: Called with the number of images kept.
@@ -87,7 +88,7 @@ def write_content_images(
         threads=_THREADS,
         ahead=_AHEAD,
     )
-    with closing(rows):
+    with closing(source), closing(rows):
         for name, row in rows:
             if row is None:
                 skipped.append(name)
@@ -134,7 +135,7 @@ def _row(source: ContentSource, name: str, min_side_px: int) -> Row | None:
     """Reads, reduces and encodes one image; None where it cannot be used."""
     try:
         encoded = np.frombuffer(source.read(name), dtype=np.uint8)
-    except (OSError, BadZipFile):
+    except ZIP_DAMAGE:
         return None
     image = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
     if image is None or min(image.shape[:2]) < _SMALLEST_SIDE_PX:

@@ -6,6 +6,7 @@
 
 import zipfile
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 
 from styletrf.content.procedural_images import procedural_image
 from styletrf.errors import InputError
+from styletrf.files.zip_damage import ZIP_DAMAGE
 
 CONTENT_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
 """What counts as an image by its name, in lower case."""
@@ -29,6 +31,7 @@ class ContentSource:
     subject: str  # the source as the user knows it
     names: tuple[str, ...]
     read: Callable[[str], bytes]
+    close: Callable[[], None] = lambda: None  # after which nothing is read
 
 
 def folder_source(folder: Path) -> ContentSource:
@@ -52,12 +55,15 @@ def zip_source(path: Path) -> ContentSource:
     Raises:
         InputError: It is not a zip or holds no image.
     """
-    try:
-        archive = zipfile.ZipFile(path)
-    except (OSError, zipfile.BadZipFile) as error:
-        raise InputError(str(path), f"is not a whole zip ({error})", "Fetch it again") from error
-    names = tuple(sorted(name for name in archive.namelist() if _is_image(name)))
-    return ContentSource(str(path), _some(str(path), names), archive.read)
+    with ExitStack() as opened:
+        try:
+            archive = opened.enter_context(zipfile.ZipFile(path))
+        except ZIP_DAMAGE as error:
+            problem = f"is not a whole zip ({error})"
+            raise InputError(str(path), problem, "Fetch it again") from error
+        names = tuple(sorted(name for name in archive.namelist() if _is_image(name)))
+        names = _some(str(path), names)
+        return ContentSource(str(path), names, archive.read, opened.pop_all().close)
 
 
 def embedded_source(photographs: Sequence[Path], n_procedural: int, seed: int) -> ContentSource:

@@ -22,6 +22,7 @@ from torch import Tensor
 
 from styletrf.capture.view_images import ViewImages, view_images
 from styletrf.capture.views import load_views, split_views
+from styletrf.evaluation.quality import views_that_count
 from styletrf.field.kernels import Kernels
 from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField
@@ -72,11 +73,12 @@ def expected_psnr(
     config: FieldTrainingConfig,
     kernels: Kernels,
     device: torch.device,
-) -> float:
+) -> float | None:
     """Returns the PSNR in dB that a fit of these photographs will have on other views.
 
     Every eighth of the photographs, or one of fewer than twelve, is set aside for it; views held
-    out have no part in it.
+    out have no part in it. None where one photograph is all there is, or masks leave nothing of
+    those set aside.
 
     Args:
         photographs: To fit to.
@@ -85,7 +87,10 @@ def expected_psnr(
         kernels: Of the device.
         device: To fit on.
     """
-    half, brief = brief_fits(photographs, model, config, kernels, device)
+    fits = brief_fits(photographs, model, config, kernels, device)
+    if not fits:
+        return None
+    half, brief = fits
     doublings = math.log2(config.iterations / brief.iterations)
     return extrapolated_psnr(half.psnr_db, brief.psnr_db, doublings)
 
@@ -98,10 +103,13 @@ def brief_fits(
     device: torch.device,
     shares: Sequence[float] = BRIEF,
 ) -> list[BriefFit]:
-    """Returns fits of shares of the iterations; see `expected_psnr`."""
+    """Returns fits of shares of the iterations; none where `expected_psnr` returns None."""
     fitted_rows, aside_rows = split_views(len(photographs.cameras))
-    aside = model.normalized([photographs.cameras[row] for row in aside_rows])
-    images = view_images(load_views(photographs.folder, aside, device))
+    set_aside = model.normalized([photographs.cameras[row] for row in aside_rows])
+    aside, views = views_that_count(set_aside, load_views(photographs.folder, set_aside, device))
+    if not fitted_rows or not aside:
+        return []
+    images = view_images(views)
     fitted = TrainingPhotographs(
         photographs.folder,
         [photographs.cameras[row] for row in fitted_rows],

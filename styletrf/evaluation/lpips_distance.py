@@ -18,7 +18,7 @@ from styletrf.files.published_weights import ALEXNET
 Image = Float[np.ndarray, "height width 3"]
 
 
-def lpips_judge(device: torch.device) -> Callable[[Image, Image], float]:
+def lpips_metric(device: torch.device) -> Callable[[Image, Image], float]:
     """Returns what measures the distance of two images in [0, 1] (version 0.1, AlexNet).
 
     Raises:

@@ -1,5 +1,6 @@
 """How well a field shows the views it was not fitted to."""
 
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,8 +11,9 @@ import torch
 from jaxtyping import Bool
 
 from styletrf.capture.view_images import Image as ViewImage
+from styletrf.errors import InputError
 from styletrf.evaluation.exposed_image import psnr_exposed
-from styletrf.evaluation.lpips_distance import lpips_judge
+from styletrf.evaluation.lpips_distance import lpips_metric
 from styletrf.evaluation.metrics import Image, mean_squared_error, psnr, ssim
 from styletrf.evaluation.perceptual_distance import PerceptualFeatures, perceptual_distance
 from styletrf.field.rendering import RenderConfig, Rendering
@@ -21,13 +23,14 @@ from styletrf.geometry.cameras import Camera
 from styletrf.psnr import psnr_of_error
 from styletrf.style.perceptual.vgg import REDUCTION, load_vgg
 
+_LOGGER = logging.getLogger(__name__)
 ImageMetric = Callable[[Image, Image], float]
 """What an image is worth against its reference."""
 
 
 @dataclass(frozen=True, slots=True)
 class QualityConfig:
-    """How views are rendered and judged.
+    """How views are rendered and measured.
 
     Attributes:
         render: The render.
@@ -53,7 +56,7 @@ class QualityConfig:
 def requested_metrics(
     config: QualityConfig, weights: Path, device: torch.device
 ) -> dict[str, ImageMetric]:
-    """Returns the judges by the column of their figures.
+    """Returns the metrics by the column of their figures.
 
     `psnr` in dB, `ssim`, `perceptual` (by the VGG16 of `weights`), and `lpips` where asked for.
 
@@ -65,31 +68,35 @@ def requested_metrics(
     def perceptual(image: Image, reference: Image) -> float:
         return perceptual_distance(perception.features(image), perception.features(reference))
 
-    judges: dict[str, ImageMetric] = {"psnr": psnr, "ssim": ssim, "perceptual": perceptual}
-    return judges | ({"lpips": lpips_judge(device)} if config.lpips else {})
+    metrics: dict[str, ImageMetric] = {"psnr": psnr, "ssim": ssim, "perceptual": perceptual}
+    return metrics | ({"lpips": lpips_metric(device)} if config.lpips else {})
 
 
 def measure_quality(
     renders: Iterable[Rendering],
     cameras: Sequence[Camera],
     photographs: Iterable[ViewImage],
-    judges: Mapping[str, ImageMetric],
+    metrics: Mapping[str, ImageMetric],
     picture_folder: Path,
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Returns a row of every judge's figure for each view, and the means.
+    """Returns a row of every metric's figure for each view, and the means.
 
     Writes each render beside its photograph as `NAME.png`. Pixels of alpha 0 do not count for
-    either PSNR; other judges see the photograph there.
+    either PSNR; other metrics see the photograph there.
 
     Raises:
+        InputError: There is no view.
         NotFiniteError: A render or a figure is not, but for the infinite PSNR of equal pictures.
     """
+    if not cameras:
+        problem = "have no pixel that counts: there is nothing to measure by"
+        raise InputError("the views held out", problem, "Make white in their masks what counts")
     rows: list[dict[str, Any]] = []
     for camera, render, photograph in zip(cameras, renders, photographs, strict=True):
         reference = from_integers(np.ascontiguousarray(photograph[..., :3].numpy()))
         image, counts = render.color.numpy(), counted_pixels(photograph)
-        judged = np.where(counts[..., None], image, reference)
-        figures = {name: judge(judged, reference) for name, judge in judges.items()}
+        shown = np.where(counts[..., None], image, reference)
+        figures = {name: metric(shown, reference) for name, metric in metrics.items()}
         if "psnr" in figures:
             figures["psnr"] = psnr_of_error(mean_squared_error(image, reference, counts))
         if "psnr_exposed" in figures:
@@ -98,14 +105,24 @@ def measure_quality(
         require_finite("quality", f"in view {camera.name}", [("render", image), *finite])
         rows.append({"view": camera.name} | figures)
         write_rgb(picture_folder / f"{camera.name}.png", np.concatenate([image, reference], axis=1))
-    means = {name: float(np.mean([row[name] for row in rows])) for name in judges}
+    means = {name: float(np.mean([row[name] for row in rows])) for name in metrics}
     return rows, means | {"views": float(len(rows))}
+
+
+def views_that_count(
+    cameras: Sequence[Camera], photographs: Sequence[ViewImage]
+) -> tuple[list[Camera], list[ViewImage]]:
+    """Returns the views of which some pixel counts, and warns of the others: they tell nothing."""
+    kept = [k for k, image in enumerate(photographs) if counted_pixels(image).any()]
+    if left_out := [camera.name for k, camera in enumerate(cameras) if k not in kept]:
+        _LOGGER.warning("not measured by, their masks leave no pixel: %s", ", ".join(left_out))
+    return [cameras[k] for k in kept], [photographs[k] for k in kept]
 
 
 def counted_pixels(photograph: ViewImage) -> Bool[np.ndarray, "height width"]:
     """Returns which pixels of a photograph count, by its alpha where it has one."""
     whole = torch.ones(photograph.shape[:2], dtype=torch.bool)
     counts: Bool[np.ndarray, "height width"] = (
-        photograph[..., 3] > 0 if photograph.shape[2] == 4 else whole
+        photograph[..., 3].cpu() > 0 if photograph.shape[2] == 4 else whole
     ).numpy()
     return counts

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from styletrf.evaluation.metrics import Image
+from styletrf.even_spread import evenly_spread
 from styletrf.finiteness import require_finite
 from styletrf.progress import Progress, silent
 from styletrf.style.perceptual.perceptual_loss import (
@@ -75,7 +76,7 @@ def measure_stylization(
         NotFiniteError: A frame or a term of its loss is not.
     """
     grams = style_grams(vgg, shrunk(_tensor(painting, vgg)[0].permute(1, 2, 0), config.style_px))
-    chosen = np.unique(np.linspace(0, len(views) - 1, config.frames).round().astype(int))
+    chosen = evenly_spread(range(len(views)), config.frames)
     rows = []
     for k in chosen:
         plain, painted = (_tensor(image, vgg) for image in frames(views[k]))

@@ -10,6 +10,8 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int64
 
+from styletrf.errors import InputError
+from styletrf.even_spread import evenly_spread
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, Rendering
 from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, points_at_depth
@@ -68,8 +70,16 @@ class ExportViews:
             yield render.color.numpy()
 
     def points(self) -> SurfacePoints:
-        """Returns the surface points of all views, in the normalized world."""
-        return surface_points(self.cameras, self.renders)
+        """Returns the surface points of all views, in the normalized world.
+
+        Raises:
+            InputError: There is none.
+        """
+        points = surface_points(self.cameras, self.renders)
+        if not len(points):
+            problem = "stops no ray of any view: there is nothing to export"
+            raise InputError("the field", problem, "Look at its frames, and fit it again")
+        return points
 
     def to_grid(self, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
         """Returns points of the normalized world in coordinates of the field's grid."""
@@ -101,8 +111,7 @@ def export_views(
     pixels = float(np.mean([camera.width * camera.height for camera in every]))
     count = int(np.clip(_MOST_PIXELS / pixels, _FEWEST_VIEWS, _MOST_VIEWS))
     side = int(side * min(1.0, (_MOST_PIXELS / (count * pixels)) ** 0.5))
-    spread = np.unique(np.linspace(0, len(every) - 1, min(count, len(every))).round().astype(int))
-    cameras = [fitted_to(every[k], side) for k in spread]
+    cameras = [fitted_to(camera, side) for camera in evenly_spread(every, count)]
     renders = list(rendered(field, model.space, cameras, RenderConfig(), device, progress))
     return ExportViews(model, field, cameras, renders, device)
 

@@ -10,7 +10,9 @@ import torch
 from jaxtyping import Float
 from safetensors.torch import save_file
 
-from styletrf.errors import InputError
+from styletrf.capture.view_images import Image as ViewImage
+from styletrf.evaluation.metrics import mean_squared_error
+from styletrf.evaluation.quality import counted_pixels
 from styletrf.exports.export_views import ExportViews, Look
 from styletrf.exports.splat_files import read_splats, write_splat_ply, write_spz
 from styletrf.exports.splat_fit import Pictures, SplatFitConfig, fitted_splats
@@ -19,6 +21,7 @@ from styletrf.exports.splat_placement import placed_splats
 from styletrf.exports.splats import Splats, moved_splats, splats_of_tensors, tensors_of
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
+from styletrf.files.images import from_integers
 from styletrf.geometry.cameras import Camera
 from styletrf.progress import Progress
 from styletrf.psnr import bounded_psnr
@@ -33,11 +36,11 @@ class HeldOut:
 
     Attributes:
         cameras: In the normalized world.
-        photographs: What they show, height x width x 3 each, in [0, 1].
+        photographs: What they show; pixels of alpha 0 do not count.
     """
 
     cameras: Sequence[Camera]
-    photographs: Sequence[np.ndarray]
+    photographs: Sequence[ViewImage]
 
 
 def export_splats(
@@ -65,6 +68,9 @@ def export_splats(
 
     Returns:
         How many splats there are, the background, and what each look loses, in dB.
+
+    Raises:
+        InputError: There is no surface at all.
     """
     first = tensors_of(_placed(views, most))
     splats, colors = fitted_splats(
@@ -90,9 +96,6 @@ def export_splats(
 
 def _placed(views: ExportViews, most: int) -> Splats:
     points = views.points()
-    if not len(points):
-        problem = "stops no ray of any photograph: there is nothing to make splats of"
-        raise InputError("the field", problem, "Look at its frames, and fit it again")
     return placed_splats(points, views.to_grid(points.positions), views.field.resolution, most)
 
 
@@ -131,13 +134,15 @@ def _losses(
     ):
         picture = splat_picture(tensors, bank, camera, background).clamp(0, 1).numpy()
         exact = render.color.numpy()
-        of_views["psnr_to_field"].append(_psnr_db(picture, exact))
-        of_views["splats_psnr"].append(_psnr_db(picture, photograph))
-        of_views["field_psnr"].append(_psnr_db(exact, photograph))
+        reference = from_integers(np.ascontiguousarray(photograph[..., :3].numpy()))
+        counts = counted_pixels(photograph)
+        errors = {
+            "psnr_to_field": mean_squared_error(picture, exact),
+            "splats_psnr": mean_squared_error(picture, reference, counts),
+            "field_psnr": mean_squared_error(exact, reference, counts),
+        }
+        for name, error in errors.items():
+            of_views[name].append(bounded_psnr(error))
     if not is_photographs:
         of_views = {"psnr_to_field": of_views["psnr_to_field"]}
-    return {name: float(np.mean(values)) for name, values in of_views.items()}
-
-
-def _psnr_db(a: np.ndarray, b: np.ndarray) -> float:
-    return bounded_psnr(float(np.square(a.astype(np.float64) - b).mean()))
+    return {name: float(np.mean(values)) for name, values in of_views.items() if values}

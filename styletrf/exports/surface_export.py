@@ -36,6 +36,9 @@ def export_points(
 
     Returns:
         How many points there are, and on how much of the pictures there is a surface.
+
+    Raises:
+        InputError: There is no surface at all.
     """
     points = views.points()
     voxel = voxels_of(views.to_grid(points.positions), views.field.resolution, MOST_POINTS)

@@ -102,9 +102,14 @@ class RayCache:
         return sum(tensor.nbytes for tensor in (*tensors, self.opacity, self.target))
 
     def batch(self, k: int, size: int) -> RayBatch:
-        """Returns the k-th `size` rays, starting over where the rays end."""
-        first = k % max(1, len(self.opacity) // size) * size
-        return self._rays(first, min(first + size, len(self.opacity)))
+        """Returns the k-th batch, starting over where the rays end.
+
+        The rays are divided evenly into as few batches of at most `size` as hold all.
+        """
+        total = len(self.opacity)
+        count = max(1, -(-total // size))
+        first, last = (total * (k % count + end) // count for end in (0, 1))
+        return self._rays(first, last)
 
     def tiles(self, size: int) -> Iterator[RayBatch]:
         """Yields all rays in order, `size` at a time."""

@@ -4,6 +4,7 @@ Tensors and a JSON of plain numbers lie in one safetensors file, replaced by ren
 """
 
 import json
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from torch import Tensor
 from styletrf.files.atomic_write import atomic_write
 
 _NAME = "checkpoint.safetensors"
+_LOGGER = logging.getLogger(__name__)
 
 
 def save_checkpoint(folder: Path, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> None:
@@ -29,7 +31,10 @@ def save_checkpoint(folder: Path, tensors: Mapping[str, Tensor], state: Mapping[
 def load_checkpoint(
     folder: Path, device: torch.device
 ) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
-    """Returns the folder's checkpoint, or None where there is none that can be read."""
+    """Returns the folder's checkpoint, or None where there is none that can be read.
+
+    One that cannot be read is named in a warning.
+    """
     path = folder / _NAME
     if not path.exists():
         return None
@@ -37,8 +42,14 @@ def load_checkpoint(
         with safe_open(path, framework="pt", device=str(device)) as file:
             state = json.loads(file.metadata()["state"])
             return {name: file.get_tensor(name) for name in file.keys()}, state  # noqa: SIM118
-    except (SafetensorError, OSError, ValueError, KeyError, TypeError):
+    except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
+        warn_of_unreadable(path, str(error))
         return None
+
+
+def warn_of_unreadable(path: Path, reason: str) -> None:
+    """Logs that a training starts over although there is a checkpoint."""
+    _LOGGER.warning("%s cannot be read (%s): the training starts over", path, reason)
 
 
 def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:

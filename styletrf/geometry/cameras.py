@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+FAR = 1e6  # depth of what is infinitely far, in units of the normalized scene
+
 
 @dataclass(frozen=True, slots=True)
 class Camera:
@@ -83,13 +85,24 @@ def pixel_centers(width: int, height: int) -> Float[np.ndarray, "pixels 2"]:
     return np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5
 
 
+def directions_camera(
+    camera: Camera, pixels: Float[np.ndarray, "pixels 2"]
+) -> Float[np.ndarray, "pixels 3"]:
+    """Returns the directions of pixels in the camera's frame, with z = 1."""
+    on_plane = (pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    return np.column_stack([on_plane, np.ones(len(pixels))])
+
+
+def finite_depth(depth: np.ndarray) -> np.ndarray:
+    """Returns depths with `FAR` for what is infinitely far, in double precision."""
+    return np.where(np.isfinite(depth), depth, FAR).astype(np.float64)
+
+
 def points_at_depth(
     camera: Camera, pixels: Float[np.ndarray, "pixels 2"], depth: Float[np.ndarray, " pixels"]
 ) -> Float[np.ndarray, "pixels 3"]:
     """Returns the world points at `depth` (along the camera's z axis) behind `pixels`."""
-    x, y = ((pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
-    directions_camera = np.stack([x, y, np.ones_like(x)], axis=-1)
-    directions_world = directions_camera @ camera.world_from_camera[:, :3].T
+    directions_world = directions_camera(camera, pixels) @ camera.world_from_camera[:, :3].T
     points_world: np.ndarray = camera.center_world + depth[:, None] * directions_world
     return points_world
 

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from styletrf.geometry.cameras import Camera, pixel_centers
+from styletrf.geometry.cameras import Camera, directions_camera, pixel_centers
 
 Depth = Float[np.ndarray, "height width"]
 
@@ -19,8 +19,7 @@ def exact_flow(
     1/Z is affine in the image of a plane, so that its interpolation is exact there.
     """
     pixels = pixel_centers(camera_a.width, camera_a.height)
-    on_plane = (pixels - [camera_a.cx, camera_a.cy]) / [camera_a.fx, camera_a.fy]
-    rays = np.column_stack([on_plane, np.ones(len(pixels))])
+    rays = directions_camera(camera_a, pixels)
     inverse_depth = 1 / depth_a.reshape(-1, 1).astype(np.float64)
     b_from_world = camera_b.world_from_camera[:, :3].T
     rays_b = rays @ (b_from_world @ camera_a.world_from_camera[:, :3]).T

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
+from styletrf.even_spread import evenly_spread
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.point_table import SparsePoints
 
@@ -33,11 +34,10 @@ def parallax_share(points: SparsePoints, cameras: Sequence[Camera]) -> float:
         cameras: In the order in which `points` counts images.
     """
     shared = list(_shared(points, len(cameras)))
-    some = np.unique(np.linspace(0, len(shared) - 1, _MOST_PAIRS).round().astype(int))
     longest = max(max(camera.width, camera.height) for camera in cameras)
     error_px = max(_ERROR * longest, _LEAST_ERROR_PX)
-    pairs = (shared[k] for k in some if shared)
-    off = [_off_homography(a, b, error_px) for a, b in pairs]
+    some = evenly_spread(shared, _MOST_PAIRS)
+    off = [_off_homography(a, b, error_px) for a, b in some]
     return float(np.concatenate(off).mean()) if off else 0.0
 
 

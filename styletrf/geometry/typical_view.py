@@ -12,12 +12,12 @@ _ONE_SHAPE = 1.02  # ratio of aspects, up to which pictures are of one shape
 def typical_view(cameras: Sequence[Camera]) -> Camera:
     """Returns the camera of a photograph like most, at the longest side of all photographs.
 
-    It lies or stands as most photographs do (lies, where as many do either), has their median
+    It is landscape or portrait as most photographs are, and landscape in a tie. It has their median
     aspect and, of those with that aspect, the median focal length for its size.
     """
-    lying = [camera for camera in cameras if camera.width >= camera.height]
-    standing = [camera for camera in cameras if camera.width < camera.height]
-    alike = lying if len(lying) >= len(standing) else standing
+    landscape = [camera for camera in cameras if camera.width >= camera.height]
+    portrait = [camera for camera in cameras if camera.width < camera.height]
+    alike = landscape if len(landscape) >= len(portrait) else portrait
     aspect = _middle([camera.width / camera.height for camera in alike])
     of_shape = [c for c in alike if 1 / _ONE_SHAPE < c.width / c.height / aspect < _ONE_SHAPE]
     focal = _middle([camera.fx / camera.width for camera in of_shape])

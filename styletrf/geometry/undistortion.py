@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from styletrf.colmap import pycolmap
-from styletrf.geometry.cameras import Camera, pixel_centers
+from styletrf.geometry.cameras import Camera, directions_camera, pixel_centers
 
 _INSIDE_PX = 0.01
 _WIDEST_SLOPE = 2.0  # half an image's width over its focal length: 127 degrees
@@ -78,9 +78,12 @@ def undistorted_image(
 ) -> UInt8[np.ndarray, "height width 3"]:
     """Returns the photograph as the pinhole camera sees it (bicubic)."""
     centers = pixel_centers(pinhole.width, pinhole.height)
-    focal, principal = _letters(pinhole)
-    rays = np.column_stack([(centers - principal) / focal, np.ones(len(centers))])
-    sources = lens.img_from_cam(rays).reshape(pinhole.height, pinhole.width, 2) - 0.5
+    sources = (
+        lens.img_from_cam(directions_camera(pinhole, centers)).reshape(
+            pinhole.height, pinhole.width, 2
+        )
+        - 0.5
+    )
     x, y = np.moveaxis(sources.astype(np.float32), -1, 0)
     warped = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(warped, dtype=np.uint8)
@@ -90,8 +93,8 @@ def undistorted_pixels(
     pixels: Float[np.ndarray, "pixels 2"], lens: pycolmap.Camera, pinhole: Camera
 ) -> Float[np.ndarray, "pixels 2"]:
     """Returns where the pinhole camera sees what the lens shows at `pixels`."""
-    focal, principal = _letters(pinhole)
-    return np.asarray(lens.cam_from_img(pixels) * focal + principal)
+    on_plane = lens.cam_from_img(pixels)
+    return np.asarray(on_plane * (pinhole.fx, pinhole.fy) + (pinhole.cx, pinhole.cy))
 
 
 def _intrinsics(lens: pycolmap.Camera) -> tuple[float, float, float, float]:
@@ -101,10 +104,6 @@ def _intrinsics(lens: pycolmap.Camera) -> tuple[float, float, float, float]:
         lens.principal_point_x,
         lens.principal_point_y,
     )
-
-
-def _letters(pinhole: Camera) -> tuple[np.ndarray, np.ndarray]:
-    return np.array([pinhole.fx, pinhole.fy]), np.array([pinhole.cx, pinhole.cy])
 
 
 def _points(x: float | np.ndarray, y: float | np.ndarray) -> np.ndarray:

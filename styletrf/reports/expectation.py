@@ -17,14 +17,14 @@ class Expectation:
         job_seconds: Of all stages, one after the other.
         peak_memory_bytes: Of the stage that takes most.
         output_bytes: Of all artifacts on disk.
-        psnr_db: Of views that the field does not see.
+        psnr_db: Of views that the field does not see; None where nothing is known of it.
     """
 
     field: FieldCost
     job_seconds: float
     peak_memory_bytes: int
     output_bytes: int
-    psnr_db: float
+    psnr_db: float | None
 
 
 def expectation_table(expected: Mapping[str, Expectation], machine: str) -> str:
@@ -51,7 +51,7 @@ def _row(quality: str, each: Expectation) -> str:
         gibibytes(each.peak_memory_bytes),
         gibibytes(each.output_bytes),
         f"{each.field.voxels / 1e6:.1f} million",
-        f"about {each.psnr_db:.1f} dB",
+        "unknown" if each.psnr_db is None else f"about {each.psnr_db:.1f} dB",
     )
     cells = "".join(f'<td class="number">{value}</td>' for value in values)
     return f'<tr><th scope="row">{html.escape(quality)}</th>{cells}</tr>'

@@ -4,17 +4,17 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.scene.placement import Placement
-from styletrf.scene.surroundings import Extent, Surroundings, placed
+from styletrf.scene.upright_capture import Extent, UprightCapture, placed
 
 _PERCENT = 98.0  # of the points along each axis: the others are astray, or far behind the scene
 
 
-def place_in_box(scene: Surroundings, oversampling: float) -> Placement:
+def place_in_box(scene: UprightCapture, oversampling: float) -> Placement:
     """Returns a box around nearly all points."""
     return placed(scene, whole_box(scene), "box", np.eye(4)[None], 1.0, oversampling)
 
 
-def whole_box(scene: Surroundings) -> Extent:
+def whole_box(scene: UprightCapture) -> Extent:
     """Returns the box around nearly all points."""
     return box_around(scene.points, _PERCENT)
 

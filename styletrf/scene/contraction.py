@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from styletrf.scene.box import box_around, whole_box
 from styletrf.scene.placement import INFINITY_PX, Placement
-from styletrf.scene.surroundings import Extent, Surroundings, looked_at, placed
+from styletrf.scene.upright_capture import Extent, UprightCapture, looked_at, placed
 
 INNER = 0.75  # of the grid's axes is the inner box
 LOST = 3.0  # octaves that a point outside a box counts as
@@ -25,7 +25,7 @@ _PERCENT = 80.0  # of the points along each axis, that the inner box holds
 _FLATTEST = 0.5  # of the inner box's longest side is its shortest
 
 
-def place_unbounded(scene: Surroundings, oversampling: float) -> Placement:
+def place_unbounded(scene: UprightCapture, oversampling: float) -> Placement:
     """Returns unbounded space around the inner box."""
     inner = inner_box(scene)
     maps = contraction(_reach(scene, inner))
@@ -49,7 +49,7 @@ def contraction(reach: float) -> Float[np.ndarray, "7 4 4"]:
     return np.stack(maps)
 
 
-def octaves_lost(scene: Surroundings, voxels: int) -> dict[str, float]:
+def octaves_lost(scene: UprightCapture, voxels: int) -> dict[str, float]:
     """Returns by how much a lattice of so many voxels is coarser than the photographs, per space.
 
     The mean, over all points that a view may see, of log2 of the lattice's spacing there over the
@@ -59,7 +59,7 @@ def octaves_lost(scene: Surroundings, voxels: int) -> dict[str, float]:
     return {"box": _lost(scene, box, voxels), "unbounded": _lost_around(scene, inner, voxels)}
 
 
-def inner_box(scene: Surroundings) -> Extent:
+def inner_box(scene: UprightCapture) -> Extent:
     """Returns the box that holds most points, none of its sides too short.
 
     It holds the cameras, too, unless they look inward: around an object they stand farther out than
@@ -76,12 +76,12 @@ def inner_box(scene: Surroundings) -> Extent:
     return Extent((lower + upper) / 2, np.maximum(half, _FLATTEST * half.max()))
 
 
-def _lost(scene: Surroundings, box: Extent, voxels: int) -> float:
+def _lost(scene: UprightCapture, box: Extent, voxels: int) -> float:
     octaves = np.log2(np.maximum(_spacing(box, voxels) / scene.footprints, 1))
     return float(np.where(_largest(scene, box) <= 1, octaves, np.maximum(octaves, LOST)).mean())
 
 
-def _lost_around(scene: Surroundings, inner: Extent, voxels: int) -> float:
+def _lost_around(scene: UprightCapture, inner: Extent, voxels: int) -> float:
     spacing = _spacing(inner, voxels) / INNER * np.maximum(_largest(scene, inner), 1)
     return float(np.log2(np.maximum(spacing / scene.footprints, 1)).mean())
 
@@ -90,7 +90,7 @@ def _spacing(box: Extent, voxels: int) -> float:
     return float((8 * box.half.prod() / voxels) ** (1 / 3))
 
 
-def _largest(scene: Surroundings, box: Extent) -> Float[np.ndarray, " observations"]:
+def _largest(scene: UprightCapture, box: Extent) -> Float[np.ndarray, " observations"]:
     """Returns the largest coordinate of the seen points, in halves of the box."""
     largest: Float[np.ndarray, " observations"] = np.abs(
         (scene.footprint_points - box.center) / box.half
@@ -98,7 +98,7 @@ def _largest(scene: Surroundings, box: Extent) -> Float[np.ndarray, " observatio
     return largest
 
 
-def _reach(scene: Surroundings, inner: Extent) -> float:
+def _reach(scene: UprightCapture, inner: Extent) -> float:
     """Returns where the grid ends: at no parallax, and ten times as far as the farthest points."""
     centers = np.stack([view.center_world for view in scene.views])
     parallax_px = float(scene.views[0].fx * np.ptp(centers, axis=0).max())  # at depth 1

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.point_table import SparsePoints
 from styletrf.scene.box import whole_box
-from styletrf.scene.surroundings import surroundings
+from styletrf.scene.upright_capture import upright_capture
 
 Image = Float[np.ndarray, "height width 3"]
 Mask = Bool[np.ndarray, "height width"]
@@ -47,7 +47,7 @@ def explained_pixels(
     Raises:
         InputError: No photograph sees any of the points.
     """
-    scene = surroundings(cameras, points.xyz_world, LONG_SIDE_PX)
+    scene = upright_capture(cameras, points.xyz_world, LONG_SIDE_PX)
     box = whole_box(scene)
     inside = (np.abs(scene.points - box.center) <= box.half).all(axis=1)
     shown, tiles = [], []

@@ -87,7 +87,7 @@ def place_in_ndc(
             "ndc", _frustum(lower, upper, plane, far)[None], (1.0, 1.0, 1.0), depth_min=0.0
         ),
         normalized_from_world=normalized_from_world,
-        wanted=(float(across[0]), float(across[1]), 0.5 * disparity_px),
+        resolution=(float(across[0]), float(across[1]), 0.5 * disparity_px),
         focus=(0.0, 0.0, float(1 / np.mean(1 / ahead))),
         looking="ahead",
         evidence={"near_far": near_far},

@@ -22,7 +22,7 @@ class Placement:
     Attributes:
         space: The map from the normalized world to the grid.
         normalized_from_world: The similarity that normalizes the world.
-        wanted: Grid points along each axis at which a voxel matches the footprint of a pixel.
+        resolution: Grid points along each axis at which a voxel matches the footprint of a pixel.
         focus: The point that the cameras look at, or away from.
         looking: The type of the capture: forward-facing (ahead), orbit (inward), outward, or
             walkthrough (along).
@@ -31,7 +31,7 @@ class Placement:
 
     space: Space
     normalized_from_world: Float[np.ndarray, "4 4"]
-    wanted: tuple[float, float, float]
+    resolution: tuple[float, float, float]
     focus: tuple[float, float, float]
     looking: Looking
     evidence: dict[str, Any]

@@ -24,7 +24,7 @@ from styletrf.scene.exposure_choice import LEAST_SPREAD, ExposureEvidence
 from styletrf.scene.exposures import Exposure
 from styletrf.scene.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.scene.placement import Looking, Placement
-from styletrf.scene.surroundings import surroundings
+from styletrf.scene.upright_capture import upright_capture
 from styletrf.scene.view_dependence import ENOUGH_POINTS, LEAST_SHARE, ViewDependence
 
 Shading = Literal["network", "plain"]
@@ -145,7 +145,7 @@ def _placed(
     if config.space == "ndc" or (config.space == "auto" and evidence["forward_facing"]):
         placement = place_in_ndc(cameras, points_world, config.image_long_side, config.oversampling)
     else:
-        scene = surroundings(cameras, points_world, config.image_long_side)
+        scene = upright_capture(cameras, points_world, config.image_long_side)
         lost = octaves_lost(scene, config.max_voxels)
         is_as_fine = lost["box"] > FINE_ENOUGH and lost["unbounded"] < lost["box"] + MOST_LOSS
         needed = explained < BOX_EXPLAINS or is_as_fine
@@ -230,7 +230,7 @@ def _plain(value: Any) -> Any:
 
 def _sized(placement: Placement, view: Camera, shading: Shading, max_voxels: int) -> SceneModel:
     """Returns the model with the wanted resolution brought under the bound on voxels."""
-    wanted = np.maximum(np.array(placement.wanted), LEAST_POINTS)
+    wanted = np.maximum(np.array(placement.resolution), LEAST_POINTS)
     points = _bounded(wanted, max_voxels)
     nx, ny, nz = (round(float(n)) for n in points)
     resolution = {

@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
 
-from styletrf.capture.capture_file import Capture, read_capture
+from styletrf.capture.capture_file import Capture, Photograph, read_capture
 from styletrf.capture.masks import MASKS
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS, read_photograph
 from styletrf.capture.poses.given_poses import GivenView
@@ -213,14 +213,20 @@ def _from_matches(
             ),
         )
     )
-    _require_enough(mapping, len(capture.photographs))
+    require_enough(mapping, capture.photographs)
     return mapping
 
 
-def _require_enough(mapping: SfmResult, total: int) -> None:
-    """Refuses a mapping of fewer than three photographs."""
-    if mapping.registered < FEWEST_PHOTOGRAPHS:
-        placed = f"only {mapping.registered}" if mapping.registered else "none"
+def require_enough(mapping: SfmResult, photographs: Sequence[Photograph]) -> None:
+    """Refuses a mapping of fewer than three photographs; views of one panorama are one.
+
+    Raises:
+        InputError: There are fewer.
+    """
+    count = mapping.registered_photographs
+    if count < FEWEST_PHOTOGRAPHS:
+        total = len({one.panorama or one.name for one in photographs})
+        placed = f"only {count}" if count else "none"
         problem = (
             f"{placed} of them could be placed "
             f"({mapping.verified_pairs} pairs show the same things)"

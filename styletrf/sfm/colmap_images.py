@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from styletrf.capture.capture_file import Capture, Photograph
-from styletrf.capture.masks import MASKS
+from styletrf.capture.masks import MASKS, counted_pixels
 from styletrf.capture.panorama.panorama_views import view_focal_px
 from styletrf.capture.photographs import read_photograph
 from styletrf.colmap import pycolmap
@@ -77,7 +77,7 @@ def prepare_images(
     settings. With `auto` lenses, so were photographs of one size whose EXIF names focal lengths
     more than 3 % above the shortest of their group; those that name none are of the commonest.
     Views of panoramas have a setting for each size and direction, of exact focal length. Masks go
-    into a folder beside, named as COLMAP seeks them.
+    into a folder beside, black and white alone and named, as COLMAP reads them.
     """
     folder.mkdir(parents=True)
     masks = folder.with_name(MASKS)
@@ -96,8 +96,9 @@ def prepare_images(
             write_png(folder / file, image, compression=1)
         mask = capture_dir / MASKS / f"{photograph.name}.png"
         if mask.exists():
-            reduced = _at_most(read_photograph(mask), max_long_side)
-            write_png(masks / f"{file}.png", reduced, compression=1)
+            counts = counted_pixels(_at_most(read_photograph(mask), max_long_side))
+            black_and_white = np.dstack([np.uint8(255) * counts] * 3)
+            write_png(masks / f"{file}.png", black_and_white, compression=1)
         sizes.append((photograph.width, photograph.height))
         long_side = max(long_side, *image.shape[:2])
         is_view = photograph.panorama is not None

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from styletrf.capture.photograph_size import photograph_size
 from styletrf.capture.poses.given_poses import GIVEN_BY, GivenView, Lens
 from styletrf.colmap import pycolmap
 from styletrf.errors import InputError
@@ -55,7 +56,7 @@ def map_known_poses(
         InputError: The photographs do not fit the poses, or have lenses of several models.
     """
     lens = _lens_model(views, source)
-    images = replace(images, lenses=_given_lenses(images.files, views))
+    images = replace(images, lenses=_given_lenses(images, views))
     extract_features(database, images, lens, max_features, progress)
     posed = _posed(database, images, views)  # before matches are verified with these lenses
     pairs = neighboring_pairs(views)
@@ -115,11 +116,12 @@ def neighboring_pairs(views: Sequence[GivenView]) -> Pairs:
     return sorted(pairs)
 
 
-def _given_lenses(files: Sequence[str], views: Sequence[GivenView]) -> tuple[LensSetting, ...]:
-    """Returns which files were taken with the same lens."""
-    of_lenses: dict[Lens, list[str]] = {}
-    for file, view in zip(files, views, strict=True):
-        of_lenses.setdefault(view.lens, []).append(file)
+def _given_lenses(images: ColmapImages, views: Sequence[GivenView]) -> tuple[LensSetting, ...]:
+    """Returns which files, of one size, were taken with the same lens."""
+    of_lenses: dict[tuple[Lens, tuple[int, int]], list[str]] = {}
+    for file, view in zip(images.files, views, strict=True):
+        size = photograph_size(images.folder / file)
+        of_lenses.setdefault((view.lens, size), []).append(file)
     return tuple(LensSetting(tuple(same), None) for same in of_lenses.values())
 
 
@@ -162,6 +164,22 @@ def _with_lens(camera: pycolmap.Camera, lens: Lens) -> pycolmap.Camera:
     """Returns the camera with a lens, brought to its size."""
     width, height = camera.width, camera.height
     camera.width, camera.height, camera.params = lens.width, lens.height, list(lens.params)
+    if (width - height) * (lens.width - lens.height) < 0:
+        _turn(camera)
     camera.rescale(width, height)
     camera.has_prior_focal_length = True
     return camera
+
+
+def _turn(camera: pycolmap.Camera) -> None:
+    """Turns a lens by a quarter, about its center: which way is not known.
+
+    It is given for photographs in landscape format, and took one in portrait format, or vice versa.
+    """
+    camera.width, camera.height = camera.height, camera.width
+    params = list(camera.params)
+    focals = [params[index] for index in camera.focal_length_idxs()]
+    for index, focal in zip(camera.focal_length_idxs(), reversed(focals), strict=True):
+        params[index] = focal
+    camera.params = params
+    camera.principal_point_x, camera.principal_point_y = camera.width / 2, camera.height / 2

@@ -36,6 +36,11 @@ class SfmResult:
         return int(self.models[0].num_reg_images()) if self.models else 0
 
     @property
+    def registered_photographs(self) -> int:
+        """The same, views of one panorama counted as one: they are one frame of COLMAP's."""
+        return int(self.models[0].num_reg_frames()) if self.models else 0
+
+    @property
     def quality(self) -> tuple[float, float]:
         """The larger of two is the better mapping.
 

@@ -21,7 +21,7 @@ from styletrf.sfm.colmap_mapping import (
     panorama_pairs,
 )
 from styletrf.sfm.mapping import SfmResult, could_be_placed, explained_share, is_explained
-from styletrf.sfm.mapping_ladder import ENOUGH_PLACED, Rung, climbed
+from styletrf.sfm.mapping_ladder import ENOUGH_PLACED, Rung, best_mapping
 from styletrf.sfm.matching.image_pairs import (
     Pairs,
     all_pairs,
@@ -92,7 +92,7 @@ def reconstruct(task: MappingTask) -> SfmResult:
         Rung("guided matching", partial(_guided, task), ENOUGH_PLACED),
         Rung("stronger features", partial(_stronger, task), ENOUGH_PLACED),
     ]
-    return climbed(rungs, len(task.photographs))
+    return best_mapping(rungs, len(task.photographs))
 
 
 def _first(task: MappingTask, best: SfmResult | None) -> SfmResult:  # noqa: ARG001
@@ -195,7 +195,7 @@ def _mapped(task: MappingTask, matched: SfmResult, mapper: str, fewest_views: in
         models = map_incrementally(*of, fewest_views, eager=mapper == _EAGER)
     if fewest_views == 2:
         pieces = (supported(model) for model in models)
-        models = largest_first(p for p in pieces if p.num_reg_images() >= FEWEST_PHOTOGRAPHS)
+        models = largest_first(p for p in pieces if p.num_reg_frames() >= FEWEST_PHOTOGRAPHS)
     explained = explained_share(task.database, models)
     found = replace(matched, models=models, mapper=mapper, explained=explained)
     whole = joined(task.database, found, fewest_views, task.seed)

@@ -27,7 +27,7 @@ class Rung:
     unless_placed: float = 1.0
 
 
-def climbed(rungs: Sequence[Rung], photographs: int) -> SfmResult:
+def best_mapping(rungs: Sequence[Rung], photographs: int) -> SfmResult:
     """Returns the best mapping of the rungs up to the first that explains enough.
 
     Its `mapper_reason` is one line: what each rung that was tried placed and explained. Where that

@@ -12,7 +12,10 @@ from styletrf.sfm.reconstruction import PlacedPhotograph
 
 _LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
 FLAT = 0.95
-"""Share of flat pairs up to which photographs tell depth; others have it where points show it."""
+"""Below this share of flat pairs, photographs have parallax.
+
+Above it, `parallax_share` of the points decides.
+"""
 BETTER_PHOTOGRAPHS = (
     "Take photographs from different places, each sharing most of what it shows with its "
     "neighbors, of things that have texture and keep still, in focus; 20 or more are better"

@@ -10,6 +10,7 @@ import numpy as np
 
 from styletrf.capture.views import load_views
 from styletrf.devices import device_named
+from styletrf.evaluation.quality import views_that_count
 from styletrf.exports.blender_bundle import write_blender_bundle
 from styletrf.exports.camera_files import write_colmap_text, write_transforms
 from styletrf.exports.export_views import ExportViews, Look, export_views
@@ -92,9 +93,7 @@ def _looks(inputs: Mapping[str, Path], views: ExportViews, styles: Sequence[str]
 
 def _held_out(poses: Path, model: SceneModel) -> HeldOut:
     cameras = model.normalized(read_split(poses / "cameras.parquet")[1])
-    images = load_views(poses / "images", cameras)
-    photographs = [image[..., :3].numpy().astype(np.float32) / 255 for image in images]
-    return HeldOut(cameras, photographs)
+    return HeldOut(*views_that_count(cameras, load_views(poses / "images", cameras)))
 
 
 def _export_cameras(inputs: Mapping[str, Path], out: Path) -> dict[str, Any]:

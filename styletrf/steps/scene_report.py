@@ -1,10 +1,12 @@
 """The report of a scene: a survey of its photographs, and what a fly-through of it will take."""
 
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from styletrf.capture.photographs import natural_order
 from styletrf.configuration import configured
 from styletrf.devices import device_named
 from styletrf.evaluation.expected_quality import expected_psnr
@@ -130,7 +132,7 @@ def _content(
         summary=registration_summary(inputs["poses"], inputs["capture"]),
         survey=survey,
         unregistered=unregistered,
-        neighbors=_neighbors(unregistered, [camera.name for camera in cameras]),
+        neighbors=neighbors(unregistered, [camera.name for camera in cameras]),
         drawings=drawings(normalized, points_normalized, points.rgb, frozenset(flagged)),
         model=_described(model),
         expected=expected,
@@ -151,12 +153,13 @@ def _described(model: SceneModel) -> dict[str, object]:
     }
 
 
-def _neighbors(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:
-    """Returns the photographs with a camera before and after each that has none, by name."""
-    ordered = sorted(registered)
-    result = {}
+def neighbors(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:
+    """Returns the photographs with a camera before and after each that has none, by name.
+
+    Before the first and after the last it is these twice.
+    """
+    ordered, result = sorted(registered, key=natural_order), {}
     for name in unregistered:
-        before = [other for other in ordered if other < name] or ordered[:1]
-        after = [other for other in ordered if other > name] or ordered[-1:]
-        result[name] = (before[-1], after[0])
+        place = bisect_left(ordered, natural_order(name), key=natural_order)
+        result[name] = ordered[max(place - 1, 0)], ordered[min(place, len(ordered) - 1)]
     return result

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 
 from styletrf.configuration import configured
 from styletrf.devices import device_named
 from styletrf.evaluation.consistency.frame_pairs import OWN_DEPTHS
+from styletrf.even_spread import evenly_spread
 from styletrf.field.radiance_field import RadianceField, load_field, load_stylized_field
 from styletrf.field.rendering import RenderConfig
 from styletrf.files.float_images import write_float_image
@@ -146,25 +146,25 @@ def _frames_by_network(
 
     One color map for all frames transfers the painting's colors and contrast, as for the priors.
     """
-    ground = empty_background(float_images(inputs["trajectory"]))
+    background = empty_background(float_images(inputs["trajectory"]))
     plain, again = (float_images(inputs["trajectory"], cameras) for _ in range(2))
-    content = (replace_background([view], ground)[0] for view in plain)
+    content = (replace_background([view], background)[0] for view in plain)
     paint = network_painter(inputs["network"], device)
-    colors = _map_to_painting(inputs, paint, ground)
+    colors = _map_to_painting(inputs, paint, background)
     views = each_painted(paint, content, len(cameras), progress)
     for image, before in zip(views, again, strict=True):
-        (shown,) = restore_background([recolored(image, colors)], [before], ground)
+        (shown,) = restore_background([recolored(image, colors)], [before], background)
         yield blend.strength * shown + (1 - blend.strength) * before.color
 
 
 def _map_to_painting(
-    inputs: Mapping[str, Path], paint: Painter, ground: EmptyBackground | None
+    inputs: Mapping[str, Path], paint: Painter, background: EmptyBackground | None
 ) -> ColorMap:
     """Returns the color map of frames spread over the whole path, the same for every shard."""
     path = read_cameras(inputs["trajectory"] / "cameras.parquet")
-    chosen = np.unique(np.linspace(0, len(path) - 1, _FRAMES_FOR_COLORS).round().astype(int))
-    views = float_images(inputs["trajectory"], [path[k] for k in chosen])
-    content = (replace_background([view], ground)[0] for view in views)
+    chosen = evenly_spread(path, _FRAMES_FOR_COLORS)
+    views = float_images(inputs["trajectory"], chosen)
+    content = (replace_background([view], background)[0] for view in views)
     step = math.ceil(max(path[0].width, path[0].height) / _SIDE_FOR_COLORS_PX)
     painted = each_painted(paint, content, len(chosen))
     shown = [image[::step, ::step].copy() for image in painted]

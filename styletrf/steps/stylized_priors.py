@@ -62,34 +62,34 @@ def stylize_priors(job: ViewStylization, out: Path, sharding: Sharding, progress
     """
     cameras = read_cameras(job.inputs["priors"] / "cameras.parquet")
     plain = list(float_images(job.inputs["priors"]))
-    ground = empty_background(plain)
+    background = empty_background(plain)
     if sharding.folders:
         shards = (load_painted(folder / "painted.safetensors") for folder in sharding.folders)
         views = [view for shard in shards for view in shard]
     else:
-        views = _painted(job, sharding.select(cameras), ground, progress)
+        views = _painted(job, sharding.select(cameras), background, progress)
     if sharding.is_shard:
         save_painted(out / "painted.safetensors", views)
         return
     painting, content = (
         read_rgb(job.inputs["style"] / "style.png"),
-        replace_background(plain, ground),
+        replace_background(plain, background),
     )
-    shown = restore_background(in_colors(views, content, painting, job.colors), plain, ground)
+    shown = restore_background(in_colors(views, content, painting, job.colors), plain, background)
     write_pictures(out, [camera.name for camera in cameras], iter(shown))
 
 
 def _painted(
     job: ViewStylization,
     cameras: Sequence[Camera],
-    ground: EmptyBackground | None,
+    background: EmptyBackground | None,
     progress: Progress,
 ) -> list[Image]:
     inputs, device = job.inputs, device_named(job.device_name)
     views = list(float_images(inputs["priors"], cameras))
     if "before" in inputs:
         views = blend_with_previous_round(views, cameras, inputs, device)
-    content = replace_background(views, ground)
+    content = replace_background(views, background)
     network = network_painter(inputs["network"], device) if "network" in inputs else None
     if network and not job.by_optimization:
         return painted(network, content, progress)

@@ -1,4 +1,4 @@
-"""Objects cut out of their background: the painter sees them on a ground of their own mean color.
+"""Objects cut out of their background: the painter sees them on their own mean color.
 
 A network normalizes a view by the statistics of all of it. Where much of the view is white because
 nothing is there, the object is what differs from white, and is painted nearly black.
@@ -17,7 +17,7 @@ Image = Float[np.ndarray, "height width 3"]
 Color = Float[np.ndarray, " 3"]
 
 _LEAST_SHARE = 0.01
-"""Of the pixels of all views, that have to be empty for the views to have such a ground."""
+"""Of the pixels of all views, that have to be empty for the views to have such a background."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +38,14 @@ class EmptyBackground:
         return replace(view, color=(view.color + behind).clip(0, 1).astype(np.float32))
 
     def uncovered(self, painted: Image, view: FloatImage) -> Image:
-        """Returns the painted view on the ground as it was: `opacity P + (1 - opacity) shown`."""
+        """Returns the painted view on its former background: `opacity P + (1 - opacity) shown`."""
         opacity = view.opacity[..., None]
         image: Image = (opacity * painted + (1 - opacity) * self.shown).astype(np.float32)
         return image
 
 
 def empty_background(views: Iterable[FloatImage]) -> EmptyBackground | None:
-    """Returns the ground that views share; None where it is too small a part of them to matter.
+    """Returns the background that views share; None where it is too small a part of them to matter.
 
     Behind a field there is one color, whatever the direction (`volume rendering`), so that it can
     be distinguished from the pixels that show nothing else.
@@ -64,15 +64,17 @@ def empty_background(views: Iterable[FloatImage]) -> EmptyBackground | None:
     return EmptyBackground(shown, ((of_all - (pixels - opaque) * shown) / opaque).clip(0, 1))
 
 
-def replace_background(views: Sequence[FloatImage], ground: EmptyBackground | None) -> list[Image]:
-    """Returns what is painted of the views: on their mean color, where they have a ground."""
-    return [(ground.covered(view) if ground else view).color for view in views]
+def replace_background(
+    views: Sequence[FloatImage], background: EmptyBackground | None
+) -> list[Image]:
+    """Returns what is painted of the views: on their mean color, where they have a background."""
+    return [(background.covered(view) if background else view).color for view in views]
 
 
 def restore_background(
-    painted: Sequence[Image], views: Sequence[FloatImage], ground: EmptyBackground | None
+    painted: Sequence[Image], views: Sequence[FloatImage], background: EmptyBackground | None
 ) -> list[Image]:
-    """Returns painted views on the ground they had, if they had one."""
-    if ground is None:
+    """Returns painted views on the background they had, if they had one."""
+    if background is None:
         return list(painted)
-    return [ground.uncovered(image, view) for image, view in zip(painted, views, strict=True)]
+    return [background.uncovered(image, view) for image, view in zip(painted, views, strict=True)]

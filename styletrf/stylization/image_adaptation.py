@@ -18,9 +18,8 @@ from functools import partial
 from itertools import chain
 
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from torch import Tensor
-from torch.nn import functional
 
 from styletrf.capture.view_images import view_images
 from styletrf.field.kernels import Kernels
@@ -34,7 +33,7 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
 from styletrf.psnr import bounded_psnr
-from styletrf.style.perceptual.perceptual_loss import relative_difference
+from styletrf.style.perceptual.perceptual_loss import color_drift
 from styletrf.style.perceptual.predictor_features import LEAST_PX
 from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
 from styletrf.stylization.background import EmptyBackground
@@ -85,7 +84,7 @@ def adapt_to_image_loss(
     adaptation: AdaptationConfig,
     kernels: Kernels,
     progress: Progress = silent,
-    ground: EmptyBackground | None = None,
+    background: EmptyBackground | None = None,
 ) -> list[AdaptationPoint]:
     """Moves `field.appearance` down the loss of whole renders, in place.
 
@@ -99,8 +98,8 @@ def adapt_to_image_loss(
         adaptation: Rates, parts and the cache.
         kernels: The form to compute with.
         progress: Called with the iteration and the loss.
-        ground: Of views that show an object on nothing: the loss sees it on its mean color, as what
-            painted the views did.
+        background: Of views that show an object on nothing: the loss sees it on its mean color, as
+            what painted the views did.
 
     Returns:
         The curve.
@@ -113,7 +112,9 @@ def adapt_to_image_loss(
     optimizer = optimizer_of(field.appearance, _at_rate(adaptation, config.rate))
     curve, started = [], time.monotonic()
     limits = config.min_weight, config.termination, adaptation.cache_bytes
-    windows = MarchedWindows(field, rays, view_images(plain), kernels, image_loss, ground, *limits)
+    windows = MarchedWindows(
+        field, rays, view_images(plain), kernels, image_loss, background, *limits
+    )
     generator = torch.Generator().manual_seed(adaptation.seed)
     block_px = max(1, max(plain.shape[1:3]) // _PARTS)
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
@@ -155,21 +156,6 @@ def _order_of_views(n_views: int, iterations: int, seed: int) -> list[int]:
 
 def _require_finite(where: str, *stages: Iterable[Named]) -> None:
     require_finite("appearance adaptation", where, chain(*stages))
-
-
-def color_drift(
-    image: Float[Tensor, "1 3 height width"],
-    painted: Float[Tensor, "1 3 height width"],
-    block_px: int,
-) -> Float[Tensor, ""]:
-    """Returns how far the mean colors of square blocks are from those of the painted picture.
-
-    `log(1 + d / t)`, `d` the mean squared difference, `t` the mean square of the target.
-    Blocks at the right and at the bottom may be smaller. Differentiable.
-    """
-    side = min(block_px, *image.shape[2:])
-    blocks = [functional.avg_pool2d(p, side, ceil_mode=True) for p in (image, painted)]
-    return relative_difference(*blocks)
 
 
 def _loss_with_colors_held(

@@ -14,6 +14,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from styletrf.evaluation.sharpness import sharpness
+from styletrf.even_spread import evenly_spread
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.geometry.cameras import Camera
@@ -62,7 +63,7 @@ def choose_weight_power(
         space: Of the scene.
         config: What is tried.
     """
-    chosen = np.unique(np.linspace(0, len(cameras) - 1, config.views).round().astype(int))
+    chosen = evenly_spread(range(len(cameras)), config.views)
     wanted = np.mean([sharpness(painted[k].cpu().numpy() / np.float32(255)) for k in chosen])
     for power in config.powers:
         radiance.appearance.weight_power = power

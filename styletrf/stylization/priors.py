@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
+from styletrf.even_spread import evenly_spread
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.files.float_images import read_float_image
@@ -145,5 +146,4 @@ def _places_along(cameras: Sequence[Camera], trajectory: Path) -> Float[np.ndarr
 
 def views_along(path: Sequence[Camera], size: Camera, count: int) -> list[Camera]:
     """Returns at most `count` views evenly along a path, of the size of a camera."""
-    some = np.linspace(0, len(path) - 1, min(count, len(path))).round().astype(int)
-    return [resized(path[k], size.width, size.height) for k in some]
+    return [resized(view, size.width, size.height) for view in evenly_spread(path, count)]

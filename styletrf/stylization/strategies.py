@@ -95,7 +95,7 @@ class Stylization:
     style: Mapping[str, Path] | None  # the painting, and the weights of a loss of renders
     match: Match
     free: Bool[Tensor, "cells cells cells"] | None = None  # of the grid, for a new field
-    ground: EmptyBackground | None = None  # of the plain views
+    background: EmptyBackground | None = None  # of the plain views
 
 
 def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
@@ -124,7 +124,7 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
         style=style or None,
         match=match,
         free=free,
-        ground=empty_background(priors),
+        background=empty_background(priors),
     )
 
 
@@ -147,7 +147,7 @@ def stylized(
         after = adapt_to_image_loss(
             job.field, job.cameras, (job.plain, job.painted), job.model.space,
             _image_loss(job, config),
-            config.image, config.adaptation, job.kernels, progress, job.ground,
+            config.image, config.adaptation, job.kernels, progress, job.background,
         )  # fmt: skip
         last = curve[-1] if curve else AdaptationPoint(0, 0.0, 0.0)
         curve += [

@@ -18,12 +18,17 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from styletrf.geometry.cameras import Camera, in_view, pixel_centers, points_at_depth, project
+from styletrf.geometry.cameras import (
+    Camera,
+    depth_behind,
+    finite_depth,
+    pixel_centers,
+    points_at_depth,
+    project,
+)
 
 Depth = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
-
-_FAR = 1e6  # depth of what is infinitely far, in units of the normalized scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,19 +101,14 @@ def is_shown(
     """
     first, second = cameras
     centers = pixel_centers(first.width, first.height)[pixels]
-    points_world = points_at_depth(first, centers, _finite(depths[0].reshape(-1)[pixels]))
-    there, _, inside = in_view(second, points_world)
-    column, row = np.floor(np.where(inside[:, None], there, 0)).astype(int).T
-    found_world = points_at_depth(second, there, _finite(depths[1][row, column]))
+    points_world = points_at_depth(first, centers, finite_depth(depths[0].reshape(-1)[pixels]))
+    there, _, found, inside = depth_behind(second, depths[1], points_world)
+    found_world = points_at_depth(second, there, finite_depth(found))
     back, _ = project(first, found_world)
     shown: Bool[np.ndarray, " pixels"] = inside & (
         np.square(back - centers).sum(axis=1) <= tolerance_px**2
     )
     return shown
-
-
-def _finite(depth: np.ndarray) -> Float[np.ndarray, " pixels"]:
-    return np.where(np.isfinite(depth), depth, _FAR).astype(np.float64)
 
 
 def _without_specks(mask: Mask, smallest: float) -> Mask:

@@ -82,7 +82,7 @@ class MarchedWindows:
     images: ViewImages
     kernels: Kernels
     loss: ImageLoss
-    ground: EmptyBackground | None
+    background: EmptyBackground | None
     min_weight: float
     termination: float
     most_bytes: int
@@ -93,7 +93,7 @@ class MarchedWindows:
         if view in self.kept:
             return self.kept[view]
         cache, shape = self._marched(view, window), window.painted.shape
-        behind = as_picture(_in_place_of_ground(cache, self.ground).reshape(shape))
+        behind = as_picture(_in_place_of_background(cache, self.background).reshape(shape))
         shown = as_picture(cache.target.reshape(shape)) + behind
         marched = MarchedWindow(cache, behind, self.loss.content_features(shown))
         if window.is_whole and sum(m.nbytes for m in self.kept.values()) < self.most_bytes:
@@ -114,9 +114,11 @@ def as_picture(colors: Float[Tensor, "height width 3"]) -> Float[Tensor, "1 3 he
     return colors.permute(2, 0, 1)[None]
 
 
-def _in_place_of_ground(cache: RayCache, ground: EmptyBackground | None) -> Float[Tensor, "rays 3"]:
-    """Returns what takes rays from the ground of the views to the mean color: 0 without one."""
+def _in_place_of_background(
+    cache: RayCache, background: EmptyBackground | None
+) -> Float[Tensor, "rays 3"]:
+    """Returns what takes rays from the background of the views to the mean color: 0 without one."""
     behind = (1 - cache.opacity)[:, None]
-    if ground is None:
+    if background is None:
         return torch.zeros_like(cache.target)
-    return behind * torch.from_numpy(ground.mean - ground.shown).to(behind)
+    return behind * torch.from_numpy(background.mean - background.shown).to(behind)

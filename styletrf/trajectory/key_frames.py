@@ -18,11 +18,13 @@ from typing import Any, TypeVar
 from styletrf.errors import InputError
 
 WIDEST_FOV_DEG = 170.0
+LONGEST_S = 600.0
+"""That a path takes, in seconds."""
 
 _OF_FILE = {"key_frames", "closed", "easing"}
 _OF_ENTRY = {"photograph", "position", "orientation", "look_at", "fov_deg", "time_s"}
 _REMEDY = "See docs/paths.md"
-_LARGEST = 1e30  # number that is one; NaN is not, either
+_LARGEST = 1e30  # Larger magnitudes, infinity and NaN are refused.
 
 Kind = TypeVar("Kind")
 
@@ -33,7 +35,8 @@ class KeyFrame:
 
     `orientation` is a quaternion `w x y z` that turns the camera's axes (x right, y down, z ahead)
     into the world's. `fov_deg` is the angle of view along the longer side of the frame, None for
-    that of the photographs; `time_s` counts from the beginning of the path, None for even speed.
+    that of the photographs; `time_s`, up to 600, counts from the beginning of the path, None for
+    even speed.
     """
 
     photograph: str = ""
@@ -125,7 +128,7 @@ def _frame(path: Path, name: str, entry: Any) -> KeyFrame:
     if orientation is not None and math.hypot(*orientation) < 1e-6:
         raise InputError(str(path), f"{name}.orientation is zero", "Give w, x, y, z of a rotation")
     fov_deg = _number(path, f"{name}.fov_deg", values.get("fov_deg"), 1.0, WIDEST_FOV_DEG)
-    time_s = _number(path, f"{name}.time_s", values.get("time_s"), 0.0, math.inf)
+    time_s = _number(path, f"{name}.time_s", values.get("time_s"), 0.0, LONGEST_S)
     return KeyFrame(photograph, position, orientation, look_at, fov_deg, time_s)
 
 
@@ -163,8 +166,7 @@ def _number(path: Path, name: str, value: Any, least: float, most: float) -> flo
     if value is None:
         return None
     if not _is_number(value) or not least <= value <= most:
-        within = f"from {least:g} to {most:g}" if most < math.inf else f"of {least:g} or more"
-        problem = f"{name} is {json.dumps(value)}, not a number {within}"
+        problem = f"{name} is {json.dumps(value)}, not a number from {least:g} to {most:g}"
         raise InputError(str(path), problem, _REMEDY)
     return float(value)
 

@@ -24,7 +24,7 @@ from styletrf.geometry.rotations import matrices_of, quaternions_of
 from styletrf.geometry.typical_view import typical_view
 from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.camera_curve import Poses
-from styletrf.trajectory.key_frames import KeyFrame, KeyFrames, key_frames_of
+from styletrf.trajectory.key_frames import LONGEST_S, KeyFrame, KeyFrames, key_frames_of
 from styletrf.trajectory.named_paths import poses_of
 from styletrf.trajectory.trajectories import look_at
 
@@ -143,6 +143,10 @@ def _at_position(frame: KeyFrame, model: SceneModel, usual: Camera) -> Camera:
 def _of_views(path: Path, views: Sequence[GivenView], *, timed: bool) -> KeyFrames:
     if not views:
         raise InputError(str(path), "has no cameras", "Export it again")
+    seconds = (len(views) - 1) / ANIMATION_RATE
+    if timed and seconds > LONGEST_S:
+        problem = f"is an animation of {seconds:g} seconds, and a path takes up to {LONGEST_S:g}"
+        raise InputError(str(path), problem, "Export fewer frames")
     frames = [
         KeyFrame(
             position_world=tuple(view.world_from_camera[:, 3].tolist()),

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
+from styletrf.even_spread import evenly_spread
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.typical_view import typical_view
 
@@ -49,9 +48,8 @@ def stills(
     cropped = [_cropped(camera, typical) for camera in cameras]
     alike = [camera for camera in cropped if camera is not None] or [typical]
     held = int(n_frames / (_LEAST_S * frames_per_second))
-    count = min(len(alike), MOST_STILLS, max(1, held))
-    chosen = np.linspace(0, len(alike) - 1, count).round().astype(int)
-    shown = [int(chosen[k * count // n_frames]) for k in range(n_frames)]
+    chosen = evenly_spread(range(len(alike)), min(MOST_STILLS, max(1, held)))
+    shown = [chosen[k * len(chosen) // n_frames] for k in range(n_frames)]
     firsts = [k for k in range(n_frames) if k == 0 or shown[k] != shown[k - 1]]
     frames = [replace(alike[which], name=f"{k:04d}") for k, which in enumerate(shown)]
     return frames, tuple(Still(k, alike[shown[k]].name) for k in firsts)

@@ -12,11 +12,13 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
+from styletrf.even_spread import evenly_spread
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.geometry.cameras import (
     Camera,
     depth_behind,
+    finite_depth,
     fitted_to,
     pixel_centers,
     points_at_depth,
@@ -29,7 +31,6 @@ from styletrf.trajectory.support_config import SupportConfig
 Depth = Float[np.ndarray, "height width"]
 
 _DEPTH_ALONE = RenderConfig(termination=1e-2, min_weight=1.0)  # no sample gets a color
-_FAR = 1e6  # depth of what is infinitely far, in units of the normalized scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +71,7 @@ class SupportMeter:
 
     def measure(self, path: Sequence[Camera]) -> Support:
         """Returns the support of frames spread over a path."""
-        count = min(len(path), self.config.frames)
-        some = [path[k] for k in np.linspace(0, len(path) - 1, count).round().astype(int)]
+        some = evenly_spread(path, self.config.frames)
         cameras = [fitted_to(camera, self.config.depth_px) for camera in some]
         depths = self._depths_of(cameras)
         shares = {}
@@ -103,11 +103,11 @@ def photographs_seeing(
         config: Which surfaces are the same.
     """
     pixels = pixel_centers(camera.width, camera.height)
-    points = points_at_depth(camera, pixels, _finite(depth).reshape(-1))
+    points = points_at_depth(camera, pixels, finite_depth(depth).reshape(-1))
     seen = np.zeros(len(points), np.int64)
     for photograph, found in zip(photographs, depths, strict=True):
         baseline = float(np.linalg.norm(photograph.center_world - camera.center_world))
-        seen += _sees(photograph, _finite(found), points, baseline, config)
+        seen += _sees(photograph, finite_depth(found), points, baseline, config)
     return seen
 
 
@@ -128,7 +128,3 @@ def _sees(
     same = np.abs(1 / found - 1 / safe) <= slack
     visible: Bool[np.ndarray, " points"] = inside & (same if baseline > 0 else True)
     return visible
-
-
-def _finite(depth: np.ndarray) -> np.ndarray:
-    return np.where(np.isfinite(depth), depth, _FAR).astype(np.float64)

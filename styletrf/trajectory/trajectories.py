@@ -17,13 +17,12 @@ from styletrf.geometry.typical_view import typical_view
 from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.camera_curve import eased
 from styletrf.trajectory.camera_ring import ring_of
-from styletrf.trajectory.key_frames import WIDEST_FOV_DEG
+from styletrf.trajectory.key_frames import LONGEST_S, WIDEST_FOV_DEG
 from styletrf.trajectory.walkthrough import smoothed_walkthrough
 
 Points = Float[np.ndarray, "frames 3"]
 Shares = Float[np.ndarray, " frames"]
 
-LONGEST_S = 600.0
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 

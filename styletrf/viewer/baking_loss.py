@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from styletrf.even_spread import evenly_spread
 from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
@@ -82,8 +83,7 @@ def loss_against(
 def _pictures(
     field: RadianceField, views: Views, appearance: ColorModel | None
 ) -> Iterator[Float[Tensor, "height width 3"]]:
-    spread = np.linspace(0, len(views.cameras) - 1, min(_VIEWS, len(views.cameras))).round()
-    some = [fitted_to(views.cameras[int(k)], _LONG_SIDE_PX) for k in spread]
+    some = [fitted_to(camera, _LONG_SIDE_PX) for camera in evenly_spread(views.cameras, _VIEWS)]
     rays = ViewRays(some, views.space.within(field.bounds), field.step_length, CPU)
     kernels = kernels_for(CPU)
     for k, camera in enumerate(some):

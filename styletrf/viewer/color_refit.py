@@ -25,7 +25,7 @@ from torch import Tensor
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.weight_sharpening import sharpened
-from styletrf.geometry.cameras import Camera, fitted_to
+from styletrf.geometry.cameras import Camera
 from styletrf.viewer import refit_kernels
 from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.view_directions import ViewDirections, view_directions
@@ -33,7 +33,7 @@ from styletrf.viewer.visibility import CPU, Views, heavy_samples, of_pixels
 
 _CHUNK = 1 << 17
 _TINT_SHARE = np.float32(0.6)
-"""The part of what the tint lacks that it is given after a pass, because points move, too."""
+"""The part of its step that the tint takes after a pass, because points move, too."""
 _TINT_DAMPING, _LEAST_SQUARE = 1e-4, 1e-12
 """The share that is added to the diagonal of the tint's equations, and the least value there."""
 _TINT_EVERY = 8
@@ -135,16 +135,16 @@ def _fitted(
     sums = np.empty((refit_kernels.BANDS, *start.shape), np.float32)
     values, ahead = start, start.copy()
     shares = [_shares(seen, len(start), lattice, config) for seen in subsets]
-    of_start = [_lacking(seen, tint, ahead, lattice, config, sums)[1] for seen in subsets]
-    tint = tint + _lacking_tint(np.sum(of_start, axis=0))
+    of_start = [_residuals(seen, tint, ahead, lattice, config, sums)[1] for seen in subsets]
+    tint = tint + _tint_step(np.sum(of_start, axis=0))
     for k in range(config.passes):
         equations = np.zeros((3, len(tint), len(tint) + 1))
         for seen, share in zip(subsets, shares, strict=True):
-            of_points, of_tint = _lacking(seen, tint, ahead, lattice, config, sums)
+            of_points, of_tint = _residuals(seen, tint, ahead, lattice, config, sums)
             of_points.reshape(-1, 2, 3)[:] *= share[:, :, None]
             ahead += of_points
             equations += of_tint
-        tint = tint + _TINT_SHARE * _lacking_tint(equations)
+        tint = tint + _TINT_SHARE * _tint_step(equations)
         improved = ahead
         ahead = np.subtract(improved, values, out=values)
         ahead *= np.float32(k / (k + 3))
@@ -153,7 +153,7 @@ def _fitted(
     return values, tint
 
 
-def _lacking(
+def _residuals(
     seen: _SeenColors,
     tint: Float[np.ndarray, "monomials 3"],
     values: Float[np.ndarray, "points 6"],
@@ -161,8 +161,8 @@ def _lacking(
     config: RefitConfig,
     sums: Float[np.ndarray, "bands points 6"],
 ) -> tuple[Float[np.ndarray, "points 6"], Float[np.ndarray, "3 monomials monomials_and_one"]]:
-    """Returns what points lack, in `sums`, and the tint's equations; see `refit_kernels`."""
-    of_points, equations = refit_kernels.lacking(
+    """Returns the residuals of points, in `sums`, and the tint's equations; see `refit_kernels`."""
+    of_points, equations = refit_kernels.residuals(
         lattice.slots, seen.low, seen.rest, seen.weights, seen.colors, seen.starts, seen.turned,
         tint, _TINT_EVERY, values, np.float32(config.of_samples), sums,
     )  # fmt: skip
@@ -172,7 +172,7 @@ def _lacking(
 def _shares(
     seen: _SeenColors, n_points: int, lattice: BrickLattice, config: RefitConfig
 ) -> Float[np.ndarray, "points 2"]:
-    """Returns the shares of what points lack that bases and slopes are given; both move at once."""
+    """Returns the shares of their residuals by which bases and slopes change; both move at once."""
     samples = lattice.slots, seen.low, seen.rest, seen.weights
     of_samples = np.float32(config.of_samples)
     totals = refit_kernels.totals(*samples, seen.starts, seen.turned, n_points, of_samples)
@@ -180,16 +180,16 @@ def _shares(
     return shares
 
 
-def _lacking_tint(
+def _tint_step(
     equations: Float[np.ndarray, "3 monomials monomials_and_one"],
 ) -> Float[np.ndarray, "monomials 3"]:
-    """Returns what the tint lacks, of its normal equations; damped as by Marquardt (1963)."""
+    """Returns the step that solves the tint's normal equations, damped as by Marquardt (1963)."""
     upper, right = equations[..., :-1], equations[..., -1:]
     squares = upper + np.triu(upper, 1).transpose(0, 2, 1)
     one = np.eye(squares.shape[-1])
     damped = squares + (_TINT_DAMPING * squares + _LEAST_SQUARE) * one
-    lacking: Float[np.ndarray, "monomials 3"] = np.linalg.solve(damped, right)[..., 0].T
-    return lacking.astype(np.float32)
+    step: Float[np.ndarray, "monomials 3"] = np.linalg.solve(damped, right)[..., 0].T
+    return step.astype(np.float32)
 
 
 def colors_along(
@@ -251,9 +251,7 @@ def _seen_colors(
 ) -> _SeenColors:
     """Returns the samples of a camera that are heavy enough to be seen, of about so many pixels."""
     kernels, appearance = kernels_for(CPU), field.appearance
-    share = min(2.0, (max(64.0, pixels) / (camera.width * camera.height)) ** 0.5)
-    long_side = round(share * max(camera.width, camera.height))
-    heavy, along = heavy_samples(field, views, fitted_to(camera, long_side))
+    heavy, along = heavy_samples(field, views, of_pixels(camera, pixels))
     heavy = sharpened(heavy, appearance.weight_power, kernels)
     components = appearance.components(heavy.positions, kernels)
     color = appearance.decode(components, along, heavy.ray, kernels)

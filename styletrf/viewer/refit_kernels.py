@@ -1,14 +1,14 @@
-"""What pictures show of lattice points, and lack of a field's colors; compiled.
+"""What pictures show of lattice points, and how far that is from a field's colors; compiled.
 
     shown_s = sigmoid(sum_k h_k(x_s) (base_k + slope_k . t) + tint),   h_k: trilinear weight of k
-    lacking_r = sum_s w_s (c_s - shown_s)                              of a ray r
+    residual_r = sum_s w_s (c_s - shown_s)                              of a ray r
 
 with samples s of a ray at x_s, of weight w_s and color c_s, and the ray's turned direction t.
 Points that are not stored count as 0, as in the viewer.
 
-A tint sum_k c_k q_k(t) that lacks dc changes a ray's color by J dc, with J_k = q_k sum_s w_s
-shown_s (1 - shown_s). The sums over rays of J J^T and J lacking_r are the normal equations of
-what it lacks. As for points, no steepness shown_s (1 - shown_s) counts for less than
+A step dc of the tint sum_k c_k q_k(t) changes a ray's color by J dc, with J_k = q_k sum_s w_s
+shown_s (1 - shown_s). The sums over rays of J J^T and J residual_r are the normal equations of the
+step of Gauss and Newton. As for points, no steepness shown_s (1 - shown_s) counts for less than
 LEAST_STEEPNESS: so white and black colors change by little.
 """
 
@@ -40,7 +40,7 @@ def _show(points, shares, values, direction, tint, color):
 
 @no_type_check
 @compiled(inline="always", fastmath=True)
-def _give(points, shares, amount, direction, sums):
+def _back_project(points, shares, amount, direction, sums):
     """Adds an amount of each channel to the points around a place, and its mean to slopes."""
     mean = (amount[0] + amount[1] + amount[2]) / 3
     for corner in range(8):
@@ -72,7 +72,7 @@ def _set_tint(direction, coefficients, monomials, tint):
 
 @no_type_check
 @compiled(inline="always", fastmath=True)
-def _add_equations(monomials, steepness, lacking, equations):
+def _add_equations(monomials, steepness, residual, equations):
     """Adds a ray's part to the normal equations of each channel, from the diagonal on."""
     n_monomials = len(monomials)
     for channel in range(3):
@@ -80,7 +80,7 @@ def _add_equations(monomials, steepness, lacking, equations):
             factor = steepness[channel] * monomials[row]
             for column in range(row, n_monomials):
                 equations[channel, row, column] += factor * steepness[channel] * monomials[column]
-            equations[channel, row, n_monomials] += factor * lacking[channel]
+            equations[channel, row, n_monomials] += factor * residual[channel]
 
 
 @no_type_check
@@ -94,15 +94,15 @@ def _sum_of_bands(sums):
 
 @no_type_check
 @compiled(parallel=True, fastmath=True)
-def lacking(
+def residuals(
     slots, low, rest, weights, colors, starts, directions, coefficients, every, values, of_samples,
     sums,
 ):  # fmt: skip
-    """Returns what points lack, and the equations of what the tint lacks.
+    """Returns the residuals of points, and the normal equations of the tint.
 
-    Points lack the sums over the samples around them, `points 6`: a sample lacks its ray's part
-    and, `of_samples` as much, its own. The equations are those above of each channel, `3 monomials
-    monomials_and_one`: J J^T from its diagonal on, and the right side last.
+    The residual of a point sums those of the samples around it, `points 6`. That of a sample is its
+    part of its ray's and, `of_samples` as much, its own. The equations are those above of each
+    channel, `3 monomials monomials_and_one`: J J^T from its diagonal on, and the right side last.
 
     Args:
         slots: Of the bricks, see `BrickLattice`.
@@ -147,14 +147,14 @@ def lacking(
                 for k in range(3):
                     both = of_samples * missing[n, k] + (1 - of_samples) * of_ray[k]
                     amount[k] = weights[first + n] * both / steepness[n, k]
-                _give(points[n], shares[n], amount, direction, sums[band])
+                _back_project(points[n], shares[n], amount, direction, sums[band])
     return _sum_of_bands(sums), equations.sum(axis=0)
 
 
 @no_type_check
 @compiled(parallel=True)
 def totals(slots, low, rest, weights, starts, directions, n_points, of_samples):
-    """Returns the sums of the weights by which `lacking` gives to bases and slopes, `points 2`."""
+    """Returns the sums of the weights by which `residuals` adds to bases and slopes, `points 2`."""
     sums = np.zeros((BANDS, n_points, 2), np.float32)
     rays = len(starts) - 1
     for band in numba.prange(BANDS):

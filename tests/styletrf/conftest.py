@@ -19,15 +19,6 @@ if not HAS_GPU:
     os.environ.setdefault("TRITON_INTERPRET", "1")
 
 
-@pytest.fixture(autouse=True, scope="session")
-def _shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Workers share what takes seconds to make."""
-    from shared_results import share_in
-
-    own = tmp_path_factory.getbasetemp()
-    share_in(own.parent if hasattr(request.config, "workerinput") else own)
-
-
 @pytest.fixture(params=["reference", "fused", "triton"])
 def form(request: pytest.FixtureRequest) -> Iterator[Any]:
     """Each form in turn; within the test new tensors are made on the device it runs on."""

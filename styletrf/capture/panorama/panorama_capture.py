@@ -6,11 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from styletrf.capture.capture_file import Photograph
-from styletrf.capture.masks import MASKS
+from styletrf.capture.masks import MASKS, counted_pixels
 from styletrf.capture.panorama.panorama_views import Image, cut_views, view_name
 from styletrf.files.images import write_png
-
-_BLACK = 127  # as `styletrf.capture.masks` has it
 
 
 def cut_photographs(
@@ -30,7 +28,7 @@ def cut_photographs(
     for direction, view in cut_views(pixels):
         name = view_name(panorama.name, direction)
         if direction in masks:
-            if masks[direction].max() <= _BLACK:
+            if not counted_pixels(masks[direction]).any():
                 continue
             write_png(out_dir / MASKS / f"{name}.png", masks[direction], compression=1)
         file = out_dir / "images" / f"{name}.png"

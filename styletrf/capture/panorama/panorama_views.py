@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from styletrf.geometry.cameras import Camera, pixel_centers
+from styletrf.geometry.cameras import Camera, directions_camera, pixel_centers
 
 Image = UInt8[np.ndarray, "_ _ 3"]  # each of its own size
 
@@ -83,8 +83,7 @@ def seen_in_panorama(panorama: Image, camera: Camera) -> Image:
         size = max(2, round(width * scale)), max(1, round(height * scale))
         panorama = np.asarray(cv2.resize(panorama, size, interpolation=cv2.INTER_AREA))
     centers = pixel_centers(camera.width, camera.height)
-    on_plane = (centers - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
-    rays = np.column_stack([on_plane, np.ones(len(centers))]) @ camera.world_from_camera[:, :3].T
+    rays = directions_camera(camera, centers) @ camera.world_from_camera[:, :3].T
     sources = panorama_pixels(rays, panorama.shape[1], panorama.shape[0]) + _PADDING_PX - 0.5
     x, y = sources.astype(np.float32).T.reshape(2, camera.height, camera.width)
     seen = cv2.remap(_padded(panorama), x, y, cv2.INTER_CUBIC)

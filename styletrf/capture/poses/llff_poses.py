@@ -11,27 +11,26 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.capture.photographs import first_size, list_photographs
+from styletrf.capture.photographs import list_photographs
 from styletrf.capture.poses.given_poses import GivenPoses, GivenView, Lens, given_poses, rigid
 from styletrf.errors import InputError
-from styletrf.geometry.cameras import Camera, resized
+from styletrf.geometry.cameras import Camera
 
 _REMEDY = (
     "Write it anew with the photographs that are there, or move it away: then poses are estimated"
 )
 
 
-def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -> list[Camera]:
-    """Returns the cameras of photographs of `width` x `height`, whatever size they were posed at.
+def read_llff_poses(path: Path, names: Sequence[str]) -> list[Camera]:
+    """Returns the cameras of photographs, each of the size that its row says.
 
     Args:
         path: The `poses_bounds.npy`.
         names: Of the photographs, sorted as the rows are.
-        width: Of the photographs, in pixels.
-        height: Likewise.
 
     Raises:
-        InputError: The file is no such table, or not of so many photographs, or not finite.
+        InputError: The file is no such table, or not of so many photographs, or not finite, or a
+            height, width or focal length is below a pixel.
     """
     try:
         rows = np.load(path, allow_pickle=False).astype(np.float64)
@@ -40,10 +39,11 @@ def read_llff_poses(path: Path, names: Sequence[str], width: int, height: int) -
     if rows.shape != (len(names), 17) or not np.isfinite(rows).all():
         problem = f"is not 17 finite numbers for each of {len(names)} photographs"
         raise InputError(str(path), problem, _REMEDY)
-    return [
-        resized(_camera(name, row[:15].reshape(3, 5)), width, height)
-        for name, row in zip(names, rows, strict=True)
-    ]
+    matrices = rows[:, :15].reshape(-1, 3, 5)
+    if (matrices[:, :, 4] < 1).any():
+        problem = "has a height, a width or a focal length below a pixel"
+        raise InputError(str(path), problem, _REMEDY)
+    return [_camera(name, matrix) for name, matrix in zip(names, matrices, strict=True)]
 
 
 def read_llff_folder(folder: Path) -> GivenPoses | None:
@@ -56,19 +56,17 @@ def read_llff_folder(folder: Path) -> GivenPoses | None:
     if not path.exists():
         return None
     files = sorted(list_photographs(folder / "images"))
-    width, height = first_size(files)
-    cameras = read_llff_poses(path, [file.stem for file in files], width, height)
+    cameras = read_llff_poses(path, [file.stem for file in files])
     views = [
-        GivenView(
-            file,
-            Lens(
-                "PINHOLE", (float(camera.fx), float(camera.fy), camera.cx, camera.cy), width, height
-            ),
-            rigid(file.name, path, camera.world_from_camera),
-        )
+        GivenView(file, _lens(camera), rigid(file.name, path, camera.world_from_camera))
         for file, camera in zip(files, cameras, strict=True)
     ]
     return given_poses(path, views)
+
+
+def _lens(camera: Camera) -> Lens:
+    params = tuple(float(value) for value in (camera.fx, camera.fy, camera.cx, camera.cy))
+    return Lens("PINHOLE", params, camera.width, camera.height)
 
 
 def _camera(name: str, matrix: Float[np.ndarray, "3 5"]) -> Camera:

@@ -8,13 +8,14 @@ A fisheye (`"camera_model": "OPENCV_FISHEYE"`, or `"is_fisheye": true`) has `k1`
 
 import json
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.capture.photographs import first_size
+from styletrf.capture.photograph_size import photograph_size
 from styletrf.capture.poses.given_poses import (
     GivenPoses,
     GivenView,
@@ -103,12 +104,18 @@ def _views_with(path: Path, held_out: bool | None) -> list[GivenView]:  # noqa: 
     """Returns the views in one file, whether or not their photographs are there."""
     frames = _frames(path)
     files = [_file(path, name) for name, _, _ in frames]
-    present = [file for file in files if file.is_file()]
-    size = first_size(present) if present else (1, 1)
     return [
-        GivenView(file, _lens(path, values, size), _pose(name, path, pose), held_out)
+        GivenView(file, _lens(path, values, _size(file, values)), _pose(name, path, pose), held_out)
         for file, (name, pose, values) in zip(files, frames, strict=True)
     ]
+
+
+def _size(file: Path, values: dict[str, Any]) -> tuple[int, int]:
+    """Returns a photograph's own size where the file of poses gives none and it can be read."""
+    if not {"w", "h"} <= values.keys() and file.is_file():
+        with suppress(InputError):  # the capture says what is damaged, and leaves it out
+            return photograph_size(file)
+    return 1, 1
 
 
 def _pose(name: str, path: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.field.rendering import Rendering
-from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers
+from styletrf.geometry.cameras import Camera, directions_camera, fitted_to, pixel_centers
 
 Image = Float[np.ndarray, "height width 3"]
 Render = Callable[[Camera], Rendering]
@@ -166,10 +166,7 @@ def _slopes(match: _Match, target: Image) -> Float[np.ndarray, "pixels 3 2"]:
 def _pixel_motion(match: _Match, scale: float) -> Float[np.ndarray, "pixels 2 6"]:
     """Returns d pixel / d twist of the points shown, translations in units of `scale`."""
     camera = match.camera
-    x, y = (
-        (pixel_centers(camera.width, camera.height) - (camera.cx, camera.cy))
-        / (camera.fx, camera.fy)
-    ).T
+    x, y, _ = directions_camera(camera, pixel_centers(camera.width, camera.height)).T
     inverse = scale / match.depth.reshape(-1)
     zero = np.zeros_like(x)
     return np.stack(

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from styletrf.errors import InputError
 from styletrf.evaluation.metrics import Image
+from styletrf.even_spread import evenly_spread
 from styletrf.files.float_images import FloatImage, read_float_image
 from styletrf.files.images import read_rgb
 from styletrf.finiteness import require_finite
@@ -83,17 +84,10 @@ def planned_pairs(n_frames: int, plan: PairPlan, cuts: Sequence[int] = ()) -> li
         within = [
             k for k in range(n_frames - delta) if not any(k < cut <= k + delta for cut in cuts)
         ]
-        firsts = _spread(within, plan.pairs)
-        looked_at = _spread(firsts, plan.perceptual_pairs) if has_flow else []
+        firsts = evenly_spread(within, plan.pairs)
+        looked_at = evenly_spread(firsts, plan.perceptual_pairs) if has_flow else []
         planned += [Pair(k, k + delta, delta, has_flow, k in looked_at) for k in firsts]
     return sorted(planned, key=lambda pair: (pair.second, pair.delta))
-
-
-def _spread(values: Sequence[int], count: int) -> list[int]:
-    if not values:
-        return []
-    at = np.unique(np.linspace(0, len(values) - 1, count).round().astype(int))
-    return [values[k] for k in at]
 
 
 def read_frame(unstylized: Path, stylized: Path, camera: Camera) -> Frame:

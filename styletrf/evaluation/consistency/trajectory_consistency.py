@@ -135,7 +135,8 @@ def measure_consistency(
         progress(len(rows), len(planned), consistency_error=error or 0.0)
     rows.sort(key=lambda row: (row["delta"], row["first"]))
     deltas = sorted({*config.deltas, *(pair.delta for pair in planned)})
-    return Consistency(rows, {f"delta_{d}": _summary(rows, planned, d) for d in deltas})
+    summary = {f"delta_{d}": _summary(rows, planned, d, config.method) for d in deltas}
+    return Consistency(rows, summary)
 
 
 class _Comparison:
@@ -189,7 +190,7 @@ _NO_LOOKS = PerceptualErrors(*[math.nan] * 4)
 
 
 def _summary(
-    rows: Sequence[Mapping[str, Any]], planned: Collection[Pair], delta: int
+    rows: Sequence[Mapping[str, Any]], planned: Collection[Pair], delta: int, method: Method
 ) -> dict[str, Any]:
     chosen = [row for row in rows if row["delta"] == delta]
     kinds = [pair for pair in planned if pair.delta == delta]
@@ -209,7 +210,7 @@ def _summary(
         counts |= {
             "pairs_without_flow": sum(row["valid_fraction"] == 0 for row in chosen),
             "perceptual_pairs": sum(pair.has_looks for pair in kinds),
-            "flow": rows[0]["flow"],
+            "flow": method,
         }
     return counts | {name: _mean([row[name] for row in chosen]) for name in names}
 

@@ -20,6 +20,7 @@ from styletrf.evaluation.resemblance.picture_traits import (
 )
 from styletrf.evaluation.resemblance.sliced_wasserstein import Picture
 from styletrf.evaluation.sharpness import sharpness
+from styletrf.even_spread import evenly_spread
 from styletrf.finiteness import require_finite
 from styletrf.progress import Progress, silent
 
@@ -83,7 +84,7 @@ def measure_resemblance(
     frames: Callable[[str], tuple[Picture, Picture]],
     painting: Picture,
     priors: Sequence[Picture],
-    judge: TraitMeter,
+    meter: TraitMeter,
     config: ResemblanceConfig,
     progress: Progress = silent,
 ) -> tuple[list[FrameResemblance], dict[str, float | None]]:
@@ -94,7 +95,7 @@ def measure_resemblance(
         frames: Gives the unstylized and the stylized frame of a view, of one size, in [0, 1].
         painting: The style image, in [0, 1].
         priors: The painted views that the frames were fitted to; none where there are none.
-        judge: What looks at them.
+        meter: What looks at them.
         config: What is looked at.
         progress: Called after every frame.
 
@@ -102,25 +103,19 @@ def measure_resemblance(
         InputError: A frame is smaller than 8x8 pixels.
         NotFiniteError: A frame or a measure of it is not finite.
     """
-    chosen = chosen_views(views, config.frames)
+    chosen = evenly_spread(views, config.frames)
     rows: list[FrameResemblance] = []
     style: PictureTraits | None = None
     for view in chosen:
         plain, stylized = frames(view)
         require_finite("resemblance", f"in frame {view}", [("frame", plain), ("style", stylized)])
-        style = style or judge.of_painting(painting, plain)
-        row = frame_resemblance(view, judge.of_frame(plain), judge.of_frame(stylized), style)
+        style = style or meter.of_painting(painting, plain)
+        row = frame_resemblance(view, meter.of_frame(plain), meter.of_frame(stylized), style)
         figures = [(name, np.array(value)) for name, value in _numbers(row).items()]
         require_finite("resemblance", f"in frame {view}", figures)
         rows.append(row)
         progress(len(rows), len(chosen), patches=row.style_swd_patches)
     return rows, summary(rows, priors)
-
-
-def chosen_views(views: Sequence[str], count: int) -> list[str]:
-    """Returns as many views, spread evenly, the first and the last one among them."""
-    at = np.unique(np.linspace(0, len(views) - 1, count).round().astype(int))
-    return [views[k] for k in at]
 
 
 def frame_resemblance(

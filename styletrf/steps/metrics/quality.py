@@ -11,7 +11,12 @@ from styletrf.devices import device_named
 from styletrf.evaluation.alignment.held_out_alignment import aligned_psnr
 from styletrf.evaluation.alignment.photograph_placement import place_unregistered
 from styletrf.evaluation.exposed_image import psnr_exposed
-from styletrf.evaluation.quality import QualityConfig, measure_quality, requested_metrics
+from styletrf.evaluation.quality import (
+    QualityConfig,
+    measure_quality,
+    requested_metrics,
+    views_that_count,
+)
 from styletrf.field.radiance_field import load_field
 from styletrf.files.tables import write_rows, write_summary
 from styletrf.geometry.camera_table import read_split
@@ -39,17 +44,19 @@ def measure_field(
     """
     model = read_scene_model(inputs["model"] / "scene.json")
     config, device = configured(QualityConfig, settings), device_named(device_name)
-    cameras = model.normalized(
+    held_out = model.normalized(
         read_split(inputs["poses"] / "cameras.parquet")[1], config.long_side_px
     )
-    radiance, images = load_field(inputs["field"]), inputs["poses"] / "images"
+    cameras, photographs = views_that_count(
+        held_out, load_views(inputs["poses"] / "images", held_out)
+    )
+    radiance = load_field(inputs["field"])
     renders = rendered(radiance, model.space, cameras, config.render, device, progress)
-    judges = requested_metrics(config, inputs["perceptual"] / "vgg16.safetensors", device)
+    metrics = requested_metrics(config, inputs["perceptual"] / "vgg16.safetensors", device)
     if model.exposures:
-        judges["psnr_exposed"] = psnr_exposed
+        metrics["psnr_exposed"] = psnr_exposed
     (out / "views").mkdir()
-    photographs = load_views(images, cameras)
-    rows, means = measure_quality(renders, cameras, photographs, judges, out / "views")
+    rows, means = measure_quality(renders, cameras, photographs, metrics, out / "views")
 
     def render(camera: Camera) -> Any:
         """Returns the render of a camera."""
@@ -57,7 +64,7 @@ def measure_field(
 
     if config.aligned:
         psnrs = [row["psnr"] for row in rows]
-        found = aligned_psnr(cameras, psnrs, load_views(images, cameras), render)
+        found = aligned_psnr(cameras, psnrs, photographs, render)
         rows = [{**row, "psnr_aligned": value} for row, value in zip(rows, found, strict=True)]
         means["psnr_aligned"] = fmean(found)
     write_rows(out / "views.parquet", rows)

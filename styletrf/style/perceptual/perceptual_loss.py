@@ -187,6 +187,21 @@ def gram_term(
     return torch.stack(differences).sum()
 
 
+def color_drift(
+    image: Float[Tensor, "images 3 height width"],
+    painted: Float[Tensor, "images 3 height width"],
+    block_px: int,
+) -> Float[Tensor, ""]:
+    """Returns how far the mean colors of square blocks are from those of the painted pictures.
+
+    `log(1 + d / t)`, `d` the mean squared difference, `t` the mean square of the target.
+    Blocks at the right and at the bottom may be smaller. Differentiable.
+    """
+    side = min(block_px, *image.shape[2:])
+    blocks = [functional.avg_pool2d(p, side, ceil_mode=True) for p in (image, painted)]
+    return relative_difference(*blocks)
+
+
 def relative_difference(found: Tensor, target: Tensor) -> Float[Tensor, ""]:
     """Returns log(1 + d / t), `d` the mean squared difference and `t` the target's mean square."""
     smallest = torch.finfo(target.dtype).tiny

@@ -5,7 +5,6 @@ and `curve`, a row an iteration in float64 with the columns of `CurveRow`.
 """
 
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from styletrf.files.atomic_write import atomic_write
+from styletrf.files.checkpoints import warn_of_unreadable
 from styletrf.style.style_network import PaintingNetwork, StyleNetwork
 
 _MOMENTS = ("exp_avg", "exp_avg_sq")
@@ -82,15 +82,20 @@ def read_checkpoint(path: Path, training: Training) -> None:
     """Puts the state of a checkpoint into a new training.
 
     Leaves it as it is where there is no checkpoint, or one that is damaged or of another network:
-    the training then starts anew.
+    the training then starts over, and a warning says why.
     """
     if not path.exists():
         return
-    with suppress(OSError, SafetensorError):
+    try:
         tensors = load_file(path)
-        if _is_whole(tensors, training):
-            with torch.no_grad():
-                _restore(tensors, training)
+    except (OSError, SafetensorError) as error:
+        warn_of_unreadable(path, str(error))
+        return
+    if not _is_whole(tensors, training):
+        warn_of_unreadable(path, "it is of another network, or not whole")
+        return
+    with torch.no_grad():
+        _restore(tensors, training)
 
 
 def _is_whole(tensors: Mapping[str, Tensor], training: Training) -> bool:

@@ -3,9 +3,11 @@
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from styletrf.configuration import require_at_least
 from styletrf.style.gatys import GatysConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.perceptual.style_loss import Statistics
+from styletrf.style.residual_network import SMALLEST_PX
 from styletrf.style.style_network import StyleNetworkConfig
 from styletrf.style.training.temporal_loss import TemporalLossConfig
 
@@ -38,6 +40,16 @@ class StyleTrainingConfig:
     bfloat16: bool = True  # convolutions in bfloat16 where it is faster
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        require_at_least(1, self, "iterations", "batch")
+        require_at_least(0, self, "identity_iterations")
+        require_at_least(SMALLEST_PX, self, "crop_px", "style_px")
+        if not 0 <= self.normalization_share <= 1:
+            raise ValueError(f"normalization_share is {self.normalization_share}, not from 0 to 1")
+        if not (self.learning_rate > 0 and self.final_learning_rate > 0):
+            rates = f"{self.learning_rate} and {self.final_learning_rate}"
+            raise ValueError(f"learning_rate and final_learning_rate are {rates}, not above 0")
+
 
 Steered = TypeVar("Steered", StyleTrainingConfig, GatysConfig)
 
@@ -46,6 +58,6 @@ def with_style_parameters(config: Steered, stroke_scale: float, content_weight: 
     """Returns the settings with the painting seen so many times larger, and content counted so."""
     return replace(
         config,
-        style_px=max(1, round(stroke_scale * config.style_px)),
+        style_px=max(SMALLEST_PX, round(stroke_scale * config.style_px)),
         loss=replace(config.loss, content_weight=content_weight * config.loss.content_weight),
     )

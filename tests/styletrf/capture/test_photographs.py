@@ -2,6 +2,7 @@ import errno
 import io
 import os
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -14,6 +15,7 @@ from made_photographs import encoded, texture, with_exif
 from PIL import Image
 
 from styletrf.capture.photographs import list_photographs, natural_order, read_photograph
+from styletrf.errors import InputError
 
 IMAGE = texture(48, 64)
 JPEG = encoded(IMAGE, ".jpg", cv2.IMWRITE_JPEG_QUALITY, 95)
@@ -194,6 +196,31 @@ def test_the_thumbnails_end_is_not_the_photographs(tmp_path):
     whole = JPEG[:2] + comment + JPEG[2:]
     assert np.array_equal(read(tmp_path, whole), read(tmp_path, JPEG))
     refused(tmp_path, whole[:-2])
+
+
+def test_what_others_write_to_standard_error_meanwhile_is_not_lost(tmp_path, capfd, monkeypatch):
+    """Messages of other threads vanished with those of libjpeg."""
+    decode = cv2.imdecode
+
+    def decode_beside_others(*arguments):
+        os.write(2, b"worker: done\n")
+        pixels = decode(*arguments)
+        os.write(2, b"Corrupt JPEG data: bad ICC marker\nlast words")
+        return pixels
+
+    monkeypatch.setattr(cv2, "imdecode", decode_beside_others)
+    read(tmp_path, JPEG)
+    assert capfd.readouterr().err == "worker: done\nlast words"
+
+
+def test_what_decoders_say_of_damage_is_said_once_by_the_error(tmp_path, capfd):
+    for name, data in (("a.jpg", JPEG), ("a.png", PNG), ("a.tif", encoded(IMAGE, ".tif"))):
+        refused(tmp_path, data[: len(data) // 2], name)
+        spoiled = data[: len(data) // 2] + bytes(40) + data[len(data) // 2 + 40 :]
+        (tmp_path / name).write_bytes(spoiled)
+        with suppress(InputError):
+            read_photograph(tmp_path / name)
+    assert capfd.readouterr().err == ""
 
 
 def test_standard_error_is_given_back(tmp_path, capfd):

@@ -1,14 +1,22 @@
 import json
+import zipfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
+from damaged_zips import FAULTS, spoil_first_member
 from expected_errors import rejects
 
 from styletrf.content import content_images
 from styletrf.content.content_images import ContentConfig, write_content_images
-from styletrf.content.content_sources import ContentSource, embedded_source, folder_source
+from styletrf.content.content_sources import (
+    ContentSource,
+    embedded_source,
+    folder_source,
+    zip_source,
+)
 from styletrf.errors import InputError
 
 
@@ -88,6 +96,22 @@ def test_damaged_and_tiny_images_are_skipped_replaced_and_named(tmp_path: Path):
     everything = write_content_images(folder_source(folder), tmp_path / "all", ContentConfig())
     assert everything.skipped == ("empty.png", "text.jpg", "tiny.png", "truncated.jpg")
     assert json.loads((tmp_path / "all" / "content.json").read_text())["count"] == 12
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_damaged_member_of_a_zip_is_skipped_and_the_zip_is_closed(tmp_path: Path, fault: str):
+    """The error of the decompression ended the stage."""
+    folder, path = photographs(tmp_path / "in", 9), tmp_path / "train.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in sorted(folder.iterdir()):
+            archive.write(file, file.name)
+    spoil_first_member(path, fault)
+    source = zip_source(path)
+    (tmp_path / "out").mkdir()
+    summary = write_content_images(source, tmp_path / "out", ContentConfig())
+    assert (summary.count, summary.skipped) == (8, ("000.jpg",))
+    with pytest.raises(ValueError, match="closed"):
+        source.read("001.jpg")
 
 
 def test_too_few_usable_images_are_an_input_error(tmp_path: Path):

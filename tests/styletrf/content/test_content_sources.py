@@ -43,13 +43,17 @@ def test_embedded_images_follow_the_seed_and_their_number(tmp_path: Path):
     assert decoded is not None
 
 
-@pytest.mark.parametrize("kind", ["absent", "text", "empty"])
+@pytest.mark.parametrize("kind", ["absent", "text", "empty", "name"])
 def test_no_zip_of_images_is_an_input_error(tmp_path: Path, kind: str):
     path = tmp_path / "train.zip"
     if kind == "text":
         path.write_text("not a zip")
     elif kind == "empty":
         zipfile.ZipFile(path, "w").close()
+    elif kind == "name":  # said to be UTF-8
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("caf\xe9.jpg", "")
+        path.write_bytes(path.read_bytes().replace("\xe9".encode(), b"\xe9\xe9"))
     with rejects(path):
         zip_source(path)
 

@@ -57,6 +57,21 @@ def test_a_fit_of_a_plane_is_expected_to_get_better_with_its_iterations(tmp_path
     assert expected_psnr(photographs, model, FIT, KERNELS, CPU) > brief.psnr_db
 
 
+def test_of_one_photograph_nothing_is_expected(tmp_path):
+    """It was set aside, and nothing was left to fit to."""
+    photographs, model = photographs_of(painted_plane(1), tmp_path)
+    assert expected_psnr(photographs, model, FIT, KERNELS, CPU) is None
+
+
+def test_by_a_photograph_that_is_masked_all_over_nothing_is_expected(tmp_path):
+    photographs, model = photographs_of(painted_plane(4), tmp_path)
+    (aside,) = split_views(len(photographs.cameras))[1]
+    (tmp_path / "masks").mkdir()
+    black = np.zeros_like(read_rgb(photographs.folder / "0.png"))
+    write_rgb(tmp_path / "masks" / f"{photographs.cameras[aside].name}.png", black)
+    assert expected_psnr(photographs, model, FIT, KERNELS, CPU) is None
+
+
 def test_a_photograph_set_aside_is_measured_by_and_not_fitted_to(tmp_path):
     photographs, model = photographs_of(painted_plane(8), tmp_path)
     (_, before) = brief_fits(photographs, model, FIT, KERNELS, CPU)

@@ -11,7 +11,6 @@ from styletrf.evaluation.resemblance.efficientnet_lite import load_efficientnet
 from styletrf.evaluation.resemblance.frame_resemblance import (
     STYLE_DISTANCES,
     ResemblanceConfig,
-    chosen_views,
     content_style_product,
     measure_resemblance,
 )
@@ -30,7 +29,7 @@ CONFIG = TraitsConfig(96, 64, SlicedWassersteinConfig(samples=1000))
 
 
 @pytest.fixture(scope="module")
-def judge() -> TraitMeter:
+def meter() -> TraitMeter:
     torch.manual_seed(0)
     return TraitMeter(VGG16().requires_grad_(requires_grad=False), load_efficientnet(), CONFIG)
 
@@ -41,25 +40,25 @@ def picture(seed: int, height: int = 48, width: int = 64, cell: int = 4) -> np.n
     return np.kron(tinted, np.ones((cell, cell, 1))).astype(np.float32)
 
 
-def measured(judge: TraitMeter, plain, stylized, painting, priors=()):
+def measured(meter: TraitMeter, plain, stylized, painting, priors=()):
     config = ResemblanceConfig(frames=2, traits=CONFIG)
     return measure_resemblance(
-        ["a", "b", "c"], lambda _: (plain, stylized), painting, priors, judge, config
+        ["a", "b", "c"], lambda _: (plain, stylized), painting, priors, meter, config
     )
 
 
-def test_the_painting_is_no_way_from_itself_and_the_nearest_to_itself(judge: TraitMeter):
+def test_the_painting_is_no_way_from_itself_and_the_nearest_to_itself(meter: TraitMeter):
     frame = picture(0)
-    paintings = {f"{k}": judge.of_painting(picture(k), frame) for k in range(1, 5)}
+    paintings = {f"{k}": meter.of_painting(picture(k), frame) for k in range(1, 5)}
     for name, traits in paintings.items():
         assert distances(traits, traits) == pytest.approx(dict.fromkeys(STYLE_DISTANCES, 0.0),
                                                           abs=1e-6)  # fmt: skip
         assert set(nearest_painting(traits, paintings).values()) == {name}
 
 
-def test_unstylized_frames_have_ratios_of_one_and_lose_nothing(judge: TraitMeter):
+def test_unstylized_frames_have_ratios_of_one_and_lose_nothing(meter: TraitMeter):
     frame, painting = picture(0), picture(1)
-    rows, summary = measured(judge, frame, frame, painting)
+    rows, summary = measured(meter, frame, frame, painting)
     assert [row.view for row in rows] == ["a", "c"]
     assert [summary[f"{name}_ratio"] for name in STYLE_DISTANCES] == [1.0] * len(STYLE_DISTANCES)
     assert summary["content"] == pytest.approx(0, abs=1e-5)
@@ -67,9 +66,9 @@ def test_unstylized_frames_have_ratios_of_one_and_lose_nothing(judge: TraitMeter
     assert (summary["sharpness_to_priors"], summary["sharpness_to_unstylized"]) == (None, 1)
 
 
-def test_the_painting_in_place_of_the_frames_has_ratios_of_zero(judge: TraitMeter):
+def test_the_painting_in_place_of_the_frames_has_ratios_of_zero(meter: TraitMeter):
     frame, painting = picture(0), picture(1)
-    _, summary = measured(judge, frame, painting, painting, [frame, frame])
+    _, summary = measured(meter, frame, painting, painting, [frame, frame])
     for name in STYLE_DISTANCES:
         assert summary[f"{name}_ratio"] == pytest.approx(0, abs=1e-6)
         assert summary[f"{name}_unstylized"] > 0
@@ -77,15 +76,15 @@ def test_the_painting_in_place_of_the_frames_has_ratios_of_zero(judge: TraitMete
     assert summary["sharpness_to_priors"] == pytest.approx(sharpness(painting) / sharpness(frame))
 
 
-def test_a_scene_that_is_the_painting_has_no_ratios(judge: TraitMeter):
-    _, summary = measured(judge, picture(0), picture(1), picture(0))
+def test_a_scene_that_is_the_painting_has_no_ratios(meter: TraitMeter):
+    _, summary = measured(meter, picture(0), picture(1), picture(0))
     assert summary["style_swd_patches_ratio"] is None
     assert summary["content_style_product"] is None
     assert summary["style_swd_patches"] > 0
 
 
-def test_content_is_lost_place_by_place(judge: TraitMeter):
-    a, b = judge.of_frame(picture(0)), judge.of_frame(picture(0)[:, ::-1].copy())
+def test_content_is_lost_place_by_place(meter: TraitMeter):
+    a, b = meter.of_frame(picture(0)), meter.of_frame(picture(0)[:, ::-1].copy())
     assert content_distance(a, a) == pytest.approx(0, abs=1e-5)
     assert 0 < content_distance(a, b) == pytest.approx(content_distance(b, a))
 
@@ -94,20 +93,15 @@ def test_content_is_lost_place_by_place(judge: TraitMeter):
     np.zeros((64, 64, 3), np.float32), np.ones((64, 64, 3), np.float32), picture(1, 16, 16),
     picture(2, 8, 4000), np.random.default_rng(0).random((900, 40, 3)).astype(np.float32),
 ], ids=["black", "white", "16 px", "long", "noise"])  # fmt: skip
-def test_resemblance_of_extreme_frames_and_paintings_is_finite(judge: TraitMeter, painting):
+def test_resemblance_of_extreme_frames_and_paintings_is_finite(meter: TraitMeter, painting):
     for frame in (picture(0), np.zeros((48, 64, 3), np.float32), picture(3, 16, 16)):
-        _, summary = measured(judge, frame, picture(4, *frame.shape[:2]), painting)
+        _, summary = measured(meter, frame, picture(4, *frame.shape[:2]), painting)
         assert all(value is None or math.isfinite(value) for value in summary.values())
 
 
-def test_a_frame_of_few_pixels_is_refused(judge: TraitMeter):
+def test_a_frame_of_few_pixels_is_refused(meter: TraitMeter):
     with rejects("100x7", 8):
-        judge.of_frame(np.zeros((7, 100, 3), np.float32))
-
-
-def test_views_are_spread_and_never_twice():
-    assert chosen_views(list("abcdefg"), 3) == ["a", "d", "g"]
-    assert chosen_views(list("ab"), 6) == ["a", "b"]
+        meter.of_frame(np.zeros((7, 100, 3), np.float32))
 
 
 def test_doing_nothing_and_hanging_up_the_painting_are_both_two():

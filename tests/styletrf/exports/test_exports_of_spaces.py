@@ -10,6 +10,7 @@ import pytest
 import torch
 from ball_views import RADIUS, ball_seen
 from ball_views import camera as camera_around
+from expected_errors import rejects
 from tiny_scene import KINDS, tiny_scene
 
 from styletrf.exports.export_views import ExportViews, Look, export_views
@@ -44,11 +45,15 @@ def in_world(space: str, camera: Camera) -> Camera:
     return moved(camera, np.linalg.inv(tiny_scene(space).model.normalized_from_world))
 
 
+def photographed(color: torch.Tensor) -> torch.Tensor:
+    return (color * 255).round().byte()
+
+
 @spaces
 def test_splats_show_what_the_field_shows_and_share_their_geometry(space: str, tmp_path: Path):
     pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
     views = views_of(space)
-    held_out = HeldOut(views.cameras[:1], [views.renders[0].color.numpy()])
+    held_out = HeldOut(views.cameras[:1], [photographed(views.renders[0].color)])
     done = []
     report = export_splats(
         tmp_path, "spz", views, looks_of(space), held_out, 6000, lambda *work: done.append(work)
@@ -109,6 +114,37 @@ def test_an_export_notes_where_pictures_have_no_definite_surface(tmp_path: Path)
     assert mist["surface_share"] == 0
     assert "no definite surface" in mist["note"]
     assert "no definite" not in definite["note"]
+
+
+def test_what_masks_leave_out_of_photographs_does_not_count_against_splats(tmp_path: Path):
+    """A passer-by who is masked was measured."""
+    pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
+    views = views_of("box")
+    photograph = photographed(views.renders[0].color)
+    counts = torch.full((*photograph.shape[:2], 1), 255, dtype=torch.uint8)
+    counts[:, : photograph.shape[1] // 2] = 0
+    spoiled = photograph.clone()
+    spoiled[:, : photograph.shape[1] // 2] ^= 255
+    found = []
+    for shown in (photograph, spoiled):
+        held_out = HeldOut(views.cameras[:1], [torch.cat([shown, counts], dim=2)])
+        looks = looks_of("box")[:1]
+        report = export_splats(tmp_path, "spz", views, looks, held_out, 500, silent)
+        found.append(report["looks"]["photographs"])
+    assert found[0] == found[1]
+    assert found[0]["field_psnr"] > 40
+
+
+def test_a_field_that_stops_no_ray_has_nothing_to_export(tmp_path: Path):
+    """Points of it ended in a traceback."""
+    views = views_of("box")
+    empty = [replace(r, median_depth=torch.full_like(r.depth, torch.inf)) for r in views.renders]
+    nothing = replace(views, renders=empty)
+    held_out = HeldOut([], [])
+    with rejects("field", "ray"):
+        export_points(tmp_path, nothing, looks_of("box"), silent)
+    with rejects("field", "ray"):
+        export_splats(tmp_path, "ply", nothing, looks_of("box"), held_out, 500, silent)
 
 
 def test_in_unbounded_space_a_ball_is_a_ball():

@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from expected_errors import rejects
@@ -24,6 +25,9 @@ class Outer:
     inner: Inner = field(default_factory=Inner)
     rate: float = 0.1
     count: int | None = None
+    share: float | None = None
+    size: tuple[float, float] = (1.0, 2.0)
+    word: Literal["a", "b"] = "a"
 
 
 def test_rows_that_are_written_come_back_as_they_were(tmp_path: Path):
@@ -55,14 +59,36 @@ def test_dots_reach_into_nested_configurations():
     assert config == Outer(Inner(9, (7,)), 1.0, 5)
 
 
+def test_whole_numbers_become_floats_and_none_stays_none():
+    config = configured(Outer, {"share": 1, "size": [3, 4], "count": None})
+    assert config == Outer(share=1.0, size=(3.0, 4.0))
+    assert [type(value) for value in (config.share, *config.size)] == [float] * 3
+
+
 @pytest.mark.parametrize(
     ("name", "value", "named", "remedy"),
     [
-        ("widht", 3, ["Outer"], "count, inner, rate"),
+        ("widht", 3, ["Outer"], "count, inner, rate, share, size, word"),
         ("inner.hight", 3, ["Inner"], "ranks, width"),
         ("rate.x", 3, ["rate"], "'rate'"),
         ("inner.width", "wide", ["'wide'", "int"], ""),
         ("inner.width", True, ["True", "int"], ""),
+        ("inner.width", None, ["None", "int"], ""),
+        ("inner.ranks", 3, ["3", "int"], ""),
+        ("inner.ranks", [1, "2"], ["'2'", "int"], ""),
+        ("inner.ranks", [1, [2]], ["[2]", "int"], ""),
+        ("inner", 3, ["3", "Inner"], ""),
+        ("rate", math.nan, ["nan", "float"], ""),
+        ("rate", math.inf, ["inf", "float"], ""),
+        pytest.param("rate", 10**400, ["float"], "", id="rate-huge"),
+        ("count", "many", ["'many'", "int"], ""),
+        ("count", 2.5, ["2.5", "int"], ""),
+        ("share", "high", ["'high'", "float"], ""),
+        ("share", math.nan, ["nan", "float"], ""),
+        ("size", [1.0], ["[1.0]", "float"], ""),
+        ("size", [1.0, True], ["True", "float"], ""),
+        ("word", "c", ["'c'"], "a, b"),
+        ("word", 1, ["1"], "a, b"),
     ],
 )
 def test_a_setting_that_does_not_fit_is_an_error_that_names_what_would(name, value, named, remedy):

@@ -15,6 +15,7 @@ from styletrf.reports.expectation import Expectation, expectation_table
 from styletrf.reports.scene_report import SceneReportContent, advice, write_scene_report
 from styletrf.reports.survey_drawing import drawings
 from styletrf.scene.survey import Survey, ViewSurvey
+from styletrf.steps.scene_report import neighbors
 
 GOOD = ViewSurvey("a", 1.0, 0.0, 100, blurred=False, off_exposure=False)
 EXPECTED = Expectation(FieldCost(60.0, 2**30, 10**6), 300.0, 2**31, 2**20, 25.0)
@@ -50,6 +51,15 @@ def test_where_all_is_well_there_is_nothing_to_do(tmp_path):
 def test_what_is_amiss_is_named_with_what_to_do(spoiled, said):
     (line,) = advice(spoiled)
     assert re.search(said, line)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("9", ("8", "10")), ("11", ("10", "10")), ("1", ("8", "8")), ("8b", ("8", "10"))],
+)
+def test_neighbors_of_a_photograph_are_those_beside_it_in_natural_order(name, expected):
+    """Of `10` and `8`, the plain order put both before `9`."""
+    assert neighbors([name], ["10", "8"]) == {name: expected}
 
 
 def test_markup_in_names_of_a_scene_stays_text_in_its_report(tmp_path):
@@ -93,6 +103,11 @@ def test_a_quality_is_a_row_with_its_time_and_psnr_and_its_name_stays_text():
     assert {"5 min 00 s", "1 min 00 s", "2.00 GiB", "about 25.0 dB"} <= set(
         re.findall(r'"number">([^<]*)<', table)
     )
+
+
+def test_a_quality_of_which_nothing_is_known_says_so():
+    table = expectation_table({"draft": replace(EXPECTED, psnr_db=None)}, "2 cores")
+    assert re.findall(r'"number">([^<]*)<', table)[-1] == "unknown"
 
 
 def test_a_cost_grows_with_the_iterations(tmp_path):

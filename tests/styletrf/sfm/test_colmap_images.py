@@ -14,7 +14,7 @@ PHONE = Path(__file__).parents[1] / "photographs" / "phone.heic"
 
 
 def prepared(tmp_path, files, max_long_side=1000):
-    (tmp_path / "in").mkdir()
+    (tmp_path / "in").mkdir(exist_ok=True)
     for name, data in files.items():
         (tmp_path / "in" / name).write_bytes(data)
     capture = capture_photographs(tmp_path / "in", tmp_path / "capture")
@@ -32,6 +32,19 @@ def test_images_are_the_photographs_by_position(tmp_path):
     for file, seed in zip(images.files, (2, 1, 0), strict=True):
         assert np.array_equal(read_photograph(images.folder / file), texture(48, 64, seed))
     assert (images.long_side, images.lenses[0].focal_prior_px) == (64, None)
+
+
+@pytest.mark.parametrize(("color", "counts"), [((0, 255, 0), False), ((255, 255, 0), True)])
+def test_a_mask_of_any_color_is_black_and_white_for_colmap(tmp_path, color, counts):
+    """Green counted by its luminance, and by COLMAP's reader whatever is not black."""
+    mask = np.full((48, 64, 3), 255, np.uint8)
+    mask[:, :32] = color
+    (tmp_path / "in" / "masks").mkdir(parents=True)
+    (tmp_path / "in" / "masks" / "0.png").write_bytes(encoded(mask, ".png"))
+    images = prepared(tmp_path, {f"{i}.png": data for i, data in enumerate(views())})
+    written = read_photograph(images.mask_of(images.files[0]))
+    assert np.array_equal(written[:, :32], np.full((48, 32, 3), 255 * counts))
+    assert (written[:, 32:] == 255).all()
 
 
 def test_large_photographs_are_reduced_to_the_side_asked_for(tmp_path):

@@ -1,23 +1,26 @@
 """Panoramas of the courtyard, through COLMAP, against where they were taken."""
 
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pycolmap
 import pytest
+from expected_errors import rejects
 from made_panoramas import courtyard_panoramas
 from made_photographs import encoded
 from similarities import similarity
 
+from styletrf.capture.capture_file import Photograph
 from styletrf.capture.panorama.panorama_views import DIRECTIONS, panorama_from_view, view_camera
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.capture.views import held_out_names
 from styletrf.geometry.camera_table import read_cameras, read_split
 from styletrf.progress import silent
-from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
+from styletrf.sfm.camera_poses import CameraPosesConfig, require_enough, solve_camera_poses
 from styletrf.sfm.colmap_features import extract_features
 from styletrf.sfm.colmap_images import prepare_images
+from styletrf.sfm.mapping import SfmResult
 
 COUNT, WIDTH = 5, 512
 
@@ -69,6 +72,24 @@ def test_views_of_a_panorama_share_its_center_and_keep_their_lens(solved):
         for view in views:
             assert (view.fx, view.fy) == pytest.approx((lens.fx, lens.fx), rel=1e-12)
             assert (view.cx, view.cy) == (view.width / 2, view.height / 2)
+
+
+@pytest.mark.parametrize(("placed", "enough"), [(2, False), (3, True)])
+def test_views_of_a_panorama_count_as_one_where_too_few_are_placed(placed, enough):
+    """Two panoramas passed as ten photographs."""
+    options = pycolmap.SyntheticDatasetOptions(
+        num_rigs=1, num_cameras_per_rig=len(DIRECTIONS), num_frames_per_rig=placed
+    )
+    mapping = SfmResult([pycolmap.synthesize_dataset(options)], "", 1, "", "", 1.0)
+    photographs = [
+        Photograph(f"p{k}_{direction}", "", 8, 8, 0, "", panorama=f"p{k}", direction=direction)
+        for k in range(4)
+        for direction in DIRECTIONS
+    ]
+    assert mapping.registered == placed * len(DIRECTIONS)
+    refusal = nullcontext() if enough else rejects("the 4 photographs", placed)
+    with refusal:
+        require_enough(mapping, photographs)
 
 
 @pytest.mark.parametrize(("panoramas", "held_out"), [(12, (0, 8)), (8, (4,))])

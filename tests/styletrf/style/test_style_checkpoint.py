@@ -72,7 +72,9 @@ def test_a_write_that_fails_leaves_the_last_checkpoint(tmp_path: Path, monkeypat
 
 
 @pytest.mark.parametrize("damage", ["cut short", "no tensor", "another network", "empty"])
-def test_a_damaged_checkpoint_lets_the_training_start_anew(tmp_path: Path, damage: str):
+def test_a_damaged_checkpoint_lets_the_training_start_over_with_a_warning(
+    tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture
+):
     path, stored = tmp_path / "c.safetensors", new_training()
     step(stored)
     write_checkpoint(path, stored)
@@ -87,6 +89,7 @@ def test_a_damaged_checkpoint_lets_the_training_start_anew(tmp_path: Path, damag
         path.write_bytes(path.read_bytes()[: -100 if damage == "cut short" else 0])
     training, fresh = new_training(seed=1), new_training(seed=1)
     read_checkpoint(path, training)
+    assert [str(path) in message for message in caplog.messages] == [True]
     assert training.curve == []
     assert not training.optimizer.state
     for a, b in zip(training.network.parameters(), fresh.network.parameters(), strict=True):

@@ -136,6 +136,6 @@ def test_losses_and_figures_name_their_frame(vgg, tmp_path):
         )
     whole = torch.ones(scene.images.shape[1:3])
     renders = [Rendering(scene.images[0] / 255, *[whole] * 3)]
-    judges = {"psnr": lambda *_: math.inf, "perceptual": lambda *_: math.nan}
+    metrics = {"psnr": lambda *_: math.inf, "perceptual": lambda *_: math.nan}
     with stops("quality", "perceptual", "in view 0"):
-        measure_quality(renders, scene.cameras[:1], scene.images[:1], judges, tmp_path)
+        measure_quality(renders, scene.cameras[:1], scene.images[:1], metrics, tmp_path)

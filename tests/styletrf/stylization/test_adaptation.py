@@ -5,12 +5,14 @@ from dataclasses import replace
 
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from mini_scene import MINI_FIT as CONFIG
 from mini_scene import fit
 
 from styletrf.capture.view_images import view_images
 from styletrf.field.kernels import kernels_for
-from styletrf.field.ray_cache import march_once
+from styletrf.field.ray_cache import RayCache, march_once
 from styletrf.field.rendering import RenderConfig, render_rays
 from styletrf.field.view_rays import ViewRays
 from styletrf.stylization.adaptation import AdaptationConfig, adapt_appearance
@@ -18,6 +20,13 @@ from styletrf.stylization.adaptation import AdaptationConfig, adapt_appearance
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
 ADAPTATION = AdaptationConfig(iterations=60, batch=256)
+
+
+@pytest.mark.parametrize("name", ["iterations", "batch", "tv_every"])
+def test_counts_of_an_adaptation_below_one_are_refused(name):
+    """A batch of no rays was divided by."""
+    with pytest.raises(ValueError, match=name):
+        replace(ADAPTATION, **{name: 0})
 
 
 @pytest.fixture(scope="module")
@@ -96,11 +105,26 @@ def test_the_cache_is_bounded_and_gone_through_again(scene, field):
     )
     n = len(cache.opacity)
     assert n < len(pixels), "what exceeds the cache is not marched"
-    batches = n // 256
+    batches = -(-n // 256)
     for k in (0, batches - 1):
         first, second = cache.batch(k, 256), cache.batch(k + batches, 256)
         assert torch.equal(first.samples.positions, second.samples.positions)
     assert len(cache.batch(0, 10 * n).opacity) == n, "fewer rays than a batch"
+
+
+@given(st.integers(1, 300), st.integers(1, 100))
+def test_batches_of_a_pass_have_every_ray_once_and_are_equally_large(rays, size):
+    number = torch.arange(rays, dtype=torch.float32)
+    nothing = torch.zeros(0, 3), torch.zeros(0), number[:, None].expand(-1, 3)
+    offsets = torch.zeros(rays + 1, dtype=torch.int64)
+    cache = RayCache(offsets, *nothing, opacity=number, target=torch.zeros(rays, 3), dropped=0.0)
+    a_pass = -(-rays // size)
+    batches = [cache.batch(k, size).opacity for k in range(a_pass)]
+    assert torch.equal(torch.cat(batches), number)
+    lengths = {len(batch) for batch in batches}
+    assert max(lengths) <= size
+    assert max(lengths) - min(lengths) <= 1
+    assert torch.equal(cache.batch(a_pass, size).opacity, batches[0])
 
 
 @pytest.mark.parametrize("sees_view", [True, False])

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from styletrf.stylization.image_adaptation import color_drift
+from styletrf.style.perceptual.perceptual_loss import color_drift
 
 BLOCK_PX = 2
 ADAPTATION = pytest.mark.extremes("Image adaptation")

@@ -17,9 +17,10 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.ray_cache import march_once
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training import trainer
-from styletrf.field.training.views_aside import views_aside
+from styletrf.field.training.validation_views import validation_views
 from styletrf.field.view_rays import ViewRays
 from styletrf.scene.free_space import CELLS
+from styletrf.style.perceptual.perceptual_loss import color_drift
 from styletrf.stylization.adaptation import AdaptationConfig
 from styletrf.stylization.background import EmptyBackground
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
@@ -27,7 +28,6 @@ from styletrf.stylization.image_adaptation import (
     ImageAdaptationConfig,
     _accumulate,
     adapt_to_image_loss,
-    color_drift,
 )
 from styletrf.stylization.strategies import StylizationConfig
 from styletrf.stylization.view_windows import as_picture
@@ -234,7 +234,7 @@ def test_the_loss_sees_an_object_on_its_mean_color_and_not_on_its_ground(scene, 
         adapt_to_image_loss(
             field, scene.cameras[:1], (scene.images[:1], scene.images[:1]), space,
             OfPlainRender(looking),
-            config, AdaptationConfig(), KERNELS, ground=of_views,
+            config, AdaptationConfig(), KERNELS, background=of_views,
         )  # fmt: skip
     (shown, plain), (covered, plain_covered) = seen
     torch.testing.assert_close(covered - shown, plain_covered - plain)
@@ -290,14 +290,14 @@ def test_free_strategies_set_no_painted_view_aside(strategy):
     config = replace(CONFIG, iterations=60, upsample_at=(0.1, 0.3), early_gain_db=1e3)
     field = fit(many, config)
     space, views = many.model.space, (many.cameras, many.images)
-    with patch.object(trainer, "views_aside", wraps=trainer.views_aside) as asked:
+    with patch.object(trainer, "validation_views", wraps=trainer.validation_views) as asked:
         if strategy == "s1":
             fit_new_field(*views, space, many.model.resolution, config, KERNELS)
         else:
             finetune_all(field, *views, space, config, KERNELS)
     (call,) = asked.call_args_list
-    assert views_aside(call.args[0], config) is not None
-    assert views_aside(*call.args) is None
+    assert validation_views(call.args[0], config) is not None
+    assert validation_views(*call.args) is None
 
 
 def test_a_new_field_leaves_free_space_empty(scene):

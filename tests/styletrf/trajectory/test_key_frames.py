@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from expected_errors import rejects
 from hypothesis import given, settings
@@ -70,7 +71,11 @@ MISTAKES = {
     ),
     "too wide": ({"key_frames": [PLACE | {"fov_deg": 180}]}, "not a number from 1 to 170"),
     "truth": ({"key_frames": [PLACE | {"fov_deg": True}]}, "not a number from 1 to 170"),
-    "before": ({"key_frames": [PLACE | {"time_s": -1}]}, "not a number of 0 or more"),
+    "before": ({"key_frames": [PLACE | {"time_s": -1}]}, "not a number from 0 to 600"),
+    "milliseconds": (
+        {"key_frames": [PLACE | {"time_s": 0}, PLACE | {"time_s": 4000}]},
+        "key_frames[1].time_s is 4000, not a number from 0 to 600",
+    ),
     "some times": ({"key_frames": [PLACE | {"time_s": 0}, PLACE]}, "key_frames[1] has no time_s"),
     "no order": (
         {"key_frames": [PLACE | {"time_s": 1}, PLACE | {"time_s": 1}]},
@@ -111,3 +116,11 @@ def test_a_file_that_is_missing_is_answered_with_what_there_is(tmp_path):
 
 def test_easing_may_be_left_out():
     assert key_frames_of(Path("p"), {"key_frames": [PLACE]}).easing == 0
+
+
+def test_an_animation_that_is_too_long_is_refused(tmp_path):
+    frame = {"file_path": "0", "transform_matrix": np.eye(4).tolist()}
+    animation = {"camera_angle_x": 0.8, "frames": [frame] * (600 * 24 + 2)}
+    (tmp_path / "path.json").write_text(json.dumps(animation))
+    with rejects(tmp_path / "path.json", 600):
+        read_path(tmp_path / "path.json")

@@ -74,7 +74,7 @@ def test_the_equations_of_a_tint_are_of_the_derivatives_of_what_rays_lack():
     of_channels = [jacobian[:, k, :, k] for k in range(3)]
     squares = torch.stack([each.T @ each for each in of_channels])
     right = [each.T @ lacking(torch.from_numpy(tint))[:, k] for k, each in enumerate(of_channels)]
-    _, found = refit_kernels.lacking(
+    _, found = refit_kernels.residuals(
         lattice.slots, low.astype(np.int16), *(part.astype(np.float32) for part in (rest, weights)),
         colors.astype(np.float32), starts, turned.astype(np.float32), tint.astype(np.float32), 1,
         values.astype(np.float32), np.float32(0.2),
@@ -87,7 +87,7 @@ def test_the_equations_of_a_tint_are_of_the_derivatives_of_what_rays_lack():
 def test_the_installation_compiles_what_baking_runs(content):
     kernels = (
         lattice_kernels.interpolated, lattice_kernels.add_squares, lattice_kernels.multiples,
-        refit_kernels.totals, refit_kernels.lacking,
+        refit_kernels.totals, refit_kernels.residuals,
     )  # fmt: skip
     compile_viewer_kernels()
     content("box")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from headless import Browser, answer_of
 from other_browsers import firefox, needs_firefox, needs_webkit, webkit
+from shared_results import made_once
 from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
 from written_viewers import with_third_painting, written, written_small
 
@@ -26,8 +27,8 @@ def test_browser_and_cpu_agree_on_looks_and_mixtures(
     asked = json.dumps([case(*each) for each in cases])
     answer = answer_of(page, PICTURES.replace("CASES", asked), 800, browser=browser)
     assert answer["errors"] == []
-    for each, shot in zip(cases, answer["shots"], strict=True):
-        expected = rendered(scene, baked, *each)
+    of_cpu = made_once("looks of the CPU", lambda: [rendered(scene, baked, *c) for c in cases])
+    for each, shot, expected in zip(cases, answer["shots"], of_cpu, strict=True):
         assert psnr(np.array(shot).reshape(expected.shape), expected) >= 45, each[1:]
 
 

@@ -185,6 +185,13 @@ def test_along_the_depth_alone_nothing_else_is_measured(measure):
     assert all(math.isnan(p["error"]) and math.isnan(p["perceptual_error"]) for p in alone)
 
 
+def test_the_summary_names_the_flow_where_pairs_along_the_depth_are_nearer(measure):
+    """The first row, a pair along the depth alone, has none."""
+    frames = pan(texture(0))
+    result = measure(frames, frames, deltas=(5,), depth_deltas=(1,))
+    assert result.summary["delta_5"]["flow"] == "dis"
+
+
 def test_no_pair_goes_across_a_known_cut(measure):
     """Two walls, one after the other: each is consistent, whatever lies between."""
     plain = pan(texture(0)) + pan(texture(5))

@@ -40,7 +40,7 @@ class Extent:
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class UprightCapture:
     """Cameras at the working size and points, both in the upright frame, in the world's unit.
 
     `footprints` are the sizes of a pixel at the points that each view may see, and
@@ -60,9 +60,9 @@ class Surroundings:
         return float(np.median(self.footprints))
 
 
-def surroundings(
+def upright_capture(
     cameras: Sequence[Camera], points_world: Float[np.ndarray, "points 3"], image_long_side: int
-) -> Surroundings:
+) -> UprightCapture:
     """Returns the capture in its upright frame.
 
     Raises:
@@ -82,7 +82,7 @@ def surroundings(
         raise InputError(
             "sparse points", "no photograph sees any of them", "Take more overlapping photographs"
         )
-    return Surroundings(
+    return UprightCapture(
         frame, views, points, np.concatenate(footprints), np.concatenate(seen_points), min(nearest)
     )
 
@@ -96,7 +96,7 @@ def upright_frame(cameras: Sequence[Camera]) -> Float[np.ndarray, "4 4"]:
 
 
 def placed(
-    scene: Surroundings, inner: Extent, kind: Literal["box", "unbounded"],
+    scene: UprightCapture, inner: Extent, kind: Literal["box", "unbounded"],
     grid_from_inner: Float[np.ndarray, "maps 4 4"], inner_share: float, oversampling: float,
 ) -> Placement:  # fmt: skip
     """Returns the scene scaled so that the longest half of the `inner` box is 1.
@@ -125,7 +125,7 @@ def placed(
             (float(lengths[0]), float(lengths[1]), float(lengths[2])), depth_min=0.5 * nearest,
         ),
         normalized_from_world=normalized_from_frame @ scene.frame_from_world,
-        wanted=(float(wanted[0]), float(wanted[1]), float(wanted[2])),
+        resolution=(float(wanted[0]), float(wanted[1]), float(wanted[2])),
         focus=(float(focus[0]), float(focus[1]), float(focus[2])),
         looking=looking,
         evidence={
@@ -136,7 +136,7 @@ def placed(
     )  # fmt: skip
 
 
-def looked_at(scene: Surroundings) -> tuple[Vector, Looking, dict[str, Any]]:
+def looked_at(scene: UprightCapture) -> tuple[Vector, Looking, dict[str, Any]]:
     """Returns the focus in the upright frame, how the views look at it, and the evidence."""
     views, spread_deg = scene.views, _spread_deg(scene.views)
     parallel = spread_deg < MIN_SPREAD_DEG

@@ -1,0 +1,31 @@
+import pytest
+from expected_errors import rejects
+from made_photographs import encoded, texture, with_exif
+
+from styletrf.capture.photograph_size import photograph_size
+from styletrf.capture.photographs import read_photograph
+
+JPEG = encoded(texture(40, 60))
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.jpg", JPEG),
+        ("turned.jpg", with_exif(JPEG, orientation=6)),
+        ("upright.jpg", with_exif(JPEG, orientation=1)),
+        ("a.png", encoded(texture(40, 60), ".png")),
+        ("a.tif", encoded(texture(40, 60), ".tif")),
+        ("a.webp", encoded(texture(40, 60), ".webp")),
+    ],
+)
+def test_the_size_is_that_of_the_upright_pixels(name, content, tmp_path):
+    (tmp_path / name).write_bytes(content)
+    height, width, _ = read_photograph(tmp_path / name).shape
+    assert photograph_size(tmp_path / name) == (width, height)
+
+
+def test_what_is_no_photograph_has_no_size(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"no image")
+    with rejects(tmp_path / "a.png", "image"):
+        photograph_size(tmp_path / "a.png")
