@@ -13,7 +13,6 @@ from styletrf.evaluation.metrics import Image
 from styletrf.evaluation.resemblance.efficientnet_lite import load_efficientnet
 from styletrf.evaluation.resemblance.frame_resemblance import (
     ResemblanceConfig,
-    chosen_views,
     frame_resemblance,
     summary,
 )
@@ -22,6 +21,7 @@ from styletrf.evaluation.resemblance.picture_traits import (
     TraitMeter,
     nearest_painting,
 )
+from styletrf.even_spread import evenly_spread
 from styletrf.files.float_images import read_float_image
 from styletrf.files.images import read_rgb
 from styletrf.style.perceptual.vgg import load_vgg
@@ -49,7 +49,7 @@ class Result:
         shared = [name for name in painted if name in plain]
         if not shared:
             raise SystemExit(f"{self.stylized} and {self.unstylized} share no names of frames")
-        return [(_read(plain[n]), _read(painted[n])) for n in chosen_views(shared, count)]
+        return [(_read(plain[n]), _read(painted[n])) for n in evenly_spread(shared, count)]
 
 
 class Jury:
@@ -57,7 +57,7 @@ class Jury:
 
     def __init__(self, vgg: Path, config: ResemblanceConfig, *, retrieval: bool) -> None:
         """Loads both networks; the other paintings are looked at with the first frames."""
-        self._judge = TraitMeter(load_vgg(vgg), load_efficientnet(), config.traits)
+        self._meter = TraitMeter(load_vgg(vgg), load_efficientnet(), config.traits)
         self._config, self._retrieval = config, retrieval
         self._paintings: dict[tuple[int, ...], dict[str, PictureTraits]] = {}
 
@@ -66,13 +66,13 @@ class Jury:
         plain, painted = map(list, zip(*result.views(self._config.frames), strict=True))
         style = read_style_image(result.painting)
         priors = [_read(p) for p in _files(result.priors).values()] if result.priors else []
-        looked_at = [self._judge.of_frame(image) for image in plain]
+        looked_at = [self._meter.of_frame(image) for image in plain]
         shown = {result.name: (painted, priors)}
         if baseline:
             shown[f"{result.name}, color map"] = (with_colors_of(style, plain), [])
         for name, (images, fitted_to) in shown.items():
-            traits = self._judge.of_painting(style, plain[0])
-            seen = [self._judge.of_frame(image) for image in images]
+            traits = self._meter.of_painting(style, plain[0])
+            seen = [self._meter.of_frame(image) for image in images]
             rows = [
                 frame_resemblance("", a, b, traits) for a, b in zip(looked_at, seen, strict=True)
             ]
@@ -88,7 +88,7 @@ class Jury:
         size = frame.shape[:2]
         if size not in self._paintings:
             self._paintings[size] = {
-                name: self._judge.of_painting(read_style_image(path), frame)
+                name: self._meter.of_painting(read_style_image(path), frame)
                 for name, path in all_paintings().items()
             }
         nearest = [nearest_painting(t, self._paintings[size] | {own: style}) for t in seen]

@@ -32,7 +32,8 @@ from task_of import task_of
 from pipeline.settings import data_root
 from pipeline.task import artifact
 from styletrf.capture.user_folders import find_style
-from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig, chosen_views
+from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig
+from styletrf.even_spread import evenly_spread
 from styletrf.files.images import read_rgb
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.steps.stylized_frames import Blend, stylized_frames
@@ -111,7 +112,7 @@ def _result(task: Any, folder: Path, options: argparse.Namespace) -> Result:
     _build([*needed.values()])
     inputs = {name: artifact(stage) for name, stage in needed.items()}
     cameras = {c.name: c for c in read_cameras(inputs["trajectory"] / "cameras.parquet")}
-    looked_at = [cameras[name] for name in chosen_views(list(cameras), options.count)]
+    looked_at = [cameras[name] for name in evenly_spread(list(cameras), options.count)]
     blend = Blend(task.strength, task.blend, task.region)
     frames = stylized_frames(inputs, looked_at, task.values(), blend, task.device)
     write_pictures(folder, [camera.name for camera in looked_at], frames)

@@ -23,6 +23,15 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Workers share what takes seconds to make."""
+    from shared_results import share_in
+
+    own = tmp_path_factory.getbasetemp()
+    share_in(own.parent if hasattr(request.config, "workerinput") else own)
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _interruptible() -> Iterator[None]:
     """A background shell makes the tests, and what they start, deaf to SIGINT."""

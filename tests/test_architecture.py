@@ -51,7 +51,8 @@ def test_the_core_of_the_pipeline_can_be_read_in_an_hour():
     (core,) = (
         set(each["source_modules"]) for each in _contracts() if each["name"].startswith("the core ")
     )
-    outside = {"pipeline.command", "pipeline.parameters", "pipeline.task", "pipeline.__main__"}
+    others = ("command", "parameters", "task", "__main__")
+    outside = {f"pipeline.{name}" for name in others}
     files = {f"pipeline.{path.stem}": path for path in (ROOT / "pipeline").glob("*.py")}
     assert files.keys() - outside - {"pipeline.__init__"} == core
     lines = sum(len(files[name].read_text(encoding="utf-8").splitlines()) for name in core)
@@ -70,9 +71,9 @@ def test_tests_import_nothing_of_other_tests():
     assert [path for path, text in texts.items() if importing.search(text)] == []
 
 
-@pytest.mark.parametrize("program", ["small_grids", "grid_requests", "faulty_grids"])
-def test_programs_beside_the_tests_find_what_they_import(program: str):
-    path = ROOT / "tests/support" / f"{program}.py"
-    code = f"import runpy; runpy.run_path({str(path)!r}, run_name='imported')"
-    begun = f"import sys; sys.path[0] = {str(path.parent)!r}; {code}"
-    subprocess.run([sys.executable, "-c", begun], check=True, cwd=path.parent)
+def test_programs_beside_the_tests_find_what_they_import():
+    folder = ROOT / "tests/support"
+    files = [f"{folder}/{name}.py" for name in ("small_grids", "grid_requests", "faulty_grids")]
+    begun = [f"runpy.run_path({file!r}, run_name='imported')" for file in files]
+    code = "; ".join(["import runpy, sys", f"sys.path[0] = {str(folder)!r}", *begun])
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=folder)

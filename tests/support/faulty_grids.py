@@ -131,7 +131,7 @@ def _kill_a_build(command: psutil.Popen) -> None:
 def _is_training(process: psutil.Process) -> bool:
     """Whether it builds a field; what it is to build lies on the disk that it alone sees."""
     with contextlib.suppress(OSError, psutil.Error):
-        if "pipeline.execution.supervisor" in (words := process.cmdline()):
+        if "pipeline.execution.supervisor" in " ".join(words := process.cmdline()):
             job = Path(f"/proc/{process.pid}/root{words[-1]}").read_text()
             return '"RadianceField"' in job
     return False

@@ -110,7 +110,7 @@ def _answers() -> Iterator[tuple[int, "queue.Queue[dict[str, Any]]"]]:
             pass
 
     with http.server.HTTPServer(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         try:
             yield server.server_address[1], received

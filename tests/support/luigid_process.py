@@ -27,7 +27,7 @@ class Luigid:
         settings["scheduler"].update({"worker_disconnect_delay": "2", "retry_delay": "1"})
         settings["scheduler"]["retry_count"] = str(retries)
         settings["scheduler"]["prune_on_get_work"] = "true"
-        settings["worker"]["max_keep_alive_idle_duration"] = idle
+        settings["worker"].update({"max_keep_alive_idle_duration": idle, "wait_interval": "0.2"})
         with self.config.open("w") as file:
             settings.write(file)
         self.start()

@@ -21,7 +21,7 @@ def served_folder(folder: Path) -> Iterator[str]:
     """Yields the address of a folder whose pages are said to be in UTF-8."""
     (folder / "favicon.ico").touch()  # which a browser asks every server for
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, directory=folder)) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         try:
             yield f"http://127.0.0.1:{server.server_address[1]}"
