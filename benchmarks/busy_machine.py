@@ -34,7 +34,7 @@ IMAGES = 2
 """Of a batch of the style network at `draft` and `standard`."""
 SETTINGS: dict[str, dict[str, str]] = {
     "as it is": {},
-    "GOMP_SPINCOUNT=500": {"GOMP_SPINCOUNT": "500"},
+    "GOMP_SPINCOUNT=1000": {"GOMP_SPINCOUNT": "1000"},
     "OMP_WAIT_POLICY=PASSIVE": {"OMP_WAIT_POLICY": "PASSIVE"},
 }
 

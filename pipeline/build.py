@@ -93,9 +93,9 @@ def _attempt(task: ArtifactTask, action: Action, store: Store, executor: Executo
             _require_success(task, report, log)
             _require_unchanged(task, action)
             _require_untouched(task, inputs.values(), store)
-        facts: dict[str, Json] = {"started": started.isoformat(timespec="milliseconds")}
-        facts |= _facts(task, report, log, store)
-        record = publish(store, workspace / "out", action, facts)
+            facts: dict[str, Json] = {"started": started.isoformat(timespec="milliseconds")}
+            facts |= _facts(task, report, log, store)
+            record = publish(store, workspace / "out", action, facts)
         shutil.rmtree(resume, ignore_errors=True)
         write_outcome(log, "built", f"done in {report.seconds:.0f} s")
     task.artifacts.upload(record)
@@ -154,12 +154,18 @@ _REMEDIES = {
 
 @contextlib.contextmanager
 def _reason_in(log: Path) -> Iterator[None]:
-    """Writes the reason of a failed attempt to its log; until it ends, it is interrupted."""
+    """Writes the reason of a failed attempt to its log; until it ends, it is interrupted.
+
+    Another error than a failure leaves no outcome here: the caller writes one of its own.
+    """
     write_outcome(log, "interrupted", "")
     try:
         yield
     except TaskFailure as failure:
         write_outcome(log, failure.kind, failure.reason)
+        raise
+    except Exception:
+        log.with_suffix(".json").unlink(missing_ok=True)
         raise
 
 

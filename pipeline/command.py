@@ -22,14 +22,24 @@ from luigi.retcodes import retcode
 from luigi.setup_logging import InterfaceLogging
 from luigi.task_register import Register, TaskClassException
 
+from pipeline.cluster.backends import BACKENDS
 from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_tasks
 from pipeline.console.log_handler import in_one_line
 from pipeline.console.progress_client import close_progress, progress_client
 from pipeline.errors import StoreError
+from pipeline.execution.executors import EXECUTORS
 from pipeline.execution.fork_server import fork_server
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.parameters import parameter_errors
-from pipeline.settings import BOOLEANS, DEFAULTS, boolean_setting, data_root, number_setting
+from pipeline.settings import (
+    BOOLEANS,
+    DEFAULTS,
+    boolean_setting,
+    data_root,
+    invalid_setting,
+    number_setting,
+    setting,
+)
 
 _log = logging.getLogger("pipeline")
 _luigi_log = logging.getLogger("luigi-interface")
@@ -101,7 +111,8 @@ def take_over_luigi(module: str) -> None:
 
 def _run(parser: CmdlineParser, begin: Begin, end: End, libraries: Sequence[str]) -> int:
     try:
-        task = parser.get_task_obj()  # type: ignore[no-untyped-call]
+        with parameter_errors():
+            task = parser.get_task_obj()  # type: ignore[no-untyped-call]
     except MissingParameterException:
         sys.stderr.write(f"{_missing_in_words(parser)}\n")
         return INVALID
@@ -150,7 +161,7 @@ def _require_readable_options(parser: CmdlineParser) -> None:
 
 
 def _require_valid_settings() -> None:
-    """Refuses a setting of the pipeline that is of another kind than its default.
+    """Refuses a setting of the pipeline that is of another kind than its default, or unknown.
 
     Raises:
         SystemExit: It names the setting and the value.
@@ -161,6 +172,8 @@ def _require_valid_settings() -> None:
                 number_setting(section, name)
             elif default in BOOLEANS:
                 boolean_setting(section, name)
+        if setting("store", "executor") not in (known := [*EXECUTORS, *BACKENDS]):
+            raise invalid_setting("store", "executor", f"one of {', '.join(known)}")
     except StoreError as error:
         raise SystemExit(str(error)) from error
 

@@ -23,14 +23,13 @@ from pipeline.code.closure import code_closure, save_closure
 from pipeline.code.snapshot import code_in_key, present_code
 from pipeline.errors import NotBuiltError, TaskFailure
 from pipeline.execution.deadline import Deadline
-from pipeline.execution.executors import EXECUTORS
 from pipeline.execution.local_executor import LocalExecutor
 from pipeline.execution.options import BuildOptions
 from pipeline.execution.parent_process import die_with
 from pipeline.job import RunContext
 from pipeline.parameters import ChoiceParameter, FloatParameter
 from pipeline.record import Action, ActionRecord
-from pipeline.settings import current_store, invalid_setting, number_setting, setting
+from pipeline.settings import current_store, number_setting, setting
 from pipeline.shared_store.sync import SharedArtifacts
 from pipeline.store import Store
 
@@ -80,12 +79,9 @@ class StoredTask(ArtifactTask):
     @property
     def options(self) -> BuildOptions:
         """Returns how and where this task is built."""
-        executor = self.executor or setting("store", "executor")
-        if executor not in (known := [*EXECUTORS, *BACKENDS]):
-            raise invalid_setting("store", "executor", f"one of {', '.join(known)}")
         memory_gib = self.memory_gib or number_setting("store", "memory_gib")
         return BuildOptions(
-            executor=executor,
+            executor=self.executor or setting("store", "executor"),
             until=self.until,
             timeout_seconds=self.timeout_seconds,
             memory_limit_bytes=int(memory_gib * 2**30),

@@ -40,14 +40,18 @@ def json_from(
         stderr: The standard error, as of `subprocess.run`.
 
     Raises:
-        subprocess.CalledProcessError: The function failed.
+        subprocess.CalledProcessError: The function failed, or wrote nothing.
     """
     done = subprocess.run(
         [*interpreter_command(function), *arguments],
         stdout=subprocess.PIPE,
         stderr=stderr,
         text=True,
-        check=True,
+        check=False,
         env=environment or interpreter_environment(),
     )
+    if done.returncode or not done.stdout:
+        error = subprocess.CalledProcessError(done.returncode, done.args)
+        error.add_note(f"{done.stderr or ''}"[-2000:])
+        raise error
     return json.loads(done.stdout.splitlines()[-1])

@@ -21,7 +21,7 @@ _MEMORY_PARTS = 64
 _CGROUP = Path("/sys/fs/cgroup")
 SPIN_COUNT = "GOMP_SPINCOUNT"
 """The variable for how often a thread of libgomp checks a barrier before it sleeps."""
-_SPINS = "500"
+_SPINS = "1000"
 _KEPT_MEMORY = "MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"
 """The variables of glibc for how much freed memory the process keeps."""
 THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "MKL_NUM_THREADS")

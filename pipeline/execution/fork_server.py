@@ -152,7 +152,9 @@ def output_of(function: str, text: str) -> str:
     (stdin, to_process), (from_process, stdout) = os.pipe(), os.pipe()
     with os.fdopen(to_process, "w") as written, os.fdopen(from_process) as read:
         try:
-            process = start_process(function, (), build_environment(), (stdin, stdout, 2))
+            process = start_process(
+                function, (), build_environment(), (stdin, stdout, 2), own_session=False
+            )
         finally:
             os.close(stdin)
             os.close(stdout)
@@ -174,10 +176,12 @@ def start_process(
     kept: Sequence[int] = (),
     *,
     is_forked: bool = True,
+    own_session: bool = True,
 ) -> "ForkedProcess | subprocess.Popen[bytes]":
     """Starts a process: a fork of the server of this context, or else a new interpreter.
 
     The arguments are those of `ForkServer.start`. Unless `is_forked`, it is an interpreter.
+    An interpreter without a session of its own ends with the command at Ctrl-C.
     """
     if is_forked and (server := current_fork_server()):
         with contextlib.suppress(OSError):  # the server was killed, or cannot fork
@@ -190,7 +194,7 @@ def start_process(
         stderr=stderr,
         pass_fds=kept,
         env=environment,
-        start_new_session=True,
+        start_new_session=own_session,
     )
 
 

@@ -103,7 +103,7 @@ def _held(store: Store, root: Path) -> set[str]:
         raise StoreError(
             f"{root} cannot be read, so nobody can tell what it keeps. Delete it to keep nothing."
         ) from error
-    links = folder.iterdir() if folder.is_dir() else ()
+    links = folder.glob("[!.]*")  # a killed command may leave hidden ones
     now = {address for link in links for address in shown_artifacts(store, link)}
     place = next(path for path in (folder, *folder.parents) if path.exists())
     return now or (shows if place.stat().st_dev != device else set())

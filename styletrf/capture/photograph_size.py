@@ -1,19 +1,36 @@
 """The size of a photograph, without its pixels where its header says it."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from PIL import Image
 
 from styletrf.capture.photographs import read_photograph
+from styletrf.errors import InputError
 
-_OWN_HEADER = ("JPEG", "PNG")  # which say their orientation in EXIF alone
+_ORIENTATION = 0x0112  # the tag in EXIF; from 5 on, width and height change places
+
+
+def first_size(files: Sequence[Path]) -> tuple[int, int]:
+    """Returns width and height of the first photograph that can be read.
+
+    Raises:
+        InputError: None of them can be read; it is that of the first.
+    """
+    errors = []
+    for file in files:
+        try:
+            return photograph_size(file)
+        except InputError as error:
+            errors.append(error)
+    raise errors[0]
 
 
 def photograph_size(path: Path) -> tuple[int, int]:
     """Returns width and height in pixels of a photograph as `read_photograph` returns it.
 
-    Where there is no EXIF, which may turn it, the header is read and nothing else.
+    Of a JPEG, and of a PNG that no EXIF may turn, the header is read and nothing else.
 
     Raises:
         InputError: As `read_photograph`; not all damage is found.
@@ -22,7 +39,8 @@ def photograph_size(path: Path) -> tuple[int, int]:
         suppress(OSError, SyntaxError, ValueError, Image.DecompressionBombError),
         Image.open(path) as opened,
     ):
-        if opened.format in _OWN_HEADER and "exif" not in opened.info:
-            return opened.size
+        if opened.format == "JPEG" or (opened.format == "PNG" and "exif" not in opened.info):
+            is_turned = opened.format == "JPEG" and opened.getexif().get(_ORIENTATION, 1) >= 5
+            return opened.size[::-1] if is_turned else opened.size
     height, width, _ = read_photograph(path).shape
     return width, height

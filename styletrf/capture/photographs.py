@@ -5,7 +5,7 @@ import re
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Set
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -177,23 +177,6 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
     return _eight_bits_on_white(pixels)
-
-
-def first_size(files: Sequence[Path]) -> tuple[int, int]:
-    """Returns width and height of the first photograph that can be read.
-
-    Raises:
-        InputError: None of them can be read; it is that of the first.
-    """
-    errors = []
-    for file in files:
-        try:
-            height, width, _ = read_photograph(file).shape
-        except InputError as error:
-            errors.append(error)
-            continue
-        return width, height
-    raise errors[0]
 
 
 def _decoded(file: bytes) -> np.ndarray | None:

@@ -104,10 +104,10 @@ def brief_fits(
     shares: Sequence[float] = BRIEF,
 ) -> list[BriefFit]:
     """Returns fits of shares of the iterations; none where `expected_psnr` returns None."""
-    fitted_rows, aside_rows = split_views(len(photographs.cameras))
-    set_aside = model.normalized([photographs.cameras[row] for row in aside_rows])
-    aside, views = views_that_count(set_aside, load_views(photographs.folder, set_aside, device))
-    if not fitted_rows or not aside:
+    fitted_rows, validation_rows = split_views(len(photographs.cameras))
+    held_back = model.normalized([photographs.cameras[row] for row in validation_rows])
+    cameras, views = views_that_count(held_back, load_views(photographs.folder, held_back, device))
+    if not fitted_rows or not cameras:
         return []
     images = view_images(views)
     fitted = TrainingPhotographs(
@@ -120,7 +120,7 @@ def brief_fits(
     for share in shares:
         iterations = max(round(share * config.iterations), 1)
         field = _fitted(fitted, depths, model, shortened(config, iterations), kernels, device)
-        fits.append(BriefFit(iterations, _psnr(field, model, aside, images, kernels)))
+        fits.append(BriefFit(iterations, _psnr(field, model, cameras, images, kernels)))
     return fits
 
 

@@ -89,8 +89,8 @@ def measure_quality(
         NotFiniteError: A render or a figure is not, but for the infinite PSNR of equal pictures.
     """
     if not cameras:
-        problem = "have no pixel that counts: there is nothing to measure by"
-        raise InputError("the views held out", problem, "Make white in their masks what counts")
+        problem = "are covered by their masks, or there are none: nothing can be measured"
+        raise InputError("the held-out views", problem, "Make white in the masks what counts")
     rows: list[dict[str, Any]] = []
     for camera, render, photograph in zip(cameras, renders, photographs, strict=True):
         reference = from_integers(np.ascontiguousarray(photograph[..., :3].numpy()))
@@ -112,10 +112,13 @@ def measure_quality(
 def views_that_count(
     cameras: Sequence[Camera], photographs: Sequence[ViewImage]
 ) -> tuple[list[Camera], list[ViewImage]]:
-    """Returns the views of which some pixel counts, and warns of the others: they tell nothing."""
+    """Returns the views that have a pixel that counts, and warns of the others."""
     kept = [k for k, image in enumerate(photographs) if counted_pixels(image).any()]
     if left_out := [camera.name for k, camera in enumerate(cameras) if k not in kept]:
-        _LOGGER.warning("not measured by, their masks leave no pixel: %s", ", ".join(left_out))
+        _LOGGER.warning(
+            "held-out views that their masks cover completely are not measured: %s",
+            ", ".join(left_out),
+        )
     return [cameras[k] for k in kept], [photographs[k] for k in kept]
 
 

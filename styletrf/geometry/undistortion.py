@@ -77,13 +77,8 @@ def undistorted_image(
     image: UInt8[np.ndarray, "height width 3"], lens: pycolmap.Camera, pinhole: Camera
 ) -> UInt8[np.ndarray, "height width 3"]:
     """Returns the photograph as the pinhole camera sees it (bicubic)."""
-    centers = pixel_centers(pinhole.width, pinhole.height)
-    sources = (
-        lens.img_from_cam(directions_camera(pinhole, centers)).reshape(
-            pinhole.height, pinhole.width, 2
-        )
-        - 0.5
-    )
+    rays = directions_camera(pinhole, pixel_centers(pinhole.width, pinhole.height))
+    sources = lens.img_from_cam(rays).reshape(pinhole.height, pinhole.width, 2) - 0.5
     x, y = np.moveaxis(sources.astype(np.float32), -1, 0)
     warped = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(warped, dtype=np.uint8)

@@ -9,7 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from styletrf.capture.masks import read_mask
 from styletrf.colmap import pycolmap
 from styletrf.progress import Progress
 from styletrf.sfm.colmap_images import ColmapImages, LensSetting
@@ -107,7 +106,7 @@ def read_largest_descriptors(opened: pycolmap.Database, image_id: int, count: in
 def _described(images: ColmapImages, max_features: int) -> Iterator[Features]:
     def described(file: str) -> Features:
         mask = images.mask_of(file)
-        counts = None if mask is None else read_mask(mask).astype(np.uint8)
+        counts = None if mask is None else (_read_gray(mask) > 127).astype(np.uint8)
         return sift_features(_read_gray(images.folder / file), max_features, counts)
 
     with ThreadPoolExecutor(min(_WORKERS, os.cpu_count() or 1)) as pool:

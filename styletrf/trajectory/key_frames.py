@@ -19,7 +19,7 @@ from styletrf.errors import InputError
 
 WIDEST_FOV_DEG = 170.0
 LONGEST_S = 600.0
-"""That a path takes, in seconds."""
+"""The longest duration of a path, in seconds."""
 
 _OF_FILE = {"key_frames", "closed", "easing"}
 _OF_ENTRY = {"photograph", "position", "orientation", "look_at", "fov_deg", "time_s"}

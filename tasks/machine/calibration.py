@@ -132,8 +132,7 @@ def _measured(device: str) -> dict[str, float]:
     environment = interpreter_environment()
     if device != "cpu" and not environment.get(VISIBLE):
         environment.pop(VISIBLE, None)  # of a build that computes on no GPU itself
-    unread = subprocess.DEVNULL  # COLMAP writes what it does
-    return dict(json_from(_MAIN, device, environment=environment, stderr=unread))
+    return dict(json_from(_MAIN, device, environment=environment, stderr=subprocess.PIPE))
 
 
 def main(device: str) -> None:

@@ -8,7 +8,8 @@ from dataclasses import asdict
 from pipeline.settings import data_root
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
 from styletrf.capture.panorama.panoramas import find_panoramas
-from styletrf.capture.photographs import first_size, list_photographs
+from styletrf.capture.photograph_size import first_size
+from styletrf.capture.photographs import list_photographs
 from styletrf.capture.poses.pose_formats import find_given_poses
 from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
 from styletrf.errors import InputError
@@ -40,4 +41,5 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
 def main(*scenes: str) -> None:
     """Writes the photographs of the scenes, as JSON."""
     photographs = {scene: photographs_of(scene, _VIDEO_FRAMES) for scene in scenes}
-    json.dump({s: asdict(found) for s, found in photographs.items() if found}, sys.stdout)
+    text = json.dumps({s: asdict(found) for s, found in photographs.items() if found})
+    sys.stdout.write(f"\n{text}\n")  # a library may have written half a line

@@ -6,14 +6,16 @@ shipped of a scene whose space is of the same kind: `ndc`, `box` or `unbounded`.
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.task import StoredTask, artifact
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination
+from tasks.command.found_records import is_made
 from tasks.machine.calibration import Calibration
 from tasks.presets.quality_request import QualityRequest
 
@@ -143,6 +145,14 @@ def possible_choices(
     return choices
 
 
-def space_of(model: Mapping[str, Any]) -> str:
-    """Returns the kind of space that a `scene.json` has."""
-    return str(model["evidence"]["space"]["chosen"])
+def known_space(model: StoredTask) -> str | None:
+    """Returns the kind of space of a scene model; None before it is decided.
+
+    Raises:
+        StoreError: The shared store does not return the scene model.
+        OSError: The disk of this machine is full.
+    """
+    if not is_made(model):
+        return None
+    scene = json.loads((artifact(model) / "scene.json").read_text())
+    return str(scene["evidence"]["space"]["chosen"])

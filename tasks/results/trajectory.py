@@ -1,6 +1,5 @@
 """The whole job for one scene and one style."""
 
-import json
 import logging
 import shutil
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -14,10 +13,9 @@ from pipeline.errors import StoreError, TaskFailure
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.parameters import BoolParameter
 from pipeline.settings import out_root
-from pipeline.task import RunContext, StoredTask, artifact
+from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination, Tuning
-from tasks.command.found_records import is_made
 from tasks.command.root_task import root_of_command
 from tasks.command.sources import is_source
 from tasks.planning.kept_choice import choice_for, keep_choice, known_choice
@@ -27,9 +25,9 @@ from tasks.presets.quality_choice import (
     Choice,
     Front,
     fronts_for,
+    known_space,
     possible_choices,
     require_reachable,
-    space_of,
 )
 from tasks.presets.quality_request import QualityParameter, QualityRequest, quality_request
 from tasks.stages.field import RadianceField, TrajectoryFrames
@@ -261,16 +259,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         return fronts
 
     def _space(self) -> str | None:
-        """Returns the kind of the scene's space; None before it is decided.
-
-        Raises:
-            StoreError: The shared store does not return the scene model.
-            OSError: The disk of this machine is full.
-        """
-        model = self.requires()["model"]
-        if not is_made(model):
-            return None
-        return space_of(json.loads((artifact(model) / "scene.json").read_text()))
+        return known_space(self.requires()["model"])
 
     def publish(self, object_path: Path) -> None:
         """Links the result and updates the gallery."""

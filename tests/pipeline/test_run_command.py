@@ -151,6 +151,7 @@ def test_an_attempt_leaves_its_outcome_beside_its_log():
         ("store", "checkpoint_seconds = nan"),
         ("store", "push = maybe"),
         ("store", "locks ="),
+        ("store", "executor = foo"),
         ("host", "cores = two"),
         ("host", "memory_gib = lots"),
     ],
@@ -164,15 +165,6 @@ def test_a_setting_of_another_kind_is_one_line_before_the_begin(
     assert (status, output, errors.count("\n")) == (1, "", 1), errors
     assert mentions(errors, f"[{section}]", line, "luigi.cfg")
     assert built() == []
-
-
-def test_an_executor_that_does_not_exist_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
-    (tmp_path / "luigi.cfg").write_text("[store]\nexecutor = foo\n")
-    status, _, errors = run("Word", "--word", "hello", folder=tmp_path)
-    assert status == 30
-    assert mentions(errors, "[store] executor = foo", "luigi.cfg", "subprocess", "slurm")
-    assert "Traceback" not in errors
 
 
 def test_help_needs_neither_settings_nor_data(tmp_path, monkeypatch):

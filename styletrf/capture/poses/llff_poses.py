@@ -17,7 +17,7 @@ from styletrf.errors import InputError
 from styletrf.geometry.cameras import Camera
 
 _REMEDY = (
-    "Write it anew with the photographs that are there, or move it away: then poses are estimated"
+    "Write it again with the photographs that are there, or move it away: then poses are estimated"
 )
 
 

@@ -12,6 +12,7 @@ from styletrf.files.checkpoints import (
     optimizer_tensors,
     restore_optimizer,
     save_checkpoint,
+    warn_of_unreadable,
 )
 
 if TYPE_CHECKING:
@@ -38,11 +39,11 @@ class FitState:
         end: The iteration at which it ends: the planned one, unless the validation views move it.
         batch: Rays of the next iteration.
         next_member: The place in the order of pixels from which the next batch begins.
-        iteration: How many are done.
+        iteration: The iterations that are done.
         stage_start: The iteration at which the grid has grown last.
-        seconds: What the iterations took.
+        seconds: The time that they took.
         smooth_mse: The moving average of the mean squared error of the training rays.
-        validation_psnr: Of the validation views, in dB, at their last measurement.
+        validation_psnr: The PSNR of the validation views at their last measurement, in dB; or 0.
         curve: The training curve.
     """
 
@@ -70,9 +71,12 @@ def save_fit(folder: Path, trainer: "FieldTrainer") -> None:
 def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
     """Goes on from the checkpoint in `folder`, if there is one."""
     checkpoint = load_checkpoint(folder, trainer.images.device)
-    if checkpoint is None or "fit" not in checkpoint[1]:  # an earlier version wrote it
+    if checkpoint is None:
         return
     tensors, numbers = checkpoint
+    if "fit" not in numbers:
+        warn_of_unreadable(folder, "an earlier version wrote it")
+        return
     curve = [CurvePoint(**point) for point in numbers["fit"].pop("curve")]
     state = FitState(**numbers["fit"], curve=curve)
     trainer.state.iteration = state.stage_start

@@ -90,7 +90,7 @@ def restart_while_it_builds(luigid: Luigid, n_begun: int = 1) -> None:
 
 
 def test_a_command_goes_on_when_luigid_is_back(luigid):
-    process = worker("Lasting", "--steps", "40")
+    process = worker("Lasting", "--steps", "70")
     restart_while_it_builds(luigid)
     status, screen = finish(process)
     assert status == 0, screen
@@ -240,7 +240,7 @@ def test_a_machine_with_other_code_is_refused(luigid, toys):
 def test_the_page_of_luigid_shows_progress_and_keys(luigid):
     from luigi.rpc import RemoteScheduler
 
-    process = worker("Lasting", "--steps", "40")
+    process = worker("Lasting", "--steps", "70")
     scheduler, seen, messages = RemoteScheduler(f"http://127.0.0.1:{luigid.port}/"), set(), set()
     while process.poll() is None:
         for name in scheduler.task_list("RUNNING", ""):

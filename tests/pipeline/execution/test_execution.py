@@ -51,7 +51,7 @@ def test_threads_of_a_build_sleep_soon_where_others_compute(monkeypatch):
         monkeypatch.delenv(name, raising=False)
     Surroundings().run()
     variables = json.loads((artifact(Surroundings()) / "environment.json").read_text())
-    assert variables["GOMP_SPINCOUNT"] == "500"
+    assert variables["GOMP_SPINCOUNT"] == "1000"
 
 
 def test_a_killed_build_goes_on_from_its_checkpoint(toys):

@@ -4,6 +4,7 @@ import luigi
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from store_toys import Sentence, Word
 
 from pipeline.maintenance.task_graph import stored_tasks, upstream_first
 
@@ -16,6 +17,13 @@ class Numbered(luigi.Task):
 
     def requires(self):
         return [Numbered(number=n, needs=self.needs) for n in self.needs.get(str(self.number), [])]
+
+
+class Both(luigi.WrapperTask):
+    """A task without an artifact, which needs one with."""
+
+    def requires(self):
+        return [Sentence()]
 
 
 @st.composite
@@ -65,6 +73,12 @@ def test_nothing_comes_that_only_left_out_tasks_need(root, left_out):
 def test_a_graph_without_needs_is_its_roots(count):
     roots = [Numbered(number=n, needs={}) for n in range(count)]
     assert list(upstream_first(*roots)) == roots
+
+
+def test_stored_tasks_are_those_with_artifacts_in_the_order_of_the_graph():
+    hello, world, sentence = Word("hello"), Word("world"), Sentence()
+    assert list(stored_tasks(Both())) == [hello, world, sentence]
+    assert list(stored_tasks(Both(), is_left_out=lambda t: t == hello)) == [world, sentence]
 
 
 @given(roots())

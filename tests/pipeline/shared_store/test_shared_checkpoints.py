@@ -92,7 +92,7 @@ def test_push_has_the_words_of_configparser(shared: Place, tmp_path, word, count
         with failing(folder(tmp_path / "here", checkpoint="step 1")):
             pass
     finally:
-        config.set("store", "push", "true")
+        config.remove_option("store", "push")
     assert len(uploaded()) == count
 
 

@@ -232,7 +232,8 @@ class OnGpu(StoredTask):
         uuid, began = os.environ.get("CUDA_VISIBLE_DEVICES", "all"), time.monotonic()
         toys = Path(os.environ["STYLETRF_TOYS"])
         (toys / f"began-{self.name}").touch()
-        while not (toys / self.awaited).exists():
+        deadline = began + 30  # so that no process stays where a test fails
+        while not (toys / self.awaited).exists() and time.monotonic() < deadline:
             time.sleep(0.02)
         time.sleep(0.3)
         (out / "gpu.txt").write_text(f"{uuid} {began} {time.monotonic()}")

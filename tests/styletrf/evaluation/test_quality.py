@@ -17,7 +17,7 @@ from styletrf.files.images import read_rgb
 from styletrf.files.published_weights import ALEXNET
 
 
-def test_each_judge_has_a_column_and_a_mean(tmp_path):
+def test_each_metric_has_a_column_and_a_mean(tmp_path):
     scene = painted_plane(3)
     whole = torch.ones(scene.images.shape[1:3])
     noise = torch.Generator().manual_seed(0)
@@ -92,5 +92,5 @@ def test_a_view_whose_mask_leaves_no_pixel_is_left_out_with_a_warning(tmp_path, 
 
 
 def test_without_any_view_that_counts_quality_is_refused(tmp_path):
-    with rejects("the views held out", "pixel"):
+    with rejects("the held-out views", "masks"):
         measure_quality([], [], [], {"psnr": psnr}, tmp_path)

@@ -74,20 +74,6 @@ def test_images_without_a_mask_among_masked_ones_have_features(images, tmp_path,
     assert 0 < counts[1] < min(counts[0], counts[3])
 
 
-def test_a_green_mask_hides_features_as_a_black_one(images, tmp_path):
-    """Its luminance is that of white; its mean is nearer to black."""
-    counts = []
-    for color in ((0, 0, 0), (0, 255, 0)):
-        mask = np.full((SIZE, SIZE, 3), 255, np.uint8)
-        mask[:, SIZE // 2 :] = color
-        images.mask_of(images.files[1]).write_bytes(encoded(mask, ".png"))
-        path = tmp_path / f"{sum(color)}.db"
-        extract_features(path, images, "SIMPLE_RADIAL", MOST, silent)
-        with closing(pycolmap.Database.open(path)) as opened:
-            counts.append(len(read_descriptors(opened, image_ids(opened, images)[1])))
-    assert counts[0] == counts[1]
-
-
 @pytest.mark.parametrize("extract", [extract_features, extract_stronger_features])
 def test_cameras_start_from_the_focal_lengths_of_their_settings(images, tmp_path, extract):
     path = tmp_path / "focal.db"

@@ -22,14 +22,14 @@ def view(seed, share=0.3, ground=WHITE, rim=1.0):
     return FloatImage(color.astype(np.float32), opacity, np.ones_like(opacity))
 
 
-def test_the_ground_is_the_color_of_nothing_and_the_mean_of_all_else():
+def test_the_background_is_the_color_of_nothing_and_the_mean_of_all_else():
     views = [view(0, rim=0.5), view(1)]
     ground = empty_background(views)
     assert ground.shown == pytest.approx(WHITE)
     assert ground.mean == pytest.approx([0.3] * 3, abs=0.02), "of uniform colors from 0.1 to 0.5"
 
 
-def test_what_is_painted_has_no_ground_to_differ_from():
+def test_what_is_painted_has_no_background_to_differ_from():
     views = [view(0)]
     (seen,) = replace_background(views, empty_background(views))
     empty = views[0].opacity == 0
@@ -46,7 +46,7 @@ def test_a_painter_that_changes_nothing_gives_the_views_back():
         assert image == pytest.approx(before.color, abs=1e-6)
 
 
-def test_the_ground_is_not_painted_and_the_object_is():
+def test_the_background_is_not_painted_and_the_object_is():
     views = [view(0, rim=0.5)]
     ground = empty_background(views)
     (image,) = restore_background([np.zeros((20, 30, 3), np.float32)], views, ground)
@@ -63,13 +63,13 @@ def test_views_that_are_full_or_empty_are_painted_as_they_are(share):
     assert np.array_equal(restore_background([views[0].color], views, None)[0], views[0].color)
 
 
-def test_a_few_rays_that_miss_are_no_ground():
+def test_a_few_rays_that_miss_are_no_background():
     full = view(0, 1.0)
     full.opacity[0, :3] = 0
     assert empty_background([full]) is None
     assert empty_background([full, view(1, 0.5)]) is not None
 
 
-def test_a_learnt_sky_is_a_ground_of_its_color():
+def test_a_learnt_sky_is_a_background_of_its_color():
     sky = np.float32([0.4, 0.6, 0.9])
     assert empty_background([replace(view(0, ground=sky))]).shown == pytest.approx(sky, abs=1e-6)

@@ -220,7 +220,7 @@ def test_a_window_is_seen_by_the_rays_of_its_own_pixels(scene, field):
         assert apart.min() < 1e-6
 
 
-def test_the_loss_sees_an_object_on_its_mean_color_and_not_on_its_ground(scene, field):
+def test_the_loss_sees_an_object_on_its_mean_color_and_not_on_its_background(scene, field):
     """Where nothing is hit, the picture and the plain one have the mean color."""
     ground = EmptyBackground(np.zeros(3), np.array([0.25, 0.5, 0.75]))
     seen = []
@@ -284,7 +284,7 @@ def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, fiel
 
 
 @pytest.mark.parametrize("strategy", ["s1", "s2"])
-def test_free_strategies_set_no_painted_view_aside(strategy):
+def test_free_strategies_have_no_validation_views(strategy):
     """Painted views disagree, so that one set aside would end the fit early."""
     many = painted_plane(20)
     config = replace(CONFIG, iterations=60, upsample_at=(0.1, 0.3), early_gain_db=1e3)

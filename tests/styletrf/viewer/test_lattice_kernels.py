@@ -64,16 +64,16 @@ def test_the_equations_of_a_tint_are_of_the_derivatives_of_what_rays_lack():
     ray = torch.from_numpy(np.repeat(np.arange(4), np.diff(starts)))
     monomials = torch.from_numpy(np.stack([turned[:, list(m)].prod(axis=1) for m in MONOMIALS], 1))
 
-    def lacking(tint: torch.Tensor) -> torch.Tensor:
+    def residuals(tint: torch.Tensor) -> torch.Tensor:
         gain = (inside[:, 3:] * torch.from_numpy(turned)[ray]).sum(dim=1, keepdim=True)
         shown = torch.sigmoid(inside[:, :3] + gain + (monomials @ tint)[ray])
         missing = torch.from_numpy(weights)[:, None] * (torch.from_numpy(colors) - shown)
         return torch.zeros(4, 3, dtype=torch.float64).index_add(0, ray, missing)
 
-    jacobian = -torch.autograd.functional.jacobian(lacking, torch.from_numpy(tint))
+    jacobian = -torch.autograd.functional.jacobian(residuals, torch.from_numpy(tint))
     of_channels = [jacobian[:, k, :, k] for k in range(3)]
     squares = torch.stack([each.T @ each for each in of_channels])
-    right = [each.T @ lacking(torch.from_numpy(tint))[:, k] for k, each in enumerate(of_channels)]
+    right = [each.T @ residuals(torch.from_numpy(tint))[:, k] for k, each in enumerate(of_channels)]
     _, found = refit_kernels.residuals(
         lattice.slots, low.astype(np.int16), *(part.astype(np.float32) for part in (rest, weights)),
         colors.astype(np.float32), starts, turned.astype(np.float32), tint.astype(np.float32), 1,

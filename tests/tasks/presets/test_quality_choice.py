@@ -257,7 +257,7 @@ def test_settings_of_a_stage_and_a_request_are_refused():
 
 def test_a_result_whose_scene_model_cannot_be_fetched_is_incomplete(monkeypatch):
     """Its copy in the shared store is damaged, for example."""
-    monkeypatch.setattr("tasks.results.trajectory.is_made", lambda _stage: True)
+    monkeypatch.setattr("tasks.presets.quality_choice.is_made", lambda _stage: True)
     task = mini(budget="5min")
     with pytest.raises(NotBuiltError):
         task._space()
