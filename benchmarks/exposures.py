@@ -45,7 +45,8 @@ from styletrf.scene.observed_colors import observed_colors
 from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from styletrf.scene.view_dependence import ViewDependence, view_dependence
 from styletrf.trajectory.frames import rendered
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
+from styletrf.trajectory.trajectories import fly_through
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 from tasks.stages.scene import CameraPoses
 
 CPU = torch.device("cpu")

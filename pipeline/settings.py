@@ -50,11 +50,18 @@ def setting(section: str, name: str) -> str:
 
 
 def number_setting(section: str, name: str) -> float:
-    """Returns a setting that is a number of 0 or more; a StoreError says that it is none."""
+    """Returns a setting that is a number of 0 or more; a StoreError says that it is not."""
+    if (number := nonnegative_number(setting(section, name))) is None:
+        raise invalid_setting(section, name, "a number of 0 or more")
+    return number
+
+
+def nonnegative_number(text: str) -> float | None:
+    """Returns the finite number of 0 or more that a text is; None if it is not one."""
     with contextlib.suppress(ValueError):
-        if 0 <= (number := float(setting(section, name))) < math.inf:
+        if 0 <= (number := float(text)) < math.inf:
             return number
-    raise invalid_setting(section, name, "a number of 0 or more")
+    return None
 
 
 def boolean_setting(section: str, name: str) -> bool:

@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 from styletrf.errors import InputError
 
 Config = TypeVar("Config")
+_KINDS = {bool: "true or false", int: "a whole number", float: "a finite number", str: "a text"}
 
 
 def configured(config: type[Config], values: Mapping[str, Any]) -> Config:
@@ -71,8 +72,7 @@ def _declared(hint: Any, value: Any, name: str) -> Any:
         if get_origin(hint) is Literal:
             problem, known = f"{value!r} is unknown", ", ".join(map(str, get_args(hint)))
             raise InputError(f"setting {name!r}", problem, f"Choose one of {known}") from error
-        kind = str(hint) if get_args(hint) else hint.__name__
-        problem = f"{value!r} is not {kind}, or not finite"
+        problem = f"{value!r} is not {_KINDS.get(hint, hint)}"
         raise InputError(f"setting {name!r}", problem, "Give a value of that kind") from error
 
 

@@ -24,7 +24,8 @@ from styletrf.stylization.color_transfer import in_colors
 from styletrf.synthetic.courtyard import Capture, CourtyardConfig, capture_courtyard
 from styletrf.synthetic.paintings import stained_glass
 from styletrf.trajectory.frames import rendered, write_clip
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
+from styletrf.trajectory.trajectories import fly_through
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 LONG_SIDE_PX = 64
 DEVICE = torch.device("cpu")

@@ -104,7 +104,7 @@ def _report(descriptor: int, **fields: object) -> None:
 
 
 def _end_of(process: int) -> list[int]:
-    """Returns a descriptor that can be read once the process has ended; none if there are none."""
+    """Returns a descriptor that can be read once a process has ended, where the system has one."""
     with contextlib.suppress(AttributeError, OSError):  # neither on macOS nor on an old Linux
         return [os.pidfd_open(process)]
     return []

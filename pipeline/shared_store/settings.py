@@ -3,7 +3,7 @@
 import os
 
 from pipeline.errors import StoreError
-from pipeline.settings import configured_path, number_setting, setting
+from pipeline.settings import configured_path, nonnegative_number, number_setting, setting
 from pipeline.shared_store.remote import Remote, open_remote
 from pipeline.shared_store.signatures import SHORTEST_KEY
 
@@ -14,10 +14,19 @@ PATIENCE = "STYLETRF_PATIENCE"
 def current_remote() -> Remote:
     """Returns the shared store in STYLETRF_REMOTE or [store] remote, if there is one."""
     url = os.environ.get("STYLETRF_REMOTE", setting("store", "remote"))
-    given = os.environ.get(PATIENCE)
-    patience_seconds = float(given) if given else number_setting("store", "patience_seconds")
     options = setting("store", "remote_options")
-    return open_remote(url, options, patience_seconds, signing_key() if url else b"")
+    return open_remote(url, options, _patience_seconds(), signing_key() if url else b"")
+
+
+def _patience_seconds() -> float:
+    given = os.environ.get(PATIENCE)
+    if not given:
+        return number_setting("store", "patience_seconds")
+    seconds = nonnegative_number(given)
+    if seconds is None:
+        remedy = "Correct it, or unset it for the default"
+        raise StoreError(f"{PATIENCE} = {given} is not a number of seconds of 0 or more. {remedy}.")
+    return seconds
 
 
 def signing_key() -> bytes:

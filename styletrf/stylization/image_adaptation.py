@@ -110,11 +110,11 @@ def adapt_to_image_loss(
     plain, painted = views
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
     optimizer = optimizer_of(field.appearance, _at_rate(adaptation, config.rate))
+    parameters = partial(parameter_stages, field.appearance, optimizer)
     curve, started = [], time.monotonic()
     limits = config.min_weight, config.termination, adaptation.cache_bytes
-    windows = MarchedWindows(
-        field, rays, view_images(plain), kernels, image_loss, background, *limits
-    )
+    images = view_images(plain)
+    windows = MarchedWindows(field, rays, images, kernels, image_loss, background, *limits)
     generator = torch.Generator().manual_seed(adaptation.seed)
     block_px = max(1, max(plain.shape[1:3]) // _PARTS)
     for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
@@ -127,13 +127,12 @@ def adapt_to_image_loss(
         if not math.isfinite(loss):
             where = f"at iteration {k}, view {cameras[view].name}"
             tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
-            left = parameter_stages(field.appearance, optimizer)
-            _require_finite(where, left, *tiles, [("image loss", torch.tensor(loss))])
+            _require_finite(where, parameters(), *tiles, [("image loss", torch.tensor(loss))])
         take_step(optimizer, config.rate_decay ** (k / config.iterations))
         psnr = _psnr(image, window.painted)
         curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, loss=loss)
-    _require_finite("after the last iteration", parameter_stages(field.appearance, optimizer))
+    _require_finite("after the last iteration", parameters())
     return curve
 
 

@@ -27,7 +27,7 @@ from styletrf.trajectory.coverage import (
     small_camera,
 )
 from styletrf.trajectory.frames import rendered
-from styletrf.trajectory.trajectories import TrajectoryConfig
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 _PLACES = 20_000  # of those that the trajectory sees
 

@@ -10,7 +10,7 @@ from styletrf.geometry.lenses import with_focal
 from styletrf.geometry.rotations import matrices_of
 from styletrf.trajectory.camera_curve import Poses, curve_through, eased
 from styletrf.trajectory.key_frames import KeyFrames
-from styletrf.trajectory.trajectories import TrajectoryConfig
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 
 @dataclass(frozen=True, slots=True)

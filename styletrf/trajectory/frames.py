@@ -17,7 +17,13 @@ from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, Rendering, render_view
 from styletrf.field.view_rays import ViewRays
 from styletrf.files.float_images import FloatImage, read_float_image, write_float_image
-from styletrf.files.frame_limits import FASTEST_RATE, LARGEST_PX, SLOWEST_RATE, SMALLEST_PX
+from styletrf.files.frame_limits import (
+    DEFAULT_RATE,
+    FASTEST_RATE,
+    LARGEST_PX,
+    SLOWEST_RATE,
+    SMALLEST_PX,
+)
 from styletrf.files.images import to_integers, write_rgb
 from styletrf.files.video import write_video
 from styletrf.finiteness import first_not_finite, parameter_stages, require_finite
@@ -26,7 +32,7 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
 from styletrf.trajectory.support_config import SupportConfig
-from styletrf.trajectory.trajectories import TrajectoryConfig
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +43,7 @@ class FramesConfig:
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
     support: SupportConfig = field(default_factory=SupportConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
-    frames_per_second: int = 24
+    frames_per_second: int = DEFAULT_RATE
 
     def __post_init__(self) -> None:
         if self.long_side_px and not SMALLEST_PX <= self.long_side_px <= LARGEST_PX:

@@ -15,7 +15,8 @@ from styletrf.scene.placement import mean_view
 from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.camera_curve import Poses
 from styletrf.trajectory.camera_ring import ring_of
-from styletrf.trajectory.trajectories import TrajectoryConfig, ellipse, facing, looking, orbit
+from styletrf.trajectory.trajectories import ellipse, facing, looking, orbit
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 from styletrf.trajectory.walkthrough import gaussian_weights, is_closed, looks_all_around, onwards
 
 PathName = Literal["orbit", "spiral", "dolly", "photographs"]

@@ -26,7 +26,8 @@ from styletrf.scene.survey import ENOUGH_VIEWS
 from styletrf.trajectory.stills import Still
 from styletrf.trajectory.support import Support
 from styletrf.trajectory.support_config import SupportConfig
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
+from styletrf.trajectory.trajectories import fly_through
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 _LOGGER = logging.getLogger(__name__)
 _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread that is asked for

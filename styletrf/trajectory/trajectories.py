@@ -5,9 +5,8 @@ amplitudes are shares of the spread of the given cameras. `fly_through` is the c
 video, `prior_views` the viewpoints that fill what it goes around or along.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -17,63 +16,13 @@ from styletrf.geometry.typical_view import typical_view
 from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.camera_curve import eased
 from styletrf.trajectory.camera_ring import ring_of
-from styletrf.trajectory.key_frames import LONGEST_S, WIDEST_FOV_DEG
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 from styletrf.trajectory.walkthrough import smoothed_walkthrough
 
 Points = Float[np.ndarray, "frames 3"]
 Shares = Float[np.ndarray, " frames"]
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-
-
-@dataclass(frozen=True, slots=True)
-class TrajectoryConfig:
-    """A path of `frames` cameras, or of `seconds`, if these are not 0, at the frame rate.
-
-    `speed` divides the time that this takes. `turns` counts revolutions of the fly-through before a
-    forward-facing scene, whole ones or it would not close; `spread` is the share of the
-    photographs' own spread that the path uses. `easing` is the share of the time during which the
-    camera speeds up and slows down. `fov_deg` is the angle of view along the longer side of a
-    frame, 0 for the photographs'. `stabilization` smooths the path through the photographs: the
-    standard deviation of a Gaussian, in photographs.
-    """
-
-    frames: int = 60
-    seconds: float = 0.0
-    speed: float = 1.0
-    turns: float = 1.0
-    spread: float = 0.7
-    easing: float = 0.0
-    fov_deg: float = 0.0
-    stabilization: float = 1.5
-
-    def __post_init__(self) -> None:
-        if self.frames < 1:
-            raise ValueError(f"a path of {self.frames} frames shows nothing")
-        if self.turns < 1 or self.turns != int(self.turns):
-            raise ValueError(f"a path of {self.turns} turns is not closed, as whole turns are")
-        if not 0 <= self.seconds <= LONGEST_S:
-            raise ValueError(f"a path takes up to {LONGEST_S:g} seconds, not {self.seconds:g}")
-        if not 0 < self.speed < math.inf:
-            raise ValueError(f"a speed is a positive factor such as 2, not {self.speed:g}")
-        if not 0 <= self.easing <= 1:
-            raise ValueError(f"easing is a share of the time from 0 to 1, not {self.easing:g}")
-        if self.fov_deg != 0 and not 1 <= self.fov_deg <= WIDEST_FOV_DEG:
-            bounds = f"from 1 to {WIDEST_FOV_DEG:g} degrees, not {self.fov_deg:g}"
-            raise ValueError(f"an angle of view is 0 (the photographs') or {bounds}")
-        if not 0 <= self.stabilization < math.inf:
-            raise ValueError(f"a path is smoothed over photographs, not {self.stabilization:g}")
-
-    def count(self, frames_per_second: float | int, own_seconds: float = 0.0) -> int:
-        """Returns how many frames the path has.
-
-        Args:
-            frames_per_second: Of the video.
-            own_seconds: What a path takes whose key frames have times; 0 without.
-        """
-        seconds = self.seconds or own_seconds
-        frames = seconds * frames_per_second if seconds else self.frames
-        return max(1, round(frames / self.speed))
 
 
 def fly_through(

@@ -5,6 +5,8 @@ import shlex
 from collections.abc import Mapping
 from typing import Any
 
+from luigi.freezing import recursively_unfreeze
+
 
 def main_command(
     arguments: Mapping[str, Any],
@@ -20,13 +22,6 @@ def main_command(
     """
     command = ["luigi", "--module", "tasks", task]
     for name, value in {**arguments, **({"tuning": tuning} if tuning else {})}.items():
-        text = value if isinstance(value, str) else json.dumps(_plain(value))
+        text = value if isinstance(value, str) else json.dumps(recursively_unfreeze(value))
         command += [f"--{name.replace('_', '-')}", text]
     return shlex.join(command)
-
-
-def _plain(value: Any) -> Any:
-    """Luigi's frozen mappings and tuples as those of JSON."""
-    if isinstance(value, Mapping):
-        return {name: _plain(inner) for name, inner in value.items()}
-    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value

@@ -8,10 +8,10 @@ largest allowed. Of the stages on a GPU only those that keep frames in main memo
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import cast
 
 import luigi
 
@@ -21,6 +21,7 @@ from pipeline.task import artifact
 from styletrf.errors import InputError
 from tasks.command.found_records import is_made
 from tasks.stages.field import PriorRenders, TrajectoryFrames
+from tasks.stages.path_parameters import frame_count
 from tasks.stages.scene import SceneCapture, SceneModel
 from tasks.stages.stage import ConfigurableStage
 
@@ -28,7 +29,6 @@ MARGIN = 1.5
 """A command is refused if a stage would take more than this multiple of the available memory."""
 LONGEST_PX = 1600  # of the undistorted photographs
 _VIDEO_FRAMES = 60
-_FRAMES_PER_SECOND = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,20 +113,6 @@ def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float
     }
 
 
-def frames_of(settings: Mapping[str, Any]) -> float:
-    """Returns the number of frames of a fly-through with these settings of TrajectoryFrames.
-
-    It is 0 if they are no finite numbers, which the validation of a command rejects.
-    """
-    defaults = {"trajectory.seconds": 0, "frames_per_second": _FRAMES_PER_SECOND}
-    defaults |= {"trajectory.frames": 0}
-    with suppress(ValueError, TypeError, OverflowError):
-        seconds, rate, frames = (float(settings.get(*pair)) for pair in defaults.items())
-        if math.isfinite(seconds * rate + frames):
-            return seconds * rate or frames
-    return 0.0
-
-
 def frame_pixels(demand: Demand, photographs: Photographs) -> int:
     """Returns the pixels of a frame of the fly-through."""
     return photographs.pixels(demand.frame_px or _seen_px(demand, photographs))
@@ -179,7 +165,7 @@ def demand_of(stage: ConfigurableStage) -> Demand:
         grid_points=_grid_points(model),
         video_frames=stage.upstream(SceneCapture).values().get("video_frames", _VIDEO_FRAMES),
         limit_bytes=int(limit_gib * 2**30),
-        frames=round(frames_of(path)),
+        frames=frame_count(path) or 0,
     )
 
 

@@ -15,9 +15,10 @@ from typing import Any
 
 import luigi
 
-from tasks.planning.memory_demand import Photographs, frames_of
+from tasks.planning.memory_demand import Photographs
 from tasks.presets.sweep import CONFIG_DEFAULTS
 from tasks.stages.field import PriorRenders, RadianceField, TrajectoryFrames
+from tasks.stages.path_parameters import frame_count
 from tasks.stages.scene import SceneModel
 from tasks.stages.shards import ShardedStage
 from tasks.stages.stage import ConfigurableStage, PresetStage
@@ -84,7 +85,7 @@ def drivers_of(
         for each in _deciding(stage, upstream):
             settings |= CONFIG_DEFAULTS.get(each.task_family, {}) | each.values()
     numbers = {name: number for name, value in settings.items() for number in _number(value)}
-    numbers["frames"] = frames_of(settings)
+    numbers["frames"] = frame_count(settings) or 0
     if isinstance(stage, ShardedStage) and (stage.shard or stage.shards > 1):
         numbers["part"] = 1 / int(stage.shard.partition("/")[2]) if stage.shard else _JOINING
     photographs = sizes.get(str(stage.param_kwargs.get("scene", "")))

@@ -90,17 +90,6 @@ class TrajectoryFrames(PathRenders):
         """Returns the digests of the files that contain the path."""
         return self.path_digests()
 
-    def frame_count(self) -> int | None:
-        """Returns the number of frames by the settings; None if these are no usable numbers."""
-        defaults = {"frames": 60, "seconds": 0, "speed": 1}
-        values = self.values()
-        found = [values.get(f"trajectory.{name}", default) for name, default in defaults.items()]
-        found.append(values.get("frames_per_second", 24))
-        if not all(isinstance(value, int | float) and 0 <= value < 1e9 for value in found):
-            return None
-        frames, seconds, speed, rate = found
-        return round(float((seconds * rate or frames) / (speed or 1)))
-
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Chooses and renders the path, or joins its shards."""
         from styletrf.steps.trajectory_frames import render_trajectory

@@ -10,6 +10,7 @@ from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.machine.optional_dependencies import lpips_digests, raft_digests
 from tasks.stages.field import RadianceField, TrajectoryFrames
+from tasks.stages.path_parameters import frame_count
 from tasks.stages.scene import CameraPoses, SceneCapture, SceneModel
 from tasks.stages.stage import ConfigurableStage, Stage
 from tasks.stages.style import StyleImage
@@ -82,7 +83,7 @@ class ConsistencyMetrics(FrameMetrics):
             InputError: It has too few frames.
         """
         super().validate()
-        frames = self.upstream(TrajectoryFrames).frame_count()
+        frames = frame_count(self.upstream(TrajectoryFrames).values())
         deltas = self.values().get("deltas")
         whole = [d for d in deltas if isinstance(d, int)] if isinstance(deltas, list) else []
         nearest = min(whole, default=1)

@@ -5,6 +5,7 @@ metrics, and the priors, which cover what the path sees.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,20 @@ import luigi
 
 from pipeline.digest import file_digest
 from pipeline.parameters import FloatParameter, IntParameter
+from styletrf.configuration import configured
 from styletrf.errors import InputError
-from styletrf.files.frame_limits import FASTEST_RATE, LARGEST_PX, SLOWEST_RATE, SMALLEST_PX
+from styletrf.files.frame_limits import (
+    DEFAULT_RATE,
+    FASTEST_RATE,
+    LARGEST_PX,
+    SLOWEST_RATE,
+    SMALLEST_PX,
+)
+from styletrf.trajectory.key_frames import LONGEST_S
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 from tasks.stages.stage import PresetStage
 
 NAMED_PATHS = ("auto", "orbit", "spiral", "dolly", "photographs")
-LONGEST_S = 600
 
 
 class PathParameters(PresetStage):
@@ -48,7 +57,7 @@ class PathParameters(PresetStage):
             remedy = f"Give {', '.join(NAMED_PATHS)}, or the path of a file (docs/paths.md)"
             raise InputError(f"--path {self.path}", "is neither a path's name nor a file", remedy)
         if not 0 <= self.seconds <= LONGEST_S:
-            self._refuse("seconds", f"is no length of 0 to {LONGEST_S} seconds", "8")
+            self._refuse("seconds", f"is no length of 0 to {LONGEST_S:g} seconds", "8")
         if self.frame_rate and not SLOWEST_RATE <= self.frame_rate <= FASTEST_RATE:
             bounds = f"{SLOWEST_RATE} to {FASTEST_RATE}"
             self._refuse("frame_rate", f"is no rate of {bounds}", "30")
@@ -86,3 +95,19 @@ class PathParameters(PresetStage):
     def _refuse(self, name: str, problem: str, example: str) -> None:
         words = f"--{name.replace('_', '-')} {getattr(self, name)}"
         raise InputError(words, problem, f"Give one such as {example}")
+
+
+def frame_count(settings: Mapping[str, Any]) -> int | None:
+    """Returns how many frames a path with these settings of TrajectoryFrames has.
+
+    It is None if they are not valid, which the stage itself rejects.
+    """
+    rate = settings.get("frames_per_second", DEFAULT_RATE)
+    prefix = "trajectory."
+    own = {
+        name.removeprefix(prefix): settings[name] for name in settings if name.startswith(prefix)
+    }
+    with suppress(InputError):
+        if type(rate) is int and SLOWEST_RATE <= rate <= FASTEST_RATE:
+            return configured(TrajectoryConfig, own).count(rate)
+    return None

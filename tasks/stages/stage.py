@@ -5,6 +5,7 @@ from typing import Any, ClassVar, TypeVar
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
+from luigi.freezing import recursively_unfreeze
 
 from pipeline.parameters import BoolParameter, ChoiceParameter, DictParameter, IntParameter
 from pipeline.task import StoredTask
@@ -111,7 +112,8 @@ class PresetStage(Stage):
 
     def tuned(self, family: str, quality: str) -> dict[str, Any]:
         """Returns the settings of a stage at a preset, then those of `--tuning`."""
-        return {**settings_for(family, quality), **_thawed(self.tuning).get(family, {})}
+        tuning = recursively_unfreeze(self.tuning)
+        return {**settings_for(family, quality), **tuning.get(family, {})}
 
 
 class ConfigurableStage(PresetStage):
@@ -126,8 +128,9 @@ class ConfigurableStage(PresetStage):
 
     def values(self) -> dict[str, Any]:
         """Returns the settings: the preset's, then `--STAGE-settings`, then those of `--tuning`."""
-        tuned = _thawed(self.tuning).get(self.task_family, {})
-        return {**settings_for(self.task_family, self.quality), **_thawed(self.settings), **tuned}
+        own = recursively_unfreeze(self.settings)
+        tuned = recursively_unfreeze(self.tuning).get(self.task_family, {})
+        return {**settings_for(self.task_family, self.quality), **own, **tuned}
 
     def identity_parameters(self) -> Mapping[str, object]:
         """Returns the settings."""
@@ -138,10 +141,3 @@ def stages_with_settings(stages: Iterable[luigi.Task]) -> list[str]:
     """Returns the families with `--STAGE-settings`, which replace the preset's."""
     configurable = (stage for stage in stages if isinstance(stage, ConfigurableStage))
     return sorted({stage.task_family for stage in configurable if stage.settings})
-
-
-def _thawed(value: Any) -> Any:
-    """Returns Luigi's frozen dictionaries and tuples as plain ones."""
-    if isinstance(value, Mapping):
-        return {key: _thawed(item) for key, item in value.items()}
-    return [_thawed(item) for item in value] if isinstance(value, tuple) else value

@@ -9,12 +9,11 @@ from typing import Any
 
 from styletrf.errors import InputError
 from styletrf.files.atomic_write import atomic_write
-from styletrf.trajectory.key_frames import key_frames_of, write_key_frames
+from styletrf.trajectory.key_frames import LONGEST_S, key_frames_of, write_key_frames
 from styletrf.viewer.baking import BakedLook
 from styletrf.viewer.viewer_content import ViewerContent
 from styletrf.viewer.webpage.packed_scene import Packed, packed_look, packed_scene
 from styletrf.viewer.webpage.viewer_page import encoded_page, viewer_page
-from tasks.stages.path_parameters import LONGEST_S
 
 Command = Callable[[dict[str, float], float], str]
 """Returns what renders a path by the weights of paintings, and its length in seconds."""

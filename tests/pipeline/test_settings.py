@@ -17,6 +17,7 @@ from pipeline.settings import (
     number_setting,
     out_root,
 )
+from pipeline.shared_store.settings import PATIENCE, current_remote
 
 
 @pytest.fixture
@@ -77,6 +78,15 @@ def test_a_number_that_is_none_is_an_error_with_its_file(write, elsewhere, word)
         number_setting("store", "retry_seconds")
     assert mentions(str(error.value), f"[store] retry_seconds = {word}", elsewhere / "cluster.cfg")
     assert number_setting("store", "checkpoint_seconds") == 60
+
+
+@pytest.mark.parametrize("word", ["long", "-1", "nan", "inf"])
+def test_a_patience_that_is_no_number_is_an_error_with_its_variable(monkeypatch, word):
+    """It was a trace of `float`."""
+    monkeypatch.setenv(PATIENCE, word)
+    with pytest.raises(StoreError) as error:
+        current_remote()
+    assert mentions(str(error.value), f"{PATIENCE} = {word}")
 
 
 def test_a_boolean_that_is_none_is_an_error_with_its_file(write, elsewhere):

@@ -30,10 +30,11 @@ Light = Callable[[Hierarchy, Points, Points], Points]
 def lit_courtyard(seed: int, *, glossy: bool, surround: bool = False) -> Surfaces:
     """Returns the courtyard of a seed, the same arrays for the same arguments."""
     around = surround_parts(seed) if surround else []
-    return _surfaces([*courtyard_parts(seed, glossy=glossy), *around])
+    return lit_parts([*courtyard_parts(seed, glossy=glossy), *around])
 
 
-def _surfaces(parts: Sequence[Part]) -> Surfaces:
+def lit_parts(parts: Sequence[Part]) -> Surfaces:
+    """Returns parts of any place with their daylight."""
     mesh = joined([part.mesh for part in parts])
     tree, order = build_hierarchy(mesh.vertices, mesh.triangles)
     textures = [_lit_texture(part, tree) for part in parts]

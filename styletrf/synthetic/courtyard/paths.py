@@ -20,7 +20,7 @@ def forward_poses(n_views: int, rng: np.random.Generator) -> Poses:
     centers = np.stack([x, np.full(n_views, -4.3), 1.62 + z], axis=-1)
     centers += rng.normal(0, [0.02, 0.05, 0.02], (n_views, 3))
     targets = np.array([0.15, 3.6, 1.02]) + rng.normal(0, [0.12, 0, 0.1], (n_views, 3))
-    return _looking_at(centers, targets, rng)
+    return looking_at(centers, targets, rng)
 
 
 def orbit_poses(n_views: int, rng: np.random.Generator) -> Poses:
@@ -29,7 +29,7 @@ def orbit_poses(n_views: int, rng: np.random.Generator) -> Poses:
     height = 1.75 + 0.25 * np.sin(3 * angle) + rng.normal(0, 0.03, n_views)
     centers = np.stack([2.05 * np.cos(angle), 2.05 * np.sin(angle), height], axis=-1)
     targets = np.array([0.0, 0.0, 0.85]) + rng.normal(0, 0.05, (n_views, 3))
-    return _looking_at(centers, targets, rng)
+    return looking_at(centers, targets, rng)
 
 
 def walk_poses(n_views: int, rng: np.random.Generator) -> Poses:
@@ -44,10 +44,10 @@ def walk_poses(n_views: int, rng: np.random.Generator) -> Poses:
     heading = turn + np.pi / 2 + np.radians(30 + 35 * np.sin(3 * turn))
     rise = np.radians(3 + 5 * np.sin(4 * turn + 1))
     ahead = np.stack([np.cos(heading), np.sin(heading), np.tan(rise)], axis=-1)
-    return _looking_at(centers, centers + ahead, rng)
+    return looking_at(centers, centers + ahead, rng)
 
 
-def _looking_at(centers: Points, targets: Points, rng: np.random.Generator) -> Poses:
+def looking_at(centers: Points, targets: Points, rng: np.random.Generator) -> Poses:
     """Returns level poses looking at targets, but for a roll of about a degree."""
     forward = unit(targets - centers)
     level = unit(np.cross(forward, [0.0, 0.0, 1.0]))

@@ -51,7 +51,8 @@ def courtyard_parts(seed: int, *, glossy: bool) -> list[Part]:
     return [*parts, _vase(rng)] if glossy else parts
 
 
-def _flat(mesh: Mesh, texture: textures.Texture) -> Part:
+def flat(mesh: Mesh, texture: textures.Texture) -> Part:
+    """Returns a panel, whose light is kept in its texture."""
     return Part(mesh, texture, panel_size=_extent(mesh))
 
 
@@ -64,15 +65,15 @@ def _extent(mesh: Mesh) -> tuple[float, float]:
 def _ground_and_walls(rng: np.random.Generator) -> Iterator[Part]:
     wide, deep = RIGHT - LEFT, BACK - FRONT
     floor = panel((LEFT, BACK, 0), (wide, 0, 0), (0, -deep, 0))
-    yield _flat(floor, textures.masonry((wide, deep), textures.PAVING, rng))
+    yield flat(floor, textures.masonry((wide, deep), textures.PAVING, rng))
     back = panel((LEFT, BACK, 3.1), (wide, 0, 0), (0, 0, -3.1))
-    yield _flat(back, textures.plaster((wide, 3.1), "#d8b98a", rng, worn=0.55))
+    yield flat(back, textures.plaster((wide, 3.1), "#d8b98a", rng, worn=0.55))
     left = panel((LEFT, FRONT, 2.5), (0, deep, 0), (0, 0, -2.5))
-    yield _flat(left, textures.plaster((deep, 2.5), "#c99a7a", rng, worn=0.9))
+    yield flat(left, textures.plaster((deep, 2.5), "#c99a7a", rng, worn=0.9))
     right = panel((RIGHT, BACK, 2.5), (0, -deep, 0), (0, 0, -2.5))
-    yield _flat(right, textures.masonry((deep, 2.5), textures.RUBBLE, rng))
+    yield flat(right, textures.masonry((deep, 2.5), textures.RUBBLE, rng))
     front = panel((RIGHT, FRONT, 2.2), (-wide, 0, 0), (0, 0, -2.2))
-    yield _flat(front, textures.masonry((wide, 2.2), textures.BRICK, rng))
+    yield flat(front, textures.masonry((wide, 2.2), textures.BRICK, rng))
     for low, high in (
         ((LEFT - 0.3, FRONT, 2.5), (LEFT + 0.07, BACK, 2.6)),
         ((RIGHT - 0.07, FRONT, 2.5), (RIGHT + 0.3, BACK, 2.6)),
@@ -84,7 +85,7 @@ def _ground_and_walls(rng: np.random.Generator) -> Iterator[Part]:
 
 def _block(low: Vector, high: Vector, color: str, rng: np.random.Generator) -> Iterator[Part]:
     for side in box(low, high):
-        yield _flat(side, textures.earthenware(_extent(side), color, rng))
+        yield flat(side, textures.earthenware(_extent(side), color, rng))
 
 
 def _roof_tiles(rng: np.random.Generator) -> Iterator[Part]:
@@ -103,7 +104,7 @@ def _roof_tiles(rng: np.random.Generator) -> Iterator[Part]:
 
 def _openings(rng: np.random.Generator) -> Iterator[Part]:
     y = BACK - 0.03
-    yield _flat(
+    yield flat(
         panel((0.75, y, 2.15), (1.1, 0, 0), (0, 0, -2.15)),
         textures.wood((1.1, 2.15), "#3f6b62", 0.16, rng),
     )
@@ -115,11 +116,11 @@ def _openings(rng: np.random.Generator) -> Iterator[Part]:
     ):
         yield from _block(low, high, "#c9bb9f", rng)
     glass = panel((-1.95, y, 2.2), (0.8, 0, 0), (0, 0, -1.1))
-    yield _flat(glass, textures.earthenware((0.8, 1.1), "#39464f", rng))
+    yield flat(glass, textures.earthenware((0.8, 1.1), "#39464f", rng))
     for x in (-2.37, -1.13):
         shutter = box((x, BACK - 0.08, 1.1), (x + 0.4, BACK, 2.22))
         for side in shutter:
-            yield _flat(side, textures.wood(_extent(side), "#7d4a38", 0.1, rng))
+            yield flat(side, textures.wood(_extent(side), "#7d4a38", 0.1, rng))
     bars = [rod((x, BACK - 0.07, 1.1), (x, BACK - 0.07, 2.2), 0.012) for x in (-1.75, -1.55, -1.35)]
     bars += [rod((-1.97, BACK - 0.07, z), (-1.13, BACK - 0.07, z), 0.012) for z in (1.4, 1.7, 2.0)]
     yield Part(joined(bars), textures.metal((0.5, 0.5), _IRON, rng))
@@ -132,10 +133,10 @@ def _bench(rng: np.random.Generator) -> Iterator[Part]:
     backs = [((x - 0.06, 0.2, z), (x - 0.02, 1.9, z + 0.13)) for z in (0.6, 0.8)]
     for low, high in planks + legs + backs:
         for side in box(low, high):
-            yield _flat(side, textures.wood(_extent(side), "#8a6a45", 0.2, rng))
+            yield flat(side, textures.wood(_extent(side), "#8a6a45", 0.2, rng))
     crate = box((2.35, 1.3, 0), (2.95, 1.85, 0.5))
     for side in crate:
-        yield _flat(side, textures.wood(_extent(side), "#a67c4a", 0.12, rng))
+        yield flat(side, textures.wood(_extent(side), "#a67c4a", 0.12, rng))
 
 
 def _railings(rng: np.random.Generator) -> Iterator[Part]:

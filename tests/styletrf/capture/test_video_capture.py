@@ -15,14 +15,14 @@ from styletrf.geometry.cameras import Camera
 from styletrf.progress import silent
 from styletrf.steps.scene_capture import capture_scene
 from styletrf.synthetic.courtyard.capture import CourtyardConfig, render_view
-from styletrf.synthetic.courtyard.paths import _looking_at
+from styletrf.synthetic.courtyard.paths import looking_at
 
 SIZE = (160, 120)
 
 
 def filmed(centers, targets):
     """What a camera sees that goes so."""
-    poses = _looking_at(centers, targets, np.random.default_rng(1))
+    poses = looking_at(centers, targets, np.random.default_rng(1))
     width, height = SIZE
     config = CourtyardConfig(width=width, height=height)
     intrinsics = (0.85 * width, 0.85 * width, width / 2, height / 2)

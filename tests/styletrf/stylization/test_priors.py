@@ -11,7 +11,8 @@ from styletrf.field.rendering import RenderConfig
 from styletrf.stylization.priors import PriorsConfig, needed_views, views_along
 from styletrf.trajectory.coverage import CoverageConfig, places_seen, shown
 from styletrf.trajectory.frames import rendered, write_float_frames
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through, prior_views
+from styletrf.trajectory.trajectories import fly_through, prior_views
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 CPU = torch.device("cpu")
 

@@ -19,7 +19,8 @@ from styletrf.trajectory.chosen_path import chosen_path
 from styletrf.trajectory.frames import FramesConfig
 from styletrf.trajectory.named_paths import named_path, poses_of
 from styletrf.trajectory.path_files import read_path
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
+from styletrf.trajectory.trajectories import fly_through
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 NAMES = ("orbit", "spiral", "dolly", "photographs")
 CONFIG = FramesConfig(trajectory=TrajectoryConfig(frames=40))

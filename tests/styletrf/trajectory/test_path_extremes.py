@@ -9,7 +9,8 @@ from styletrf.files.images import to_integers
 from styletrf.geometry.cameras import moved
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.stylization.background import empty_background
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through, look_at, prior_views
+from styletrf.trajectory.trajectories import fly_through, look_at, prior_views
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 PATHS = pytest.mark.extremes("Trajectories")
 LEVELS = pytest.mark.extremes("Levels of 8 and 16 bits")

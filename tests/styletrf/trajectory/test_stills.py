@@ -15,7 +15,8 @@ from styletrf.trajectory.frames import FramesConfig
 from styletrf.trajectory.stills import MOST_STILLS, Still, cuts_of, stills
 from styletrf.trajectory.support import Support
 from styletrf.trajectory.supported_path import write_support
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
+from styletrf.trajectory.trajectories import fly_through
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 VIEWS, MODEL = modeled("forward")
 PHOTOGRAPHS = [replace(view, name=f"IMG_{k}") for k, view in enumerate(VIEWS)]

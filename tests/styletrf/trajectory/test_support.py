@@ -16,7 +16,8 @@ from styletrf.reports.coverage_text import support_summary
 from styletrf.trajectory.support import Support, SupportMeter, photographs_seeing
 from styletrf.trajectory.support_config import SupportConfig
 from styletrf.trajectory.supported_path import supported_fly_through, write_support
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through
+from styletrf.trajectory.trajectories import fly_through
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 CONFIG = SupportConfig()
 WIDTH, HEIGHT = 32, 24

@@ -16,7 +16,8 @@ from trajectory_captures import CAPTURES, centers_of, modeled
 from styletrf.configuration import configured
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.synthetic.courtyard.capture import CourtyardConfig, courtyard_cameras
-from styletrf.trajectory.trajectories import TrajectoryConfig, fly_through, prior_views
+from styletrf.trajectory.trajectories import fly_through, prior_views
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 assert torch  # the cameras' module needs it; importing it here keeps the tests' time apart
 

@@ -11,7 +11,7 @@ from styletrf.geometry.cameras import moved
 from styletrf.geometry.rotations import matrices_of
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.trajectory.named_paths import named_path
-from styletrf.trajectory.trajectories import TrajectoryConfig
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 from styletrf.trajectory.walkthrough import looks_all_around, onwards, smoothed_walkthrough
 
 

@@ -14,7 +14,7 @@ from styletrf.geometry.rotations import matrices_of
 from styletrf.geometry.typical_view import typical_view
 from styletrf.trajectory.camera_path import frames_along, timed
 from styletrf.trajectory.path_files import placed_key_frames, read_path
-from styletrf.trajectory.trajectories import TrajectoryConfig
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 pytestmark = needs_chromium
 RATE, SECONDS = 24.0, 1.5

@@ -7,7 +7,7 @@ from expected_errors import rejects
 from message_words import mentions
 
 from tasks.planning.disk_demand import BYTES_A_PIXEL, require_disk, written_bytes
-from tasks.planning.memory_demand import Demand, Photographs, frames_of
+from tasks.planning.memory_demand import Demand, Photographs
 
 SCENES = {"yard": Photographs(count=50, width=4000, height=3000)}
 MINUTE_OF_4K = Demand("TrajectoryFrames", "yard", 504, 3840, 224**3, 60, 0, frames=1440)
@@ -40,9 +40,3 @@ def test_the_frames_of_all_stages_have_to_fit_together():
 def test_stages_without_frames_and_scenes_that_cannot_be_read_need_no_disk():
     require_disk([replace(MINUTE_OF_4K, stage="RadianceField")], 0, SCENES)
     require_disk([MINUTE_OF_4K], 0, {})
-
-
-def test_seconds_count_before_the_number_of_frames():
-    assert frames_of({"trajectory.frames": 60}) == 60
-    settings = {"trajectory.frames": 60, "trajectory.seconds": 10, "frames_per_second": 30}
-    assert frames_of(settings) == 300

@@ -19,6 +19,7 @@ from tasks.planning.memory_demand import (
     MARGIN,
     Demand,
     Photographs,
+    demand_of,
     demands_of,
     frames_of,
     predicted_bytes,
@@ -108,6 +109,13 @@ def test_demands_are_those_of_the_command(out):
     assert {demand.photograph_px for demand in demands} == {504}
     painted = demands_of(upstream_first(tasks.StylizedTrajectory(**WORDS, method="per-frame")))
     assert "StylizedFrames per-frame" in {demand.stage for demand in painted}
+
+
+def test_a_demand_counts_the_frames_that_a_slower_path_has(out):
+    """Frames were counted as if every path had a speed of 1."""
+    slow = {"trajectory.frames": 60, "trajectory.speed": 0.5}
+    stage = tasks.TrajectoryFrames(scene="yard", settings=slow)
+    assert demand_of(stage).frames == 120
 
 
 @pytest.mark.parametrize("settings", [{"trajectory.frames": "many"}, {"trajectory.seconds": nan}])

@@ -6,6 +6,7 @@ from stage_keys import WORDS, key_words
 
 import tasks
 from styletrf.errors import InputError
+from tasks.stages.path_parameters import frame_count
 
 WHERE = {  # a control: the first stages that it changes
     "stroke_scale": (2.0, {"StyleNetwork", "StylizedField"}),  # whose losses look at the painting
@@ -221,10 +222,12 @@ def test_the_content_of_a_path_decides_and_not_its_name(tmp_path):
         ({}, 60), ({"seconds": 2.0}, 48), ({"seconds": 2.0, "frame_rate": 60}, 120),
         ({"seconds": 2.0, "tuning": {"TrajectoryFrames": {"trajectory.speed": 2.0}}}, 24),
         ({"settings": {"trajectory.frames": "many"}}, None),
+        ({"settings": {"frames_per_second": 23.5}}, None),
     ],
 )  # fmt: skip
 def test_the_number_of_frames_is_known_before_any_is_made(words, frames):
-    assert tasks.TrajectoryFrames(scene="s", quality="draft", **words).frame_count() == frames
+    stage = tasks.TrajectoryFrames(scene="s", quality="draft", **words)
+    assert frame_count(stage.values()) == frames
 
 
 @pytest.mark.parametrize(
