@@ -1,13 +1,14 @@
 """How the pipeline does with captures as people have them: `python benchmarks/hard_captures.py`.
 
     hard_captures.py courtyard horns --kinds every_fifth foreign --iterations 600 --long-side 252
+    hard_captures.py facade statue plate --kinds as_they_are --path
 
 Each kind of `hard_photographs.MAKERS` is made from each scene (below `STYLETRF_DATA`; `courtyard`
-is rendered) and goes through all stages up to the held-out views. A row of
-Markdown is printed for each: photographs registered, held-out PSNR in dB, the fly-through, seconds
-of all stages together, and what was said. `--poses` stops after the poses. `--path` also makes the
-frames without a style, and the row has the share of their pixels that fewer than three photographs
-show, or the number of stills.
+and those of `places.PLACES` are rendered) and goes through all stages up to the held-out views.
+A row of Markdown is printed for each: photographs registered, held-out PSNR in dB, the fly-through,
+seconds of all stages together, and what was said. `--poses` stops after the poses. `--path` also
+makes the frames without a style, and the row has the share of their pixels that fewer than three
+photographs show, or the number of stills.
 """
 
 import argparse
@@ -25,6 +26,7 @@ from typing import Any
 import luigi
 import numpy as np
 from hard_photographs import FOREIGN, MAKERS, Source, photographs_of
+from places import PLACES, write_place
 from task_of import task_of
 
 from pipeline.errors import TaskFailure
@@ -72,7 +74,7 @@ class Row:
 def source_of(scene: str, elsewhere: str, root: Path, folder: Path) -> Source:
     """Returns the photographs and the poses of a scene; the courtyard's are made in `folder`."""
     place, other = (_place(name, root, folder) for name in (scene, elsewhere))
-    if scene == "courtyard":
+    if scene == "courtyard" or scene in PLACES:
         views: tuple[GivenView, ...] = tuple(_true_views(place))
     else:
         given = find_given_poses(place)
@@ -81,9 +83,11 @@ def source_of(scene: str, elsewhere: str, root: Path, folder: Path) -> Source:
 
 
 def _place(scene: str, root: Path, folder: Path) -> Path:
-    """Returns the folder of a scene; `courtyard` is rendered, `leaves` are procedural images."""
+    """Returns the folder of a scene; some are rendered, `leaves` are procedural images."""
     if scene == "courtyard":
         write_courtyard(folder / scene, CourtyardConfig())
+    elif scene in PLACES:
+        write_place(scene, folder / scene)
     elif scene == "leaves":
         (folder / scene / "images").mkdir(parents=True, exist_ok=True)
         rng = np.random.default_rng(0)
