@@ -32,6 +32,7 @@ from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.training.observed_depths import observed_depths
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.files.images import from_integers, read_rgb, to_integers
@@ -137,15 +138,17 @@ def fit(
     train, observed = [cameras[k] for k in fitted], points.of_images(fitted)
     model = decide_scene_model(train, points.xyz_world, settings, dependence, exposure=found)
     views, images = reduced(photographs, model, fitted)
+    depths = observed_depths(
+        model, train, observed, [photographs.images[k] for k in fitted], [None] * len(fitted)
+    )
+    exposures = view_exposures(train, model.exposures, CPU)
+    free = torch.from_numpy(free_space(model, train, observed))
     field, curve = train_field(
-        views, torch.from_numpy(images), model.space, model.resolution,
-        FieldTrainingConfig(iterations=config.iterations), kernels_for(CPU),
-        free=torch.from_numpy(free_space(model, train, observed)),
-        depths=observed_depths(
-            model, train, observed, [photographs.images[k] for k in fitted], [None] * len(fitted)
-        ),
-        exposures=view_exposures(train, model.exposures, CPU),
-    )  # fmt: skip
+        TrainingViews(views, torch.from_numpy(images), depths, exposures),
+        FieldVolume(model.space, model.resolution, free),
+        FieldTrainingConfig(iterations=config.iterations),
+        kernels_for(CPU),
+    )
     views, images = reduced(photographs, model, photographs.held_out)
     renders = [r.color.numpy() for r in rendered(field, model.space, views, RenderConfig(), CPU)]
     pairs = list(zip(renders, map(from_integers, images), strict=True))

@@ -29,6 +29,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, save_field
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.files.images import from_integers, write_rgb
 from styletrf.geometry.cameras import resized
@@ -51,12 +52,13 @@ class Settings:
 def trainer_of(scene: GivenScene, settings: Settings, kernels: str | None) -> FieldTrainer:
     """Returns a fit that has not begun."""
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    images = [image.to(device) for image in scene.train.images]
     return FieldTrainer(
-        scene.train.cameras, [image.to(device) for image in scene.train.images], scene.model.space,
-        scene.model.resolution, settings.training, kernels_for(device, kernels),
-        free=scene.free,
-        depths=scene.depths,
-    )  # fmt: skip
+        TrainingViews(scene.train.cameras, images, scene.depths),
+        FieldVolume(scene.model.space, scene.model.resolution, scene.free),
+        settings.training,
+        kernels_for(device, kernels),
+    )
 
 
 def measurements(
@@ -193,7 +195,7 @@ def _larger(scene: GivenScene, long_side: int) -> GivenScene:
 def compare(options: argparse.Namespace) -> None:
     """Prints milliseconds an iteration at the final resolution of both forms, and their losses.
 
-    The plain form twice: with the samples that the kernels take, and with every sample of every
+    The reference form twice: with the samples that the kernels take, and with every sample of every
     ray, as without an occupancy grid.
     """
     settings = settings_of(options)

@@ -30,6 +30,7 @@ from pipeline.task import artifact
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import load_field
 from styletrf.field.training.field_training import train_field
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera, fitted_to, pixel_centers, points_at_depth
 from styletrf.geometry.exact_flow import exact_flow
@@ -135,7 +136,8 @@ def flow(options: argparse.Namespace) -> None:
     kernels, cpu = kernels_for(torch.device("cpu")), torch.device("cpu")
     images = torch.from_numpy(np.stack([_reduced(i, cameras[0]) for i in capture.images]))
     training = replace(settings.training, iterations=options.iterations)
-    field, _ = train_field(cameras, images, model.space, model.resolution, training, kernels)
+    volume = FieldVolume(model.space, model.resolution)
+    field, _ = train_field(TrainingViews(cameras, images), volume, training, kernels)
     errors, fractions = [], []
     for camera in capture.cameras[:: options.every]:
         pair = _step_aside(camera, 0.02 * options.apart)

@@ -32,9 +32,10 @@ from styletrf.geometry.cameras import Camera, resized
 from styletrf.geometry.space import Space
 from styletrf.psnr import bounded_psnr
 from styletrf.scene.scene_model import read_scene_model
+from styletrf.steps.viewer_page import PHOTOGRAPHS
 from styletrf.stylization.mixed_appearance import MixedAppearance
 from styletrf.viewer.viewer_content import RENDER
-from tasks.results.viewer import PHOTOGRAPHS, Viewer
+from tasks.results.viewer import Viewer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/support"))
 from headless import answer_of, page_text  # type: ignore[import-not-found]

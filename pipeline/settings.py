@@ -29,7 +29,7 @@ DEFAULTS = {
     ("store", "retry_seconds"): "10",  # before a second attempt; 4 times that before a third
     ("gpu", "uuids"): "",  # of the GPUs for builds; empty: all that `nvidia-smi -L` lists
     ("gpu", "cards"): "",  # its name in earlier versions
-    ("host", "leases"): "/dev/shm/styletrf",  # noqa: S108  for all users
+    ("host", "leases"): "/dev/shm/styletrf",  # noqa: S108  STYLETRF_LEASES takes precedence
     ("host", "memory_gib"): "0",  # for all builds together; 0: nine tenths of the host's
     ("host", "cores"): "2",  # number that a build on another machine requests
     ("ray", "address"): "",  # of the head of the cluster; empty: the one on this machine

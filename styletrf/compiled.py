@@ -3,7 +3,7 @@
 numba keeps the code of a function while the function's own file stays the same. But a function of
 another file may be compiled into it, and a constant from there too, so that what is kept may be
 stale. Here the folder is named by all files of the function's package, the version of numba and
-the processor. Where one of them changes, another folder begins, and everything is compiled anew.
+the processor. Where one of them changes, another folder begins, and everything is compiled again.
 """
 
 import contextlib
@@ -79,7 +79,7 @@ def _digest(package: Path) -> str:
 
 
 def _remove_old(parent: Path, prefix: str) -> None:
-    """Removes all folders but the newest; a process that still uses one compiles anew."""
+    """Removes all folders but the newest; a process that still uses one compiles again."""
     with contextlib.suppress(OSError):  # another process removes the same ones
         folders = sorted(parent.glob(f"{prefix}*"), key=lambda each: each.stat().st_mtime)
         for folder in folders[:-KEPT_FOLDERS]:

@@ -72,7 +72,8 @@ def _declared(hint: Any, value: Any, name: str) -> Any:
         if get_origin(hint) is Literal:
             problem, known = f"{value!r} is unknown", ", ".join(map(str, get_args(hint)))
             raise InputError(f"setting {name!r}", problem, f"Choose one of {known}") from error
-        problem = f"{value!r} is not {_KINDS.get(hint, hint)}"
+        kind = _KINDS.get(hint) or (hint if get_args(hint) else hint.__name__)
+        problem = f"{value!r} is not {kind}"
         raise InputError(f"setting {name!r}", problem, "Give a value of that kind") from error
 
 

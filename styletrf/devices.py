@@ -13,7 +13,7 @@ def device_named(name: str) -> torch.device:
     """Returns the device for `auto`, `cpu` or `cuda`; `auto` is a GPU where one can be used.
 
     Raises:
-        InputError: `cuda` was asked for and there is none.
+        InputError: The name is `cuda` and there is no such device.
     """
     has_gpu = torch.cuda.is_available()
     if name == "cuda" and not has_gpu:
@@ -29,7 +29,7 @@ def device_named(name: str) -> torch.device:
 def is_faster_in_bfloat16(device: torch.device) -> bool:
     """Tells whether convolutions take less time in bfloat16 than in float32 on a device.
 
-    A processor's features do not tell: with AVX512-BF16 alone, some processors need half of
+    A processor's features do not decide this: with AVX512-BF16 alone, some processors need half of
     float32's time and others nearly twice as much. So the CPU computes one small convolution in
     both, once in a process, which takes some 40 ms. Emulation counts as slower.
     """

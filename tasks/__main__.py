@@ -31,13 +31,13 @@ README.md and docs/getting_started.md lead to a first result, and docs/index.md 
 
 def main() -> None:
     """Runs a command and exits with its status; without a task it prints the help."""
-    words = sys.argv[1:]
-    if not words or words[0] in ("-h", "--help", "help"):
+    arguments = sys.argv[1:]
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
         sys.stdout.write(HELP)
-        sys.exit(0 if words else 2)
-    is_view = words[:1] == ["view"]
+        sys.exit(0 if arguments else 2)
+    is_view = arguments[:1] == ["view"]
     module = "tasks.view.view_command" if is_view else "tasks.command_line"
-    sys.exit(importlib.import_module(module).run(words[1:] if is_view else words))
+    sys.exit(importlib.import_module(module).run(arguments[1:] if is_view else arguments))
 
 
 if __name__ == "__main__":

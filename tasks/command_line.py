@@ -13,12 +13,11 @@ import luigi
 from pipeline.command import run_command
 from pipeline.console.progress_client import progress_client
 from pipeline.errors import StoreError
-from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.maintenance.task_graph import upstream_first
-from pipeline.settings import current_store
 from pipeline.task import artifact
 from styletrf.errors import InputError
 from tasks.command.build_order import seconds_ahead
+from tasks.command.outcomes import outcome_of_missing
 from tasks.command.sources import begin_of_command
 from tasks.planning.plan_report import print_plan
 from tasks.planning.validation import validate_command
@@ -102,21 +101,21 @@ def _plan(root: StylizedTrajectory | Grid) -> None:
 
 
 def _cells(root: luigi.Task) -> list[StylizedTrajectory]:
-    """The stylized trajectories that a command asks for."""
+    """Returns the stylized trajectories that a command requests."""
     if isinstance(root, Grid):
         return root.cells()
     return [root] if isinstance(root, StylizedTrajectory) else []
 
 
 def _results(root: luigi.Task) -> list[LinkedStage]:
-    """The stages of a command that are shown in `out/`, the first needed first."""
+    """Returns the stages of a command that are shown in `out/`, each after those that it needs."""
     if cells := _cells(root):
         return [result for cell in cells for result in cell.cells()]
     return [stage for stage in upstream_first(root) if isinstance(stage, LinkedStage)]
 
 
 def _answer_for(stage: Stage) -> None:
-    """Prints the folder of a stage that is no result, or logs why there is none."""
+    """Prints the folder of a stage that is not a result, or logs why there is none."""
     if stage.complete():
         print(artifact(stage))  # noqa: T201  the command's answer
     else:
@@ -126,16 +125,16 @@ def _answer_for(stage: Stage) -> None:
 def _log_reason(result: Stage) -> None:
     """Logs why a result does not exist."""
     try:
-        problem = find_blocking_failure(result, current_store(), since=begin_of_command())
+        found = outcome_of_missing(result, since=begin_of_command())
     except InputError:  # the command was refused with this very error
         return
-    if problem and not problem.is_under_way:
-        _log.error("%s was not made. %s: %s", result.label, problem.task, problem.reason)
+    if found.outcome in ("failed", "late"):
+        _log.error("%s was not made. %s: %s", result.label, found.stage, found.reason)
 
 
 @contextlib.contextmanager
 def _reported() -> Iterator[None]:
-    """Logs an exception, so that what comes after is done all the same."""
+    """Logs an exception, so that the rest is done nevertheless."""
     try:
         yield
     except Exception:  # noqa: BLE001  whatever it is, the results are there

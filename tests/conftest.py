@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from pipeline.execution.cpu_memory import openmp_wait_settings
+from pipeline.execution.environment import openmp_wait_settings
 
 # Before torch is imported: beside any other busy thread, tests would take a hundred times as long.
 os.environ.update(openmp_wait_settings(os.environ))
@@ -30,6 +30,12 @@ def _shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
     own = tmp_path_factory.getbasetemp()
     share_in(own.parent if hasattr(request.config, "workerinput") else own)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _leases(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Commands of tests share the host with each other, and not with those of other workers."""
+    os.environ["STYLETRF_LEASES"] = str(tmp_path_factory.getbasetemp() / "leases")
 
 
 @pytest.fixture(autouse=True, scope="module")

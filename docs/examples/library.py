@@ -16,6 +16,7 @@ from styletrf.field.radiance_field import RadianceField, refine_appearance
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.files.images import to_integers
 from styletrf.geometry.cameras import Camera, pixel_centers, points_at_depth
 from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
@@ -55,9 +56,9 @@ def fit(capture: Capture) -> tuple[SceneModel, list[Camera], RadianceField]:
     config = SceneModelConfig(image_long_side=LONG_SIDE_PX, max_voxels=48**3)
     model = decide_scene_model(capture.cameras, sparse_points_world(capture), config)
     cameras = model.normalized(capture.cameras)
-    images = torch.from_numpy(np.stack(capture.images))
-    kernels = kernels_for(DEVICE)
-    field, curve = train_field(cameras, images, model.space, model.resolution, FIT, kernels)
+    views = TrainingViews(cameras, torch.from_numpy(np.stack(capture.images)))
+    volume = FieldVolume(model.space, model.resolution)
+    field, curve = train_field(views, volume, FIT, kernels_for(DEVICE))
     sys.stdout.write(f"space {model.space.kind}, training PSNR {curve[-1].psnr:.1f} dB\n")
     return model, cameras, field
 

@@ -1,8 +1,8 @@
-"""The cores and the memory of a build, if a command runs several at once.
+"""The cores and the memory of a build, beside other builds of this command and of others.
 
 An allocation is a set of locks (`pipeline.execution.host_locks`): cores by their numbers, and 64ths
 of the memory. A build is bound to its cores, so that its threads, which may spin, do not slow down
-other builds.
+other builds. A build that is alone on the host may use all cores, and locks a part of them.
 """
 
 import contextlib
@@ -14,16 +14,11 @@ from pathlib import Path
 
 import psutil
 
-from pipeline.execution.host_locks import acquire, fifo_queue, open_locks
+from pipeline.execution.host_locks import acquire, fifo_queue, open_locks, release, try_acquire
 from pipeline.settings import number_setting
 
 _MEMORY_PARTS = 64
 _CGROUP = Path("/sys/fs/cgroup")
-SPIN_COUNT = "GOMP_SPINCOUNT"
-"""The variable for how often a thread of libgomp checks a barrier before it sleeps."""
-_SPINS = "1000"
-_KEPT_MEMORY = "MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"
-"""The variables of glibc for how much freed memory the process keeps."""
 THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "MKL_NUM_THREADS")
 """The variables for how many threads libraries start."""
 
@@ -62,24 +57,76 @@ def allocate(
     Raises:
         StoreError: The folder of leases cannot be used.
     """
-    cores, memory = usable_cores(), memory_bytes()
-    part = memory / _MEMORY_PARTS
-    wanted = memory * max_cores / _cores_of_memory() if expected_bytes is None else expected_bytes
-    n_parts = min(_MEMORY_PARTS, max(1, math.ceil(wanted / part)))
+    n_parts = _memory_parts(max_cores, expected_bytes)
+    with _units() as (parts, cores):
+        with fifo_queue(lambda: on_wait("for its turn")):
+            held = _acquire_memory(parts, n_parts, on_wait)
+            mine = acquire(cores, 1, max_cores, lambda: on_wait("for a core"))
+        yield _bound_to(mine, (*(parts[name] for name in held), *(cores[name] for name in mine)))
+
+
+@contextlib.contextmanager
+def allocate_alone(
+    max_cores: int, expected_bytes: int | None, on_wait: Callable[[str], object]
+) -> Iterator[CpuAllocation]:
+    """Holds a share of this host for a command that runs one build at a time.
+
+    While no other build holds a core, the build uses all, and leases `max_cores`, so that the next
+    one finds the others free. Beside other builds it is bound to the free ones. It waits for no
+    core: if none is free, it uses all. It waits for the memory it expects. If that is unknown, it
+    leases what is free of the same share as of cores. The arguments are those of `allocate`.
+
+    Raises:
+        StoreError: The folder of leases cannot be used.
+    """
+    n_parts = _memory_parts(max_cores, expected_bytes)
+    with _units() as (parts, cores):
+        with fifo_queue(lambda: on_wait("for its turn")):
+            if expected_bytes is None:
+                held = try_acquire(parts, 0, n_parts)
+            else:
+                held = _acquire_memory(parts, n_parts, on_wait)
+            free = try_acquire(cores, 0, len(cores))
+            mine = free[:max_cores]
+            release(cores, free[max_cores:])
+        fds = (*(parts[name] for name in held), *(cores[name] for name in mine))
+        uses_all = len(free) in (0, len(cores))
+        yield CpuAllocation(len(cores), inherited_fds=fds) if uses_all else _bound_to(mine, fds)
+
+
+@contextlib.contextmanager
+def _units() -> Iterator[tuple[dict[str, int], dict[str, int]]]:
+    """Opens the files of the parts of the memory and of the cores."""
     with (
         open_locks("memory", [str(n) for n in range(_MEMORY_PARTS)]) as parts,
-        open_locks("core", [str(n) for n in cores]) as files,
+        open_locks("core", [str(n) for n in usable_cores()]) as cores,
     ):
-        with fifo_queue(lambda: on_wait("for its turn")):
-            resource = f"for {n_parts * part / 2**30:.1f} GiB of memory"
-            held = acquire(parts, n_parts, n_parts, lambda: on_wait(resource))
-            mine = acquire(files, 1, max_cores, lambda: on_wait("for a core"))
-        yield CpuAllocation(
-            cores=len(mine),
-            cpu_affinity=tuple(map(int, mine)) if _may_bind() else (),
-            environment=tuple((name, str(len(mine))) for name in THREADS),
-            inherited_fds=(*(parts[name] for name in held), *(files[name] for name in mine)),
-        )
+        yield parts, cores
+
+
+def _memory_parts(max_cores: int, expected_bytes: int | None) -> int:
+    """Returns how many parts of the memory a build takes: all if it expects more."""
+    if expected_bytes is None:
+        share = max_cores / _cores_of_memory()
+    else:
+        share = expected_bytes / memory_bytes()
+    return min(_MEMORY_PARTS, max(1, math.ceil(_MEMORY_PARTS * share)))
+
+
+def _acquire_memory(
+    parts: Mapping[str, int], n_parts: int, on_wait: Callable[[str], object]
+) -> list[str]:
+    resource = f"for {n_parts * memory_bytes() / _MEMORY_PARTS / 2**30:.1f} GiB of memory"
+    return acquire(parts, n_parts, n_parts, lambda: on_wait(resource))
+
+
+def _bound_to(cores: Sequence[str], fds: tuple[int, ...]) -> CpuAllocation:
+    return CpuAllocation(
+        cores=len(cores),
+        cpu_affinity=tuple(map(int, cores)) if _may_bind() else (),
+        environment=tuple((name, str(len(cores))) for name in THREADS),
+        inherited_fds=fds,
+    )
 
 
 def usable_cores() -> list[int]:
@@ -150,23 +197,3 @@ def _words(name: str) -> Sequence[str]:
     with contextlib.suppress(OSError):
         return (_CGROUP / name).read_text().split()
     return []
-
-
-def openmp_wait_settings(environment: Mapping[str, str]) -> dict[str, str]:
-    """Returns the variables for how OpenMP threads wait; empty if the user has set them.
-
-    By default, libgomp's threads spin in a barrier for so long that they can keep another thread,
-    for which they wait, from its core (measured: a fit a hundred times slower).
-    """
-    is_set = SPIN_COUNT in environment or "OMP_WAIT_POLICY" in environment
-    return {} if is_set else {SPIN_COUNT: _SPINS}
-
-
-def allocator_settings(environment: Mapping[str, str]) -> dict[str, str]:
-    """Returns variables by which a build keeps the memory it frees; empty if the user set them.
-
-    By default, glibc returns large blocks at once, and every page of the next block costs a page
-    fault (measured: a sixth of the time of a fit, and a tenth of that of a render).
-    """
-    is_set = any(name.startswith(("MALLOC_", "GLIBC_TUNABLES")) for name in environment)
-    return {} if is_set else dict.fromkeys(_KEPT_MEMORY, str(2**30))

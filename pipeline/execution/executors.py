@@ -12,11 +12,8 @@ from typing import Any
 
 from pipeline.execution.builder import run_job
 from pipeline.execution.cpu_memory import THREADS
-from pipeline.execution.fork_server import (
-    ForkedProcess,
-    build_environment,
-    start_process,
-)
+from pipeline.execution.environment import build_environment
+from pipeline.execution.fork_server import ForkedProcess, start_process
 from pipeline.execution.progress_pipe import read_messages
 from pipeline.job import Display, Job, Report
 

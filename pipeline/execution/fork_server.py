@@ -22,8 +22,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO, Any, final
 
-from pipeline.code.interpreters import interpreter_command, interpreter_environment
-from pipeline.execution.cpu_memory import allocator_settings, openmp_wait_settings
+from pipeline.code.interpreters import interpreter_command
+from pipeline.execution.environment import build_environment
 
 _LARGEST_REQUEST_BYTES = 2**17
 _MOST_DESCRIPTORS = 253  # the limit of Linux
@@ -196,12 +196,6 @@ def start_process(
         env=environment,
         start_new_session=own_session,
     )
-
-
-def build_environment() -> dict[str, str]:
-    """Returns the variables of an interpreter for builds."""
-    settings = openmp_wait_settings(os.environ) | allocator_settings(os.environ)
-    return {**interpreter_environment(), **settings, "PYTHONUNBUFFERED": "1"}
 
 
 def main() -> int:

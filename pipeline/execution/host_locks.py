@@ -10,7 +10,7 @@ import fcntl
 import functools
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from pipeline.errors import StoreError
@@ -51,9 +51,15 @@ def try_acquire(files: Mapping[str, int], least: int, most: int) -> list[str]:
             taken.append(name)
     if len(taken) >= least:
         return taken
-    for name in taken:
-        fcntl.flock(files[name], fcntl.LOCK_UN)
+    release(files, taken)
     return []
+
+
+def release(files: Mapping[str, int], names: Iterable[str]) -> None:
+    """Unlocks units of this process."""
+    for name in names:
+        with contextlib.suppress(OSError):  # a file system without flock
+            fcntl.flock(files[name], fcntl.LOCK_UN)
 
 
 def acquire(
@@ -81,7 +87,7 @@ def _open(name: str) -> int:
     """Opens the file of a unit. Another user may have made it, and all users may open it."""
     umask = os.umask(0)
     try:
-        folder = Path(setting("host", "leases"))
+        folder = Path(os.environ.get("STYLETRF_LEASES") or setting("host", "leases"))
         folder.mkdir(mode=0o1777, exist_ok=True)
         path = folder / name
         with contextlib.suppress(FileExistsError):

@@ -4,11 +4,17 @@ import contextlib
 import logging
 import math
 import os
+from collections.abc import Iterator
 from functools import partial
 
 from pipeline.artifact_task import ArtifactTask
 from pipeline.execution.cost_history import Cost, cost_history, cost_of_similar
-from pipeline.execution.cpu_memory import CpuAllocation, allocate, usable_cores
+from pipeline.execution.cpu_memory import (
+    CpuAllocation,
+    allocate,
+    allocate_alone,
+    usable_cores,
+)
 from pipeline.execution.gpu import VISIBLE, Lease, leased
 from pipeline.parameters import workers_of_command
 from pipeline.store import Store
@@ -26,18 +32,23 @@ def lease_gpu(label: str, max_gpus: int) -> contextlib.AbstractContextManager[Le
     return leased(on_wait, max_gpus)
 
 
-def cpu_for(label: str, cost: Cost | None) -> contextlib.AbstractContextManager[CpuAllocation]:
+@contextlib.contextmanager
+def cpu_for(label: str, cost: Cost | None) -> Iterator[CpuAllocation]:
     """Leases cores for the build, and its expected memory.
 
-    A command that runs one build at a time uses the whole host, unless STYLETRF_CORES sets the
-    number of cores.
+    A command that runs one build at a time has the whole host while no other build runs, and
+    shares it with another command as two workers of one command do. STYLETRF_CORES sets the number
+    of cores instead.
     """
     workers, cores = workers_of_command(), int(os.environ.get(CORES, "0"))
-    if workers == 1 and not cores:
-        return contextlib.nullcontext(CpuAllocation(len(usable_cores())))
+    is_lone, host = workers == 1 and not cores, len(usable_cores())
+    part = cores or math.ceil(host / max(2, workers))
+    expected_bytes = cost.peak_memory_bytes if cost else None
     on_wait = partial(_log.info, "%s: waiting %s", label)
-    part = math.ceil(len(usable_cores()) / workers)
-    return allocate(cores or part, cost.peak_memory_bytes if cost else None, on_wait)
+    with (allocate_alone if is_lone else allocate)(part, expected_bytes, on_wait) as share:
+        if is_lone and share.cores < host:
+            _log.info("%s: uses %d of %d cores, beside another build", label, share.cores, host)
+        yield share
 
 
 def expected_cost(task: ArtifactTask, store: Store) -> Cost | None:

@@ -13,7 +13,7 @@ from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.store import Store
 from pipeline.task import StoredTask
 
-_EPOCH = datetime.fromtimestamp(0, UTC)
+EPOCH = datetime.fromtimestamp(0, UTC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Attempt:
 
     @property
     def is_published(self) -> bool:
-        """Whether its artifact was published."""
+        """Returns whether its artifact was published."""
         return self.kind == "built"
 
 
@@ -50,7 +50,7 @@ class BlockingFailure:
 
 
 def attempts(
-    store: Store, family: str = "*", key: str = "", since: datetime = _EPOCH
+    store: Store, family: str = "*", key: str = "", since: datetime = EPOCH
 ) -> list[Attempt]:
     """Returns the logged attempts at builds of a family, or at one key, oldest first.
 
@@ -62,7 +62,7 @@ def attempts(
 
 
 def find_blocking_failure(
-    task: luigi.Task, store: Store, since: datetime = _EPOCH
+    task: luigi.Task, store: Store, since: datetime = EPOCH
 ) -> BlockingFailure | None:
     """Returns what prevents a task: a failure, or else a running build; or None.
 

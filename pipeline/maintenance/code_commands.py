@@ -23,11 +23,11 @@ def why(store: Store, options: Namespace) -> CommandResult:
     """Explains why tasks would run: their differences from the nearest artifact."""
     user_errors = [error for kind in families(options.module) for error in kind.user_errors]
     invalid: Errors = (ParameterException, TaskClassException, *user_errors)
-    words = ["--module", options.module, *options.task]
+    arguments = ["--module", options.module, *options.task]
     if not options.task:
         raise StoreError("`why` needs a task, as Luigi does: TASK --parameter value ...")
     try:
-        with parameter_errors(), CmdlineParser.global_instance(words) as parser:
+        with parameter_errors(), CmdlineParser.global_instance(arguments) as parser:
             return 0, list(explain(parser.get_task_obj(), store))
     except invalid as error:
         raise StoreError(in_one_line(error)) from error

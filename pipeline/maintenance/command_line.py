@@ -101,16 +101,16 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _count(word: str) -> int:
+def _count(text: str) -> int:
     """Parses a whole number of 0 or more."""
-    return int(_hours(str(int(word))))
+    return int(_hours(str(int(text))))
 
 
-def _hours(word: str) -> float:
+def _hours(text: str) -> float:
     """Parses a finite number of 0 or more."""
-    if not 0 <= float(word) < math.inf:
-        raise argparse.ArgumentTypeError(f"{word} is not 0 or more")
-    return float(word)
+    if not 0 <= float(text) < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not 0 or more")
+    return float(text)
 
 
 def _table(rows: Rows) -> str:

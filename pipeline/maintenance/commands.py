@@ -42,8 +42,8 @@ def show(store: Store, options: Namespace) -> CommandResult:
             "log": _path_text(store.root / str(record.provenance["log"])),
             "code": record.action.code,
             "parameters": record.action.parameters,
-            **{f"tool {name}": word for name, word in record.action.tools.items()},
-            **{f"source {name}": word for name, word in record.action.sources.items()},
+            **{f"tool {name}": version for name, version in record.action.tools.items()},
+            **{f"source {name}": digest for name, digest in record.action.sources.items()},
         }
         others = [r for r in store.records() if r.action.key != record.action.key]
         for name, digest in record.action.inputs.items():

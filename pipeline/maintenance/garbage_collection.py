@@ -167,7 +167,7 @@ def _delete(path: Path) -> None:
 
 
 def _is_younger(path: Path, hours: float) -> bool:
-    """Whether `path` was made, renamed or changed in the last `hours`; False if it is deleted."""
+    """Returns whether `path` was made or changed in the last `hours`; False if it is deleted."""
     try:
         return time.time() - path.lstat().st_ctime < hours * 3600
     except FileNotFoundError:

@@ -40,7 +40,7 @@ class Explanation:
 
     @property
     def is_found(self) -> bool:
-        """Whether nothing has to be built."""
+        """Returns whether nothing has to be built."""
         return self.state in _KNOWN[:2]
 
 
@@ -101,7 +101,7 @@ def _expected_action(task: StoredTask, missing: Mapping[str, StoredTask]) -> Act
 
 
 def _reads_alike(then: Action, now: Action) -> bool:
-    """Whether two actions read a file of the same name. If not, a comparison explains nothing."""
+    """Returns whether two actions read a file of the same name, so that comparing them helps."""
     return not now.sources or bool(then.sources.keys() & now.sources.keys())
 
 

@@ -1,9 +1,10 @@
-"""Which masks fit which photographs.
+"""Finds the mask of each photograph.
 
-The mask of `images/walk/1.jpg` is `masks/walk/1.png` or `masks/walk/1.jpg.png`, the folder `masks`
-beside `images` or in it, or beside the photograph itself. Suffixes are in upper or lower case. If
-the masks have no folders, or the photographs none, the name alone tells, where one photograph has
-it and none lies where the mask's would.
+The mask of `images/walk/1.jpg` is `masks/walk/1.png` or `masks/walk/1.jpg.png`. The folder `masks`
+is beside `images` or in it, or beside the photograph itself. Suffixes may be in upper or lower
+case. If the masks have no folders, or the photographs have none, the name alone decides. Then only
+one photograph may have this name, and no photograph may be in the folder that the mask's path
+names.
 """
 
 from collections import Counter

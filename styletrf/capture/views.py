@@ -1,6 +1,6 @@
 """A scene's photographs as tensors, and which of them are held out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -16,6 +16,7 @@ from styletrf.geometry.cameras import Camera
 
 CPU = torch.device("cpu")
 _ALL_OF_A_PIXEL = 0.999
+_ONE_PLACE = 1e-9  # of the extent of all centers: the rounding of the centers of one panorama
 HOLD_OUT_EVERY = 8  # LLFF's protocol: views 0, 8, 16, ... of the sorted names
 FEW_VIEWS = 12  # of fewer, each is worth much, and those at the ends most
 
@@ -62,10 +63,30 @@ def held_out_names(
     if any(view.held_out for view in given.values()):
         return {camera.name for camera in cameras if given[camera.name].held_out}
     sources = [panoramas.get(camera.name, camera.name) for camera in cameras]
+    return {cameras[row].name for row in split_sources(sources)[1]}
+
+
+def places_of(cameras: Sequence[Camera]) -> list[int]:
+    """Returns the number of each view's place, counted in the order of the views.
+
+    Views that are cut from one panorama share their center, and so a place.
+    """
+    centers = np.stack([camera.center_world for camera in cameras])
+    apart = np.linalg.norm(centers[:, None] - centers, axis=-1)
+    first = (apart <= _ONE_PLACE * apart.max()).argmax(axis=1)
+    return [int(place) for place in np.unique(first, return_inverse=True)[1]]
+
+
+def split_sources(sources: Sequence[Hashable]) -> tuple[list[int], list[int]]:
+    """Returns the rows of the training views and of those held out, as `split_views` does.
+
+    Views of one source, a panorama or a place, count as one and stay together.
+    """
     distinct = list(dict.fromkeys(sources))
     held_out = {distinct[k] for k in split_views(len(distinct))[1]}
-    pairs = zip(cameras, sources, strict=True)
-    return {camera.name for camera, source in pairs if source in held_out}
+    is_held_out = [source in held_out for source in sources]
+    rows = range(len(sources))
+    return [k for k in rows if not is_held_out[k]], [k for k in rows if is_held_out[k]]
 
 
 def split_views(n_views: int) -> tuple[list[int], list[int]]:

@@ -22,7 +22,7 @@ def prefetch(
         function: Safe to call from several threads at once.
         items: Iterated in the caller's thread.
         threads: How many calls run at a time.
-        ahead: How many calls may be started or done before their result is asked for.
+        ahead: How many calls may be started or done before their result is needed.
     """
     remaining = iter(items)
     executor = ThreadPoolExecutor(threads)

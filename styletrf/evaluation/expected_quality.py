@@ -21,7 +21,7 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.capture.view_images import ViewImages, view_images
-from styletrf.capture.views import load_views, split_views
+from styletrf.capture.views import load_views, places_of, split_sources
 from styletrf.evaluation.quality import views_that_count
 from styletrf.field.kernels import Kernels
 from styletrf.field.pixel_rays import pixel_rays
@@ -29,6 +29,7 @@ from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, render_rays
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.training.observed_depths import ObservedDepths, observed_depths
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.field.view_rays import ViewRays
@@ -76,9 +77,9 @@ def expected_psnr(
 ) -> float | None:
     """Returns the PSNR in dB that a fit of these photographs will have on other views.
 
-    Every eighth of the photographs, or one of fewer than twelve, is set aside for it; views held
-    out have no part in it. None where one photograph is all there is, or masks leave nothing of
-    those set aside.
+    Every eighth of the photographs, or one of fewer than twelve, is set aside for it; views of one
+    panorama count as one. Views held out have no part in it. None where one photograph is all there
+    is, or masks leave nothing of those set aside.
 
     Args:
         photographs: To fit to.
@@ -104,7 +105,7 @@ def brief_fits(
     shares: Sequence[float] = BRIEF,
 ) -> list[BriefFit]:
     """Returns fits of shares of the iterations; none where `expected_psnr` returns None."""
-    fitted_rows, validation_rows = split_views(len(photographs.cameras))
+    fitted_rows, validation_rows = split_sources(places_of(photographs.cameras))
     held_back = model.normalized([photographs.cameras[row] for row in validation_rows])
     cameras, views = views_that_count(held_back, load_views(photographs.folder, held_back, device))
     if not fitted_rows or not cameras:
@@ -140,18 +141,12 @@ def _fitted(
     device: torch.device,
 ) -> RadianceField:
     cameras, points = model.normalized(photographs.cameras), photographs.points
-    field, _ = train_field(
-        cameras,
-        load_views(photographs.folder, cameras, device),
-        model.space,
-        model.resolution,
-        config,
-        kernels,
-        free=torch.from_numpy(free_space(model, photographs.cameras, points)),
-        depths=depths,
-        exposures=view_exposures(photographs.cameras, model.exposures, device),
-    )
-    return field
+    images = load_views(photographs.folder, cameras, device)
+    exposures = view_exposures(photographs.cameras, model.exposures, device)
+    free = torch.from_numpy(free_space(model, photographs.cameras, points))
+    views = TrainingViews(cameras, images, depths, exposures)
+    volume = FieldVolume(model.space, model.resolution, free)
+    return train_field(views, volume, config, kernels)[0]
 
 
 @torch.no_grad()

@@ -1,4 +1,4 @@
-"""An image as another photograph of the same place was exposed: for measuring only.
+"""Gives an image the exposure of another photograph of the same place, for measuring only.
 
 A field has one exposure; a photograph held out has its own, of which nothing in the fit knows. The
 exposure that is best for a render is found from the photograph itself (`styletrf.scene.exposures`

@@ -1,4 +1,4 @@
-"""Where each pixel of one frame went in another, and the other frame brought back by it."""
+"""Estimates the optical flow between two frames, and warps one of them to the other."""
 
 from collections.abc import Callable
 from typing import Final, Literal, final, get_args
@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from styletrf.errors import InputError
 from styletrf.evaluation.raft_flow import raft_estimator
+from styletrf.geometry.image_sampling import sample_at
 
 _SMALLEST_SIDE = 12  # below, DIS has no room for its patches
 
@@ -99,10 +100,9 @@ def warp_to_a(
     # beyond the border all is alike; OpenCV's integers overflow on what is far beyond
     x = np.clip(columns + flow_a_to_b[..., 0], -1, width)
     y = np.clip(rows + flow_a_to_b[..., 1], -1, height)
-    between = _INTERPOLATIONS[interpolation]
-    warped = cv2.remap(b_image, x, y, interpolation=between, borderMode=cv2.BORDER_REPLICATE)
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
-    return np.asarray(warped), inside
+    points = np.stack([x, y], axis=-1)
+    return sample_at(b_image, points, _INTERPOLATIONS[interpolation]), inside
 
 
 def agreement(flow_a_to_b: Flow, flow_b_to_a: Flow) -> Mask:

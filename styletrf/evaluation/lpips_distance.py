@@ -1,4 +1,4 @@
-"""LPIPS (Zhang et al. 2018) by its authors' package, where that and its weights are at hand.
+"""LPIPS (Zhang et al. 2018) by its authors' package, where that is installed with its weights.
 
 An optional extra (`pip install .[lpips]`); nothing is downloaded here. The package brings the
 weights of its layers; those of AlexNet are torchvision's, and lie where torch keeps what it has

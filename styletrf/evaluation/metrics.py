@@ -1,4 +1,4 @@
-"""How near an image is to its reference: mean squared error, PSNR, SSIM.
+"""Compares an image with its reference: mean squared error, PSNR, SSIM.
 
 Images are in [0, 1]; everything is computed in float64.
 """

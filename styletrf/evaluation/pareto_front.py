@@ -1,4 +1,4 @@
-"""The combinations worth having: those that none beats, and the answers to what people ask."""
+"""Finds the combinations that no other beats, and those that answer common questions."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

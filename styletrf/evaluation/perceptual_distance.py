@@ -1,4 +1,4 @@
-"""How unlike two pictures look, and how much of a style one has, by the features of VGG16."""
+"""Compares the look of two pictures, and their style, by the features of VGG16."""
 
 from collections.abc import Mapping, Sequence
 from typing import final

@@ -1,4 +1,4 @@
-"""How well a field shows the views it was not fitted to."""
+"""Measures how well a field renders the views that it was not fitted to."""
 
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -58,10 +58,10 @@ def requested_metrics(
 ) -> dict[str, ImageMetric]:
     """Returns the metrics by the column of their figures.
 
-    `psnr` in dB, `ssim`, `perceptual` (by the VGG16 of `weights`), and `lpips` where asked for.
+    `psnr` in dB, `ssim`, `perceptual` (by the VGG16 of `weights`), and `lpips` if required.
 
     Raises:
-        InputError: The weights cannot be read; or LPIPS is asked for and not at hand.
+        InputError: The weights cannot be read; or LPIPS is required and not installed.
     """
     perception = PerceptualFeatures(load_vgg(weights, device), config.perceptual_px)
 

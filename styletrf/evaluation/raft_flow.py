@@ -4,7 +4,6 @@ An optional extra (`pip install .[raft]`, of the build that torch is); nothing i
 The weights are torchvision's `Raft_Large_Weights.C_T_SKHT_V2`, where torch keeps downloads.
 """
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from styletrf.errors import InputError
+from styletrf.files.digests import require_sha256
 from styletrf.files.published_weights import RAFT
 
 _STRIDE, _LEAST_PX = 8, 128  # of its coarse grid, and of four levels of correlation on that
@@ -62,8 +62,7 @@ def _loaded(network: torch.nn.Module, path: Path) -> torch.nn.Module:
     remedy = "Fetch torchvision's Raft_Large_Weights.C_T_SKHT_V2 there, or use dis"
     if not path.is_file():
         raise InputError(str(path), "is not there: the weights of the flow `raft`", remedy)
-    if not hashlib.sha256(path.read_bytes()).hexdigest().startswith(path.stem[-8:]):
-        raise InputError(str(path), "has not the digest in its name", remedy)
+    require_sha256(str(path), path.read_bytes(), path.stem[-8:], remedy)
     network.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
     return network.requires_grad_(requires_grad=False).eval()
 

@@ -1,4 +1,4 @@
-"""How sharp a picture is, whatever its contrast."""
+"""Measures how sharp a picture is, independently of its contrast."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""How well stylized frames have the painting's style and the scene's objects: one number.
+"""One number for how well stylized frames keep the painting's style and the scene's objects.
 
 It is the loss that style networks are trained for (Johnson et al. 2016), measured on what comes out
 in the end: whichever stage gives something away, it shows here.

@@ -1,4 +1,4 @@
-"""What exports are made from: views that are supported, and the points that their pixels see.
+"""Chooses the supported views that exports are made from, and the points that their pixels see.
 
 A point lies where the transmittance of a pixel's ray falls to one half.
 """

@@ -1,4 +1,4 @@
-"""Where splats lie: one in each voxel of the grid that surfaces pass through.
+"""Places splats: one in each voxel of the grid that a surface passes through.
 
 The voxels are as large as the number of splats demands. A splat lies at the mean of the voxel's
 surface points and extends as they do: flat along a surface, thin across it.

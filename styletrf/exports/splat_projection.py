@@ -1,4 +1,4 @@
-"""Where splats lie in a picture, as 3D Gaussian Splatting projects them (Kerbl et al. 2023).
+"""Projects splats into a picture as 3D Gaussian Splatting does (Kerbl et al. 2023).
 
 A splat's image is nearly a Gaussian with the covariance J R Sigma R^T J^T (Zwicker et al. 2001,
 EWA splatting), to which 3DGS adds 0.3 square pixels.

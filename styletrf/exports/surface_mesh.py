@@ -1,4 +1,4 @@
-"""A mesh of what cameras see, where it is a surface.
+"""A mesh of the surfaces that cameras see.
 
 Depths of all views are fused as truncated signed distances on a lattice of the field's grid
 (Curless and Levoy 1996), whose zero is meshed by marching cubes (Lewiner et al. 2003, in

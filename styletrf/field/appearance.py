@@ -1,4 +1,4 @@
-"""What color a field has: components from factors, and the shading that decodes them.
+"""The colors of a field: components from factors, and the shading that decodes them.
 
     color(x, d) = shading(components(x), d)                             (TensoRF eq. 6)
 

@@ -1,6 +1,6 @@
-"""A finished field made smaller: empty margins cropped, ranks of the density cut.
+"""Makes a finished field smaller: crops empty margins, and cuts ranks of the density.
 
-Both as long as the loss on a fixed sample of the photographs' pixels rises by no more than a stated
+Both go on while the loss on a fixed sample of the photographs' pixels rises by no more than a given
 share. For an axis pair the density's components are the sum of plane_c (u, v) line_c (w), a matrix
 of uv x w in two factors. Its singular value decomposition turns them into as many components of
 which each holds the most that is left (Eckart and Young 1936): the last hardly count. They go in
@@ -108,7 +108,7 @@ def _cut(ordered: TensorVM, cuts: Sequence[int]) -> TensorVM:
 
 
 def crop_to_occupied(field: RadianceField) -> None:
-    """Leaves out the lattice beyond what is occupied, and tells the field's new bounds."""
+    """Crops the lattice to the occupied voxels, and sets the field's new bounds."""
     occupied = field.density.occupancy
     resolution, lower, upper = field.resolution, [], []
     for axis, n in enumerate(resolution):

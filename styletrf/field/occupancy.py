@@ -1,4 +1,4 @@
-"""Where a density may be found: a coarse grid of voxels that rays do not pass over."""
+"""A coarse grid of the voxels in which a density may be found; rays skip the others."""
 
 from collections.abc import Iterator, Sequence
 
@@ -27,9 +27,9 @@ def occupied_voxels(
 
     A voxel is occupied where a step through its center, or through that of a neighbor, would have
     an opacity above `min_alpha`: density has room to grow. Where it is `settled`, the centers of
-    the voxel's eighths are asked instead, and no neighbors: fewer samples a ray for renders. What
-    is known to be `free` is not occupied. If nothing is, everything counts as it: an empty grid
-    would never let the density recover.
+    the voxel's eighths count instead, and no neighbors: fewer samples a ray for renders. A `free`
+    voxel is not occupied. If none is, all count as occupied: with an empty grid the density would
+    never recover.
     """
     halved = voxels_along(density.factors.resolution)
     shape = [2 * n for n in halved] if settled else halved

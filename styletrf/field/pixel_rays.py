@@ -1,4 +1,4 @@
-"""The rays and colors of pixels of a set of views, by one number a pixel: nothing is stored."""
+"""Computes the rays and colors of views' pixels from one number a pixel; nothing is stored."""
 
 from jaxtyping import Float, Int64
 from torch import Tensor

@@ -1,4 +1,4 @@
-"""From a field and rays to color, opacity and depth (volume rendering, Max 1995).
+"""Renders color, opacity and depth of rays through a field (volume rendering, Max 1995).
 
 color = sum_i w_i c_i + (1 - sum_i w_i) background,   opacity = sum_i w_i
 

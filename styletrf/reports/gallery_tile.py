@@ -9,14 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from urllib.parse import quote
 
-OUTCOMES = {
-    "": "",
+OUTCOME_LABELS = {
     "failed": "Failed",
     "under way": "Being made",
     "late": "Not begun in time",
     "not begun": "Not made yet",
 }
-"""What became of a request, and how the page says so."""
+"""What the page says of a result that was requested and not made, by the outcome."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +41,7 @@ class Cell:
         scores: The metrics of the result.
         look: The number of the style in `SCENE/viewer.html`; 0 if it is not in it.
         has_lineage: Whether `SCENE/lineage.html` is there.
-        outcome: One of `OUTCOMES`; "" if nothing was asked for, or if it was made.
+        outcome: One of `OUTCOME_LABELS`; "" if it was not requested, or if it was made.
         reason: Why it was not made.
     """
 
@@ -126,9 +125,9 @@ def _links(cell: Cell) -> str:
 
 
 def _problem(cell: Cell) -> str:
-    word = OUTCOMES[cell.outcome]
-    again = f"{word} anew; this is an earlier one" if cell.is_made else word
-    return f"<b>{again}</b><p>{html.escape(cell.reason)}</p>"
+    label = OUTCOME_LABELS.get(cell.outcome, "")
+    label += "; this is an earlier result" if cell.is_made else ""
+    return f"<b>{label}</b><p>{html.escape(cell.reason)}</p>"
 
 
 def _name(cell: Cell) -> str:

@@ -1,4 +1,4 @@
-"""The box around a scene that is seen from several sides, upright."""
+"""The upright box around a scene that is seen from several sides."""
 
 import numpy as np
 from jaxtyping import Float

@@ -15,6 +15,7 @@ homogeneous w is 1 or +-y_j: the map of a point is the one with the largest.
 import numpy as np
 from jaxtyping import Float
 
+from styletrf.geometry.typical_view import typical_view
 from styletrf.scene.box import box_around, whole_box
 from styletrf.scene.placement import INFINITY_PX, Placement
 from styletrf.scene.upright_capture import Extent, UprightCapture, looked_at, placed
@@ -60,18 +61,27 @@ def octaves_lost(scene: UprightCapture, voxels: int) -> dict[str, float]:
 
 
 def inner_box(scene: UprightCapture) -> Extent:
-    """Returns the box that holds most points, none of its sides too short.
+    """Returns the box with the finest voxels, none of its sides too short.
 
-    It holds the cameras, too, unless they look inward: around an object they stand farther out than
-    what they show, and the lattice would be spread over the air between them. A wall that stands in
-    one of its faces would be cut between two parts of the grid: hence the margin about the points.
+    It holds most points and the cameras. Where cameras look inward, it holds what they look at
+    instead: a cube about the focus that fills the shorter side of their pictures, since a smooth
+    subject has few points, and most of the points that are no farther from the focus than they are.
+    They stand farther out than what they show, and houses behind a statue would make its voxels as
+    large as the statue. A wall that stands in a face of the box would be cut between two parts of
+    the grid: hence the margin about the points.
     """
-    points = box_around(scene.points, _PERCENT)
-    lower, upper = points.center - points.half, points.center + points.half
-    if looked_at(scene)[1] != "inward":
-        centers = np.stack([view.center_world for view in scene.views])
-        lower = np.minimum(lower, centers.min(axis=0))
-        upper = np.maximum(upper, centers.max(axis=0))
+    held, points = np.stack([view.center_world for view in scene.views]), scene.points
+    focus, looking, _ = looked_at(scene)
+    if looking == "inward":
+        distance = float(np.median(np.linalg.norm(held - focus, axis=1)))
+        points = points[np.linalg.norm(points - focus, axis=1) <= distance]
+        view = typical_view(scene.views)
+        shown = distance * min(view.width, view.height) / 2 / view.fx
+        held = focus + shown * np.array([[-1.0], [1.0]])
+    if len(points):
+        box = box_around(points, _PERCENT)
+        held = np.concatenate([held, [box.center - box.half, box.center + box.half]])
+    lower, upper = held.min(axis=0), held.max(axis=0)
     half = (upper - lower) / 2
     return Extent((lower + upper) / 2, np.maximum(half, _FLATTEST * half.max()))
 
@@ -101,6 +111,7 @@ def _largest(scene: UprightCapture, box: Extent) -> Float[np.ndarray, " observat
 def _reach(scene: UprightCapture, inner: Extent) -> float:
     """Returns where the grid ends: at no parallax, and ten times as far as the farthest points."""
     centers = np.stack([view.center_world for view in scene.views])
-    parallax_px = float(scene.views[0].fx * np.ptp(centers, axis=0).max())  # at depth 1
+    focal_px = typical_view(scene.views).fx
+    parallax_px = float(focal_px * np.ptp(centers, axis=0).max())  # at depth 1
     farthest = float(np.percentile(_largest(scene, inner), 99.5))
     return max(parallax_px / INFINITY_PX / float(inner.half.max()), 10 * farthest, 10.0)

@@ -77,7 +77,10 @@ def _is_ground(
 def _shows(
     camera: Camera, pixels: Float[np.ndarray, "points 2"], inside: Bool[np.ndarray, " points"]
 ) -> Bool[np.ndarray, "rows columns"]:
-    """Returns which tiles show more points of the box than others, or none but those beside do."""
+    """Returns the tiles in which points inside the box outnumber points outside it.
+
+    A tile with a tie, such as an empty one, counts if a neighboring tile has such a majority.
+    """
     longer = max(camera.width, camera.height)
     rows = max(1, round(TILES * camera.height / longer))
     columns = max(1, round(TILES * camera.width / longer))

@@ -1,4 +1,4 @@
-"""Whether photographs are exposed so differently that each needs an exposure of its own.
+"""Decides whether the exposures of photographs differ so much that each needs its own.
 
 The points are parted into two halves, and the exposures are estimated from each half alone. An
 exposure changes both halves alike; noise, and shading that depends on the view, change each its own
@@ -32,7 +32,7 @@ LEAST_RATIO_OF_SEVERAL_CAMERAS = 1.0  # likewise, of photographs by several came
 _SAME_SIZE = 1.05  # ratio of the longer sides of one camera's photographs, after undistortion
 _NEIGHBORS = 4  # of a view, that predict its exposure
 _BLOCKS = 2  # along each axis
-_NEAR = 5.0  # median distances from the middle, within which points tell the principal axes
+_NEAR = 5.0  # median distances from the middle, of the points that decide the principal axes
 _NO_SPREAD = 1e-9
 _LEVELS = 0.1, 0.5, 0.9  # quantiles of the brightness at which changes are compared
 
@@ -64,7 +64,7 @@ class ExposureEvidence:
 def exposure_evidence(
     points: SparsePoints, log_color: Float[np.ndarray, "observations 3"], cameras: Sequence[Camera]
 ) -> ExposureEvidence:
-    """Returns what the tracks of the points tell.
+    """Returns the evidence in the tracks of the points.
 
     Args:
         points: With their tracks, of the views that a field is fitted to.

@@ -1,4 +1,4 @@
-"""How photographs are exposed against each other, by the colors of the points that they share.
+"""Estimates the exposures of photographs relative to each other, by the points that they share.
 
 A photograph shows a color c of the scene as
 
@@ -23,7 +23,7 @@ LEAST_OBSERVATIONS = 16  # of points that others see as well, for a view to have
 _SMALL = 0.02  # residuals below it count by their squares
 _POWERS = 0.2, 5.0  # of a view that has nothing to do with the others
 _ITERATIONS = 12  # of reweighting
-_RIDGE = 1e-6, 1e-3  # of gains and powers, times the mean weight of a view: what nothing tells is 0
+_RIDGE = 1e-6, 1e-3  # of gains and powers, times the mean weight of a view: 0 without evidence
 _AT_ONCE = 4096  # points
 
 

@@ -1,11 +1,11 @@
-"""Where nothing is, before anything is fitted: what photographs look through at their points.
+"""Finds free space before the fit: between a camera and the nearest sparse points that it sees.
 
 A photograph that shows points in a tile of its image sees through all that lies well before the
-nearest of them, there and in the tiles about it. What two photographs see through is free. Tiles
-without points tell nothing: a white wall has none.
+nearest of them, there and in the tiles around it. Space that two photographs see through is free.
+Tiles without points say nothing: a white wall has no points either.
 
-That keeps fog from growing right before cameras that stand in the grid. In NDC none does, and what
-is thin and has no points, as railings have few, would be lost for nothing.
+This keeps fog from growing right before cameras that stand in the grid. In NDC no camera does, and
+thin things with few points, such as railings, would be lost for nothing.
 """
 
 from collections.abc import Sequence

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from styletrf.errors import InputError
 from styletrf.geometry.cameras import Camera, fitted_to, moved
 from styletrf.geometry.space import Space
+from styletrf.geometry.typical_view import typical_view
 from styletrf.scene.placement import INFINITY_PX, Placement, facing_frame, transformed
 
 Plane = Float[np.ndarray, " 2"]
@@ -70,11 +71,12 @@ def place_in_ndc(
             "Leave the space to the evidence, or set it to 'box'",
         )  # fmt: skip
     lower, upper = _tangent_bounds(views)
-    parallax_px = float(views[0].fx) * _baseline(views)  # of a point at unit depth
+    typical = typical_view(views)
+    parallax_px = float(typical.fx) * _baseline(views)  # of a point at unit depth
     farthest = float(np.percentile(ahead, 99.5))
     far = max(parallax_px / INFINITY_PX, 10 * farthest)
     disparity_px = parallax_px * (1 / plane - 1 / float(np.percentile(ahead, 99)))
-    across = oversampling * np.array([views[0].fx, views[0].fy]) * (upper - lower)
+    across = oversampling * np.array([typical.fx, typical.fy]) * (upper - lower)
     near_far = {
         "nearest_points_normalized": float(np.percentile(ahead, 0.5)),
         "farthest_points_normalized": farthest,

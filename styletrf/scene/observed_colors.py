@@ -1,4 +1,4 @@
-"""The colors that photographs show of sparse points, and the contrast about these."""
+"""The colors that photographs show of sparse points, and the contrast around them."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from styletrf.geometry.image_sampling import sample_at
 from styletrf.geometry.point_table import SparsePoints
 
 _LONG_SIDE = 504  # that photographs are looked at with
@@ -23,7 +24,7 @@ class ObservedColors:
 
     @property
     def log_color(self) -> Float[np.ndarray, "observations 3"]:
-        """The logarithms; NaN where they tell little of the light.
+        """The logarithms; NaN where they say little about the light.
 
         That is where a channel is too dark or saturated, and in the half of the observations with
         the greater contrast about them: how much of it a pixel mixes in depends on the distance.
@@ -56,19 +57,7 @@ def observed_colors(
         mean = cv2.GaussianBlur(blurred, (0, 0), _NEIGHBORHOOD)
         variance = cv2.GaussianBlur(blurred**2, (0, 0), _NEIGHBORHOOD) - mean**2
         deviation = np.sqrt(np.maximum(variance, 0).mean(axis=2))
-        pixel = (scale * points.observed_pixel[of_image] - 0.5).astype(np.float32)
-        color[of_image] = _at(blurred, pixel)
-        contrast[of_image] = _at(deviation, pixel)
+        pixel = scale * points.observed_pixel[of_image] - 0.5
+        color[of_image] = sample_at(blurred, pixel)
+        contrast[of_image] = sample_at(deviation, pixel)
     return ObservedColors(color, contrast)
-
-
-def _at(image: np.ndarray, pixel: Float[np.ndarray, "observations 2"]) -> np.ndarray:
-    """Returns the image between its pixels; a column of values at a time, as OpenCV wants it."""
-    return np.concatenate(
-        [
-            cv2.remap(
-                image, part[:, :1], part[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-            )[:, 0]
-            for part in np.array_split(pixel, len(pixel) // 16384 + 1)
-        ]
-    )

@@ -1,4 +1,4 @@
-"""Where a scene lies in its space: what a box and NDC have in common."""
+"""The placement of a scene in its space, which the box and NDC both return."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -7,6 +7,7 @@ its cameras through it. `scene.json` holds each decision with the quantity it wa
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
+from operator import methodcaller
 from pathlib import Path
 from typing import Any, Literal
 
@@ -97,8 +98,8 @@ def decide_scene_model(
     the near points lie in front of every camera. Otherwise a box around the points; but unbounded
     space around an inner box where the box explains too little of the photographs, or where the
     unbounded lattice is as near to what they resolve.
-    Colors are plain where `dependence` tells that they need not depend on the view; photographs
-    have exposures of their own where `exposure` tells that they differ.
+    Colors do not depend on the view if `dependence` shows that they need not; photographs have
+    exposures of their own if `exposure` shows that they differ.
 
     Args:
         cameras: Of the photographs.
@@ -198,7 +199,7 @@ def _exposures(
 
 def write_scene_model(path: Path, model: SceneModel) -> None:
     """Writes `scene.json`."""
-    text = json.dumps(asdict(model), default=_plain, indent=1, sort_keys=True)
+    text = json.dumps(asdict(model), default=methodcaller("tolist"), indent=1, sort_keys=True)
     path.write_text(text + "\n")
 
 
@@ -222,10 +223,6 @@ def read_scene_model(path: Path) -> SceneModel:
     model = SceneModel(space=Space(**space), **values)
     require_finite_file(path, _numbers(model))
     return model
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist()
 
 
 def _sized(placement: Placement, view: Camera, shading: Shading, max_voxels: int) -> SceneModel:

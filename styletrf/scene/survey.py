@@ -1,4 +1,4 @@
-"""What photographs and their poses show of a scene before anything is fitted to it.
+"""Surveys what photographs and their poses show of a scene before a field is fitted to it.
 
 Blur is judged by the Laplacian, exposure by the brightness of points that several photographs see,
 coverage by how many photographs see each part of the grid's box.
@@ -99,7 +99,7 @@ def survey_scene(
 def _light_at(
     image: UInt8[np.ndarray, "height width 3"], pixels: Float[np.ndarray, "observations 2"]
 ) -> Float[np.ndarray, " observations"]:
-    """Returns the log of the brightness at pixels; NaN where too dark or too bright to tell."""
+    """Returns the log of the brightness at pixels; NaN where too dark or too bright to know."""
     height, width = image.shape[:2]
     column = np.clip(pixels[:, 0].astype(np.int64), 0, width - 1)
     row = np.clip(pixels[:, 1].astype(np.int64), 0, height - 1)

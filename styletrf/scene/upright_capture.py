@@ -1,7 +1,7 @@
 """A scene seen from several sides: upright, and looked at inward, outward or ahead.
 
-What a box and unbounded space have in common: the frame both stand in, how the photographers
-looked, and how fine a lattice they can use.
+A box and unbounded space share this: the frame in which both stand, how the photographers looked,
+and the finest lattice that their views support.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Whether a scene looks different from different sides, as the tracks of its points show.
+"""Decides by the tracks of points whether the colors of a scene depend on the view.
 
 A point on a matte surface keeps its color when one walks around it: what differs between two
 photographs is the neighborhood that a pixel mixes in. So the difference of a point's colors is
@@ -21,7 +21,7 @@ from styletrf.scene.exposures import estimate_exposures
 from styletrf.scene.observed_colors import ObservedColors
 
 LEAST_SHARE = 0.01  # of the points that differ, for a scene whose looks depend on the view
-ENOUGH_POINTS = 200  # seen from sides so far apart, to tell
+ENOUGH_POINTS = 200  # seen from sides so far apart, for a decision
 SIDES_DEG = 30.0  # between two views of a point: from nearer by, highlights hardly move
 _LEAST_PAIRS = 3  # of views of a point
 _MOST_PAIRS = 24
@@ -40,7 +40,7 @@ class ViewDependence:
 
     @property
     def needed(self) -> bool:
-        """Whether colors must depend on the view; where too little tells, they may."""
+        """Whether colors must depend on the view; they may if there is too little evidence."""
         return self.points < ENOUGH_POINTS or self.share >= LEAST_SHARE
 
 

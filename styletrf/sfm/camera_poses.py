@@ -1,8 +1,8 @@
 """Structure from motion: where each photograph was taken from, and the points they share.
 
 Features are OpenCV's, matches are exact; geometry and reconstruction are COLMAP's (Schönberger and
-Frahm 2016; its global mapper: Pan et al. 2024), with one lens for all photographs of a size and
-focal length; of poses that came with them only the points are sought. What comes out is
+Frahm 2016; its global mapper: Pan et al. 2024), with one lens for all photographs of a size, clip
+and focal length; of poses that came with them only the points are sought. What comes out is
 undistorted: pinhole cameras and the images they would have taken.
 """
 
@@ -16,14 +16,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
 
-from styletrf.capture.capture_file import Capture, Photograph, read_capture
+from styletrf.capture.capture_file import Capture, read_capture
 from styletrf.capture.masks import MASKS
-from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS, read_photograph
+from styletrf.capture.photographs import read_photograph
 from styletrf.capture.poses.given_poses import GivenView
 from styletrf.capture.scene_capture import given_views
 from styletrf.capture.views import held_out_names
 from styletrf.colmap import pycolmap
-from styletrf.errors import InputError
 from styletrf.files.images import write_png
 from styletrf.geometry.camera_table import write_cameras
 from styletrf.geometry.cameras import Camera
@@ -32,12 +31,14 @@ from styletrf.geometry.point_table import write_points
 from styletrf.geometry.undistortion import undistorted_image
 from styletrf.progress import Progress, silent
 from styletrf.sfm.colmap_features import extract_features, extract_stronger_features
-from styletrf.sfm.colmap_images import ColmapImages, Lenses, prepare_images
+from styletrf.sfm.colmap_images import ColmapImages, prepare_images
 from styletrf.sfm.colmap_mapping import log_to
 from styletrf.sfm.known_poses import map_known_poses
-from styletrf.sfm.mapping import SfmResult, flat_share
+from styletrf.sfm.lens_settings import Lenses
+from styletrf.sfm.mapping import SfmResult, flat_share, require_enough, require_explained
 from styletrf.sfm.mapping_choice import MappingTask, reconstruct
-from styletrf.sfm.poses_report import BETTER_PHOTOGRAPHS, FLAT, PosesReport, poses_report
+from styletrf.sfm.own_lenses import with_own_lenses
+from styletrf.sfm.poses_report import FLAT, PosesReport, poses_report
 from styletrf.sfm.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
 
 _LOGGER = logging.getLogger(__name__)
@@ -66,7 +67,9 @@ class CameraPosesConfig:
         video_neighbors: The same of frames of videos, which are an even travel apart.
         camera_model: COLMAP's name of the lens model.
         lenses: `one` for all photographs of a size, one for `each`, or (`auto`) one for those of a
-            size and of a focal length by their EXIF.
+            clip, or of a size and of a focal length by their EXIF.
+        least_explained: The command stops where poses that were solved explain a smaller share of
+            what the photographs share; 0 for never.
         seed: Of RANSAC and the mappers.
     """
 
@@ -81,6 +84,7 @@ class CameraPosesConfig:
     video_neighbors: int = 4
     camera_model: str = "SIMPLE_RADIAL"
     lenses: Lenses = "auto"
+    least_explained: float = 0.5
     seed: int = 0
 
 
@@ -109,7 +113,8 @@ def solve_camera_poses(
         scratch_dir: Where COLMAP works; in the system's temporary folder where it is None.
 
     Raises:
-        InputError: The photographs do not overlap, or fewer than three can be placed.
+        InputError: The photographs do not overlap, fewer than three can be placed, or the poses
+            explain less of their matches than `least_explained`.
     """
     if log_dir is not None:
         log_to(log_dir)
@@ -164,6 +169,7 @@ def _solve(
     else:
         mapping = _from_matches(database, images, capture, config, progress)
         flat = flat_share(database)
+        images = with_own_lenses(images) if mapping.has_own_lenses else images
     mapping.models[0].extract_colors_for_all_images(images.folder)
     files = dict(zip(images.files, names, strict=True))
     return _Solution(images, mapping, flat, placed_photographs(mapping.models[0], files))
@@ -214,24 +220,8 @@ def _from_matches(
         )
     )
     require_enough(mapping, capture.photographs)
+    require_explained(mapping, capture.photographs, config.least_explained)
     return mapping
-
-
-def require_enough(mapping: SfmResult, photographs: Sequence[Photograph]) -> None:
-    """Refuses a mapping of fewer than three photographs; views of one panorama are one.
-
-    Raises:
-        InputError: There are fewer.
-    """
-    count = mapping.registered_photographs
-    if count < FEWEST_PHOTOGRAPHS:
-        total = len({one.panorama or one.name for one in photographs})
-        placed = f"only {count}" if count else "none"
-        problem = (
-            f"{placed} of them could be placed "
-            f"({mapping.verified_pairs} pairs show the same things)"
-        )
-        raise InputError(f"the {total} photographs", problem, BETTER_PHOTOGRAPHS)
 
 
 def _write_undistorted(

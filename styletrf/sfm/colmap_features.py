@@ -11,8 +11,9 @@ import numpy as np
 
 from styletrf.colmap import pycolmap
 from styletrf.progress import Progress
-from styletrf.sfm.colmap_images import ColmapImages, LensSetting
-from styletrf.sfm.colmap_rigs import tie_views
+from styletrf.sfm.colmap_images import ColmapImages
+from styletrf.sfm.colmap_rigs import write_rigs
+from styletrf.sfm.lens_settings import LensSetting
 from styletrf.sfm.matching.sift_features import Descriptors, Features, Gray, sift_features
 
 _WORKERS = 4  # of which each needs some 250 bytes a pixel
@@ -135,7 +136,8 @@ def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
         model = camera_model if setting.direction is None else "SIMPLE_PINHOLE"
         reader = pycolmap.ImageReaderOptions(camera_model=model)
         pycolmap.import_images(database, images.folder, mode, list(setting.files), reader)
-    tie_views(database, images)
+    if images.panoramas:
+        write_rigs(database, images)
     for setting in settings:
         if setting.focal_prior_px is not None:
             _set_focal(database, setting.files[0], setting.focal_prior_px)

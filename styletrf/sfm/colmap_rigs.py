@@ -13,14 +13,12 @@ from styletrf.colmap import pycolmap
 from styletrf.sfm.colmap_images import ColmapImages
 
 
-def tie_views(database: Path, images: ColmapImages) -> None:
-    """Makes rigs of the cameras of panoramas, and a frame of the views of each panorama.
+def write_rigs(database: Path, images: ColmapImages) -> None:
+    """Replaces the rigs and frames of a database by those of its images.
 
-    The database has the images, each with a rig and a frame of its own. Panoramas of one size share
-    a rig, whose first camera is the reference.
+    The views of each panorama are a frame. Panoramas of one size share a rig, whose first camera is
+    the reference. Every other camera has a rig of its own, and every other image a frame.
     """
-    if not images.panoramas:
-        return
     with closing(pycolmap.Database.open(database)) as opened:
         image_of = {image.name: image for image in opened.read_all_images()}
         opened.clear_frames()

@@ -17,8 +17,9 @@ from styletrf.colmap import pycolmap
 from styletrf.errors import InputError
 from styletrf.progress import Progress
 from styletrf.sfm.colmap_features import extract_features
-from styletrf.sfm.colmap_images import ColmapImages, LensSetting
+from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.colmap_mapping import match_pairs
+from styletrf.sfm.lens_settings import LensSetting
 from styletrf.sfm.mapping import SfmResult, explained_share
 from styletrf.sfm.matching.image_pairs import Pairs, all_pairs
 from styletrf.sfm.pose_adjustment import adjusted_poses, triangulated

@@ -8,10 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from styletrf.capture.capture_file import Photograph
+from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.colmap import pycolmap
+from styletrf.errors import InputError
 
 ENOUGH_EXPLAINED = 0.8
 _LEAST_INLIERS = 30  # of a pose: COLMAP's `abs_pose_min_num_inliers`
+BETTER_PHOTOGRAPHS = (
+    "Take photographs from different places, each sharing most of what it shows with its "
+    "neighbors, of things that have texture and keep still, in focus; 20 or more are better"
+)
+"""What to do about photographs that tell too little."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +28,8 @@ class SfmResult:
 
     `explained` is the share of the verified matches between placed photographs whose two features
     are one point of the largest model. A model fooled by things that repeat (a wallpaper) leaves
-    many unexplained, however small its reprojection error.
+    many unexplained, however small its reprojection error. Where it `has_own_lenses`, photographs
+    whose lens was assumed to be one had each its own.
     """
 
     models: Sequence[pycolmap.Reconstruction]
@@ -29,6 +38,7 @@ class SfmResult:
     mapper: str
     mapper_reason: str
     explained: float
+    has_own_lenses: bool = False
 
     @property
     def registered(self) -> int:
@@ -53,6 +63,47 @@ class SfmResult:
 def is_explained(mapping: SfmResult) -> bool:
     """Returns whether the model explains 80 % of the matches between its photographs."""
     return mapping.explained >= ENOUGH_EXPLAINED
+
+
+def require_enough(mapping: SfmResult, photographs: Sequence[Photograph]) -> None:
+    """Refuses a mapping of fewer than three photographs; views of one panorama are one.
+
+    Raises:
+        InputError: There are fewer.
+    """
+    count = mapping.registered_photographs
+    if count < FEWEST_PHOTOGRAPHS:
+        placed = f"only {count}" if count else "none"
+        problem = (
+            f"{placed} of them could be placed "
+            f"({mapping.verified_pairs} pairs show the same things)"
+        )
+        raise InputError(_counted(photographs), problem, BETTER_PHOTOGRAPHS)
+
+
+def require_explained(
+    mapping: SfmResult, photographs: Sequence[Photograph], least_explained: float
+) -> None:
+    """Refuses poses that contradict most of what the photographs share.
+
+    Raises:
+        InputError: The share of the matches that they explain is below `least_explained`.
+    """
+    if mapping.explained < least_explained:
+        problem = (
+            f"agree with no poses that were found: the best ones, of"
+            f" {mapping.registered_photographs} photographs, explain {mapping.explained:.0%} of"
+            f" what these share, and have to explain {least_explained:.0%}"
+        )
+        remedy = (
+            f"{BETTER_PHOTOGRAPHS}. To use these poses in spite of it:"
+            """ --CameraPoses-settings '{"least_explained": 0}'"""
+        )
+        raise InputError(_counted(photographs), problem, remedy)
+
+
+def _counted(photographs: Sequence[Photograph]) -> str:
+    return f"the {len({one.panorama or one.name for one in photographs})} photographs"
 
 
 def explained_share(database: Path, models: Sequence[pycolmap.Reconstruction]) -> float:

@@ -5,6 +5,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from shutil import copyfile
 
 from styletrf.capture.capture_file import Photograph
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
@@ -21,7 +22,7 @@ from styletrf.sfm.colmap_mapping import (
     panorama_pairs,
 )
 from styletrf.sfm.mapping import SfmResult, could_be_placed, explained_share, is_explained
-from styletrf.sfm.mapping_ladder import ENOUGH_PLACED, Rung, best_mapping
+from styletrf.sfm.mapping_ladder import ENOUGH_PLACED, MappingAttempt, best_mapping
 from styletrf.sfm.matching.image_pairs import (
     Pairs,
     all_pairs,
@@ -36,9 +37,11 @@ from styletrf.sfm.matching.preemptive_pairs import N_LARGEST, preemptive_pairs
 from styletrf.sfm.matching.retrieval import similar_pairs
 from styletrf.sfm.model_joining import joined
 from styletrf.sfm.model_support import supported
+from styletrf.sfm.own_lenses import give_own_lenses, with_own_lenses
 
 STRONGER_UP_TO = 40  # photographs: stronger features take seconds each, and few need them
 _EAGER = "incremental from a weaker start"
+_CLEARLY = 1.05  # times as much explained by a lens for each photograph: hardly more if not needed
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,21 +81,26 @@ def reconstruct(task: MappingTask) -> SfmResult:
 
     The global mapper goes first. Where it leaves photographs out, they are matched with all others,
     or, where they are many, with more than before; unless no pair at all was verified.
-    Where it explains less than 80 % of the matches, both mappers count the points that only two
-    photographs share; where photographs are still left out, the incremental mapper is tried. Where
-    then fewer than 80 % are placed or explained, it begins with less, verified pairs are matched
-    again along their geometry, and at last all photographs are described by stronger features.
+    Where fewer than 80 % are then placed or explained, photographs whose shared lens is assumed
+    have one each. Where less than 80 % of the matches are explained, both mappers count the points
+    that only two photographs share; where photographs are still left out, the incremental mapper is
+    tried. Where then fewer than 80 % are placed or explained, it begins with less, verified pairs
+    are matched again along their geometry, and at last all photographs are described by stronger
+    features.
     """
-    rungs = [
-        Rung("the global mapper", partial(_first, task)),
-        Rung("the global mapper, those left out matched with more,", partial(_left_out, task)),
-        Rung("the better mapper with points of two photographs", partial(_points_of_two, task)),
-        Rung("the incremental mapper", partial(_incrementally, task)),
-        Rung("the incremental mapper from a weaker start", partial(_eagerly, task), ENOUGH_PLACED),
-        Rung("guided matching", partial(_guided, task), ENOUGH_PLACED),
-        Rung("stronger features", partial(_stronger, task), ENOUGH_PLACED),
+    attempt = MappingAttempt
+    rescue = partial(MappingAttempt, skip_if_placed=ENOUGH_PLACED)
+    attempts = [
+        attempt("the global mapper", partial(_first, task)),
+        attempt("the global mapper, those left out matched with more,", partial(_left_out, task)),
+        rescue("a lens for each photograph", partial(_own_lenses, task), least_gain=_CLEARLY),
+        attempt("the better mapper with points of two photographs", partial(_points_of_two, task)),
+        attempt("the incremental mapper", partial(_incrementally, task)),
+        rescue("the incremental mapper from a weaker start", partial(_eagerly, task)),
+        rescue("guided matching", partial(_guided, task)),
+        rescue("stronger features", partial(_stronger, task)),
     ]
-    return best_mapping(rungs, len(task.photographs))
+    return best_mapping(attempts, len(task.photographs))
 
 
 def _first(task: MappingTask, best: SfmResult | None) -> SfmResult:  # noqa: ARG001
@@ -131,6 +139,18 @@ def _points_of_two(task: MappingTask, best: SfmResult | None) -> SfmResult | Non
     return _better_of_two(task, best, "incremental")
 
 
+def _own_lenses(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
+    """Where photographs share a lens of which nothing is known: each has one, here and later.
+
+    So photographs of several cameras are mapped whose files lost their EXIF. It comes before points
+    of two photographs count, since these hide a wrong lens: poses bend until they agree.
+    """
+    is_assumed = any(setting.is_assumed for setting in task.images.lenses)
+    if best is None or not best.verified_pairs or not is_assumed:
+        return None
+    return _mapped(task, replace(best, has_own_lenses=True), "global", fewest_views=3)
+
+
 def _incrementally(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """Where enough is explained, but photographs are left out that share something with others."""
     if best is None or not is_explained(best):
@@ -156,7 +176,7 @@ def _guided(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
 
 
 def _stronger(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
-    """The photographs described and matched anew, in a database of their own.
+    """Describes and matches the photographs once more, in a database of their own.
 
     Not where no two show the same: it would take minutes to say so again. Nor where photographs are
     many: it would take a quarter of an hour.
@@ -167,10 +187,11 @@ def _stronger(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
         return None
     database = task.database.with_stem(f"{task.database.stem}_stronger")
     task.describe_stronger(database)
-    anew = replace(task, database=database)
-    first = _first(anew, None)
-    matched = replace(first, matcher=f"{first.matcher}, stronger features")
-    return _better_of_two(anew, matched, _EAGER) if first.verified_pairs else None
+    stronger = replace(task, database=database)
+    first = _first(stronger, None)
+    matcher = f"{first.matcher}, stronger features"
+    matched = replace(first, matcher=matcher, has_own_lenses=best.has_own_lenses)
+    return _better_of_two(stronger, matched, _EAGER) if first.verified_pairs else None
 
 
 def _better_of_two(task: MappingTask, matched: SfmResult, other: str) -> SfmResult:
@@ -188,6 +209,8 @@ def _globally(task: MappingTask, matcher: str, pairs: Pairs) -> SfmResult:
 
 def _mapped(task: MappingTask, matched: SfmResult, mapper: str, fewest_views: int) -> SfmResult:
     """Returns what a mapper makes of the matches; models that share photographs are joined."""
+    if matched.has_own_lenses:
+        task = _with_own_lenses(task)
     of = task.database, task.images, task.seed, task.progress
     if mapper == "global":
         models = map_globally(*of, fewest_views, task.tracks)
@@ -200,6 +223,15 @@ def _mapped(task: MappingTask, matched: SfmResult, mapper: str, fewest_views: in
     found = replace(matched, models=models, mapper=mapper, explained=explained)
     whole = joined(task.database, found, fewest_views, task.seed)
     return max(found, whole, key=lambda mapping: mapping.quality)
+
+
+def _with_own_lenses(task: MappingTask) -> MappingTask:
+    """Returns the task with a lens for each photograph, in a copy of its database."""
+    database = task.database.with_stem(f"{task.database.stem}_own_lenses")
+    copyfile(task.database, database)
+    images = with_own_lenses(task.images)
+    give_own_lenses(database, images)
+    return replace(task, database=database, images=images)
 
 
 def _pairs_to_match(task: MappingTask) -> tuple[str, Pairs]:

@@ -1,8 +1,8 @@
-"""Which photographs of a model hang together by points that three of them see.
+"""Finds the groups of photographs that are connected by points seen in at least three photographs.
 
-A point that two photographs share tells how one lies to the other, but not how far: a model held
-together by such points alone may be bent at will, and still explains all matches. Views of one
-panorama, which is a frame of COLMAP's, count as one photograph.
+A point in two photographs fixes their relative direction but not their scale. A model that only
+such points connect can have many wrong shapes, and still explains all matches. The views of one
+panorama, a frame of COLMAP's, count as one photograph.
 """
 
 from collections.abc import Mapping
@@ -26,10 +26,10 @@ def supported(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
 
 
 def supported_images(model: pycolmap.Reconstruction) -> set[int]:
-    """Returns the images that hang together: those resection would place one after the other.
+    """Returns the connected images: those that resection would place one after the other.
 
-    It begins with the two that share most points of three images or more; then comes whichever
-    sees most points that two of those before see, at least 15.
+    It begins with the two that share most points of three images or more. Each next image sees most
+    of the points that two images before it see, at least 15.
     """
     frame_of = {i: model.image(i).frame_id for i in model.reg_image_ids()}
     frames = sorted(set(frame_of.values()))

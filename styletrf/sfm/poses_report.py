@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from styletrf.capture.poses.colmap_model import lens_of
 from styletrf.capture.poses.given_poses import Lens
 from styletrf.sfm.colmap_images import ColmapImages
-from styletrf.sfm.mapping import SfmResult, is_explained
+from styletrf.sfm.mapping import BETTER_PHOTOGRAPHS, SfmResult, is_explained
 from styletrf.sfm.reconstruction import PlacedPhotograph
 
 _LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
@@ -16,11 +16,6 @@ FLAT = 0.95
 
 Above it, `parallax_share` of the points decides.
 """
-BETTER_PHOTOGRAPHS = (
-    "Take photographs from different places, each sharing most of what it shows with its "
-    "neighbors, of things that have texture and keep still, in focus; 20 or more are better"
-)
-"""What to do about photographs that tell too little."""
 
 
 @dataclass(frozen=True, slots=True)

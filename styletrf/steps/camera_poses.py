@@ -6,24 +6,23 @@ from pathlib import Path
 from typing import Any
 
 from styletrf.configuration import configured
-from styletrf.progress import Progress
 from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
+from styletrf.steps.step_run import StepRun
 
 
 def solve_poses(
-    capture: Path, out: Path, settings: Mapping[str, Any], progress: Progress, log: Path, work: Path
+    inputs: Mapping[str, Path], out: Path, settings: Mapping[str, Any], run: StepRun
 ) -> None:
     """Writes `cameras.parquet`, `points.parquet`, `images/` and `poses.json`.
 
     Args:
-        capture: The folder of `capture_scene`.
+        inputs: `capture`.
         out: The folder to fill.
         settings: Of `CameraPosesConfig`.
-        progress: Called with the work done.
-        log: Receives COLMAP's messages.
-        work: A folder for COLMAP, which is emptied first: a killed run may have left files.
+        run: COLMAP's messages lie beside its log.
     """
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir()
-    config = configured(CameraPosesConfig, settings)
-    solve_camera_poses(capture, out, config, progress, log, work)
+    config, scratch = configured(CameraPosesConfig, settings), run.work / "colmap"
+    shutil.rmtree(scratch, ignore_errors=True)  # a killed run may have left files
+    scratch.mkdir()
+    log = run.log.with_suffix(".colmap") if run.log else None
+    solve_camera_poses(inputs["capture"], out, config, run.progress, log, scratch)

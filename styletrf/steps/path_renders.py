@@ -10,9 +10,9 @@ from styletrf.field.radiance_field import load_field
 from styletrf.field.rendering import RenderConfig
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera
-from styletrf.progress import Progress
 from styletrf.scene.scene_model import SceneModel, read_scene_model
-from styletrf.steps.sharding import Sharding
+from styletrf.steps.sharding import shard_folders, shard_of
+from styletrf.steps.step_run import StepRun
 from styletrf.trajectory.frames import (
     float_frames,
     join_float_frames,
@@ -57,37 +57,33 @@ class PathSource:
 
 
 def render_path(
-    source: Mapping[str, Path],
+    inputs: Mapping[str, Path],
     out: Path,
     config: RenderSettings,
-    device_name: str,
-    sharding: Sharding,
+    run: StepRun,
     choose: Callable[[PathSource], list[Camera]],
-    progress: Progress,
 ) -> None:
     """Writes `frames/NAME.exr` (R G B A half, Z float), `cameras.parquet` and `video.mp4`.
 
     A shard leaves its frames and all cameras, and no video.
 
     Args:
-        source: `field`, `poses`, `model`.
+        inputs: `field`, `poses`, `model`; or the shards to join.
         out: The folder to fill.
         config: Of path and renders.
-        device_name: `auto`, `cpu` or `cuda`.
-        sharding: Which frames to render.
+        run: Its progress is the number of frames.
         choose: Returns the cameras of the whole path.
-        progress: Called with the number of frames.
     """
-    if sharding.folders:
-        join_float_frames(sharding.folders, out)
+    if shards := shard_folders(inputs):
+        join_float_frames(shards, out)
     else:
-        model = read_scene_model(source["model"] / "scene.json")
-        posed = read_cameras(source["poses"] / "cameras.parquet")
+        model = read_scene_model(inputs["model"] / "scene.json")
+        posed = read_cameras(inputs["poses"] / "cameras.parquet")
         photographed = model.normalized(posed, config.long_side_px)
-        path = choose(PathSource(source, photographed, model, device_name))
-        cameras = sharding.select(path)
-        field, device = load_field(source["field"]), device_named(device_name)
-        renders = rendered(field, model.space, cameras, config.render, device, progress)
+        path = choose(PathSource(inputs, photographed, model, run.device_name))
+        cameras = shard_of(path, run.shard)
+        field, device = load_field(inputs["field"]), device_named(run.device_name)
+        renders = rendered(field, model.space, cameras, config.render, device, run.progress)
         write_float_frames(out, cameras, renders, path)
-    if not sharding.is_shard:
+    if not run.shard:
         write_clip(out / "video.mp4", float_frames(out), config.frames_per_second)

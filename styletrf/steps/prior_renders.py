@@ -8,30 +8,22 @@ from styletrf.configuration import configured
 from styletrf.devices import device_named
 from styletrf.field.radiance_field import load_field
 from styletrf.geometry.cameras import Camera
-from styletrf.progress import Progress
 from styletrf.steps.path_renders import PathSource, render_path
-from styletrf.steps.sharding import Sharding
+from styletrf.steps.step_run import StepRun
 from styletrf.stylization.priors import PriorsConfig, needed_views
 from styletrf.trajectory.trajectories import prior_views
 
 
 def render_priors(
-    inputs: Mapping[str, Path],
-    out: Path,
-    settings: Mapping[str, Any],
-    device_name: str,
-    sharding: Sharding,
-    progress: Progress,
+    inputs: Mapping[str, Path], out: Path, settings: Mapping[str, Any], run: StepRun
 ) -> None:
     """Writes the renders as `render_path` does.
 
     Args:
-        inputs: `field`, `poses`, `model` and `trajectory`.
+        inputs: `field`, `poses`, `model` and `trajectory`; or the shards to join.
         out: The folder to fill.
         settings: Of `PriorsConfig`.
-        device_name: `auto`, `cpu` or `cuda`.
-        sharding: Which renders to make.
-        progress: Called with the number of renders.
+        run: Its progress is the number of renders.
     """
     config = configured(PriorsConfig, settings)
 
@@ -46,4 +38,4 @@ def render_priors(
             device_named(source.device_name),
         )
 
-    render_path(inputs, out, config, device_name, sharding, choose, progress)
+    render_path(inputs, out, config, run, choose)

@@ -20,8 +20,8 @@ from styletrf.field.radiance_field import load_field, load_stylized_field
 from styletrf.files.video import video_info
 from styletrf.geometry.camera_table import read_cameras, read_split
 from styletrf.geometry.cameras import moved
-from styletrf.progress import Progress
 from styletrf.scene.scene_model import SceneModel, read_scene_model
+from styletrf.steps.step_run import StepRun
 
 ExportFormat = Literal["ply", "spz", "points", "mesh", "blender", "cameras"]
 PHOTOGRAPHS = "photographs"
@@ -30,10 +30,11 @@ PHOTOGRAPHS = "photographs"
 def export_scene(
     inputs: Mapping[str, Path],
     out: Path,
+    settings: Mapping[str, Any],
+    run: StepRun,
+    *,
     file_format: ExportFormat,
     styles: Sequence[str],
-    device_name: str,
-    progress: Progress,
 ) -> None:
     """Writes the files of one format, and `export.json` with what they hold and lose.
 
@@ -41,10 +42,10 @@ def export_scene(
         inputs: `poses`, `trajectory`; but for cameras `field`, `model`, and `stylized NAME` of each
             style.
         out: The folder to fill.
+        settings: There are none.
+        run: Its progress is counted after every picture, style and iteration.
         file_format: See `docs/exports.md`.
         styles: Names of the styles.
-        device_name: `auto`, `cpu` or `cuda`.
-        progress: Called after every picture, style and iteration.
 
     Raises:
         InputError: There is no surface to export.
@@ -53,31 +54,29 @@ def export_scene(
         report = _export_cameras(inputs, out)
     else:
         model = read_scene_model(inputs["model"] / "scene.json")
-        views = _views(inputs, model, device_name, progress)
+        views = _views(inputs, model, run)
         looks = _looks(inputs, views, styles)
         if file_format in ("ply", "spz"):
             held_out = _held_out(inputs["poses"], model)
             report = export_splats(
-                out, file_format, views, looks, held_out, MOST_SPLATS, progress
-            )  # fmt: skip
+                out, file_format, views, looks, held_out, MOST_SPLATS, run.progress
+            )
         elif file_format == "points":
-            report = export_points(out, views, looks, progress)
+            report = export_points(out, views, looks, run.progress)
         else:
-            report = export_mesh(out, views, looks, progress)
+            report = export_mesh(out, views, looks, run.progress)
         if file_format == "blender":
             _write_bundle(inputs, out)
     text = json.dumps({"format": file_format, **report}, indent=1, sort_keys=True)
     (out / "export.json").write_text(text + "\n")
 
 
-def _views(
-    inputs: Mapping[str, Path], model: SceneModel, device_name: str, progress: Progress
-) -> ExportViews:
+def _views(inputs: Mapping[str, Path], model: SceneModel, run: StepRun) -> ExportViews:
     fitted, _ = read_split(inputs["poses"] / "cameras.parquet")
     path = read_cameras(inputs["trajectory"] / "cameras.parquet")
     field = load_field(inputs["field"])
-    device = device_named(device_name)
-    return export_views(model, field, model.normalized(fitted), path, device, progress)
+    device = device_named(run.device_name)
+    return export_views(model, field, model.normalized(fitted), path, device, run.progress)
 
 
 def _looks(inputs: Mapping[str, Path], views: ExportViews, styles: Sequence[str]) -> list[Look]:

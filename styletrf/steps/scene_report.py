@@ -17,7 +17,6 @@ from styletrf.files.images import read_rgb, to_integers
 from styletrf.files.tables import read_summary, write_summary
 from styletrf.geometry.camera_table import read_cameras, read_unregistered
 from styletrf.geometry.point_table import read_points
-from styletrf.progress import Progress
 from styletrf.reports.coverage_text import registration_summary
 from styletrf.reports.expectation import Expectation
 from styletrf.reports.scene_report import SceneReportContent, advice, write_scene_report
@@ -31,6 +30,7 @@ from styletrf.scene.scene_model import (
 )
 from styletrf.scene.survey import survey_scene
 from styletrf.scene.training_photographs import TrainingPhotographs, read_training_photographs
+from styletrf.steps.step_run import StepRun
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,24 +55,25 @@ class PlannedJob:
 def report_scene(
     inputs: Mapping[str, Path],
     out: Path,
+    settings: Mapping[str, Any],
+    run: StepRun,
+    *,
     scene: str,
     jobs: Mapping[str, PlannedJob],
     machine: str,
-    device: str,
-    progress: Progress,
 ) -> None:
     """Writes `report.html` and `summary.json`.
 
     Args:
-        inputs: The folders `capture`, `poses` and `model` of their stages.
+        inputs: `capture`, `poses` and `model`.
         out: The folder to fill.
+        settings: There are none.
+        run: Its progress is the number of qualities.
         scene: Its name, for the page.
         jobs: By quality; the field of each is fitted briefly, twice.
         machine: What it is, for the page.
-        device: Where fields are fitted.
-        progress: Called for every quality.
     """
-    expected = _expectations(inputs, jobs, device, progress)
+    expected = _expectations(inputs, jobs, run)
     content = _content(inputs, scene, expected, machine)
     summary = {
         "advice": advice(content),
@@ -87,14 +88,14 @@ def report_scene(
 
 
 def _expectations(
-    inputs: Mapping[str, Path], jobs: Mapping[str, PlannedJob], device: str, progress: Progress
+    inputs: Mapping[str, Path], jobs: Mapping[str, PlannedJob], run: StepRun
 ) -> dict[str, Expectation]:
     """Returns the time, the memory and the PSNR to expect, by quality."""
-    decided, place = read_scene_model(inputs["model"] / "scene.json"), device_named(device)
+    decided, place = read_scene_model(inputs["model"] / "scene.json"), device_named(run.device_name)
     photographs, kernels = read_training_photographs(inputs["poses"]), kernels_for(place)
     expectations = {}
     for k, (quality, job) in enumerate(jobs.items()):
-        progress(k, len(jobs))
+        run.progress(k, len(jobs))
         model, fit = _fit(photographs, decided, job)
         cost = field_cost(model, photographs, fit, kernels, place)
         psnr_db = expected_psnr(photographs, model, fit, kernels, place)

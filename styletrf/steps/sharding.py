@@ -1,24 +1,34 @@
 """Shards: a part of the frames of a step, rendered by itself, and joined later."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
-from styletrf.geometry.cameras import Camera
+from styletrf.errors import InputError
 
-Select = Callable[[Sequence[Camera]], Sequence[Camera]]
+Item = TypeVar("Item")
 
 
-@dataclass(frozen=True, slots=True)
-class Sharding:
-    """The shard to render, or the shards to join.
+def shard_of(items: Sequence[Item], shard: str, argument: str = "--shard") -> Sequence[Item]:
+    """Returns a shard of a sequence: neighbors. The sizes of shards differ by one at most.
 
-    Attributes:
-        select: Returns the items of the shard from all of them; all for the whole.
-        is_shard: Whether only a shard is rendered.
-        folders: Of finished shards, which are joined instead of rendering.
+    Args:
+        items: All of them.
+        shard: Such as `2/5`; empty for all.
+        argument: The argument of a command that names the shard.
+
+    Raises:
+        InputError: It is not such as 2/5.
     """
+    if not shard:
+        return items
+    number, slash, count = shard.partition("/")
+    if slash and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count):
+        k, n = int(number), int(count)
+        return items[(k - 1) * len(items) // n : k * len(items) // n]
+    raise InputError(f"{argument} {shard}", "is not K/N with K from 1 to N", "Give one such as 2/5")
 
-    select: Select
-    is_shard: bool
-    folders: Sequence[Path] = ()
+
+def shard_folders(inputs: Mapping[str, Path]) -> list[Path]:
+    """Returns the folders of finished shards among the inputs of a step, in order."""
+    return [inputs[name] for name in sorted(inputs) if name.startswith("shard ")]

@@ -1,7 +1,6 @@
 """A style network for one painting: trained, converted, or conditioned on the painting."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from styletrf.evaluation.consistency.frame_pairs import PairPlan, planned_pairs
 from styletrf.files.images import read_rgb
 from styletrf.files.tables import read_summary, write_curve
 from styletrf.geometry.camera_table import read_cameras
-from styletrf.progress import Progress
+from styletrf.steps.step_run import StepRun
 from styletrf.style.interchange import from_fast_neural_style
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.style.style_network import save_style_network
@@ -25,45 +24,28 @@ from styletrf.style.transfer.weights import load_style_transfer
 from styletrf.trajectory.stills import cuts_of
 
 
-@dataclass(frozen=True, slots=True)
-class NetworkTraining:
-    """What to train.
-
-    Attributes:
-        settings: Of `StyleTrainingConfig`.
-        stroke_scale: Factor of the size of the strokes.
-        content_weight: Factor of the weight of the content.
-        inputs: `style`, `content`, `perceptual`; `transfer` for a warm start; `renders` of the
-            scene, if the temporal loss uses them.
-        measured: The settings of `PairPlan` whose pairs are measured, and kept out.
-    """
-
-    settings: Mapping[str, Any]
-    stroke_scale: float
-    content_weight: float
-    inputs: Mapping[str, Path]
-    measured: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def config(self) -> StyleTrainingConfig:
-        """The settings with the factors applied."""
-        config = configured(StyleTrainingConfig, self.settings)
-        return with_style_parameters(config, self.stroke_scale, self.content_weight)
-
-
 def train_network(
-    training: NetworkTraining, out: Path, device_name: str, progress: Progress, checkpoints: Path
+    inputs: Mapping[str, Path],
+    out: Path,
+    settings: Mapping[str, Any],
+    run: StepRun,
+    *,
+    factors: tuple[float, float],
+    measured: Mapping[str, Any],
 ) -> None:
     """Writes the network and `curve.parquet`; under torchrun, this process is one of several.
 
     Args:
-        training: What to train.
+        inputs: `style`, `content`, `perceptual`; `transfer` for a warm start; `renders` of the
+            scene, if the temporal loss uses them.
         out: The folder to fill.
-        device_name: `auto`, `cpu` or `cuda`.
-        progress: Called with the iteration and the loss.
-        checkpoints: A folder from which an interrupted training continues.
+        settings: Of `StyleTrainingConfig`.
+        run: Its progress is the iteration and the loss.
+        factors: Of the size of the strokes, and of the weight of the content.
+        measured: The settings of `PairPlan` whose pairs are measured, and kept out.
     """
-    inputs, config, device = training.inputs, training.config, device_named(device_name)
+    config = with_style_parameters(configured(StyleTrainingConfig, settings), *factors)
+    device = device_named(run.device_name)
     ranks = joined(device)
     if device.type == "cuda":
         torch.cuda.set_device(ranks.rank)
@@ -72,16 +54,19 @@ def train_network(
     if config.warm_start:
         transfer = load_style_transfer(inputs["transfer"], device)
         initial, predictor = transfer.network_for(style.to(device)), transfer.predictor
+    pairs = None
+    if "renders" in inputs:
+        pairs = _pairs_to_train_on(inputs["renders"], config, measured)
     network, curve = train_style_network(
         config,
         load_vgg(inputs["perceptual"] / "vgg16.safetensors", device),
         style,
         inputs["content"],
-        checkpoint_folder=checkpoints,
+        checkpoint_folder=run.work,
         initial=initial,
         predictor=predictor,
-        pairs=_pairs_to_train_on(training, config) if "renders" in inputs else None,
-        progress=progress,
+        pairs=pairs,
+        progress=run.progress,
         ranks=ranks,
     )
     if ranks.is_first:
@@ -89,12 +74,13 @@ def train_network(
         write_curve(out / "curve.parquet", curve)
 
 
-def _pairs_to_train_on(training: NetworkTraining, config: StyleTrainingConfig) -> RenderPairs:
+def _pairs_to_train_on(
+    renders: Path, config: StyleTrainingConfig, measured: Mapping[str, Any]
+) -> RenderPairs:
     """Returns the pairs of renders except those that are measured."""
-    renders = training.inputs["renders"]
     n_renders = len(read_cameras(renders / "cameras.parquet"))
     cuts = cuts_of(read_summary(renders / "support.json"))
-    planned = planned_pairs(n_renders, configured(PairPlan, training.measured), cuts)
+    planned = planned_pairs(n_renders, configured(PairPlan, measured), cuts)
     return RenderPairs(
         renders,
         batch=config.batch,
@@ -104,17 +90,36 @@ def _pairs_to_train_on(training: NetworkTraining, config: StyleTrainingConfig) -
     )
 
 
-def convert_network(checkpoint: Path, out: Path) -> None:
-    """Writes a checkpoint of PyTorch's fast-neural-style example as a style network."""
+def convert_network(
+    inputs: Mapping[str, Path],
+    out: Path,
+    settings: Mapping[str, Any],
+    run: StepRun,
+    *,
+    checkpoint: Path,
+) -> None:
+    """Writes a checkpoint of PyTorch's fast-neural-style example as a style network.
+
+    Args:
+        inputs: None.
+        out: The folder to fill.
+        settings: There are none.
+        run: Not used.
+        checkpoint: The user's file.
+    """
     save_style_network(from_fast_neural_style(checkpoint), out)
 
 
-def conditioned_network(inputs: Mapping[str, Path], out: Path) -> None:
+def condition_network(
+    inputs: Mapping[str, Path], out: Path, settings: Mapping[str, Any], run: StepRun
+) -> None:
     """Writes the network of arbitrary style transfer, conditioned on a painting.
 
     Args:
         inputs: `style` and `transfer`.
         out: The folder to fill.
+        settings: There are none.
+        run: Not used.
     """
     painting = torch.from_numpy(read_rgb(inputs["style"] / "style.png"))
     save_style_network(load_style_transfer(inputs["transfer"]).network_for(painting), out)

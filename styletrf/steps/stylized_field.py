@@ -9,7 +9,7 @@ from styletrf.configuration import configured
 from styletrf.devices import device_named
 from styletrf.field.radiance_field import save_appearance, save_field
 from styletrf.files.tables import write_curve
-from styletrf.progress import Progress
+from styletrf.steps.step_run import StepRun
 from styletrf.stylization.strategies import (
     Match,
     StylizationConfig,
@@ -25,11 +25,11 @@ def stylize_field(
     inputs: Mapping[str, Path],
     out: Path,
     settings: Mapping[str, Any],
+    run: StepRun,
+    *,
     factors: tuple[float, float],
     strategy: Strategy,
     match: Match,
-    device_name: str,
-    progress: Progress,
 ) -> None:
     """Writes the stylized field: `appearance.safetensors`, `field.json`, `density.json`, a curve.
 
@@ -40,20 +40,19 @@ def stylize_field(
             a loss on renders, and `transfer` where it is of distributions.
         out: The folder to fill.
         settings: Of `StylizationConfig`.
+        run: Its progress is the iteration and the loss.
         factors: Stroke scale and content weight.
         strategy: Adapt the appearance (s3), adapt the whole field (s2), or fit a new one (s1).
         match: The loss.
-        device_name: `auto`, `cpu` or `cuda`.
-        progress: Called with the iteration and the loss.
     """
     config = configured(StylizationConfig, settings).with_style_parameters(*factors)
-    job = load_stylization(inputs, device_named(device_name), match)
+    job = load_stylization(inputs, device_named(run.device_name), match)
     if strategy == "s3":
-        field, curve, dropped = stylized(job, config, progress)
+        field, curve, dropped = stylized(job, config, run.progress)
         save_appearance(out, field)
     else:
         field, curve = stylized_with_own_density(
-            job, config, progress, from_scratch=strategy == "s1"
+            job, config, run.progress, from_scratch=strategy == "s1"
         )
         dropped = 0.0
         save_field(out, field)

@@ -22,7 +22,8 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.progress import Progress, silent
 from styletrf.scene.scene_model import read_scene_model
-from styletrf.steps.sharding import Sharding
+from styletrf.steps.sharding import shard_folders, shard_of
+from styletrf.steps.step_run import StepRun
 from styletrf.stylization.background import (
     EmptyBackground,
     empty_background,
@@ -68,11 +69,9 @@ def render_stylized(
     inputs: Mapping[str, Path],
     out: Path,
     settings: Mapping[str, Any],
-    blend: Blend,
-    device_name: str,
-    sharding: Sharding,
-    progress: Progress,
+    run: StepRun,
     *,
+    blend: Blend,
     writes_depths: bool,
 ) -> None:
     """Writes `frames/NAME.png` and `video.mp4`; a shard leaves `cameras.parquet` and no video.
@@ -80,25 +79,24 @@ def render_stylized(
     Args:
         inputs: `trajectory`; `field`, `model` and `stylized` for frames of a field, or `network`
             and `style` for frames that are stylized independently; `blend NAME` of other styles;
-            `priors` for a mask.
+            `priors` for a mask; or `trajectory` and the shards to join.
         out: The folder to fill.
         settings: Of `RenderConfig`.
+        run: Its progress is the number of frames.
         blend: Which styles are blended where.
-        device_name: `auto`, `cpu` or `cuda`.
-        sharding: Which frames to render.
-        progress: Called with the number of frames.
         writes_depths: Whether the depth of the frames is written beside them.
     """
     cameras = read_cameras(inputs["trajectory"] / "cameras.parquet")
-    if sharding.folders:
-        join_pictures(sharding.folders, out)
+    shown = shard_of(cameras, run.shard)
+    if shards := shard_folders(inputs):
+        join_pictures(shards, out)
     else:
-        shown = sharding.select(cameras)
         depths = _depths_folder(out) if writes_depths else None
+        device_name, progress = run.device_name, run.progress
         frames = stylized_frames(inputs, shown, settings, blend, device_name, progress, depths)
         write_pictures(out, [camera.name for camera in shown], frames)
-    if sharding.is_shard:
-        write_cameras(out / "cameras.parquet", sharding.select(cameras))
+    if run.shard:
+        write_cameras(out / "cameras.parquet", shown)
         return
     images = (read_rgb(out / "frames" / f"{camera.name}.png") for camera in cameras)
     rate = video_info(inputs["trajectory"] / "video.mp4").frames_per_second

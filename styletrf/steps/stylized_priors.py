@@ -1,17 +1,18 @@
 """The stylized prior renders."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import torch
 
 from styletrf.configuration import configured
 from styletrf.devices import device_named
 from styletrf.files.images import read_rgb
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera
-from styletrf.progress import Progress
-from styletrf.steps.sharding import Sharding
+from styletrf.steps.sharding import shard_folders, shard_of
+from styletrf.steps.step_run import StepRun
 from styletrf.style.gatys import GatysConfig
 from styletrf.style.training.config import with_style_parameters
 from styletrf.stylization.alternation import blend_with_previous_round
@@ -24,6 +25,7 @@ from styletrf.stylization.background import (
 from styletrf.stylization.color_transfer import Colors, in_colors
 from styletrf.stylization.painters import (
     Image,
+    Painter,
     load_painted,
     network_painter,
     optimizing_painter,
@@ -33,67 +35,73 @@ from styletrf.stylization.painters import (
 from styletrf.trajectory.frames import float_images, write_pictures
 
 
-@dataclass(frozen=True, slots=True)
-class ViewStylization:
-    """How views are stylized.
-
-    Attributes:
-        inputs: `priors` and `style`; `network` or `perceptual` of the stylizer; from the second
-            round on also `before`, the field of the previous round, with `field` and `model`.
-        colors: The source of the colors.
-        by_optimization: Whether pixels are optimized (Gatys et al.) instead of using the network.
-        settings: Of `GatysConfig`.
-        factors: Stroke scale and content weight of the optimization.
-        device_name: `auto`, `cpu` or `cuda`.
-    """
-
-    inputs: Mapping[str, Path]
-    colors: Colors
-    by_optimization: bool
-    settings: Mapping[str, Any]
-    factors: tuple[float, float]
-    device_name: str
-
-
-def stylize_priors(job: ViewStylization, out: Path, sharding: Sharding, progress: Progress) -> None:
+def stylize_priors(
+    inputs: Mapping[str, Path],
+    out: Path,
+    settings: Mapping[str, Any],
+    run: StepRun,
+    *,
+    colors: Colors,
+    factors: Sequence[float],
+) -> None:
     """Writes `frames/NAME.png` of all priors; a shard leaves `painted.safetensors` instead.
 
     One color map serves all priors, so a shard keeps its views as they are before.
+
+    Args:
+        inputs: `priors` and `style`; `network` or `perceptual` of the stylizer; from the second
+            round on also `before`, the field of the previous round, with `field` and `model`; or
+            `priors`, `style` and the shards to join.
+        out: The folder to fill.
+        settings: Of `GatysConfig`, where pixels are optimized.
+        run: Its progress is the number of views.
+        colors: The source of the colors.
+        factors: Stroke scale and content weight of an optimization of pixels (Gatys et al.); empty
+            for a network.
     """
-    cameras = read_cameras(job.inputs["priors"] / "cameras.parquet")
-    plain = list(float_images(job.inputs["priors"]))
+    cameras = read_cameras(inputs["priors"] / "cameras.parquet")
+    plain = list(float_images(inputs["priors"]))
     background = empty_background(plain)
-    if sharding.folders:
-        shards = (load_painted(folder / "painted.safetensors") for folder in sharding.folders)
+    if folders := shard_folders(inputs):
+        shards = (load_painted(folder / "painted.safetensors") for folder in folders)
         views = [view for shard in shards for view in shard]
     else:
-        views = _painted(job, sharding.select(cameras), background, progress)
-    if sharding.is_shard:
+        device = device_named(run.device_name)
+        content = _content(inputs, shard_of(cameras, run.shard), background, device)
+        paint = _painter(inputs, settings, factors, device)
+        views = painted(paint, content, run.progress)
+    if run.shard:
         save_painted(out / "painted.safetensors", views)
         return
-    painting, content = (
-        read_rgb(job.inputs["style"] / "style.png"),
-        replace_background(plain, background),
-    )
-    shown = restore_background(in_colors(views, content, painting, job.colors), plain, background)
+    painting = read_rgb(inputs["style"] / "style.png")
+    replaced = replace_background(plain, background)
+    shown = restore_background(in_colors(views, replaced, painting, colors), plain, background)
     write_pictures(out, [camera.name for camera in cameras], iter(shown))
 
 
-def _painted(
-    job: ViewStylization,
+def _content(
+    inputs: Mapping[str, Path],
     cameras: Sequence[Camera],
     background: EmptyBackground | None,
-    progress: Progress,
+    device: torch.device,
 ) -> list[Image]:
-    inputs, device = job.inputs, device_named(job.device_name)
+    """Returns what is stylized: the priors, from the second round on blended with renders."""
     views = list(float_images(inputs["priors"], cameras))
     if "before" in inputs:
         views = blend_with_previous_round(views, cameras, inputs, device)
-    content = replace_background(views, background)
+    return replace_background(views, background)
+
+
+def _painter(
+    inputs: Mapping[str, Path],
+    settings: Mapping[str, Any],
+    factors: Sequence[float],
+    device: torch.device,
+) -> Painter:
+    """Returns the network, or an optimization, which may start from the network's pictures."""
     network = network_painter(inputs["network"], device) if "network" in inputs else None
-    if network and not job.by_optimization:
-        return painted(network, content, progress)
-    config = with_style_parameters(configured(GatysConfig, job.settings), *job.factors)
-    weights, style = inputs["perceptual"] / "vgg16.safetensors", inputs["style"]
-    paint = optimizing_painter(weights, style / "style.png", config, device, network)
-    return painted(paint, content, progress)
+    if network and not factors:
+        return network
+    config = with_style_parameters(configured(GatysConfig, settings), *factors)
+    weights, painting = inputs["perceptual"] / "vgg16.safetensors", inputs["style"] / "style.png"
+    return optimizing_painter(weights, painting, config, device, network)

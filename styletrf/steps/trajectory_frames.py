@@ -12,9 +12,8 @@ from styletrf.files.tables import read_summary
 from styletrf.geometry.camera_table import read_split
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.lenses import at_size
-from styletrf.progress import Progress
 from styletrf.steps.path_renders import PathSource, render_path
-from styletrf.steps.sharding import Sharding
+from styletrf.steps.step_run import StepRun
 from styletrf.trajectory.chosen_path import chosen_path, default_path
 from styletrf.trajectory.frames import FramesConfig
 from styletrf.trajectory.support import SupportMeter
@@ -25,23 +24,20 @@ def render_trajectory(
     inputs: Mapping[str, Path],
     out: Path,
     settings: Mapping[str, Any],
+    run: StepRun,
+    *,
     path: str,
     path_name: str,
-    device_name: str,
-    sharding: Sharding,
-    progress: Progress,
 ) -> None:
     """Writes the renders as `render_path` does, and `support.json`.
 
     Args:
-        inputs: `field`, `poses` and `model`.
+        inputs: `field`, `poses` and `model`; or the shards to join.
         out: The folder to fill.
         settings: Of `FramesConfig`.
+        run: Its progress is the number of frames.
         path: `auto`, the name of a path, or a file.
         path_name: Its name in `support.json`.
-        device_name: `auto`, `cpu` or `cuda`.
-        sharding: Which frames to render.
-        progress: Called with the number of frames.
     """
     config = configured(FramesConfig, settings)
 
@@ -51,7 +47,7 @@ def render_trajectory(
         write_support(out / "support.json", path_name, found, config.support)
         return [at_size(camera, config.long_side_px, 0.0) for camera in found.cameras]
 
-    render_path(inputs, out, config, device_name, sharding, choose, progress)
+    render_path(inputs, out, config, run, choose)
 
 
 def _supported(source: PathSource, path: str, config: FramesConfig) -> SupportedPath:

@@ -1,4 +1,4 @@
-"""From a field and a style to a stylized field (StyleTRF sections 4.2, 4.3 and 5).
+"""Makes a stylized field of a field and a style (StyleTRF sections 4.2, 4.3 and 5).
 
 Enters: a field, a trajectory, what paints. Leaves: priors, their stylized versions, and
 an appearance fitted to them, the density frozen.

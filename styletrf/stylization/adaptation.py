@@ -72,7 +72,7 @@ class AdaptationConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class AdaptationPoint:
+class AdaptationCurvePoint:
     """One row of the adaptation curve."""
 
     iteration: int
@@ -89,7 +89,7 @@ def adapt_appearance(
     kernels: Kernels,
     progress: Progress = silent,
     pixels: Int64[Tensor, " pixels"] | None = None,
-) -> tuple[list[AdaptationPoint], float]:
+) -> tuple[list[AdaptationCurvePoint], float]:
     """Fits `field.appearance` to the stylized views, in place; the density is only read.
 
     Pixels are drawn without replacement until all were; then they are gone through again.
@@ -134,7 +134,7 @@ def fit_appearance(
     kernels: Kernels,
     progress: Progress = silent,
     started: float | None = None,
-) -> list[AdaptationPoint]:
+) -> list[AdaptationCurvePoint]:
     """Fits the appearance to batches of rays, in place, and returns the curve.
 
     Args:
@@ -153,7 +153,7 @@ def fit_appearance(
         appearance.shading.freeze_view_dependence()
     optimizer = optimizer_of(appearance, config)
     generator = torch.Generator().manual_seed(config.seed)
-    curve: list[AdaptationPoint] = []
+    curve: list[AdaptationCurvePoint] = []
     for k, batch in enumerate(batches):
         fitted = batch.one_sample_per_ray(generator) if config.fitted == "samples" else batch
         error = fitted.error(appearance, kernels)
@@ -170,7 +170,7 @@ def fit_appearance(
         take_step(optimizer, config.rate_decay ** (k / config.iterations))
         if (k + 1) % _CURVE_EVERY == 0:
             psnr = _psnr(batch, appearance, kernels)
-            curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
+            curve.append(AdaptationCurvePoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, loss=loss)
     left = parameter_stages(appearance, optimizer)
     require_finite("appearance adaptation", "after the last iteration", left)

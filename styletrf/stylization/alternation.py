@@ -1,4 +1,4 @@
-"""To and fro between painting and adapting: what the next round paints."""
+"""The views that the next round paints, where painting and adapting alternate."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -15,17 +15,17 @@ from styletrf.trajectory.frames import rendered
 
 
 def blend_with_previous_round(
-    plain: Sequence[FloatImage],
+    unstylized: Sequence[FloatImage],
     cameras: Sequence[Camera],
     inputs: Mapping[str, Path],
     device: torch.device,
 ) -> list[FloatImage]:
-    """Returns the mean of plain views and of what the field of the round before shows there.
+    """Returns the mean of unstylized views and of renders of the field of the round before.
 
-    The plain half keeps the objects; the other brings the strokes that all views agree on.
+    The unstylized half keeps the objects; the other brings the strokes that all views agree on.
 
     Args:
-        plain: The prior renders.
+        unstylized: The prior renders.
         cameras: Theirs.
         inputs: Folders: `field`, `before` (of the round before) and `model`.
         device: Where to render.
@@ -35,5 +35,5 @@ def blend_with_previous_round(
         read_scene_model(inputs["model"] / "scene.json").space,
         cameras, RenderConfig(), device,
     )  # fmt: skip
-    pairs = zip(plain, renders, strict=True)
+    pairs = zip(unstylized, renders, strict=True)
     return [replace(a, color=(a.color + r.color.numpy()) / 2) for a, r in pairs]

@@ -1,4 +1,4 @@
-"""Painted views in the photographs' colors: their mean and covariance, or their very hues."""
+"""Gives painted views the colors of the painting or of the photographs."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -20,25 +20,25 @@ MOST_GAIN_TO_PAINTING = 1.5
 
 
 def in_colors(
-    painted: Sequence[Image], plain: Sequence[Image], painting: Image, colors: Colors
+    painted: Sequence[Image], unstylized: Sequence[Image], painting: Image, colors: Colors
 ) -> list[Image]:
     """Returns the painted views in the wanted colors, within [0, 1].
 
     `style` moves all of them by the one linear map that gives them the painting's mean and
     covariance (as Zhang et al., ECCV 2022, section 4.3), as far as `MOST_GAIN_TO_PAINTING` allows;
-    `photograph` likewise gives them the plain views'; `luminance` keeps of the painting the
+    `photograph` likewise gives them the unstylized views'; `luminance` keeps of the painting the
     lightness alone (CIE L*a*b*). What a map of colors alone does is the same in every view, so
     consistency stays.
 
     Args:
         painted: RGB in [0, 1].
-        plain: The same views before.
+        unstylized: The same views before.
         painting: The style image.
         colors: Whose.
     """
     if colors == "luminance":
-        return [_with_lightness_of(p, q) for p, q in zip(plain, painted, strict=True)]
-    wanted, most_gain = (plain, MOST_GAIN)
+        return [_with_lightness_of(p, q) for p, q in zip(unstylized, painted, strict=True)]
+    wanted, most_gain = (unstylized, MOST_GAIN)
     if colors == "style":
         wanted, most_gain = ([painting], MOST_GAIN_TO_PAINTING)
     source, target = (np.concatenate([i.reshape(-1, 3) for i in s]) for s in (painted, wanted))

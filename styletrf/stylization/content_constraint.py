@@ -1,4 +1,4 @@
-"""A loss of renders that may lose the content up to a level.
+"""A loss of renders whose content weight falls as far as a level of lost content permits.
 
 At one weight of the content term much of the scene is left under some paintings: broad soft forms
 cost little content, hard lines cost much. So the weight falls while a render keeps more than it
@@ -27,7 +27,7 @@ class ContentConstraintConfig:
     """To which level the content may be lost, and how fast its weight follows (0: not at all).
 
     The term is log(1 + d / t), `d` the mean squared difference between the features of a render and
-    of the plain one, `t` the mean square of the latter's; the level is one of d / t.
+    of the unstylized one, `t` the mean square of the latter's; the level is one of d / t.
     """
 
     level: float = 0.88
@@ -75,9 +75,9 @@ class ConstrainedContentLoss:
         self.factor = 1.0
         """Of the weight that it began with."""
 
-    def content_features(self, plain: Tensor) -> Tensor:
-        """Returns the features that a render is to share with the plain one."""
-        return self._terms.content_features(plain)
+    def content_features(self, unstylized: Tensor) -> Tensor:
+        """Returns the features that a render is to share with the unstylized one."""
+        return self._terms.content_features(unstylized)
 
     def __call__(self, image: Tensor, features: Tensor, generator: torch.Generator) -> Tensor:
         """Returns the loss of a render, and moves the weight of the content for the next."""

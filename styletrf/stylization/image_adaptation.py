@@ -1,9 +1,9 @@
 """Adapting an appearance to a loss of renders, by deferred back-propagation.
 
 As in ARF (Zhang et al., ECCV 2022, section 4.2): a part of a view is rendered without gradients,
-the loss of that picture tells each pixel's gradient, and the part is rendered again tile by tile to
+the loss of that picture gives each pixel's gradient, and the part is rendered again tile by tile to
 take it to the parameters: of the renders' graphs only a tile's is in memory. A view is looked at
-whole; of one with a longer side than `window_px` a window is, drawn anew for every iteration.
+whole; of one with a longer side than `window_px` a window is, drawn again for every iteration.
 
 A picture fixes only the sum along each ray, as in `styletrf.stylization.adaptation`. So the loss
 also has the variance of the color along the rays: it keeps strokes on their surface, and frames
@@ -35,7 +35,7 @@ from styletrf.progress import Progress, silent
 from styletrf.psnr import bounded_psnr
 from styletrf.style.perceptual.perceptual_loss import color_drift
 from styletrf.style.perceptual.predictor_features import LEAST_PX
-from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, optimizer_of
+from styletrf.stylization.adaptation import AdaptationConfig, AdaptationCurvePoint, optimizer_of
 from styletrf.stylization.background import EmptyBackground
 from styletrf.stylization.view_windows import (
     ImageLoss,
@@ -85,15 +85,15 @@ def adapt_to_image_loss(
     kernels: Kernels,
     progress: Progress = silent,
     background: EmptyBackground | None = None,
-) -> list[AdaptationPoint]:
+) -> list[AdaptationCurvePoint]:
     """Moves `field.appearance` down the loss of whole renders, in place.
 
     Args:
         field: The field; its density is only read.
         cameras: Of the views.
-        views: The plain views, and the painted ones, which the curve compares with.
+        views: The unstylized views, and the painted ones, which the curve compares with.
         space: Of the scene.
-        image_loss: Of a render and the content features of the plain view.
+        image_loss: Of a render and the content features of the unstylized view.
         config: How long.
         adaptation: Rates, parts and the cache.
         kernels: The form to compute with.
@@ -107,17 +107,17 @@ def adapt_to_image_loss(
     Raises:
         NotFiniteError: Something stopped being finite; it names what did first, and the view.
     """
-    plain, painted = views
-    rays = ViewRays(cameras, space.within(field.bounds), field.step_length, plain.device)
+    unstylized, painted = views
+    rays = ViewRays(cameras, space.within(field.bounds), field.step_length, unstylized.device)
     optimizer = optimizer_of(field.appearance, _at_rate(adaptation, config.rate))
     parameters = partial(parameter_stages, field.appearance, optimizer)
     curve, started = [], time.monotonic()
     limits = config.min_weight, config.termination, adaptation.cache_bytes
-    images = view_images(plain)
+    images = view_images(unstylized)
     windows = MarchedWindows(field, rays, images, kernels, image_loss, background, *limits)
     generator = torch.Generator().manual_seed(adaptation.seed)
-    block_px = max(1, max(plain.shape[1:3]) // _PARTS)
-    for k, view in enumerate(_order_of_views(len(plain), config.iterations, adaptation.seed)):
+    block_px = max(1, max(unstylized.shape[1:3]) // _PARTS)
+    for k, view in enumerate(_order_of_views(len(unstylized), config.iterations, adaptation.seed)):
         window = drawn_window(painted[view], config.window_px, generator)
         marched = windows.of(view, window)
         held = marched, window, generator, block_px, config.color_weight
@@ -130,7 +130,7 @@ def adapt_to_image_loss(
             _require_finite(where, parameters(), *tiles, [("image loss", torch.tensor(loss))])
         take_step(optimizer, config.rate_decay ** (k / config.iterations))
         psnr = _psnr(image, window.painted)
-        curve.append(AdaptationPoint(k + 1, time.monotonic() - started, psnr))
+        curve.append(AdaptationCurvePoint(k + 1, time.monotonic() - started, psnr))
         progress(k + 1, config.iterations, loss=loss)
     _require_finite("after the last iteration", parameters())
     return curve

@@ -5,7 +5,7 @@
 The density is one. Where the appearances have one power, a ray's weights are one, too, and a
 mixture with shares that are the same everywhere renders exactly the mixture of the renders: a
 weaker style, or two styles at once, need no training.
-Within a region the shares are those asked for, outside it all is the first appearance's.
+Within a region the shares are those given, outside it all is the first appearance's.
 
 Where they differ in the power of their weights (`styletrf.field.weight_sharpening`), a sample has
 the mean of the powers by its shares. So a single appearance and the outside of a region are

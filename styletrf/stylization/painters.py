@@ -1,4 +1,4 @@
-"""What paints views: a style network, or an optimization of each."""
+"""Painters of views: a style network, or an optimization of each view."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial

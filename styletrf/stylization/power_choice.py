@@ -1,4 +1,4 @@
-"""Which power of the weights a style needs, by how crisp its frames are beside its priors.
+"""Chooses the power of a style's weights by how crisp its frames are beside its priors.
 
 A higher power keeps strokes crisp where matter is spread along the rays
 (`styletrf.field.weight_sharpening`). It costs temporal consistency, and it adds grain.

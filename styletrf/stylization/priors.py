@@ -1,4 +1,4 @@
-"""The priors: of many viewpoints the few that show all that the trajectory sees."""
+"""Chooses the priors: a few viewpoints that together show all that the trajectory sees."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -78,9 +78,9 @@ def needed_views(
 
     Args:
         candidates: Viewpoints in the normalized world; of the size of the first are those along the
-            trajectory, where these are asked for.
+            trajectory, where these are wanted.
         trajectory: What `write_float_frames` wrote.
-        radiance: The field, whose depth tells what a candidate shows.
+        radiance: The field, whose depth decides what a candidate shows.
         space: Of the field.
         config: Which viewpoints, and how well they are to cover it.
         device: Where to render.

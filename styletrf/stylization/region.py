@@ -1,4 +1,4 @@
-"""Parts of a scene: a box, or what a mask on one view shows."""
+"""Parts of a scene: a box, or the surfaces that a mask on one view shows."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ from styletrf.files.float_images import read_float_image
 from styletrf.files.images import from_integers
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera, depth_behind
+from styletrf.geometry.image_sampling import sample_at
 
 
 class Region(ABC):
@@ -67,24 +68,8 @@ class Masked(Region):
         )
         near = shown & (depth <= (1 + self.thickness) * surface)
         result = np.zeros(len(points_world))
-        result[near] = _bilinear(self.mask, pixels[near] - 0.5)
+        result[near] = sample_at(self.mask, pixels[near] - 0.5)
         return result
-
-
-def _bilinear(image: Float[np.ndarray, "height width"], xy: np.ndarray) -> np.ndarray:
-    """Returns the image's values at pixels, whose centers are at whole numbers."""
-    x, y = xy.astype(np.float32).T
-    rows = max(1, -(-len(x) // _WIDEST))
-    padded = np.zeros((2, rows * _WIDEST), dtype=np.float32)
-    padded[0, : len(x)], padded[1, : len(x)] = x, y
-    xs, ys = padded.reshape(2, rows, _WIDEST)
-    seen = cv2.remap(
-        image.astype(np.float32), xs, ys, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    return np.asarray(seen).reshape(-1)[: len(x)]
-
-
-_WIDEST = 1 << 14  # remap's images have sides of at most 32,767
 
 
 def masked_on(renders: Path, view: str, mask: Path) -> Masked:

@@ -1,4 +1,4 @@
-"""A field in the style of painted views, by each strategy of the paper and each loss of ours."""
+"""Stylizes a field by painted views, with each strategy of the paper and each loss of ours."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,6 +17,7 @@ from styletrf.field.kernels import Kernels, kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, refine_appearance
 from styletrf.field.shading import ShadingKind
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.files.images import read_rgb, to_integers
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera
@@ -28,7 +29,7 @@ from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, shru
 from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.style.transfer.weights import load_style_transfer
-from styletrf.stylization.adaptation import AdaptationConfig, AdaptationPoint, adapt_appearance
+from styletrf.stylization.adaptation import AdaptationConfig, AdaptationCurvePoint, adapt_appearance
 from styletrf.stylization.background import EmptyBackground, empty_background
 from styletrf.stylization.content_constraint import ConstrainedContentLoss, ContentConstraintConfig
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
@@ -89,13 +90,13 @@ class Stylization:
     model: SceneModel
     cameras: Sequence[Camera]
     depths: Sequence[Float[np.ndarray, "height width"]]
-    plain: Tensor  # views height width 3, uint8
+    unstylized: Tensor  # views height width 3, uint8
     painted: Tensor
     kernels: Kernels
     style: Mapping[str, Path] | None  # the painting, and the weights of a loss of renders
     match: Match
     free: Bool[Tensor, "cells cells cells"] | None = None  # of the grid, for a new field
-    background: EmptyBackground | None = None  # of the plain views
+    background: EmptyBackground | None = None  # of the unstylized views
 
 
 def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
@@ -105,7 +106,7 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
     """
     cameras = read_cameras(inputs["priors"] / "cameras.parquet")
     priors = list(float_images(inputs["priors"]))
-    plain = [torch.from_numpy(to_integers(image.color)) for image in priors]
+    unstylized = [torch.from_numpy(to_integers(image.color)) for image in priors]
     names = () if match == "pixels" else ("style", "perceptual", "transfer")
     style = {name: inputs[name] for name in names if name in inputs}
     model = read_scene_model(inputs["model"] / "scene.json")
@@ -118,7 +119,7 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
         model=model,
         cameras=cameras,
         depths=[image.depth for image in priors],
-        plain=torch.stack(plain).to(device),
+        unstylized=torch.stack(unstylized).to(device),
         painted=torch.stack(load_views(inputs["stylized"] / "frames", cameras, device)),
         kernels=kernels_for(device),
         style=style or None,
@@ -130,7 +131,7 @@ def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Ma
 
 def stylized(
     job: Stylization, config: StylizationConfig, progress: Progress = silent
-) -> tuple[RadianceField, list[AdaptationPoint], float]:
+) -> tuple[RadianceField, list[AdaptationCurvePoint], float]:
     """Returns the field with its appearance adapted (S3), the curve, and the mass left out."""
     generator = torch.Generator().manual_seed(config.adaptation.seed)
     refine_appearance(job.field, _lattice_scale(job, config), config.shading, generator)
@@ -145,13 +146,13 @@ def stylized(
     choose_weight_power(job.field, job.cameras, job.painted, job.model.space, config.weight_power)
     if job.match != "pixels":
         after = adapt_to_image_loss(
-            job.field, job.cameras, (job.plain, job.painted), job.model.space,
+            job.field, job.cameras, (job.unstylized, job.painted), job.model.space,
             _image_loss(job, config),
             config.image, config.adaptation, job.kernels, progress, job.background,
         )  # fmt: skip
-        last = curve[-1] if curve else AdaptationPoint(0, 0.0, 0.0)
+        last = curve[-1] if curve else AdaptationCurvePoint(0, 0.0, 0.0)
         curve += [
-            AdaptationPoint(last.iteration + p.iteration, last.seconds + p.seconds, p.psnr)
+            AdaptationCurvePoint(last.iteration + p.iteration, last.seconds + p.seconds, p.psnr)
             for p in after
         ]
     return job.field, curve, dropped
@@ -163,21 +164,20 @@ def stylized_with_own_density(
     progress: Progress = silent,
     *,
     from_scratch: bool,
-) -> tuple[RadianceField, list[AdaptationPoint]]:
+) -> tuple[RadianceField, list[AdaptationCurvePoint]]:
     """Returns a field fitted to the painted views alone (S1), or the field fitted on (S2).
 
     S2 sees as many rays as the adaptation of the appearance to the painted views alone does.
     """
     shading = replace(config.fit.field, shading=job.model.shading)
     training, space = replace(config.fit, field=shading), job.model.space
+    views = TrainingViews(job.cameras, job.painted)
     if from_scratch:
-        return fit_new_field(
-            job.cameras, job.painted, space, job.model.resolution, training, job.kernels,
-            progress, job.free,
-        )  # fmt: skip
+        volume = FieldVolume(space, job.model.resolution, job.free)
+        return fit_new_field(views, volume, training, job.kernels, progress)
     rays = config.adaptation.iterations * config.adaptation.batch
     training = replace(training, iterations=max(1, rays // training.batch), batch_samples=0)
-    return finetune_all(job.field, job.cameras, job.painted, space, training, job.kernels, progress)
+    return finetune_all(job.field, views, space, training, job.kernels, progress)
 
 
 def _lattice_scale(job: Stylization, config: StylizationConfig) -> float:
@@ -200,7 +200,7 @@ def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
     """Returns the loss of a render: that of the style network, or one of VGG16's Gram matrices."""
     if job.style is None:
         raise ValueError("no style to match")
-    device = job.plain.device
+    device = job.unstylized.device
     vgg = load_vgg(job.style["perceptual"] / "vgg16.safetensors", device)
     if config.image_bfloat16 and is_faster_in_bfloat16(device):
         vgg = vgg.to(torch.bfloat16)

@@ -1,4 +1,4 @@
-"""How fine the lattice of a style has to be, decided from how the priors sample the surfaces.
+"""Chooses the resolution of a style's lattice by how densely the priors sample the surfaces.
 
 Strokes are as fine as the pixels of the priors. A lattice that suffices for the photographs'
 colors shows them blurred where a camera is near: in a box the lattice is as fine everywhere, and

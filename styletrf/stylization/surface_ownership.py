@@ -1,4 +1,4 @@
-"""One owner for every surface point: of all priors that show it, the one whose strokes it gets.
+"""Assigns each surface point to one of the priors that show it, whose strokes it gets.
 
 Priors are stylized one by one, and their strokes disagree. An appearance fitted to all of them
 averages the strokes away. As in texturing a mesh from photographs (Lempitsky and Ivanov 2007), each

@@ -24,8 +24,8 @@ from styletrf.stylization.background import EmptyBackground
 class ImageLoss(Protocol):
     """A loss of renders, `1 3 height width`, beside what they are to show."""
 
-    def content_features(self, plain: Tensor) -> Tensor:
-        """Returns the features of a plain render that the loss compares with."""
+    def content_features(self, unstylized: Tensor) -> Tensor:
+        """Returns the features of an unstylized render that the loss compares with."""
 
     def __call__(self, image: Tensor, features: Tensor, generator: torch.Generator) -> Tensor:
         """Returns the loss, differentiable in the image; called once for each iteration."""

@@ -137,7 +137,7 @@ def eased(time: Places, easing: float) -> Places:
     during the last half of it, and is constant between.
     """
     ramp = easing / 2
-    if ramp < np.finfo(np.float64).eps:  # too short to tell, and to divide by
+    if ramp < np.finfo(np.float64).eps:  # too short to divide by
         return time
     peak = 1 / (1 - ramp)
     before, after = peak * time**2 / (2 * ramp), 1 - peak * (1 - time) ** 2 / (2 * ramp)

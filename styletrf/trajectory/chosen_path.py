@@ -22,10 +22,11 @@ def default_path(
     cameras: Sequence[Camera], model: SceneModel, config: FramesConfig,
     measure: Callable[[Sequence[Camera]], Support], *, tells_depth: bool,
 ) -> SupportedPath:  # fmt: skip
-    """Returns the fly-through, as wide as photographs support it; or stills where there is none.
+    """Returns the widest fly-through that the photographs support, or stills.
 
-    There is none of photographs that tell no depth, and none of which much stays unsupported,
-    however narrow it is; unless the user asked for its angle of view.
+    It returns stills in two cases. The photographs contain no depth, or too few photographs see
+    much of even the narrowest fly-through. If the user set an angle of view, the second case does
+    not apply.
 
     Args:
         cameras: The photographs', in the normalized world.

@@ -1,4 +1,4 @@
-"""Which few views show all that the trajectory will: greedy cover by the field's own depth.
+"""Chooses a few views that show all that the trajectory will, by the field's own depth.
 
 What no prior shows keeps the photographs' colors, or what the factors make up; a second and a
 third prior of the same place average out what the painter does differently from view to view.

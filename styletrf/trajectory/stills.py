@@ -1,6 +1,6 @@
-"""Stills: photographs' own views one after another, where no fly-through can be given.
+"""Stills: the photographs' own views one after another, where a fly-through is not possible.
 
-A fly-through needs depth, which photographs from one spot or of a flat wall do not tell, and
+A fly-through needs depth, which photographs from one spot or of a flat wall do not show, and
 photographs that support what it sees.
 """
 

@@ -1,4 +1,4 @@
-"""How well photographs support a path: what share of its pixels hardly any photograph shows.
+"""Measures how well photographs support a path: the share of pixels that too few of them show.
 
 A field is free where few photographs constrain it. A pixel of a frame is unsupported if fewer than
 three photographs see the surface there: the point behind it, by the field's own depth, has to lie
@@ -118,7 +118,7 @@ def _sees(
     """Returns which points a photograph sees.
 
     A difference in inverse depth shifts a point by at most `f baseline` times as much between two
-    images; where that is below `parallax_px`, the photographs could not tell the surfaces apart.
+    images; where that is below `parallax_px`, the photographs could not distinguish the surfaces.
     """
     _, expected, found, inside = depth_behind(photograph, depth, points)
     safe = np.where(inside, expected, 1.0)

@@ -1,4 +1,4 @@
-"""Paths and their support: the default one is kept where photographs support it.
+"""Narrows the default path until photographs support it.
 
 Its spread is reduced step by step until less than 2 % of its pixels are seen by fewer than three of
 the photographs that the field was fitted to. Where no spread is enough, as where few photographs
@@ -30,7 +30,7 @@ from styletrf.trajectory.trajectories import fly_through
 from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 _LOGGER = logging.getLogger(__name__)
-_SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread that is asked for
+_SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread in the settings
 _ZOOMS = (1.25, 1.5, 1.75, 2.0)  # of the focal length
 _NEARLY_LEAST = 1.25  # times the least share of unsupported pixels is nearly as good
 
@@ -39,7 +39,7 @@ _NEARLY_LEAST = 1.25  # times the least share of unsupported pixels is nearly as
 class Trial:
     """The share of unsupported pixels of the default path with a spread and a focal length.
 
-    `zoom` is the focal length in units of the photographs', or of what the user asked for.
+    `zoom` is the focal length in units of the photographs', or of what the user chose.
     """
 
     spread: float

@@ -1,4 +1,4 @@
-"""The way that photographers took through a scene, smoothed: what a path along it follows.
+"""The smoothed way of the photographers through a scene, which a path can follow.
 
 A walk looks neither at one place nor away from one. The photographs are put in the order in which
 they were taken, or in that of nearest neighbors where that way is shorter; a point of the path is

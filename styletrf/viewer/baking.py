@@ -1,4 +1,4 @@
-"""From fields that share a density to values at lattice points.
+"""Bakes fields that share a density into values at lattice points.
 
 Raw densities and plain colors are exact there but for their quantization; colors that depend on the
 view are fitted (`color_refit`). What a picture loses by it is measured, in dB.

@@ -1,4 +1,4 @@
-"""What pictures lose by baking, measured with the field's own renderer."""
+"""Measures what pictures lose by baking, with the field's own renderer."""
 
 from collections.abc import Iterator, Sequence
 from copy import deepcopy

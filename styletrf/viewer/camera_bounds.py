@@ -1,4 +1,4 @@
-"""Where the viewer's camera may go: near cameras that saw the scene, looking about as they did.
+"""Bounds the viewer's camera: it stays near cameras that saw the scene, and looks as they did.
 
 Beyond them a field shows what no photograph ever checked.
 """

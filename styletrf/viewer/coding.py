@@ -1,4 +1,4 @@
-"""Values at lattice points as whole numbers, and these as few bytes.
+"""Codes values at lattice points as whole numbers, and these as few bytes.
 
 A value is given by its difference from the mean of its neighbors, in multiples of a spacing. The
 spacings of colors widen from class to class of what a point changes in pictures

@@ -1,4 +1,4 @@
-"""What lattice points change in pictures, by which the spacings of their colors are chosen.
+"""Measures how much lattice points change pictures, to choose the spacings of their colors.
 
     effect_k = max over cameras of sqrt(sum_s (w_s h_k(x_s))^2)
 

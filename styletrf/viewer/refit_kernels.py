@@ -1,4 +1,4 @@
-"""What pictures show of lattice points, and how far that is from a field's colors; compiled.
+"""Renders pictures from lattice points, and compares them with a field's colors; compiled.
 
     shown_s = sigmoid(sum_k h_k(x_s) (base_k + slope_k . t) + tint),   h_k: trilinear weight of k
     residual_r = sum_s w_s (c_s - shown_s)                              of a ray r

@@ -1,4 +1,4 @@
-"""The lattice points that views show, and the classes of what these change in pictures."""
+"""The lattice points that views show, in classes by how much they change pictures."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""How the directions differ that views see along, and how all colors change with them.
+"""The directions in which views see, and how all colors change with them.
 
     t(d) = A (d - m),   A = diag(1 / s_1, 1 / s_2, 1 / s_3) V^T
     tint(d) = sum_k c_k q_k(clip(t(d), least, most)),   q_k: the 19 monomials of degrees 1 to 3

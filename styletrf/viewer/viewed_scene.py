@@ -1,4 +1,4 @@
-"""What a viewer shows of a scene besides its fields, read from the artifacts of its stages."""
+"""Reads what a viewer shows of a scene besides its fields from the artifacts of the stages."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

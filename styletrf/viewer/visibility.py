@@ -1,4 +1,4 @@
-"""What of a field the viewer can see: the voxels that any supported view shows.
+"""Finds the voxels of a field that the viewer can see: those that any supported view shows.
 
 Most of what is occupied lies behind surfaces; its colors would be most of the page.
 """

@@ -1,4 +1,4 @@
-"""The command of this process: the tasks it requests, its sources, and the order of its stages.
+"""The command of this process: its tasks, its sources, the order of its stages, their outcomes.
 
 Begin with `root_task`, which returns the task that a command requests.
 """

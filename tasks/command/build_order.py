@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeAlias
 
 import luigi
 
@@ -12,6 +13,9 @@ from pipeline.settings import current_store
 from pipeline.task import StoredTask
 from tasks.command.found_records import is_made
 
+Durations: TypeAlias = Mapping[str, tuple[float, Sequence[str]]]
+"""The seconds of each task, and the tasks that it waits for, which come before it."""
+
 
 @functools.cache
 def seconds_to_the_end(root: luigi.Task) -> Mapping[str, float]:
@@ -21,16 +25,22 @@ def seconds_to_the_end(root: luigi.Task) -> Mapping[str, float]:
     """
     stages = list(upstream_first(root))
     seconds = _seconds(stages)
-    waiting: dict[str, list[str]] = {stage.task_id: [] for stage in stages}
-    for stage in stages:
-        for upstream in luigi.task.flatten(stage.requires()):  # type: ignore[no-untyped-call]
-            waiting[upstream.task_id].append(stage.task_id)
+    durations = {
+        stage.task_id: (seconds[stage.task_id], [each.task_id for each in stage.deps()])  # type: ignore[no-untyped-call]
+        for stage in stages
+    }
+    return longest_remaining(durations)
 
-    @functools.cache
-    def longest(name: str) -> float:
-        return seconds[name] + max(map(longest, waiting[name]), default=0.0)
 
-    return {name: longest(name) for name in waiting}
+def longest_remaining(durations: Durations) -> dict[str, float]:
+    """Returns the seconds of the longest path from each task, with itself, to the end."""
+    remaining = dict.fromkeys(durations, 0.0)
+    for name in reversed(list(durations)):
+        seconds, upstream = durations[name]
+        remaining[name] += seconds
+        for each in upstream:
+            remaining[each] = max(remaining[each], remaining[name])
+    return remaining
 
 
 def seconds_ahead(stages: Iterable[luigi.Task]) -> float:

@@ -22,6 +22,6 @@ def main_command(
     """
     command = ["luigi", "--module", "tasks", task]
     for name, value in {**arguments, **({"tuning": tuning} if tuning else {})}.items():
-        text = value if isinstance(value, str) else json.dumps(recursively_unfreeze(value))
+        text = value if isinstance(value, str) else json.dumps(recursively_unfreeze(value))  # type: ignore[no-untyped-call]
         command += [f"--{name.replace('_', '-')}", text]
     return shlex.join(command)

@@ -14,17 +14,16 @@ import luigi
 import psutil
 
 from pipeline.errors import TaskFailure
-from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.maintenance.task_graph import stored_tasks
-from pipeline.settings import current_store
 from pipeline.task import StoredTask
+from tasks.command.outcomes import outcome_of_missing
 
 SOURCE_PRIORITY = 10**9
 """Added to the priority of a source: more than the seconds of any command."""
 
 
 def is_source(stage: luigi.Task) -> bool:
-    """Whether the stage needs no other one."""
+    """Returns whether the stage needs no other one."""
     return not luigi.task.flatten(stage.requires())  # type: ignore[no-untyped-call]
 
 
@@ -49,14 +48,14 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
         return
     begun = begin_of_command()
     for source in sources_of(root):
-        problem = find_blocking_failure(source, current_store(), since=begun)
-        if problem and not problem.is_under_way and problem.kind != "late":
-            reason = f"not begun, for {problem.task} failed. --keep-going begins it all the same."
+        found = outcome_of_missing(source, since=begun)
+        if found.outcome == "failed":
+            reason = f"skipped because {found.stage} failed. Add --keep-going to build it anyway."
             raise TaskFailure("user", str(stage), reason)
 
 
 def may_stop(root: luigi.Task) -> bool:
-    """Whether a command stops where what it needs is not there.
+    """Returns whether a command stops where what it needs is not there.
 
     It does if it has a `keep_going` that was not given, and no luigid hands its stages to others.
     """
@@ -64,7 +63,7 @@ def may_stop(root: luigi.Task) -> bool:
 
 
 def builds_alone() -> bool:
-    """Whether no luigid hands the stages of the command to several machines."""
+    """Returns whether no luigid hands the stages of the command to several machines."""
     return bool(luigi.interface.core().local_scheduler)  # type: ignore[no-untyped-call]
 
 

@@ -1,7 +1,8 @@
-"""How fast this machine is: seconds of reference workloads, measured once and kept in the store.
+"""How fast this machine is: seconds of reference workloads, measured and kept in the store.
 
-Times measured on one machine are multiplied by the ratio of two calibrations to be those of
-another. No result depends on them, and no key has them.
+They are measured with the environment of builds, and again after 30 days. Times measured on one
+machine are multiplied by the ratio of two calibrations to be those of another. No result depends on
+them, and no key has them.
 """
 
 import functools
@@ -12,15 +13,16 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, date, datetime, timedelta
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pipeline.code.interpreters import interpreter_environment, json_from
+from pipeline.code.interpreters import json_from
 from pipeline.digest import typed_digest
 from pipeline.execution.cpu_memory import usable_cores
+from pipeline.execution.environment import build_environment
 from pipeline.execution.gpu import VISIBLE, visible_gpus
 from tasks.machine.local_facts import add_fact, read_facts
 
@@ -29,7 +31,9 @@ _log = logging.getLogger("pipeline")
 
 CALIBRATIONS = "calibrations"
 """The file of the store that has those of all its machines."""
+_LONGEST_KEPT = timedelta(days=30)
 _LIBRARIES = ("numba", "opencv-contrib-python-headless", "pycolmap", "torch")
+_THREADS_AND_ALLOCATOR = ("GOMP_", "OMP_", "MKL_", "MALLOC_", "GLIBC_TUNABLES")
 _POSES = {"CameraPoses", "ContentImages", "SceneCapture", "SceneModel", "StyleImage"}
 _FIELD = {
     "PriorRenders", "QualityMetrics", "RadianceField", "StylizedField", "StylizedFrames",
@@ -46,12 +50,14 @@ class Machine:
         cores: How many this process may use.
         device: What stages compute on: `cpu`, or the GPUs by their UUIDs.
         versions: Of the libraries that compute.
+        environment: The variables of builds for threads and memory; empty in older files.
     """
 
     processor: str
     cores: int
     device: str
     versions: Mapping[str, str]
+    environment: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def digest(self) -> str:
@@ -93,12 +99,15 @@ def this_machine(device: str = "auto") -> Machine:
     """Returns what a calibration for `--device` is of."""
     gpus = [] if device == "cpu" else visible_gpus()
     versions = {name: version(name) for name in _LIBRARIES}
-    return Machine(processor(), len(usable_cores()), ",".join(gpus) or "cpu", versions)
+    variables = build_environment().items()
+    environment = {n: value for n, value in variables if n.startswith(_THREADS_AND_ALLOCATOR)}
+    device = ",".join(gpus) or "cpu"
+    return Machine(processor(), len(usable_cores()), device, versions, environment)
 
 
 @functools.cache
 def calibration_of_machine(device: str = "auto") -> Calibration:
-    """Returns the calibration of this machine; measures it where the store has none.
+    """Returns the calibration of this machine; measures it if the store has none of late.
 
     That takes some ten seconds, in an interpreter of its own; where kernels of the field were never
     compiled, half a minute more.
@@ -108,16 +117,22 @@ def calibration_of_machine(device: str = "auto") -> Calibration:
     """
     machine = this_machine(device)
     with suppress(KeyError, TypeError, ValueError):
-        return Calibration.from_json(read_facts(CALIBRATIONS)[machine.digest])
-    _log.info("Measuring how fast this machine is, once; it takes less than a minute.")
-    calibration = Calibration(machine, _measured(device), f"{datetime.now(UTC):%Y-%m-%d}")
-    keep_calibration(calibration)
+        kept = Calibration.from_json(read_facts(CALIBRATIONS)[machine.digest])
+        if _today() - date.fromisoformat(kept.measured) <= _LONGEST_KEPT:
+            return kept
+    _log.info("Measuring how fast this machine is; it takes less than a minute.")
+    return keep_calibration(machine, _measured(device))
+
+
+def keep_calibration(machine: Machine, seconds: Mapping[str, float]) -> Calibration:
+    """Keeps the seconds of the workloads, measured today, for a machine; returns both."""
+    calibration = Calibration(machine, seconds, f"{_today()}")
+    add_fact(CALIBRATIONS, machine.digest, asdict(calibration))
     return calibration
 
 
-def keep_calibration(calibration: Calibration) -> None:
-    """Keeps a calibration for its machine."""
-    add_fact(CALIBRATIONS, calibration.machine.digest, asdict(calibration))
+def _today() -> date:
+    return datetime.now(UTC).date()
 
 
 def processor() -> str:
@@ -129,7 +144,7 @@ def processor() -> str:
 
 
 def _measured(device: str) -> dict[str, float]:
-    environment = interpreter_environment()
+    environment = build_environment()
     if device != "cpu" and not environment.get(VISIBLE):
         environment.pop(VISIBLE, None)  # of a build that computes on no GPU itself
     return dict(json_from(_MAIN, device, environment=environment, stderr=subprocess.PIPE))

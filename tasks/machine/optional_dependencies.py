@@ -68,7 +68,7 @@ def _digests(what: str, packages: tuple[str, ...], weights: str) -> dict[str, st
 
 
 def _downloads() -> Path:
-    """Where torch keeps what it has downloaded (the environment decides, as in torch.hub)."""
+    """Returns the folder of torch's downloads, which the environment decides, as in torch.hub."""
     cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     home = os.environ.get("TORCH_HOME") or Path(cache, "torch")
     return Path(home, "hub", "checkpoints")

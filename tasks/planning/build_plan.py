@@ -13,6 +13,7 @@ from pipeline.canonical import Json
 from pipeline.maintenance.why import TO_BE_MADE, Explanation, explanations
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
+from tasks.command.build_order import Durations, longest_remaining
 from tasks.planning.remaining_time import cost_model, stages_to_make
 from tasks.planning.stage_costs import ExpectedCost
 
@@ -65,18 +66,14 @@ class BuildPlan:
         return {name: (cost.seconds, upstream[name]) for name, cost in costs.items()}
 
 
-def makespan(durations: Mapping[str, tuple[float, Sequence[str]]], workers: int) -> float:
+def makespan(durations: Durations, workers: int) -> float:
     """Returns the makespan of list scheduling by the longest remaining path (Graham 1969).
 
     Args:
-        durations: The seconds of each task, and the tasks that it waits for, which come before it.
+        durations: The seconds of each task, and the tasks that it waits for.
         workers: How many tasks run at once.
     """
-    ahead = dict.fromkeys(durations, 0.0)
-    for name in reversed(list(durations)):
-        ahead[name] += durations[name][0]
-        for upstream in durations[name][1]:
-            ahead[upstream] = max(ahead[upstream], ahead[name])
+    ahead = longest_remaining(durations)
     running: list[tuple[float, str]] = []
     ended, begun, now = set[str](), set[str](), 0.0
     while len(ended) < len(durations):

@@ -8,10 +8,10 @@ largest allowed. Of the stages on a GPU only those that keep frames in main memo
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import luigi
 
@@ -35,7 +35,8 @@ _VIDEO_FRAMES = 60
 class Growth:
     """The memory of a stage: MiB for its libraries, and bytes per unit of its inputs.
 
-    Units are pixels of a frame, of a prior and of all photographs, and points of the grid.
+    Units are pixels of a frame, of a prior and of all photographs, points of the grid, and rays
+    that an adaptation keeps.
     """
 
     libraries_mib: int = 450
@@ -43,6 +44,7 @@ class Growth:
     prior: float = 0.0
     photographs: float = 0.0
     grid: float = 0.0
+    rays: float = 0.0
 
 
 GROWTH = {
@@ -50,12 +52,15 @@ GROWTH = {
     "TrajectoryFrames": Growth(650, frame=120),
     "StylizedPriors": Growth(450, prior=1300),
     "StylizedField": Growth(650, prior=6000),
+    "StylizedField pixels": Growth(650, prior=1650, rays=1500),
+    "StylizedField s1": Growth(700, photographs=6, grid=15),
+    "StylizedField s2": Growth(700, photographs=6, grid=15),
     "StylizedFrames": Growth(500, frame=95),
     "StylizedFrames per-frame": Growth(430, frame=320),
     "ConsistencyMetrics": Growth(450, frame=490),
     "StyleMetrics": Growth(580, frame=62),
 }
-"""By stage; with the method if that decides what the stage computes."""
+"""By stage; with the method, the loss or the strategy if that decides what the stage computes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +69,8 @@ class Demand:
 
     `photograph_px` is the longer side of the photographs that the field is fitted to, `frame_px`
     that of the frames and `prior_px` that of the priors, 0 for the same, and `frames` the number of
-    frames. `limit_bytes` is the user's limit of memory, 0 for none.
+    frames. `rays` is the number that an adaptation keeps beside one for each point of a surface.
+    `limit_bytes` is the user's limit of memory, 0 for none.
     """
 
     stage: str
@@ -76,6 +82,7 @@ class Demand:
     limit_bytes: int
     frames: int = 0
     prior_px: int = 0
+    rays: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +114,7 @@ def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float
     return {
         "libraries": growth.libraries_mib << 20,
         "frames": growth.frame * frame_pixels(demand, photographs),
-        "priors": growth.prior * prior,
+        "priors": growth.prior * prior + growth.rays * demand.rays,
         "photographs": growth.photographs * photographs.count * seen,
         "grid": growth.grid * demand.grid_points,
     }
@@ -166,7 +173,16 @@ def demand_of(stage: ConfigurableStage) -> Demand:
         video_frames=stage.upstream(SceneCapture).values().get("video_frames", _VIDEO_FRAMES),
         limit_bytes=int(limit_gib * 2**30),
         frames=frame_count(path) or 0,
+        rays=_kept_rays(stage.values()),
     )
+
+
+def _kept_rays(settings: Mapping[str, Any]) -> int:
+    """Returns the most rays that an adaptation to pixels keeps; 0 if a surface point has one."""
+    counts = [settings.get(f"adaptation.{name}") for name in ("iterations", "batch")]
+    if settings.get("single_owner", True) or not all(type(count) is int for count in counts):
+        return 0  # invalid numbers are rejected with the settings
+    return math.prod(cast("list[int]", counts))
 
 
 def _grid_points(model: SceneModel) -> int:
@@ -179,9 +195,12 @@ def _grid_points(model: SceneModel) -> int:
 
 
 def demand_name(stage: ConfigurableStage) -> str:
-    """Returns the family, with the method or the loss if that decides what the stage computes."""
-    if stage.task_family == "StylizedFrames" and stage.param_kwargs.get("method") == "per-frame":
+    """Returns the family, with the method, loss or strategy that decides what it computes."""
+    words = stage.param_kwargs
+    if stage.task_family == "StylizedFrames" and words.get("method") == "per-frame":
         return "StylizedFrames per-frame"
+    if stage.task_family == "StylizedField" and words["strategy"] != "s3":
+        return f"StylizedField {words['strategy']}"
     if getattr(stage, "resolved_match", "") == "pixels":
         return "StylizedField pixels"
     return str(stage.task_family)

@@ -57,7 +57,7 @@ class Choice:
 
     @property
     def description(self) -> str:
-        """What was chosen, in a line."""
+        """Returns what was chosen, in one line."""
         stylizer = f" --stylizer {self.point.stylizer}" if self.point.stylizer else ""
         return (
             f"{self.front}: --quality {self.quality}{stylizer}"
@@ -116,14 +116,15 @@ def choose(request: QualityRequest, front: Front, timing: Timing) -> Choice:
 
 
 def require_reachable(request: QualityRequest, fronts: Sequence[Front], timing: Timing) -> None:
-    """Refuses a budget that no point of any of the fronts keeps to.
+    """Refuses a bound that no point of any of the fronts keeps to.
 
     Raises:
-        InputError: It names the nearest budget that can be reached.
+        InputError: Of a budget, it names the nearest that can be reached.
     """
-    if request.budget_s is None:
-        return
     points = [(front, point) for front in fronts for point in front.points]
+    if request.budget_s is None:
+        request.fastest_of([point for _, point in points])
+        return
     points.sort(key=lambda pair: pair[1].seconds)  # the first is the likeliest
     seconds = (timing(front, point) for front, point in points)
     least_s = math.inf
@@ -137,7 +138,7 @@ def require_reachable(request: QualityRequest, fronts: Sequence[Front], timing: 
 def possible_choices(
     request: QualityRequest, fronts: Sequence[Front], timing: Timing
 ) -> list[Choice]:
-    """Returns the choice from each front that has one; see `require_reachable`."""
+    """Returns the choice from each front that has one: at least one after `require_reachable`."""
     choices = []
     for front in fronts:
         with suppress(InputError):

@@ -44,7 +44,7 @@ def quality_request(quality: str, budget: str) -> QualityRequest | None:
     """Returns what `--quality` and `--budget` ask for; None where the quality is one by name.
 
     Raises:
-        InputError: The budget is no time, or both ask for something.
+        InputError: The budget is not a time, or both ask for something.
     """
     within = _WITHIN.fullmatch(quality.strip())
     if within and budget:
@@ -56,7 +56,7 @@ def quality_request(quality: str, budget: str) -> QualityRequest | None:
         return None
     time = _TIME.fullmatch(budget.strip())
     if not time:
-        raise InputError(f"--budget {budget}", "is no time", "Give such as 90s, 5min or 2h")
+        raise InputError(f"--budget {budget}", "is not a time", "Give one such as 90s or 5min")
     return QualityRequest(budget_s=float(time[1]) * _SECONDS[time[2]])
 
 

@@ -83,8 +83,14 @@ class Export(SceneInStyles):
         """Writes the files."""
         from styletrf.steps.scene_export import export_scene
 
-        file_format = cast("Any", self.format)
-        export_scene(inputs, out, file_format, self.styles, self.device, run.progress)
+        export_scene(
+            inputs,
+            out,
+            {},
+            self.step_run(run),
+            file_format=cast("Any", self.format),
+            styles=self.styles,
+        )
 
     @property
     def folder(self) -> Path:

@@ -8,9 +8,9 @@ from luigi.util import inherits
 from pipeline.errors import TaskFailure
 from pipeline.parameters import ListParameter
 from styletrf.errors import InputError
+from styletrf.steps.sharding import shard_of
 from tasks.results.trajectory import StylizedTrajectory
 from tasks.stages.linked_results import link_results
-from tasks.stages.shards import shard_of
 
 _OWN = {"scenes", "styles", "part", "plan", "json"}
 """The parameters of the grid itself; a cell gets all others."""
@@ -27,7 +27,7 @@ class Grid(luigi.WrapperTask):
     scenes = ListParameter(description='such as ["horns", "fern"]')
     styles = ListParameter(description='such as ["mosaic", "udnie"]')
     part = luigi.Parameter(
-        default="", description="a part of the scenes only, such as 2/5, to keep a scheduler small"
+        default="", description="builds a part of the scenes, such as 2/5, for a smaller scheduler"
     )
     scene = style = timeout_seconds = memory_gib = None
     plan: bool
@@ -67,7 +67,7 @@ class Grid(luigi.WrapperTask):
 
     def scenes_of_part(self) -> Sequence[str]:
         """Returns the scenes of `--part`, each with all its styles, which share its field."""
-        return shard_of(self.scenes, f"--part {self.part}") if self.part else self.scenes
+        return shard_of(self.scenes, self.part, "--part")
 
     def cells(self) -> list[StylizedTrajectory]:
         """Returns the requested results."""

@@ -9,11 +9,11 @@ from tasks.results.job_costs import JobCost
 from tasks.results.trajectory import StylizedTrajectory
 
 
-def main(words: str, *qualities: str) -> None:
-    """Writes the costs at each quality as JSON; `words` are the job's parameters, as JSON."""
+def main(parameters: str, *qualities: str) -> None:
+    """Writes the costs of a job at each quality as JSON; its parameters are JSON, too."""
     costs = {}
     for quality in qualities:
-        job = StylizedTrajectory(**{**json.loads(words), "quality": quality})
+        job = StylizedTrajectory(**{**json.loads(parameters), "quality": quality})
         model = cost_model(job)
         stages = stages_to_make(job, lambda _: False)
         expected = {stage.task_family: model.expected(stage) for stage in stages}

@@ -40,6 +40,6 @@ def job_costs(
     Raises:
         subprocess.CalledProcessError: The prediction fails.
     """
-    words = {"scene": scene, "device": device, "tuning": tuning, "style": _PAINTING}
-    found = json_from(_PREDICTION, json.dumps(words, default=dict), *qualities)
+    parameters = {"scene": scene, "device": device, "tuning": tuning, "style": _PAINTING}
+    found = json_from(_PREDICTION, json.dumps(parameters, default=dict), *qualities)
     return {quality: JobCost(**fields) for quality, fields in found.items()}

@@ -37,7 +37,7 @@ class SceneInStyles(LinkedStage, PathParameters):
         subject = f"--styles {list(self.styles)}"
         if not all(isinstance(style, str) and style for style in self.styles):
             problem = "contains an entry that is not the name of an image in data/styles"
-            raise InputError(subject, problem, 'Give such as ["mosaic"]')
+            raise InputError(subject, problem, 'Give a list such as ["mosaic"]')
         if any(style.casefold() == "photographs" for style in self.styles):
             problem = "has the name of what is not stylized"
             raise InputError(subject, problem, "Rename the painting")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import luigi
 
@@ -27,7 +28,7 @@ class SceneReport(LinkedStage, PresetStage):
     uses_device = True
 
     def requires(self) -> Mapping[str, Stage]:
-        """The photographs, their cameras, and the model of the quality asked for."""
+        """Returns the photographs, their cameras, and the model of the requested quality."""
         return {
             "capture": self.upstream(SceneCapture),
             "poses": self.upstream(CameraPoses),
@@ -35,15 +36,29 @@ class SceneReport(LinkedStage, PresetStage):
         }
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """The scene's name, which the page repeats, and the settings that replace the presets'."""
+        """Returns the scene's name, which the page repeats, and the settings of `--tuning`."""
         return {"scene": self.scene} | ({"tuning": self.tuning} if self.tuning else {})
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Surveys the photographs, fits two brief fields at each quality, writes the page."""
-        from styletrf.steps.scene_report import PlannedJob, report_scene
+        from styletrf.steps.scene_report import report_scene
+
+        report_scene(
+            inputs,
+            out,
+            {},
+            self.step_run(run),
+            scene=self.scene,
+            jobs=self._jobs(),
+            machine=this_machine(self.device).description,
+        )
+
+    def _jobs(self) -> Mapping[str, Any]:
+        """Returns the `PlannedJob` of each quality that the page compares."""
+        from styletrf.steps.scene_report import PlannedJob
 
         costs = job_costs(self.scene, self.device, EXPECTED, self.tuning)
-        jobs = {
+        return {
             quality: PlannedJob(
                 cost.seconds - cost.field_seconds,
                 cost.peak_memory_bytes,
@@ -53,14 +68,12 @@ class SceneReport(LinkedStage, PresetStage):
             )
             for quality, cost in costs.items()
         }
-        machine = this_machine(self.device).description
-        report_scene(inputs, out, self.scene, jobs, machine, self.device, run.progress)
 
     @property
     def folder(self) -> Path:
-        """Where the page is shown."""
+        """Returns the folder of the links."""
         return Path(out_root(), self.scene, "scene-report")
 
     def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
-        """The page and its numbers."""
+        """Returns the targets of the links: the page and its numbers."""
         return {name: place(self) / name for name in ("report.html", "summary.json")}

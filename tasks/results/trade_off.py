@@ -96,11 +96,11 @@ class TradeOff(LinkedStage, PresetStage):
             if variant.part == "scene":
                 needed[f"{k}"] = self.upstream(QualityMetrics, tuning=tuning)
             else:
-                words = {**painting, "tuning": tuning}
-                words |= {"stylizer": variant.stylizer} if variant.stylizer else {}
-                needed[f"{k}"] = self.upstream(StylizationMetrics, **words)
-                needed[f"{k} resemblance"] = self.upstream(StyleMetrics, **words)
-                needed[f"{k} consistency"] = self.upstream(ConsistencyMetrics, **words)
+                parameters = {**painting, "tuning": tuning}
+                parameters |= {"stylizer": variant.stylizer} if variant.stylizer else {}
+                needed[f"{k}"] = self.upstream(StylizationMetrics, **parameters)
+                needed[f"{k} resemblance"] = self.upstream(StyleMetrics, **parameters)
+                needed[f"{k} consistency"] = self.upstream(ConsistencyMetrics, **parameters)
             needed[f"{k} frames"] = self.upstream(TrajectoryFrames, tuning=tuning)
         return needed
 
@@ -157,12 +157,12 @@ class TradeOff(LinkedStage, PresetStage):
 
     def command(self, tuning: Tuning, stylizer: str = "") -> str:
         """Returns the main command with these settings."""
-        words = {"scene": self.scene, "style": self.painting, "quality": self.quality}
-        words |= {"stylizer": stylizer} if stylizer else {}
+        parameters = {"scene": self.scene, "style": self.painting, "quality": self.quality}
+        parameters |= {"stylizer": stylizer} if stylizer else {}
         for name in ("content", "perceptual"):
             if not self.is_default(name):
-                words[name] = self.param_kwargs[name]
-        return main_command(words, tuning)
+                parameters[name] = self.param_kwargs[name]
+        return main_command(parameters, tuning)
 
     def _measurements(
         self, inputs: Mapping[str, Path], records: Sequence[ActionRecord]
@@ -207,5 +207,5 @@ FIXED_STAGES = ("ConsistencyMetrics", "StyleMetrics", "StylizedTrajectory")
 
 
 def _flat(row: dict[str, Any]) -> dict[str, Any]:
-    """A row of a table: mappings as JSON."""
+    """Returns a row for a table, with its mappings as JSON."""
     return {n: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for n, v in row.items()}

@@ -99,13 +99,13 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
 
     def require_reachable(self) -> None:
-        """Rejects a budget that even the fastest settings exceed, before the first stage.
+        """Rejects a bound on time or quality that no settings meet, before the first stage.
 
-        Until the kind of space is known, the fastest point of all candidate fronts counts.
-        Artifacts in the store take no time.
+        Until the kind of space is known, the points of all candidate fronts count. Artifacts in
+        the store take no time.
 
         Raises:
-            InputError: It names the nearest budget that can be reached.
+            InputError: Of a budget, it names the nearest that can be reached.
         """
         if self.request and not self.resolved():
             require_reachable(self.request, self._fronts(), timing_of(self))

@@ -1,9 +1,7 @@
 """The interactive viewer of a scene in some styles."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
@@ -13,8 +11,6 @@ from tasks.stages.scene import CameraPoses, SceneModel
 from tasks.stages.stage import Stage
 from tasks.stages.style import StyleImage
 from tasks.stages.stylization import StylizedField
-
-PHOTOGRAPHS = "Photographs"
 
 
 class Viewer(SceneInStyles):
@@ -46,32 +42,9 @@ class Viewer(SceneInStyles):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Bakes the fields and writes the page."""
-        from styletrf.reports.embedding import small_jpeg
-        from styletrf.viewer.viewed_scene import THUMBNAIL_PX, read_viewed_scene, thumbnail
-        from styletrf.viewer.viewer_content import viewer_content
-        from styletrf.viewer.webpage.viewer_page import write_viewer
+        from styletrf.steps.viewer_page import write_viewer_page
 
-        scene = read_viewed_scene(inputs)
-        content = viewer_content(
-            self.scene, scene.model, self._fields(inputs), scene.photographed, scene.path,
-            run.progress,
-        )  # fmt: skip
-        paintings = [thumbnail(inputs[f"style {style}"] / "style.png") for style in self.styles]
-        thumbnails = [scene.thumbnail, *paintings]
-        write_viewer(out / "viewer.html", content, thumbnails, scene.frames_per_second)
-        for style in self.styles:
-            image = inputs[f"style {style}"] / "style.png"
-            (out / f"{style}.jpg").write_bytes(small_jpeg(image, THUMBNAIL_PX))
-
-    def _fields(self, inputs: Mapping[str, Path]) -> list[tuple[str, Callable[[], Any]]]:
-        """Returns the name of each look and the function that loads its field."""
-        from styletrf.field.radiance_field import load_field, load_stylized_field
-
-        field = inputs["field"]
-        return [(PHOTOGRAPHS, partial(load_field, field))] + [
-            (style, partial(load_stylized_field, field, inputs[f"stylized {style}"]))
-            for style in self.styles
-        ]
+        write_viewer_page(inputs, out, {}, self.step_run(run), scene=self.scene, styles=self.styles)
 
     @property
     def folder(self) -> Path:

@@ -15,8 +15,6 @@ from tasks.machine.digest_cache import cached_digests
 from tasks.stages.scene import SceneCapture
 from tasks.stages.stage import ConfigurableStage, Stage
 
-_FEWEST_PROCEDURAL = 64  # made in about 5 s, with which three photographs are content enough
-
 
 class ContentImages(ConfigurableStage):
     """Photographs for the style network to paint while it learns, as Parquet shards.
@@ -55,20 +53,12 @@ class ContentImages(ConfigurableStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Reduce the images and write the shards."""
-        from styletrf.configuration import configured
-        from styletrf.content.content_choice import content_source
-        from styletrf.content.content_images import ContentConfig, write_content_images
-        from styletrf.content.content_sources import embedded_source
+        from styletrf.steps.sources.content_images import gather_content
 
-        config = configured(ContentConfig, self.values())
-        source = self._source()
-        if source is None:
-            photographs = sorted((inputs["capture"] / "images").iterdir())
-            n_procedural = max(len(photographs), _FEWEST_PROCEDURAL)
-            chosen = embedded_source(photographs, n_procedural, config.seed)
-        else:
-            chosen = content_source(source, lambda: self.fetched(source, run.resume))
-        write_content_images(chosen, out, config, run.progress)
+        source, fetched = self._source(), self.fetched
+        gather_content(
+            inputs, out, self.values(), self.step_run(run), source=source, fetched=fetched
+        )
 
     def fetched(self, annotations: Path, otherwise: Path) -> Path:
         """Returns the folder of the images fetched so far: the user's, if it can be written."""

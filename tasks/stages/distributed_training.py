@@ -17,6 +17,7 @@ from pipeline.execution.cpu_memory import THREADS, usable_cores
 from pipeline.execution.progress_pipe import read_messages
 from pipeline.job import Display
 from styletrf.errors import InputError
+from styletrf.steps.step_run import StepRun
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,16 +86,16 @@ def train_distributed(request: TrainingRequest, processes: int, display: Display
 
 def train_local(request: TrainingRequest, display: Display) -> None:
     """Trains in this process, which may be one of several ranks."""
-    from styletrf.steps.style_network import NetworkTraining, train_network
+    from styletrf.steps.style_network import train_network
 
-    training = NetworkTraining(
-        settings=request.settings,
-        stroke_scale=request.stroke_scale,
-        content_weight=request.content_weight,
-        inputs={name: Path(path) for name, path in request.inputs.items()},
+    train_network(
+        {name: Path(path) for name, path in request.inputs.items()},
+        Path(request.out),
+        request.settings,
+        StepRun(Path(request.resume), request.device, display),
+        factors=(request.stroke_scale, request.content_weight),
         measured=request.measured,
     )
-    train_network(training, Path(request.out), request.device, display, Path(request.resume))
 
 
 def batch_of(settings: Mapping[str, Any]) -> int:

@@ -32,7 +32,7 @@ class RadianceField(ConfigurableStage):
         """Fits the field."""
         from styletrf.steps.radiance_field import fit_field
 
-        fit_field(inputs, out, self.values(), self.device, run.progress, run.resume)
+        fit_field(inputs, out, self.values(), self.step_run(run))
 
 
 class PathRenders(ShardedStage, PathParameters):
@@ -67,7 +67,7 @@ class PriorRenders(PathRenders):
         """Chooses and renders the views, or joins their shards."""
         from styletrf.steps.prior_renders import render_priors
 
-        render_priors(inputs, out, self.values(), self.device, self.sharding(inputs), run.progress)
+        render_priors(inputs, out, self.values(), self.step_run(run))
 
 
 class TrajectoryFrames(PathRenders):
@@ -95,7 +95,6 @@ class TrajectoryFrames(PathRenders):
         from styletrf.steps.trajectory_frames import render_trajectory
 
         name = self.path if self.path_file() is None else "of the file"
-        sharding = self.sharding(inputs)
         render_trajectory(
-            inputs, out, self.values(), self.path, name, self.device, sharding, run.progress
+            inputs, out, self.values(), self.step_run(run), path=self.path, path_name=name
         )

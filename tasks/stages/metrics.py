@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import luigi
 
@@ -50,7 +49,7 @@ class QualityMetrics(ConfigurableStage):
         """Renders the held-out views and compares them with the photographs."""
         from styletrf.steps.metrics.quality import measure_field
 
-        measure_field(inputs, out, self.values(), self.device, run.progress)
+        measure_field(inputs, out, self.values(), self.step_run(run))
 
 
 class FrameMetrics(ConfigurableStage, FrameParameters):
@@ -101,14 +100,7 @@ class ConsistencyMetrics(FrameMetrics):
         """Warps and compares pairs of frames."""
         from styletrf.steps.metrics.consistency import measure_temporal_consistency
 
-        measure_temporal_consistency(inputs, out, self.values(), self.device, run.progress)
-
-
-def pair_settings(stage: Stage) -> dict[str, Any]:
-    """Returns the settings of a command that choose the pairs of frames it measures."""
-    values = stage.upstream(ConsistencyMetrics).values()
-    chosen = sorted({"deltas", "depth_deltas", "pairs"} & set(values))
-    return {name: values[name] for name in chosen}
+        measure_temporal_consistency(inputs, out, self.values(), self.step_run(run))
 
 
 class StylizationMetrics(FrameMetrics):
@@ -121,7 +113,7 @@ class StylizationMetrics(FrameMetrics):
         """Measures some of the frames."""
         from styletrf.steps.metrics.stylization_loss import measure_style_and_content
 
-        measure_style_and_content(inputs, out, self.values(), self.device, run.progress)
+        measure_style_and_content(inputs, out, self.values(), self.step_run(run))
 
 
 class StyleMetrics(FrameMetrics):
@@ -143,4 +135,4 @@ class StyleMetrics(FrameMetrics):
         """Measures some of the frames."""
         from styletrf.steps.metrics.resemblance import measure_frame_resemblance
 
-        measure_frame_resemblance(inputs, out, self.values(), self.device, run.progress)
+        measure_frame_resemblance(inputs, out, self.values(), self.step_run(run))

@@ -57,13 +57,13 @@ class PathParameters(PresetStage):
             remedy = f"Give {', '.join(NAMED_PATHS)}, or the path of a file (docs/paths.md)"
             raise InputError(f"--path {self.path}", "is neither a path's name nor a file", remedy)
         if not 0 <= self.seconds <= LONGEST_S:
-            self._refuse("seconds", f"is no length of 0 to {LONGEST_S:g} seconds", "8")
+            self._refuse("seconds", f"is not between 0 and {LONGEST_S:g} seconds", "8")
         if self.frame_rate and not SLOWEST_RATE <= self.frame_rate <= FASTEST_RATE:
-            bounds = f"{SLOWEST_RATE} to {FASTEST_RATE}"
-            self._refuse("frame_rate", f"is no rate of {bounds}", "30")
+            bounds = f"{SLOWEST_RATE} and {FASTEST_RATE}"
+            self._refuse("frame_rate", f"is not between {bounds} frames a second", "30")
         if self.frame_size and not SMALLEST_PX <= self.frame_size <= LARGEST_PX:
-            bounds = f"{SMALLEST_PX} to {LARGEST_PX} pixels"
-            self._refuse("frame_size", f"is no size of {bounds}", "1920")
+            bounds = f"{SMALLEST_PX} and {LARGEST_PX} pixels"
+            self._refuse("frame_size", f"is not between {bounds}", "1920")
 
     def path_file(self) -> Path | None:
         """Returns the file or folder that contains the path; None for a path by its name."""

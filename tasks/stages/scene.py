@@ -38,9 +38,11 @@ class SceneCapture(ConfigurableStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Checks and copies the photographs, or chooses frames."""
-        from styletrf.steps.scene_capture import capture_scene
+        from styletrf.steps.sources.scene_capture import capture_scene
 
-        capture_scene(data_root(), self.scene, out, self.values(), run.progress)
+        capture_scene(
+            inputs, out, self.values(), self.step_run(run), data=data_root(), scene=self.scene
+        )
 
 
 class CameraPoses(ConfigurableStage):
@@ -61,8 +63,7 @@ class CameraPoses(ConfigurableStage):
         """Solves for the cameras."""
         from styletrf.steps.camera_poses import solve_poses
 
-        log, work = run.log.with_suffix(".colmap"), run.resume / "colmap"
-        solve_poses(inputs["capture"], out, self.values(), run.progress, log, work)
+        solve_poses(inputs, out, self.values(), self.step_run(run))
 
 
 class SceneModel(ConfigurableStage):
@@ -82,4 +83,4 @@ class SceneModel(ConfigurableStage):
         """Decides from the photographs that are not held out."""
         from styletrf.steps.scene_model import decide_model
 
-        decide_model(inputs["poses"], out, self.values())
+        decide_model(inputs, out, self.values(), self.step_run(run))

@@ -8,8 +8,9 @@ from luigi.cmdline_parser import CmdlineParser
 from luigi.freezing import recursively_unfreeze
 
 from pipeline.parameters import BoolParameter, ChoiceParameter, DictParameter, IntParameter
-from pipeline.task import StoredTask
+from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError, NetworkError
+from styletrf.steps.step_run import StepRun
 from tasks.command.build_order import seconds_to_the_end
 from tasks.command.sources import SOURCE_PRIORITY, is_source, require_sources
 from tasks.presets.presets import PRESETS, settings_for
@@ -38,7 +39,7 @@ class Stage(StoredTask):
     shards = IntParameter(
         default=1,
         significant=False,
-        description="number of parts in which frames and priors are made, at once if there are"
+        description="number of shards of frames and priors, which are made at once if there are"
         " free workers",
     )
 
@@ -84,6 +85,10 @@ class Stage(StoredTask):
         require_sources(self, command.get_task_obj() if command else None)
         return super().run()
 
+    def step_run(self, run: RunContext) -> StepRun:
+        """Returns what the step of this stage uses of a run."""
+        return StepRun(run.resume, self.device, run.progress, run.log)
+
     def upstream(self, stage: type[Upstream], **others: Any) -> Upstream:
         """Returns an upstream stage with this one's scene, style, quality and other parameters."""
         names = set(stage.get_param_names(include_significant=True))  # type: ignore[no-untyped-call]
@@ -110,10 +115,13 @@ class PresetStage(Stage):
         """Returns no parameters: the inputs decide the artifact."""
         return {}
 
-    def tuned(self, family: str, quality: str) -> dict[str, Any]:
-        """Returns the settings of a stage at a preset, then those of `--tuning`."""
-        tuning = recursively_unfreeze(self.tuning)
-        return {**settings_for(family, quality), **tuning.get(family, {})}
+    def tuned(
+        self, family: str, quality: str, settings: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """Returns the settings of a stage: the preset's, then its own, then those of `--tuning`."""
+        tuning = recursively_unfreeze(self.tuning)  # type: ignore[no-untyped-call]
+        own = recursively_unfreeze(settings or {})  # type: ignore[no-untyped-call]
+        return {**settings_for(family, quality), **own, **tuning.get(family, {})}
 
 
 class ConfigurableStage(PresetStage):
@@ -128,9 +136,7 @@ class ConfigurableStage(PresetStage):
 
     def values(self) -> dict[str, Any]:
         """Returns the settings: the preset's, then `--STAGE-settings`, then those of `--tuning`."""
-        own = recursively_unfreeze(self.settings)
-        tuned = recursively_unfreeze(self.tuning).get(self.task_family, {})
-        return {**settings_for(self.task_family, self.quality), **own, **tuned}
+        return self.tuned(self.task_family, self.quality, self.settings)
 
     def identity_parameters(self) -> Mapping[str, object]:
         """Returns the settings."""

@@ -18,6 +18,7 @@ from tasks.machine.digest_cache import cached_digests
 from tasks.stages.content import ContentImages
 from tasks.stages.distributed_training import TrainingRequest, processes_for, train
 from tasks.stages.field import TrajectoryFrames
+from tasks.stages.pair_settings import pair_settings
 from tasks.stages.stage import ConfigurableStage, Stage
 from tasks.stages.style_parameters import NetworkParameters
 from tasks.stages.weights import PerceptualWeights, TransferWeights
@@ -49,10 +50,10 @@ class StyleImage(Stage):
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Read the painting whole."""
         from styletrf.capture.user_folders import find_style
-        from styletrf.files.images import write_rgb
-        from styletrf.style.style_image import read_style_image
+        from styletrf.steps.sources.style_image import check_painting
 
-        write_rgb(out / "style.png", read_style_image(find_style(data_root(), self.style)))
+        painting = find_style(data_root(), self.style)
+        check_painting(inputs, out, {}, self.step_run(run), painting=painting)
 
 
 class StyleNetwork(ConfigurableStage, NetworkParameters):
@@ -122,8 +123,6 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
 
     def measured_pairs(self) -> dict[str, Any]:
         """The settings that choose the pairs of renders to measure, where it looks at renders."""
-        from tasks.stages.metrics import pair_settings
-
         return pair_settings(self) if "renders" in self.requires() else {}
 
     def values(self) -> dict[str, Any]:
@@ -164,14 +163,21 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
         raise InputError(words, problem, "Leave them out")
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Train the network, or convert the one that is given."""
-        if not self.is_trained:
-            self._convert(inputs, out)
-            return
-        run.resume.mkdir(parents=True, exist_ok=True)
+        """Trains the network on this build's GPUs, or converts one that is trained."""
+        from styletrf.steps.style_network import condition_network, convert_network
+
+        if self.is_trained:
+            train(self._request(inputs, out, run), run.progress)
+        elif self.network:
+            checkpoint = Path(self.network)
+            convert_network(inputs, out, {}, self.step_run(run), checkpoint=checkpoint)
+        else:
+            condition_network(inputs, out, {}, self.step_run(run))
+
+    def _request(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> TrainingRequest:
         # by value, from the key: so the code of the stages that choose the pairs is not part of it
         measured = cast("dict[str, Any]", self.identity_parameters().get("measured_pairs", {}))
-        request = TrainingRequest(
+        return TrainingRequest(
             settings=self.values(),
             stroke_scale=self.stroke_scale,
             content_weight=self.content_weight,
@@ -181,13 +187,3 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
             device=self.device,
             measured=measured,
         )
-        train(request, run.progress)
-
-    def _convert(self, inputs: Mapping[str, Path], out: Path) -> None:
-        """Writes the given network, or that of arbitrary style transfer for this painting."""
-        from styletrf.steps.style_network import conditioned_network, convert_network
-
-        if self.network:
-            convert_network(Path(self.network), out)
-        else:
-            conditioned_network(inputs, out)

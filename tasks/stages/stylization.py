@@ -68,17 +68,16 @@ class StylizedPriors(ShardedStage, StyleParameters):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Stylizes every prior, or those of a shard; one color map serves all of them."""
-        from styletrf.steps.stylized_priors import ViewStylization, stylize_priors
+        from styletrf.steps.stylized_priors import stylize_priors
 
-        job = ViewStylization(
-            inputs=inputs,
+        stylize_priors(
+            inputs,
+            out,
+            self.values(),
+            self.step_run(run),
             colors=cast("Any", self.colors),
-            by_optimization=self.stylizer == "gatys",
-            settings=self.values(),
-            factors=(self.stroke_scale, self.content_weight),
-            device_name=self.device,
+            factors=self.factors(),
         )
-        stylize_priors(job, out, self.sharding(inputs), run.progress)
 
 
 class StylizedField(ConfigurableStage, StyleParameters):
@@ -161,10 +160,14 @@ class StylizedField(ConfigurableStage, StyleParameters):
         """Adapts the appearance (s3), adapts the whole field (s2), or fits a new one (s1)."""
         from styletrf.steps.stylized_field import stylize_field
 
-        factors = (self.stroke_scale, self.content_weight)
-        strategy, match = cast("Any", self.strategy), cast("Any", self.resolved_match)
         stylize_field(
-            inputs, out, self.values(), factors, strategy, match, self.device, run.progress
+            inputs,
+            out,
+            self.values(),
+            self.step_run(run),
+            factors=(self.stroke_scale, self.content_weight),
+            strategy=cast("Any", self.strategy),
+            match=cast("Any", self.resolved_match),
         )
 
 
@@ -234,9 +237,7 @@ class StylizedFrames(ShardedStage, FrameParameters):
             inputs,
             out,
             self.values(),
-            Blend(self.strength, self.blend, self.region),
-            self.device,
-            self.sharding(inputs),
-            run.progress,
+            self.step_run(run),
+            blend=Blend(self.strength, self.blend, self.region),
             writes_depths=self.has_own_depths,
         )

@@ -26,9 +26,9 @@ class PerceptualWeights(Stage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Fetch, check and convert the weights."""
-        from styletrf.style.perceptual.perceptual_weights import build_perceptual_weights
+        from styletrf.steps.sources.weights import fetch_perceptual_weights
 
-        build_perceptual_weights(self.perceptual, out)
+        fetch_perceptual_weights(inputs, out, {}, self.step_run(run), source=self.perceptual)
 
 
 class TransferWeights(Stage):
@@ -53,6 +53,6 @@ class TransferWeights(Stage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Fetch, check and convert the weights."""
-        from styletrf.style.transfer.weights import build_transfer_weights
+        from styletrf.steps.sources.weights import fetch_transfer_weights
 
-        build_transfer_weights(self.transfer, out)
+        fetch_transfer_weights(inputs, out, {}, self.step_run(run), source=self.transfer)

@@ -11,11 +11,11 @@ from typing import Any
 
 import luigi
 
-from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.settings import current_store, out_root
 from styletrf.reports.gallery import write_gallery
-from styletrf.reports.gallery_tile import OUTCOMES, Cell, Score
+from styletrf.reports.gallery_tile import OUTCOME_LABELS, Cell, Score
 from styletrf.reports.page import duration
+from tasks.command.outcomes import outcome_of_missing
 from tasks.stages.linked_results import made_from
 from tasks.summary.metric_labels import NOT_MEASURED, by_delta, term
 
@@ -54,7 +54,7 @@ def refresh_gallery(root: luigi.Task | None) -> Path | None:
 
 
 def _shown(scenes: Iterable[Path]) -> Cells:
-    """The existing results: stylized trajectories, and paintings in viewers."""
+    """Returns the existing results: stylized trajectories, and paintings in viewers."""
     cells: Cells = {}
     for scene in scenes:
         for folder in scene.iterdir():
@@ -82,8 +82,8 @@ def _with_lineage(cell: Cell) -> Cell:
 
 def _result(folder: Path) -> Cell:
     summary = json.loads((folder / "summary.json").read_text())  # no pyarrow, which starts threads
-    quality = str(summary.get("words", {}).get("quality", ""))
-    name = folder.parent.name, folder.name
+    parameters = summary.get("parameters", summary.get("words", {}))  # of earlier versions
+    quality, name = str(parameters.get("quality", "")), (folder.parent.name, folder.name)
     return Cell(*name, has_report=True, quality=quality, scores=_scores(summary))
 
 
@@ -94,27 +94,24 @@ def _add_grid(cells: Cells) -> None:
         ended = datetime.fromisoformat(grid["ended"]).timestamp()
         for each in grid["cells"]:
             name, outcome = (str(each["scene"]), str(each["style"])), str(each["outcome"])
-            if outcome in OUTCOMES and not _is_newer(name, ended):
+            if outcome in OUTCOME_LABELS and not _is_newer(name, ended):
                 _add(cells, name, outcome, str(each["reason"]))
 
 
 def _is_newer(name: tuple[str, str], moment: float) -> bool:
-    """Whether a result was linked after a moment."""
+    """Returns whether a result was linked after a moment."""
     report = Path(out_root(), *name, "report.html")
     return report.exists() and report.lstat().st_mtime > moment
 
 
 def _add_requested(cells: Cells, requested: Iterable[Any]) -> None:
     for task in requested:
-        name, problem = (task.scene, task.style), find_blocking_failure(task, current_store())
-        if problem is None:
-            is_made = name in cells and cells[name].has_report
-            _add(cells, name, "" if is_made else "not begun")
-        elif problem.is_under_way:
-            _add(cells, name, "under way", problem.task.task_family)
+        name, found = (task.scene, task.style), outcome_of_missing(task)
+        if found.stage:
+            _add(cells, name, found.outcome, found.explanation)
         else:
-            outcome = "late" if problem.kind == "late" else "failed"
-            _add(cells, name, outcome, f"{problem.task.task_family}: {problem.reason}")
+            is_shown = name in cells and cells[name].has_report
+            _add(cells, name, "" if is_shown else "not begun")
 
 
 def _add(cells: Cells, name: tuple[str, str], outcome: str, reason: str = "") -> None:

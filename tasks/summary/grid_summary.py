@@ -7,21 +7,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
-from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root
 from pipeline.shared_store.sync import upload_key_list
 from styletrf.files.atomic_write import atomic_write
 from tasks.command.found_records import found_record
+from tasks.command.outcomes import Outcome, outcome_of_missing
 from tasks.command.sources import begin_of_command
 from tasks.summary.gallery import refresh_gallery
 from tasks.summary.webhook import post_to_webhook
 
 _log = logging.getLogger("pipeline")
-Outcome = Literal["made", "found", "failed", "under way", "late", "not begun"]
 EXIT_STATUS: dict[Outcome, int] = {"failed": 31, "late": 26}
 """Exit status of a command that made some cells: others failed, or were skipped for `--until`."""
 
@@ -67,7 +66,7 @@ class GridSummary:
 
     @property
     def exit_status(self) -> int | None:
-        """0 if every cell exists, 31 or 26 if some do; None leaves the status to Luigi."""
+        """Returns 0 if every cell exists, 31 or 26 if some do; None leaves it to Luigi."""
         n_there = self.count("made") + self.count("found")
         if n_there == len(self.cells):
             return 0
@@ -167,12 +166,8 @@ def _outcome(cell: Any, begun: datetime) -> CellOutcome:
     name = cell.scene, cell.style
     if record := found_record(cell):
         return CellOutcome(*name, "made" if _began(record) >= begun else "found")
-    problem = find_blocking_failure(cell, current_store(), since=begun)
-    if problem is None:
-        return CellOutcome(*name, "not begun", "no attempt of this machine has ended")
-    ended: Outcome = "late" if problem.kind == "late" else "failed"
-    outcome: Outcome = "under way" if problem.is_under_way else ended
-    return CellOutcome(*name, outcome, f"{problem.task.task_family}: {problem.reason}")
+    missing = outcome_of_missing(cell, since=begun)
+    return CellOutcome(*name, missing.outcome, missing.explanation)
 
 
 def _cost_summary(name: str, records: Sequence[ActionRecord], begun: datetime) -> CostSummary:

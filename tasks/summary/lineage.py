@@ -7,19 +7,19 @@ store does not count.
 
 import logging
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.maintenance.attempts import find_blocking_failure
 from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root
 from pipeline.task import StoredTask
-from styletrf.reports.lineage.artifact import Artifact
+from styletrf.reports.lineage.artifact import Artifact, State
 from styletrf.reports.lineage.page import write_lineage_page
 from tasks.command.found_records import found_record
+from tasks.command.outcomes import Outcome, outcome_of_missing
 from tasks.stages.linked_results import LinkedStage, linked_pages, made_from
 
 _log = logging.getLogger("pipeline")
@@ -77,10 +77,18 @@ def _add_requested(found: Found, result: LinkedStage) -> None:
         inputs = [names[upstream] for upstream in task.requires().values()]
         found.setdefault(names[task], _made(record, inputs) if record else _missing(task, inputs))
     if found[names[result]].state == "not made":
-        problem = find_blocking_failure(result, current_store())
-        if problem and (name := names.get(problem.task)):
-            state: Any = "under way" if problem.is_under_way else "failed"
-            found[name] = replace(found[name], state=state, reason=problem.reason)
+        outcome = outcome_of_missing(result)
+        if outcome.stage and (name := names.get(outcome.stage)):
+            state = _STATES[outcome.outcome]
+            found[name] = replace(found[name], state=state, reason=outcome.reason)
+
+
+_STATES: Mapping[Outcome, State] = {
+    "failed": "failed",
+    "under way": "under way",
+    "late": "not made",
+}
+"""States of the artifacts of stages that did not end well, by their outcomes."""
 
 
 def _made(record: ActionRecord, inputs: Sequence[str]) -> Artifact:

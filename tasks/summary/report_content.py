@@ -18,9 +18,9 @@ from tasks.summary.metric_labels import metric_tables, term
 
 
 def summary_of(
-    words: Mapping[str, Any], inputs: Mapping[str, Path], lineage: Sequence[ActionRecord]
+    parameters: Mapping[str, Any], inputs: Mapping[str, Path], lineage: Sequence[ActionRecord]
 ) -> dict[str, Any]:
-    """Returns the numbers of one result: its metrics, its cost, and its parameters (`words`)."""
+    """Returns the numbers of one result: its metrics, its cost, and its parameters."""
     costs = [_cost(record) for record in lineage]
     return {
         "quality": read_summary(inputs["quality"] / "summary.json"),
@@ -31,12 +31,13 @@ def summary_of(
             "seconds": sum(cost.seconds for cost in costs),
             "peak_memory_bytes": max((cost.peak_memory_bytes or 0 for cost in costs), default=0),
         },
-        "words": dict(words),
+        "parameters": dict(parameters),
+        "words": dict(parameters),  # their name in earlier versions
     }
 
 
 def report_content(
-    words: Mapping[str, Any],
+    parameters: Mapping[str, Any],
     inputs: Mapping[str, Path],
     poster: Path,
     lineage: Sequence[ActionRecord],
@@ -44,16 +45,16 @@ def report_content(
     """Returns the content of `report.html`.
 
     Args:
-        words: The parameters of the command.
+        parameters: The parameters of the command.
         inputs: The artifacts shown.
         poster: The frame shown while nothing plays.
         lineage: The records of everything upstream.
     """
-    tuning = _tuning(words["quality"], lineage)
+    tuning = _tuning(parameters["quality"], lineage)
     return ReportContent(
-        scene=words["scene"],
-        style=words["style"],
-        quality=words["quality"],
+        scene=parameters["scene"],
+        style=parameters["style"],
+        quality=parameters["quality"],
         summary=" ".join(
             [
                 registration_summary(inputs["poses"], inputs["capture"], inputs["quality"]),
@@ -66,7 +67,7 @@ def report_content(
         style_image=inputs["style"] / "style.png",
         priors=_priors(inputs),
         curves=_curves(inputs, lineage),
-        metrics=metric_tables(summary_of(words, inputs, lineage)),
+        metrics=metric_tables(summary_of(parameters, inputs, lineage)),
         error_curves=_error_curves(read_rows(inputs["consistency"] / "pairs.parquet")),
         stages=[_cost(record) for record in lineage],
         parameters={name: _parameters(record) for name, record in _named(lineage).items()},
@@ -75,22 +76,22 @@ def report_content(
             **{name: number for record in lineage for name, number in record.action.tools.items()},
         },
         digests={name: record.output.digest for name, record in _named(lineage).items()},
-        command=main_command(words, tuning),
-        viewer_command=viewer_command(words, tuning),
+        command=main_command(parameters, tuning),
+        viewer_command=viewer_command(parameters, tuning),
     )
 
 
-def viewer_command(words: Mapping[str, Any], tuning: Mapping[str, Mapping[str, Any]]) -> str:
+def viewer_command(parameters: Mapping[str, Any], tuning: Mapping[str, Mapping[str, Any]]) -> str:
     """Returns the command of a viewer that shows the same stylized field; "" where none can.
 
     Fields of the strategies s1 and s2 have a geometry of their own, painted frames have no field,
     and networks from elsewhere are no parameter of a viewer.
     """
-    method, strategy = words.get("method", "field"), words.get("strategy", "s3")
-    if (method, strategy, words.get("network", "")) != ("field", "s3", ""):
+    method, strategy = parameters.get("method", "field"), parameters.get("strategy", "s3")
+    if (method, strategy, parameters.get("network", "")) != ("field", "s3", ""):
         return ""
-    of_field = {name: value for name, value in words.items() if name not in _OF_FRAMES}
-    return main_command({**of_field, "styles": [words["style"]]}, tuning, "Viewer")
+    of_field = {name: value for name, value in parameters.items() if name not in _OF_FRAMES}
+    return main_command({**of_field, "styles": [parameters["style"]]}, tuning, "Viewer")
 
 
 _OF_FRAMES = ("style", "method", "network", "strength", "blend", "region")
@@ -183,7 +184,7 @@ def with_note_of_its_end(curve: Curve, planned: int) -> Curve:
 
 
 def _error_curves(pairs: Sequence[Mapping[str, Any]]) -> list[Curve]:
-    """The paper's error over the trajectory with its floor, a curve for each distance."""
+    """Returns the paper's error along the trajectory with its floor, a curve for each distance."""
     return [
         Curve(
             title=term(delta).capitalize(),

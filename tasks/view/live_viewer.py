@@ -62,7 +62,7 @@ class LiveViewer:
         return {"looks": len(self._looks), "report": self.report}
 
     def look(self, number: int) -> dict[str, Any] | None:
-        """Returns a look, None if there is no such one."""
+        """Returns a look, None if it does not exist."""
         if number >= len(self._looks):
             return None
         packed = self._looks[number][1]
@@ -104,5 +104,5 @@ def _number(request: dict[str, Any], name: str, most: float) -> float:
     value: Any = request.get(name)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value) or not 0 <= value <= most:
-        raise InputError(f"{name} {value!r}", f"is no number from 0 to {most}", "Change it")
+        raise InputError(f"{name} {value!r}", f"is not a number from 0 to {most}", "Change it")
     return float(value)

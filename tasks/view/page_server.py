@@ -38,10 +38,10 @@ class Site(Protocol):
         """Returns how many looks there are, and what is under way."""
 
     def look(self, number: int) -> dict[str, Any] | None:
-        """Returns a look, None if there is no such one."""
+        """Returns a look, None if it does not exist."""
 
     def save(self, request: Any) -> dict[str, Any]:
-        """Saves a path; raises InputError if it is none."""
+        """Saves a path; raises InputError if it is not a path."""
 
 
 class PageServer(ThreadingHTTPServer):
@@ -82,7 +82,7 @@ class PageServer(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """The page's address, with its token."""
+        """Returns the page's address, with its token."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{host}:{self.server_address[1]}/{self.token}/"
 
@@ -153,11 +153,11 @@ class _Handler(BaseHTTPRequestHandler):
             request = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
             self._send_json(200, self.server.site.save(request))
         except (ValueError, RecursionError):
-            self._refuse(400, "This is no JSON.")
+            self._refuse(400, "This is not JSON.")
         except (InputError, OSError) as error:
             self._refuse(400, str(error))
 
-    def log_message(self, *_words: Any) -> None:
+    def log_message(self, *_fields: Any) -> None:
         """Logs nothing: requests hold the token."""
 
     def _place(self) -> str | None:
@@ -166,15 +166,15 @@ class _Handler(BaseHTTPRequestHandler):
         if len(hosts) != 1 or not is_own_host(hosts[0], self.server.host):
             self._refuse(403, "This server has another name.")
             return None
-        words = self.path.partition("?")[0].encode().split(b"/", 2)
-        token = words[1] if len(words) > 1 else b""
-        if not hmac.compare_digest(token, self.server.token.encode()) or len(words) < 3:
+        segments = self.path.partition("?")[0].encode().split(b"/", 2)
+        token = segments[1] if len(segments) > 1 else b""
+        if not hmac.compare_digest(token, self.server.token.encode()) or len(segments) < 3:
             self._refuse(404, "There is nothing here.")
             return None
-        return words[2].decode()
+        return segments[2].decode()
 
     def _is_refused(self, place: str) -> bool:
-        """Whether a POST is of the wrong place, origin, kind or size; it is answered then."""
+        """Returns whether a POST has the wrong place, origin, kind or size, and answers it then."""
         origin, length = self.headers.get("Origin"), self.headers.get("Content-Length", "")
         if place != "path":
             self._refuse(404, "There is nothing here.")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def path_command(
-    file: Path, seconds: float, weights: Mapping[str, float], words: Sequence[str], style: str
+    file: Path, seconds: float, weights: Mapping[str, float], arguments: Sequence[str], style: str
 ) -> str:
     """Returns the shell command of the fly-through along a path.
 
@@ -15,7 +15,7 @@ def path_command(
         file: Of the path.
         seconds: Its length.
         weights: Of the paintings that are mixed, above 0; what they lack of 1 is the photographs'.
-        words: The scene, the quality and all else that the fields were made with.
+        arguments: The scene, the quality and all else that the fields were made with.
         style: The painting of a command where `weights` has none.
     """
     first, *others = weights or [style]
@@ -25,4 +25,5 @@ def path_command(
     elif weights.get(first, 0.0) < 1:
         mixture += ["--strength", f"{weights.get(first, 0.0):g}"]
     path = ["--path", str(file), "--seconds", f"{seconds:g}"]
-    return shlex.join(["luigi", "--module", "tasks", "StylizedTrajectory", *words, *mixture, *path])
+    command = ["luigi", "--module", "tasks", "StylizedTrajectory"]
+    return shlex.join([*command, *arguments, *mixture, *path])

@@ -63,7 +63,7 @@ def watch_store(viewer: Viewer, live: LiveViewer, bake: Bake, stop: Event) -> No
             live.report = " ".join([*problems, f"{style} is being prepared."])
             try:
                 live.add(*bake(style))
-            except Exception as error:  # noqa: BLE001  the others are shown all the same
+            except Exception as error:  # noqa: BLE001  the other styles are still shown
                 problems.append(f"{style} cannot be shown: {error}")
             live.report = " ".join(problems)
         stop.wait(POLL_S)

@@ -16,12 +16,13 @@ from pipeline.task import artifact
 from styletrf.capture.user_folders import find_scene
 from styletrf.errors import InputError
 from styletrf.field.radiance_field import load_field, load_stylized_field
+from styletrf.steps.viewer_page import PHOTOGRAPHS
 from styletrf.trajectory.path_files import read_path
 from styletrf.viewer.baking import BakedLook
 from styletrf.viewer.viewed_scene import read_viewed_scene, thumbnail
 from styletrf.viewer.viewer_content import bake_scene
 from tasks.presets.presets import PRESETS
-from tasks.results.viewer import PHOTOGRAPHS, Viewer
+from tasks.results.viewer import Viewer
 from tasks.stages.style import StyleImage
 from tasks.stages.stylization import StylizedField
 from tasks.view.live_viewer import LiveViewer
@@ -40,9 +41,9 @@ def run(arguments: Sequence[str]) -> int:
     Raises:
         SystemExit: The command is refused, or prints a help.
     """
-    given, words = _parser().parse_known_args(arguments)
+    given, others = _parser().parse_known_args(arguments)
     try:
-        return _serve(given, words)
+        return _serve(given, others)
     except (InputError, StoreError) as error:
         raise SystemExit(str(error)) from error
     except KeyboardInterrupt:
@@ -67,19 +68,19 @@ def _parser() -> ArgumentParser:
     return parser
 
 
-def _serve(given: Namespace, words: Sequence[str]) -> int:
+def _serve(given: Namespace, others: Sequence[str]) -> int:
     find_scene(data_root(), given.scene)
     current_store(create=False)
     file = (given.path_file or out_root() / given.scene / "camera-path.json").absolute()
     _require_path_file(file)
-    line = ["Viewer", "--scene", given.scene, "--styles", "[]", *words]
+    line = ["Viewer", "--scene", given.scene, "--styles", "[]", *others]
     with (
         CmdlineParser.global_instance(line) as parser,
         PageServer(given.host, given.port, secrets.token_urlsafe(24)) as server,
     ):
         viewer = _viewer(parser.get_task_obj(), given)
         print(f"Preparing {viewer.scene} at {viewer.quality} ...", flush=True)  # noqa: T201
-        live, bake = _live_viewer(viewer, file, words)
+        live, bake = _live_viewer(viewer, file, others)
         server.site, stop = live, Event()
         watch = Thread(target=watch_store, args=(viewer, live, bake, stop), daemon=True)
         watch.start()
@@ -104,7 +105,7 @@ def _require_path_file(file: Path) -> None:
 def _viewer(viewer: Viewer, given: Namespace) -> Viewer:
     """Returns the viewer that is served, without its styles."""
     if viewer.styles:
-        problem = "is not of this command, which shows all styles in the store"
+        problem = "does not belong to this command, which shows all styles in the store"
         raise InputError(f"--styles {list(viewer.styles)}", problem, "Leave it out")
     qualities = [given.quality] if given.quality else PRESETS
     viewers = [
@@ -115,7 +116,7 @@ def _viewer(viewer: Viewer, given: Namespace) -> Viewer:
     return best_quality(viewers)
 
 
-def _live_viewer(viewer: Viewer, file: Path, words: Sequence[str]) -> tuple[LiveViewer, Bake]:
+def _live_viewer(viewer: Viewer, file: Path, others: Sequence[str]) -> tuple[LiveViewer, Bake]:
     """Returns what is served, with the photographs, and what bakes the styles."""
     inputs = {name: artifact(task) for name, task in viewer.requires().items()}
     scene, field = read_viewed_scene(inputs), load_field(inputs["field"])
@@ -130,7 +131,7 @@ def _live_viewer(viewer: Viewer, file: Path, words: Sequence[str]) -> tuple[Live
         return look, thumbnail(image)
 
     def command(weights: Mapping[str, float], seconds: float) -> str:
-        made_with = ["--scene", viewer.scene, "--quality", viewer.quality, *words]
+        made_with = ["--scene", viewer.scene, "--quality", viewer.quality, *others]
         first = next(iter([*adapted_styles(viewer), *known_styles()]), "STYLE")
         return path_command(file, seconds, weights, made_with, first)
 

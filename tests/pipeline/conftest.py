@@ -41,7 +41,7 @@ def listed_once() -> Callable[[str], dict[str, Path]]:
 
 @pytest.fixture(autouse=True)
 def _listed_once(listed_once: Callable[[str], dict[str, Path]], monkeypatch) -> None:
-    """Toys are no part of the project; for each of their keys, its files would be listed anew."""
+    """Toys are no part of the project; for each of their keys, its files would be listed again."""
 
     def listed(package: str) -> dict[str, Path]:
         return listed_once(package) if package in closure.PROJECT else data_files(package)

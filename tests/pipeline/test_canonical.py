@@ -105,7 +105,7 @@ def action(**changes):
     return Action(**{**fields, **changes})
 
 
-def test_golden_keys():
+def test_the_key_of_a_known_action_stays_as_it_was():
     """These change only with a deliberate change of the scheme, which disowns every store."""
     preimage = b"\0\0\0\0\0\0\0\4kind" + b"\0\0\0\0\0\0\0\1a" + b"\0\0\0\0\0\0\0\0"
     assert typed_digest("kind", b"a", b"") == hashlib.sha256(preimage).hexdigest()
@@ -149,7 +149,7 @@ def test_every_field_of_an_action_counts(change):
     assert action(**change).key != action().key
 
 
-def test_parts_are_delimited():
+def test_equal_bytes_in_other_parts_have_another_digest():
     digests = {
         typed_digest("k", b"ab", b"c"),
         typed_digest("k", b"a", b"bc"),

@@ -146,7 +146,7 @@ def test_a_terminal_shows_a_bar_and_then_what_was_done():
     assert said.index("Lasting: started") < said.index("Lasting: done")
 
 
-def test_two_commands_one_build(toys):
+def test_two_commands_at_once_build_an_artifact_once(toys):
     first = start("luigi", "--module", "toys", "Lasting")
     second = start("luigi", "--module", "toys", "Lasting")
     screens = ["".join(process.communicate(timeout=60)) for process in (first, second)]
@@ -213,7 +213,7 @@ def test_an_artifact_is_not_shown_as_made_from_itself(store):
 
 
 @pytest.mark.usefixtures("inline")
-def test_store_commands():
+def test_ls_show_and_verify_find_an_artifact_and_its_damage():
     assert build(Sentence())
     (record,) = (r for r in current_store().records() if r.action.family == "Sentence")
 

@@ -100,7 +100,7 @@ def test_failing_disk_leaves_nothing_visible(store, monkeypatch, error, call):
     assert visible(store)
 
 
-def test_every_fsync_may_fail(store, monkeypatch):
+def test_a_failed_fsync_leaves_nothing_half_visible(store, monkeypatch):
     """The disk fills up at the first, second, ... durable write: nothing is half-visible."""
     real, calls = os.fsync, 0
     for last in range(1, 20):
@@ -125,7 +125,7 @@ def test_every_fsync_may_fail(store, monkeypatch):
     assert visible(store)
 
 
-def test_loser_adopts_the_winner(store):
+def test_the_later_of_two_publications_gets_the_artifact_of_the_first(store):
     winner, loser = attempt(store, b"first"), attempt(store, b"second")
     assert loser == winner
     assert is_whole(store)

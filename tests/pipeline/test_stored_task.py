@@ -112,7 +112,7 @@ class Link(StoredTask):
         (out / "depth").write_text(str(self.depth))
 
 
-def test_builds_once_and_finds_again():
+def test_a_task_is_built_once_and_found_again():
     assert build(Sentence())
     assert built() == ["Sentence", "Word hello", "Word world"]
     assert (artifact(Sentence()) / "sentence.txt").read_text() == "hello world"
@@ -128,7 +128,7 @@ def test_one_key_for_equal_parameters_and_for_insignificant_ones():
     assert Word("a", loudness=1.5).action().key not in keys
 
 
-def test_early_cut_off():
+def test_equal_bytes_upstream_run_nothing_downstream():
     """An upstream rerun that yields the same bytes runs nothing downstream."""
     assert build(Reader(1))
     afresh()
@@ -226,7 +226,7 @@ def test_an_object_lost_upstream_does_not_undo_what_is_downstream():
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_damaged_input_is_set_aside_and_made_anew(workers):
+def test_a_damaged_input_is_set_aside_and_made_again(workers):
     build(Word("hello"), Word("world"))
     file = artifact(Word("hello")) / "word.txt"
     file.chmod(0o644)
@@ -239,7 +239,7 @@ def test_a_damaged_input_is_set_aside_and_made_anew(workers):
     assert not list(problems(current_store(), deep=True))
 
 
-def test_complete_never_raises(monkeypatch):
+def test_a_task_without_a_usable_store_is_incomplete_and_its_run_is_refused(monkeypatch):
     store = current_store()
     (store.root / "format").write_text("styletrf store 99\n")
     import pipeline.settings
@@ -272,7 +272,7 @@ def test_diamonds_are_resolved_in_linear_time():
     assert Link.visits == 61
 
 
-def test_provenance_tells_how():
+def test_provenance_names_the_task_its_log_and_its_memory():
     build(Word("a"))
     path = current_store().action(Word("a").action().key)
     provenance = json.loads(path.read_text())["provenance"]

@@ -34,7 +34,7 @@ def test_blind_to_place_order_time_and_mode(tree, tmp_path):
     assert tree_digest(copy(tree, tmp_path / "copy")) == tree_digest(tree)
 
 
-def test_counts_bytes_and_files(tree):
+def test_a_tree_digest_counts_bytes_and_files(tree):
     assert (tree_digest(tree).size, tree_digest(tree).files) == (5, 2) == measure(tree)
 
 
@@ -50,19 +50,19 @@ def test_counts_bytes_and_files(tree):
         lambda root: (root / "field.json").unlink(),
     ],
 )
-def test_sees_every_change_of_content(tree, alter):
+def test_every_change_of_content_gives_another_tree_digest(tree, alter):
     before = tree_digest(tree)
     alter(tree)
     assert tree_digest(tree).digest != before.digest
 
 
-def test_refuses_what_is_not_a_file(tree):
+def test_a_tree_with_a_link_is_refused(tree):
     (tree / "link").symlink_to("field.json")
     with refuses(tree / "link", kind=ValueError):
         tree_digest(tree)
 
 
-def test_same_in_another_process_and_hash_seed(tree):
+def test_a_tree_digest_is_the_same_in_another_process_and_with_another_hash_seed(tree):
     code = (
         "import pathlib, sys; from pipeline.digest import tree_digest;"
         "sys.stdout.write(tree_digest(pathlib.Path(sys.argv[1])).digest)"

@@ -23,5 +23,5 @@ def test_few_things_are_all_there(things, count):
     assert evenly_spread(things, count) == things
 
 
-def test_one_is_the_first():
+def test_a_spread_of_one_is_the_first():
     assert evenly_spread("abc", 1) == ["a"]

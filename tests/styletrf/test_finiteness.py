@@ -129,10 +129,7 @@ def test_an_adaptation_to_images_names_the_view(scene, field):
 
 
 def test_a_finished_field_whose_loss_is_not_finite_stops(scene):
-    model = scene.model
-    trainer = FieldTrainer(
-        scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS
-    )
+    trainer = FieldTrainer(scene.views(), scene.volume, CONFIG, KERNELS)
     with torch.no_grad():
         trainer.field.appearance.background.fill_(torch.nan)
     with stops("field training", "loss of the field", "at iteration 0"):

@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -235,8 +234,7 @@ def _graph(
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("STYLETRF_DATA", str(photographs))
             if family == "SceneReport":  # it would measure this machine
-                reference = reference_costs().calibration
-                keep_calibration(replace(reference, machine=this_machine()))
+                keep_calibration(this_machine(), reference_costs().calibration.seconds)
             with around(family):
                 return build(stage, **inputs)
 

@@ -246,7 +246,7 @@ def _packages(module: str, name: str) -> set[str]:
 
 
 def test_the_versions_of_what_computes_are_in_the_key():
-    """A new PyAV, OpenCV, numba or pycolmap makes anew what it decodes or computes."""
+    """A new PyAV, OpenCV, numba or pycolmap makes again what it decodes or computes."""
     for stage in families("tasks"):
         members = [name.partition(":") for name in code_closure(stage) if ":" in name]
         packages = {p for module, _, name in members for p in _packages(module, name)}
@@ -262,6 +262,7 @@ BY_VALUE = {
     "tasks.stages.path_parameters:PathParameters.path_settings",
     "tasks.presets.presets:settings_for",
     "tasks.stages.stage:ConfigurableStage.values",
+    "tasks.stages.stage:PresetStage.tuned",
     "tasks.stages.stage:_thawed",
     "tasks.stages.style:StyleNetwork.values",
     "tasks.stages.stylization:StylizedField.resolved_match",

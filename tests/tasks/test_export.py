@@ -72,7 +72,7 @@ def test_an_unknown_format_is_refused():
         tasks.Export(scene="s", format="stl")
 
 
-def test_glb_is_the_mesh():
+def test_an_export_as_glb_is_the_export_of_a_mesh():
     assert tasks.Export(scene="s", format="glb") == tasks.Export(scene="s", format="mesh")
 
 
@@ -85,6 +85,6 @@ def test_a_missing_package_is_refused_before_anything_runs(monkeypatch: pytest.M
     assert refused.value.remedy
 
 
-def test_cameras_need_no_field():
+def test_an_export_of_cameras_needs_no_field():
     assert "field" not in tasks.Export(scene="s", styles=("p",), format="cameras").requires()
     assert "stylized p" in tasks.Export(scene="s", styles=("p",), format="mesh").requires()

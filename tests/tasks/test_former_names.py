@@ -1,4 +1,4 @@
-"""Names of earlier versions, which still work with a warning."""
+"""Names of earlier versions, which still work."""
 
 import luigi
 import pytest
@@ -7,6 +7,7 @@ from message_words import mentions
 import tasks
 from pipeline.execution import gpu
 from tasks.summary import webhook
+from tasks.summary.report_content import summary_of
 
 
 def test_the_former_name_of_gpus_sets_their_number(caplog):
@@ -42,3 +43,11 @@ def test_gpus_may_be_named_by_the_former_setting(name, caplog, monkeypatch):
     finally:
         config.remove_section("gpu")
     assert mentions(caplog.text, "[gpu] cards", "[gpu] uuids") == (name == "cards")
+
+
+def test_a_summary_has_its_parameters_by_the_former_name_too(tmp_path):
+    for name in ("summary.json", "support.json"):
+        (tmp_path / name).write_text("{}")
+    inputs = dict.fromkeys(("quality", "consistency", "resemblance", "trajectory"), tmp_path)
+    summary = summary_of({"scene": "s"}, inputs, [])
+    assert summary["parameters"] == summary["words"] == {"scene": "s"}

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -59,7 +58,7 @@ def test_the_readme_asks_for_time_and_for_accuracy():
 @pytest.mark.parametrize("words", [*commands(), *options()], ids=" ".join)
 def test_a_command_of_the_readme_can_be_planned(words, out):
     calibration_of_machine.cache_clear()
-    keep_calibration(replace(reference_costs().calibration, machine=this_machine()))
+    keep_calibration(this_machine(), reference_costs().calibration.seconds)
     with CmdlineParser.global_instance(words) as command:
         root = command.get_task_obj()
     stages = list(upstream_first(root))

@@ -97,17 +97,64 @@ def test_whole_renders_are_matched_after_the_pixels(mini: Mini):
     assert not any((folder / "density.safetensors").exists() for folder in folders)
 
 
-def test_other_painters_and_rounds(mini: Mini):
-    usual = pictures(mini("StylizedPriors"))
-    for words in ({"stylizer": "gatys"}, {"rounds": 2}):
-        assert pictures(mini("StylizedPriors", **words)).shape == usual.shape
-        assert not same(pictures(mini("StylizedPriors", **words)), usual)
+def test_an_optimization_lowers_the_loss_of_the_picture_it_starts_from(mini: Mini):
+    from styletrf.style.perceptual.perceptual_loss import (
+        PerceptualLossConfig,
+        perceptual_loss,
+        shrunk,
+        style_grams,
+    )
+    from styletrf.style.perceptual.vgg import load_vgg
+    from styletrf.trajectory.frames import float_frames
+
+    vgg = load_vgg(mini("PerceptualWeights") / "vgg16.safetensors", torch.device("cpu"))
+    painting = torch.from_numpy(read_rgb(mini("StyleImage") / "style.png"))
+    grams = style_grams(vgg, shrunk(painting, 64))
+
+    def losses(painted: np.ndarray) -> np.ndarray:
+        pairs = zip(painted, float_frames(mini("PriorRenders")), strict=True)
+        views = ([torch.from_numpy(view).movedim(2, 0)[None] for view in pair] for pair in pairs)
+        found = (perceptual_loss(vgg, *pair, grams, PerceptualLossConfig()) for pair in views)
+        return np.array([float(terms.total) for terms in found])
+
+    by_network, optimized = (
+        losses(pictures(mini("StylizedPriors", **words))) for words in ({}, {"stylizer": "gatys"})
+    )
+    assert (optimized < by_network).all()
 
 
-def test_an_arbitrary_style_needs_no_training(mini: Mini):
-    network = mini("StyleNetwork", stylizer="arbitrary")
+def test_a_second_round_paints_the_mean_of_priors_and_of_what_the_first_round_shows(mini: Mini):
+    from styletrf.style.style_network import stylize
+    from styletrf.stylization.alternation import blend_with_previous_round
+    from styletrf.stylization.color_transfer import in_colors
+    from styletrf.trajectory.frames import float_frames, float_images
+
+    priors, network = mini("PriorRenders"), load_style_network(mini("StyleNetwork"))
+    inputs = {"field": mini("RadianceField"), "model": mini("SceneModel")}
+    means = blend_with_previous_round(
+        list(float_images(priors)),
+        read_cameras(priors / "cameras.parquet"),
+        inputs | {"before": mini("StylizedField")},
+        torch.device("cpu"),
+    )
+    painted = [stylize(network, torch.from_numpy(view.color)).numpy() for view in means]
+    painting = read_rgb(mini("StyleImage") / "style.png")
+    colored = np.stack(in_colors(painted, list(float_frames(priors)), painting, "style"))
+    assert same(pictures(mini("StylizedPriors", rounds=2)), colored)
+    assert not same(pictures(mini("StylizedPriors")), colored)
+
+
+def test_an_arbitrary_style_needs_no_training_and_brings_the_colors_of_the_painting(mini: Mini):
+    arbitrary = {"stylizer": "arbitrary"}
+    network = mini("StyleNetwork", **arbitrary)
     assert not (network / "curve.parquet").exists()
-    assert len(pictures(mini("StylizedFrames", stylizer="arbitrary"))) == 7
+    painting = read_rgb(mini("StyleImage") / "style.png").mean(axis=(0, 1))
+    frames = [pictures(mini("StylizedFrames", **w)) for w in ({"strength": 0.0}, arbitrary)]
+    assert len(frames[0]) == len(frames[1]) == 7
+    before, after = (
+        np.linalg.norm(shown.mean(axis=(1, 2)) - painting, axis=1).mean() for shown in frames
+    )
+    assert after < 0.8 * before
 
 
 def test_an_optimization_can_start_from_noise(mini: Mini, stage_of: Any):

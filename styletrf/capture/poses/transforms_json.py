@@ -37,13 +37,14 @@ _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 
 
 def read_transforms(folder: Path) -> GivenPoses | None:
-    """Returns the views in `transforms.json`, or those in `transforms_train.json` and `_test`.
+    """Returns the views in `transforms.json`, else in `transforms_train.json` and `_test.json`.
 
-    Those of `_test` are held out. None where there is neither.
+    The views of `transforms_test.json` are held out. Returns None if neither of the first two files
+    exists.
 
     Raises:
-        InputError: A file is not of this format, a pose is none, a photograph lies outside the
-            folder, or hardly one is there.
+        InputError: A file does not have this format, a matrix is no pose, a photograph lies outside
+            the folder, or fewer than three photographs exist.
     """
     parts = _parts(folder)
     views = [view for path, held_out in parts.items() for view in _views_with(path, held_out)]
@@ -96,7 +97,7 @@ def _frames(path: Path) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
             )
             for frame in values["frames"]
         ]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise InputError(str(path), "is no transforms file", _REMEDY) from error
 
 
@@ -152,7 +153,7 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
         cx, cy = float(values.get("cx", width / 2)), float(values.get("cy", height / 2))
         model = _model(path, values)
         bend = tuple(float(values.get(name, 0)) for name in _BENDS[model])
-    except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise InputError(str(path), f"has no lens ({error!r})", _REMEDY) from error
     numbers = (fx, fy, cx, cy, *bend)
     if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):

@@ -30,6 +30,7 @@ from styletrf.evaluation.alignment.image_alignment import (
     likeness,
     reduced,
 )
+from styletrf.even_spread import evenly_spread
 from styletrf.files.images import from_integers
 from styletrf.files.tables import read_summary, write_summary
 from styletrf.geometry.camera_table import read_split, read_unregistered
@@ -42,10 +43,12 @@ LEAST_DETAIL = 0.5  # correlation with the render, below which a photograph is o
 LEAST_SHARE = 0.75  # of the way from a photograph beside another's render to it beside its own
 _STARTS = 4  # known cameras, those of the most similar photographs, from which the search begins
 _COMPARED = 12  # photographs whose cameras are known, to know how alike render and photograph are
+_MOST_TRIED = 20  # photographs without a camera: each takes seconds
+_LONG_SIDE_PX = max(LONG_SIDES_PX)  # of the photographs in memory
 _SAME_SHAPE = 0.01  # by how much the proportions of a photograph may differ from the lens's
 
 View = tuple[Camera, Image]
-"""A photograph at the size of its camera, RGB in [0, 1]."""
+"""A photograph at the size of its camera, RGB in [0, 1], no larger than it is compared at."""
 
 
 def place_unregistered(
@@ -87,16 +90,16 @@ class PhotographPlacement:
 def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
     """Yields the photographs without a camera, as a lens of the scene would show them.
 
-    It is the lens that took most of the placed photographs of the same shape, or of this shape
-    turned by 90 degrees, as a camera held upright has it. Their cameras stand at the origin. Where
-    no lens has their shape, nothing is known of theirs: they are left out, and a warning names
-    them.
+    Of more than 20 they are 20, evenly spread, and a warning says so. It is the lens that took most
+    of the placed photographs of the same shape, or of this shape turned by 90 degrees, as a camera
+    held upright has it. Their cameras stand at the origin. Where no lens has their shape, nothing
+    is known of theirs: they are left out, and a warning names them.
 
     Args:
         capture_dir: What `capture_photographs` wrote.
         poses_dir: What `solve_camera_poses` wrote.
     """
-    missing = set(read_unregistered(poses_dir / "cameras.parquet"))
+    missing = _tried(read_unregistered(poses_dir / "cameras.parquet"))
     if not missing:
         return
     lenses = _lenses(read_summary(poses_dir / "poses.json"))
@@ -111,8 +114,18 @@ def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
             continue
         size = lens.width, lens.height
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
-        camera = pinhole_for(lens, one.name, np.eye(3, 4))
-        yield camera, undistorted_image(image, lens, camera) / 255.0
+        pinhole = pinhole_for(lens, one.name, np.eye(3, 4))
+        camera = fitted_to(pinhole, _LONG_SIDE_PX)
+        image = undistorted_image(image, lens, pinhole)
+        size = camera.width, camera.height
+        yield camera, cv2.resize(image, size, interpolation=cv2.INTER_AREA) / 255.0
+
+
+def _tried(names: Sequence[str]) -> set[str]:
+    """Returns the photographs that are looked for: all, or 20 of them, evenly spread."""
+    if len(names) > _MOST_TRIED:
+        _LOGGER.warning("%d photographs have no camera: %d are tried", len(names), _MOST_TRIED)
+    return set(evenly_spread(names, _MOST_TRIED))
 
 
 def _lenses(poses: Mapping[str, Any]) -> list[pycolmap.Camera]:
@@ -126,7 +139,7 @@ def _lenses(poses: Mapping[str, Any]) -> list[pycolmap.Camera]:
 
 def training_views(poses_dir: Path, model: SceneModel) -> list[View]:
     """Returns the photographs that are not held out, their cameras in the normalized world."""
-    cameras = model.normalized(read_split(poses_dir / "cameras.parquet")[0])
+    cameras = model.normalized(read_split(poses_dir / "cameras.parquet")[0], _LONG_SIDE_PX)
     images = load_views(poses_dir / "images", cameras)
     pixels = (np.ascontiguousarray(image[..., :3].numpy()) for image in images)
     return list(zip(cameras, map(from_integers, pixels), strict=True))

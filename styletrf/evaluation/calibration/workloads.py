@@ -21,6 +21,7 @@ from styletrf.colmap import pycolmap
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.files.images import write_rgb
 from styletrf.geometry.cameras import Camera
@@ -134,9 +135,9 @@ def field_trainer(device: torch.device) -> FieldTrainer:
         iterations=1 << 20,
     )
     space = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), depth_min=0.1)
-    resolution = (_LATTICE, _LATTICE, _LATTICE)
-    kernels = kernels_for(device)
-    return FieldTrainer(cameras, [image, image], space, resolution, config, kernels)
+    volume = FieldVolume(space, (_LATTICE, _LATTICE, _LATTICE))
+    views = TrainingViews(cameras, [image, image])
+    return FieldTrainer(views, volume, config, kernels_for(device))
 
 
 def network_steps(device: torch.device, images: int = 1) -> Callable[[], None]:

@@ -1,4 +1,4 @@
-"""The error of consistency along the field's own depth: the same for every style, and no guess.
+"""The error of consistency along the field's depth, which is exact and the same for every style.
 
 The paths of pixels from frame to frame follow from both cameras and depths (`exact_flow`), and so
 does what is hidden in the other frame. What is measured is therefore the frames' alone, and not a

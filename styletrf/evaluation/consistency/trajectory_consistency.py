@@ -1,8 +1,8 @@
-"""How steady a stylized trajectory is, pair by pair, by three measures with their floors.
+"""Measures how steady a stylized trajectory is, pair by pair, by three errors and their floors.
 
-Along the flow of the unstylized frames as in the paper (`flow_consistency`), along the field's own
-depth (`geometric_consistency`), and as it looks (`perceptual_distance`); beside them how much of
-the style the frames have, since a gray video is the steadiest.
+The errors are along the flow of the unstylized frames as in the paper (`flow_consistency`), along
+the field's own depth (`geometric_consistency`), and in the look of frames (`perceptual_distance`).
+Beside them stands how much of the style the frames have, since a gray video is the steadiest.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Whether frames look like the painting and still show the scene, by measures unseen in training.
+"""Measures, by means unseen in training, whether frames resemble the painting and show the scene.
 
 Enters: frames, the painting, renders of the scene. Leaves: distances of colors, texture,
 Gram matrices and features. Begin with `frame_resemblance`.

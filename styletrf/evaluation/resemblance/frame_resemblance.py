@@ -1,4 +1,4 @@
-"""Whether stylized frames look like the painting and still show the scene: measured on a few.
+"""Measures on a few stylized frames whether they resemble the painting and show the scene.
 
 Nothing is trained with these measures. Each distance to the painting stands beside the same
 distance of the unstylized frames; their ratio is 1 for "not stylized" and 0 for "the painting".

@@ -1,4 +1,4 @@
-"""The Fréchet distance of Gaussians fitted to features: how unlike two pictures' statistics are."""
+"""The Fréchet distance between Gaussians that are fitted to the features of two pictures."""
 
 from dataclasses import dataclass
 

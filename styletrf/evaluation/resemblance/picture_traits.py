@@ -1,4 +1,4 @@
-"""What of a picture is compared with a painting or with the scene, by measures no training saw.
+"""The traits by which a picture is compared with a painting or with the scene.
 
 Colors, patches and texture (`sliced_wasserstein`), Gram matrices of EfficientNet-Lite0, and
 statistics of VGG16's relu2_2 compare a picture with a painting; directions of relu4_3 compare it

@@ -1,4 +1,4 @@
-"""How far the colors and the texture of two pictures are apart: sliced Wasserstein distances.
+"""Sliced Wasserstein distances between the colors and the textures of two pictures.
 
 A picture becomes points: its pixels in CIE L*a*b* (3 coordinates), or its square patches of them
 (147 coordinates for 7x7), with their mean colors or without. The points are projected onto random

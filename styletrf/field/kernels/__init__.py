@@ -2,10 +2,10 @@
 
 Enters: factors of a field, and its rays as segments. Leaves: samples with weights, features,
 colors, and the gradients of all. Begin with `reference`, which defines what each form computes;
-`differentiable` makes a form of forward and backward loops, `plain` one of `reference`.
+`differentiable` makes a form of forward and backward loops, `reference_form` one of `reference`.
 
 `kernels_for(device)` gives the fastest form for a device: numba on the CPU, Triton on a GPU where
-it is installed, else the plain-torch reference; a name overrides the choice.
+it is installed, else the reference in torch; a name overrides the choice.
 """
 
 from importlib.util import find_spec
@@ -16,7 +16,7 @@ from styletrf.errors import InputError
 from styletrf.field.kernels import fused, reference
 from styletrf.field.kernels.differentiable import DifferentiableKernels
 from styletrf.field.kernels.form import Kernels
-from styletrf.field.kernels.plain import PlainKernels
+from styletrf.field.kernels.reference_form import ReferenceKernels
 from styletrf.field.kernels.samples import March, Samples, Segments
 from styletrf.field.kernels.sparsification import Sparsification, sparsify_gradient
 
@@ -42,7 +42,7 @@ def kernels_for(device: torch.device, name: str | None = None) -> Kernels:
     """
     match name or _fastest(device):
         case "reference":
-            return PlainKernels()
+            return ReferenceKernels()
         case "fused":
             return DifferentiableKernels("fused", fused, fused.decode)
         case "triton" if _has_triton():

@@ -1,4 +1,4 @@
-"""What every form of the kernels offers."""
+"""The interface of every form of the kernels."""
 
 from abc import ABC, abstractmethod
 from typing import final

@@ -1,4 +1,4 @@
-"""The kernels in plain torch: the definition, at any precision and on any device.
+"""The reference of the kernels, in torch alone: at any precision and on any device.
 
 Every sample of every ray is laid out in a dense `rays x steps` array and masked.
 """

@@ -1,4 +1,4 @@
-"""What goes into and comes out of the kernels."""
+"""The inputs and the outputs of the kernels."""
 
 from dataclasses import dataclass
 

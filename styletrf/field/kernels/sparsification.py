@@ -1,4 +1,4 @@
-"""Leaving most of a gradient's rows out without changing what it is on average.
+"""Drops most rows of a gradient without changing its mean.
 
 A few samples carry nearly all of the gradient that reaches the factors (on a fitted scene a fifth
 of them 97 %), and adding a row to the factors costs the same whatever its size. Row i is kept with

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class CurvePoint:
+class FieldCurvePoint:
     """One row of the training curve."""
 
     iteration: int
@@ -55,7 +55,7 @@ class FitState:
     seconds: float = 0.0
     smooth_mse: float = 0.0
     validation_psnr: float = 0.0
-    curve: list[CurvePoint] = field(default_factory=list)
+    curve: list[FieldCurvePoint] = field(default_factory=list)
 
 
 def save_fit(folder: Path, trainer: "FieldTrainer") -> None:
@@ -77,7 +77,7 @@ def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
     if "fit" not in numbers:
         warn_of_unreadable(folder, "an earlier version wrote it")
         return
-    curve = [CurvePoint(**point) for point in numbers["fit"].pop("curve")]
+    curve = [FieldCurvePoint(**point) for point in numbers["fit"].pop("curve")]
     state = FitState(**numbers["fit"], curve=curve)
     trainer.state.iteration = state.stage_start
     trainer.field.upsample(

@@ -1,4 +1,4 @@
-"""What a fit will cost on this machine, from a few of its iterations at the final size.
+"""Predicts what a fit costs on this machine from a few of its iterations at the final size.
 
 The occupancy that a fit finds is not known yet; the sparse points stand for it, with the voxels
 about them.
@@ -20,6 +20,7 @@ from styletrf.capture.views import load_views
 from styletrf.field.kernels import Kernels
 from styletrf.field.occupancy import non_empty, voxels_along
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.scene.placement import transformed
 from styletrf.scene.scene_model import SceneModel
@@ -49,7 +50,8 @@ def field_cost(
     brief = replace(config, upsample_at=(), occupancy_every=1 << 30, early_gain_db=0.0)
     cameras = model.normalized(photographs.cameras)
     images = load_views(photographs.folder, cameras, device)
-    trainer = FieldTrainer(cameras, images, model.space, model.resolution, brief, kernels)
+    views, volume = TrainingViews(cameras, images), FieldVolume(model.space, model.resolution)
+    trainer = FieldTrainer(views, volume, brief, kernels)
     points = transformed(model.normalized_from_world, photographs.points.xyz_world)
     occupied = voxels_about(model.space.to_grid(points), model.resolution)
     trainer.field.density.occupancy = occupied.to(trainer.images.device)

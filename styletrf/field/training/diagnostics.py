@@ -1,7 +1,7 @@
-"""What stopped being finite first, when a fit breaks down.
+"""Finds what stopped being finite first, when a fit breaks down.
 
 A running fit looks at its loss only. Once that is not finite, the stages are gone through in the
-order in which they cause each other; Adam's moments tell of past gradients.
+order in which they cause each other; Adam's moments contain past gradients.
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Depths that photographs show, in a fit: the ray of a pixel ends at its depth.
+"""Losses by which the rays of a fit end at the depths that photographs show.
 
 Few photographs can each be explained by fog right before the camera, and only depths that several
 of them agree on speak against it (DS-NeRF, Deng et al. 2022). With w_i the weights of the samples

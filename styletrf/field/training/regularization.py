@@ -1,4 +1,4 @@
-"""What makes a fit prefer simple fields: L1 of the density, total variation of both grids.
+"""Terms that make a fit prefer simple fields: L1 of the density, total variation of both grids.
 
 L1 empties what no photograph shows; total variation (TensoRF section 4.1) smooths, and decays with
 the learning rates, for it would blur in the end.

@@ -1,4 +1,4 @@
-"""How a fit goes from coarse to fine: the grids, the steps of the march, the learning rates."""
+"""The schedule of a fit from coarse to fine: grids, steps of the march, learning rates."""
 
 import math
 from collections.abc import Sequence

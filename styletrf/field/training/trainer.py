@@ -12,14 +12,14 @@ import copy
 import logging
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import torch
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.capture.view_images import Image, view_images
+from styletrf.capture.view_images import view_images
 from styletrf.errors import NotFiniteError
 from styletrf.field.kernels import Kernels, Samples, Segments, Sparsification
 from styletrf.field.occupancy import initial_occupancy, non_empty, occupied_voxels
@@ -27,21 +27,19 @@ from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_color, render_rays
 from styletrf.field.training.background import begin_with_background
-from styletrf.field.training.checkpoint import CurvePoint, FitState, restore_fit, save_fit
+from styletrf.field.training.checkpoint import FieldCurvePoint, FitState, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.diagnostics import iteration_stages
 from styletrf.field.training.distortion import distortion
-from styletrf.field.training.observed_depths import ObservedDepths, depth_loss
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
+from styletrf.field.training.observed_depths import depth_loss
 from styletrf.field.training.optimizer import optimizer_of, take_step
 from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.regularization import add_regularization_gradient
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
 from styletrf.field.training.validation_views import validation_views
-from styletrf.field.training.view_exposures import ViewExposures
 from styletrf.field.view_rays import ViewRays
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
-from styletrf.geometry.cameras import Camera
-from styletrf.geometry.space import Space
 from styletrf.psnr import bounded_psnr
 
 _LOGGER = logging.getLogger(__name__)
@@ -54,30 +52,26 @@ class FieldTrainer:
 
     def __init__(
         self,
-        cameras: Sequence[Camera],
-        images: Iterable[Image],
-        space: Space,
-        resolution: tuple[int, int, int],
+        views: TrainingViews,
+        volume: FieldVolume,
         config: FieldTrainingConfig,
         kernels: Kernels,
         checkpoint_dir: Path | None = None,
-        free: Bool[Tensor, "cells cells cells"] | None = None,
-        depths: ObservedDepths | None = None,
-        exposures: ViewExposures | None = None,
     ) -> None:
-        config = config.in_space(space.kind)
-        self.config, self.kernels, self.images = config, kernels, view_images(images)
+        config = config.in_space(volume.space.kind)
+        self.config, self.kernels, self.images = config, kernels, view_images(views.images)
         device = self.images.device
         self.checkpoint_dir = checkpoint_dir
-        self.validation = validation_views(self.images, config)
-        self.cameras, self.space, self.final_resolution = cameras, space, resolution
+        self.validation = validation_views(views.cameras, self.images, config)
+        self.cameras, self.exposures = views.cameras, views.exposures
+        self.space, self.final_resolution = volume.space, volume.resolution
         self.generator = torch.Generator().manual_seed(config.seed)
         self.field = RadianceField(config.field, self._resolution(0), self.generator).to(device)
         next_member = int(torch.randint(1 << 31, (), generator=self.generator))
         self.state = FitState(config.iterations, config.batch, next_member)
         self.begin_stage()
-        self.free = None if free is None else free.to(device)
-        self.depths, self.exposures = None if depths is None else depths.to(device), exposures
+        self.free = None if volume.free is None else volume.free.to(device)
+        self.depths = None if views.depths is None else views.depths.to(device)
         set_occupancy(self.field.density, initial_occupancy(self.free).to(device))
         begin_with_background(self.field, self.rays, self.images, self.generator)
         if checkpoint_dir is not None:
@@ -164,11 +158,12 @@ class FieldTrainer:
             gained = "validation views gained %.2f dB: %d of %d iterations"
             _LOGGER.info(gained, gain, state.end, self.config.iterations)
 
-    def _curve_point(self, samples: Samples, rays: int) -> CurvePoint:
+    def _curve_point(self, samples: Samples, rays: int) -> FieldCurvePoint:
         colored = int((samples.weights > self.config.min_weight).sum())
         voxels, counts = math.prod(self.field.resolution), (len(samples.ray), colored)
         means = (count / rays for count in counts)
-        return CurvePoint(self.state.iteration, self.state.seconds, self.psnr(), voxels, *means)
+        done = (self.state.iteration, self.state.seconds)
+        return FieldCurvePoint(*done, self.psnr(), voxels, *means)
 
     def _batch_of(self, samples_a_ray: float) -> int:
         least, wanted = self.config.batch, self.config.batch_samples / max(samples_a_ray, 1.0)

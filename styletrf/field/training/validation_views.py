@@ -10,6 +10,7 @@ where it is longer, they continue to fall. The first background, free space and 
 of all views throughout.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -17,10 +18,12 @@ from jaxtyping import Bool, Int64
 from torch import Tensor
 
 from styletrf.capture.view_images import ViewImages
+from styletrf.capture.views import places_of
 from styletrf.field.training.config import FieldTrainingConfig
+from styletrf.geometry.cameras import Camera
 
-_EVERY = 10  # views, of which one is a validation view
-_LEAST = 2  # views to measure by
+_EVERY = 10  # places, of which one has validation views
+_LEAST = 2  # places to measure by
 _SPACING = 0.1  # of the iterations, from the last growth to each measurement and to the end
 _LONGER = 0.25  # of the iterations, by which a fit is longer that improves fast
 _PIXELS = 1 << 14  # to measure by
@@ -53,13 +56,21 @@ class ValidationViews:
         return self.late if is_steep else config.iterations
 
 
-def validation_views(images: ViewImages, config: FieldTrainingConfig) -> ValidationViews | None:
-    """Returns every tenth view; None where they, their pixels or the iterations are too few."""
+def validation_views(
+    cameras: Sequence[Camera], images: ViewImages, config: FieldTrainingConfig
+) -> ValidationViews | None:
+    """Returns every tenth view; None where they, their pixels or the iterations are too few.
+
+    Views of one panorama count as one: each shows what the margins of the others do.
+    """
     shares = [max((0.0, *config.upsample_at)) + k * _SPACING for k in (1, 2, 3)]
     before, after, early = (round(share * config.iterations) for share in shares)
-    views = torch.arange(len(images.ends), device=images.device) % _EVERY == _EVERY // 2
     too_short = not 0 < before < after < early < config.iterations
-    if config.early_gain_db == 0 or too_short or int(views.sum()) < _LEAST:
+    if config.early_gain_db == 0 or too_short:
+        return None
+    places = torch.tensor(places_of(cameras), device=images.device)
+    views = places % _EVERY == _EVERY // 2
+    if len(places[views].unique()) < _LEAST:
         return None
     drawn = images.spread(0, _PIXELS * _EVERY)
     pixels = drawn[views[images.places(drawn)[0]]]

@@ -58,8 +58,12 @@ def upstream_first(artifacts: Iterable[Artifact]) -> list[Artifact]:
     return list(ordered.values())
 
 
-def ancestors(ordered: Sequence[Artifact]) -> Mapping[str, frozenset[str]]:
-    """Returns the names of all that each was made from, of artifacts that follow their inputs."""
+def names_of_ancestors(ordered: Sequence[Artifact]) -> Mapping[str, frozenset[str]]:
+    """Returns, by artifact, the names of all that it was made from.
+
+    Args:
+        ordered: The artifacts; each follows its inputs.
+    """
     found: dict[str, frozenset[str]] = {}
     for each in ordered:
         inputs = frozenset(name for name in each.inputs if name in found)

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from styletrf.reports.lineage.artifact import Artifact, ancestors, upstream_first
+from styletrf.reports.lineage.artifact import Artifact, names_of_ancestors, upstream_first
 
 Point: TypeAlias = tuple[str, int]
 """What a line passes: the artifact that it comes from, and the row."""
@@ -67,7 +67,7 @@ def layout(artifacts: Sequence[Artifact]) -> Layout:
 
 def _reduced(ordered: Sequence[Artifact]) -> dict[str, list[str]]:
     """The inputs of each that none of its other inputs was made from."""
-    above = ancestors(ordered)
+    above = names_of_ancestors(ordered)
     reduced = {}
     for each in ordered:
         inputs = [name for name in dict.fromkeys(each.inputs) if name in above]

@@ -1,6 +1,6 @@
-"""Which photographs a photograph is compared with.
+"""Chooses the photographs that a photograph is compared with.
 
-Neighbors share points, seen from directions far enough apart to tell depths and near enough to look
+Neighbors share points, seen from directions far enough apart to give depths and near enough to look
 alike. With a the angle between the rays of two photographs to a point, a neighbor's score is
 
     sum over shared points of min(1, (a / NARROW_DEG)^2, (WIDE_DEG / a)^2),

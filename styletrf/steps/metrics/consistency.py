@@ -15,17 +15,13 @@ from styletrf.evaluation.perceptual_distance import PerceptualFeatures
 from styletrf.files.images import read_rgb
 from styletrf.files.tables import read_summary, write_rows, write_summary
 from styletrf.geometry.camera_table import read_cameras
-from styletrf.progress import Progress
+from styletrf.steps.step_run import StepRun
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.trajectory.stills import cuts_of
 
 
 def measure_temporal_consistency(
-    inputs: Mapping[str, Path],
-    out: Path,
-    settings: Mapping[str, Any],
-    device_name: str,
-    progress: Progress,
+    inputs: Mapping[str, Path], out: Path, settings: Mapping[str, Any], run: StepRun
 ) -> None:
     """Writes `pairs.parquet` and `summary.json`.
 
@@ -33,19 +29,18 @@ def measure_temporal_consistency(
         inputs: `unstylized`, `stylized`, `style` and `perceptual`.
         out: The folder to fill.
         settings: Of `ConsistencyConfig`.
-        device_name: `auto`, `cpu` or `cuda`.
-        progress: Called with the number of pairs.
+        run: Its progress is the number of pairs.
     """
     config = configured(ConsistencyConfig, settings)
     cameras = read_cameras(inputs["unstylized"] / "cameras.parquet")
-    vgg = load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(device_name))
+    vgg = load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(run.device_name))
     consistency = measure_consistency(
         (read_frame(inputs["unstylized"], inputs["stylized"], camera) for camera in cameras),
         len(cameras),
         read_rgb(inputs["style"] / "style.png"),
         PerceptualFeatures(vgg, config.perceptual_px),
         config,
-        progress,
+        run.progress,
         cuts_of(read_summary(inputs["unstylized"] / "support.json")),
     )
     write_rows(out / "pairs.parquet", consistency.pairs)

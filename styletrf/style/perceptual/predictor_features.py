@@ -75,10 +75,10 @@ def predictor_term(
 ) -> Float[Tensor, ""]:
     """Returns how far the images are from the painting; differentiable in the images.
 
-    The network sees a window at a corner that is drawn anew each time, less than a stride from the
+    The network sees a window at a corner that is drawn again each time, less than a stride from the
     first pixel (of small images nearer): a fixed grid of strides favors patterns of its period,
     which show in the paintings. The window always has the same size: a GPU plans its convolutions
-    anew for each size, which takes longer than they do.
+    again for each size, which takes longer than they do.
 
     Args:
         predictor: The network.

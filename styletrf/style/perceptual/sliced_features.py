@@ -18,7 +18,7 @@ from torch import Tensor
 from styletrf.style.perceptual.perceptual_loss import STYLE_LAYERS
 from styletrf.style.perceptual.vgg import VGG16
 
-_MOST_FEATURES = 2048  # of a layer, drawn anew for every look
+_MOST_FEATURES = 2048  # of a layer, drawn again for every look
 _PROJECTIONS = 32
 
 Columns = Mapping[str, Float[Tensor, "places channels"]]

@@ -1,27 +1,25 @@
-"""The state of a style training, in one safetensors file.
+"""The state of a style training as a checkpoint that a killed one goes on from."""
 
-Tensors: `network.NAME`, `exp_avg.NAME` and `exp_avg_sq.NAME` (Adam's moments) for every parameter,
-and `curve`, a row an iteration in float64 with the columns of `CurveRow`.
-"""
-
-from collections.abc import Iterable, Mapping
-from dataclasses import astuple, dataclass, field, fields
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from styletrf.files.atomic_write import atomic_write
-from styletrf.files.checkpoints import warn_of_unreadable
+from styletrf.files.checkpoints import (
+    load_checkpoint,
+    optimizer_tensors,
+    restore_optimizer,
+    save_checkpoint,
+    warn_of_unreadable,
+)
 from styletrf.style.style_network import PaintingNetwork, StyleNetwork
 
-_MOMENTS = ("exp_avg", "exp_avg_sq")
+_OLD_NAME = "style_training.safetensors"
 
 
 @dataclass(frozen=True, slots=True)
-class CurveRow:
+class StyleCurvePoint:
     """The loss of one iteration: its weighted terms and their sum."""
 
     iteration: int  # from 1
@@ -40,7 +38,7 @@ class Training:
 
     network: PaintingNetwork
     optimizer: torch.optim.Adam
-    curve: list[CurveRow] = field(default_factory=list)
+    curve: list[StyleCurvePoint] = field(default_factory=list)
 
     @property
     def seconds(self) -> float:
@@ -51,8 +49,8 @@ class Training:
 def new_training(network: PaintingNetwork) -> Training:
     """Returns a training of the network that has not begun; `StyleStep` sets the learning rates.
 
-    The optimizer has a group `normalization` (scales and shifts) where the network tells these
-    apart, and a group `other`.
+    The optimizer has a group `normalization` (scales and shifts) where the network
+    distinguishes these, and a group `other`.
     """
     groups: list[dict[str, object]] = []
     if isinstance(network, StyleNetwork):
@@ -64,64 +62,34 @@ def new_training(network: PaintingNetwork) -> Training:
     return Training(network.train(), torch.optim.Adam(groups, lr=0.0))
 
 
-def write_checkpoint(path: Path, training: Training) -> None:
-    """Writes the state; a checkpoint that stood there is replaced once the new one is whole."""
-    tensors: dict[str, Tensor] = {}
-    for name, parameter in training.network.named_parameters():
-        tensors[f"network.{name}"] = parameter.detach().contiguous()
-        for moment in _MOMENTS:
-            if parameter in training.optimizer.state:
-                tensors[f"{moment}.{name}"] = training.optimizer.state[parameter][moment]
-    rows = [astuple(row) for row in training.curve]
-    tensors["curve"] = torch.tensor(rows, dtype=torch.float64).reshape(-1, len(fields(CurveRow)))
-    with atomic_write(path) as partial:
-        save_file(tensors, partial)
+def write_checkpoint(folder: Path, training: Training) -> None:
+    """Writes the state; an earlier checkpoint is replaced once the new one is whole."""
+    tensors = _parameters(training.network) | optimizer_tensors(training.optimizer)
+    save_checkpoint(folder, tensors, {"curve": [astuple(point) for point in training.curve]})
 
 
-def read_checkpoint(path: Path, training: Training) -> None:
+def read_checkpoint(folder: Path, training: Training) -> None:
     """Puts the state of a checkpoint into a new training.
 
-    Leaves it as it is where there is no checkpoint, or one that is damaged or of another network:
-    the training then starts over, and a warning says why.
+    Leaves it as it is where there is no checkpoint, or one that is damaged, of another network or
+    of an earlier version: the training then starts over, and a warning says why.
     """
-    if not path.exists():
+    checkpoint = load_checkpoint(folder, torch.device("cpu"))
+    if checkpoint is None:
+        if (folder / _OLD_NAME).exists():
+            warn_of_unreadable(folder / _OLD_NAME, "an earlier version wrote it")
         return
-    try:
-        tensors = load_file(path)
-    except (OSError, SafetensorError) as error:
-        warn_of_unreadable(path, str(error))
-        return
-    if not _is_whole(tensors, training):
-        warn_of_unreadable(path, "it is of another network, or not whole")
+    tensors, state = checkpoint
+    parameters = _parameters(training.network)
+    if any(n not in tensors or tensors[n].shape != p.shape for n, p in parameters.items()):
+        warn_of_unreadable(folder, "it is of another network, or not whole")
         return
     with torch.no_grad():
-        _restore(tensors, training)
+        for name, parameter in parameters.items():
+            parameter.copy_(tensors[name])
+    restore_optimizer(training.optimizer, tensors)
+    training.curve.extend(StyleCurvePoint(*point) for point in state["curve"])
 
 
-def _is_whole(tensors: Mapping[str, Tensor], training: Training) -> bool:
-    """Whether all that a restoration reads is there, and of the shape that it has here."""
-    curve = tensors.get("curve")
-    if curve is None or curve.ndim != 2 or curve.shape[1] != len(fields(CurveRow)):
-        return False
-    kinds = ("network", *_MOMENTS) if len(curve) else ("network",)
-    shapes = {
-        f"{kind}.{name}": parameter.shape
-        for name, parameter in training.network.named_parameters()
-        for kind in kinds
-    }
-    return all(n in tensors and tensors[n].shape == shape for n, shape in shapes.items())
-
-
-def _restore(tensors: dict[str, Tensor], training: Training) -> None:
-    curve = tensors["curve"].tolist()
-    for name, parameter in training.network.named_parameters():
-        parameter.copy_(tensors[f"network.{name}"])
-        if curve:
-            state = {moment: tensors[f"{moment}.{name}"].to(parameter) for moment in _MOMENTS}
-            training.optimizer.state[parameter] = {"step": torch.tensor(float(len(curve)))} | state
-    training.curve.extend(_curve_row(row) for row in curve)
-
-
-def _curve_row(row: Iterable[float]) -> CurveRow:
-    iteration, *rest = row
-    return CurveRow(int(iteration), *rest)
+def _parameters(network: PaintingNetwork) -> dict[str, Tensor]:
+    return {f"network.{name}": parameter for name, parameter in network.named_parameters()}

@@ -28,7 +28,7 @@ class Ranks:
 
     @property
     def is_first(self) -> bool:
-        """Whether it is the one that tells and writes."""
+        """Whether it is the one that reports and writes."""
         return self.rank == 0
 
     def share(self, batch: Shaped[Tensor, "batch ..."]) -> Shaped[Tensor, "share ..."]:

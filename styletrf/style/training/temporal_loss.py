@@ -9,7 +9,7 @@ second, the painted versions should show the same, too:
 
 For a photograph the second image is itself, moved by a fraction of a pixel and noisy, as a render
 from a little further on would be (noise stability as in Gupta et al. 2017, arXiv 1705.02092); for
-renders of a scene it is a nearby render, and the field's depth tells the flow exactly.
+renders of a scene it is a nearby render, and the field's depth gives the flow exactly.
 """
 
 from dataclasses import dataclass

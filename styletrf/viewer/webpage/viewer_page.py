@@ -1,4 +1,4 @@
-"""The page: bricks, cameras and scripts in one HTML file that asks nothing of any network."""
+"""The page: bricks, cameras and scripts in one HTML file that needs no network."""
 
 import codecs
 import hashlib

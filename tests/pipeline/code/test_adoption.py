@@ -121,7 +121,7 @@ def test_a_comment_builds_nothing_and_a_constant_what_depends_on_it(town: Town):
     assert town.built() == ["Street"]
 
 
-def test_early_cut_off(town: Town):
+def test_edited_code_with_equal_bytes_builds_nothing_downstream(town: Town):
     """The upstream task has other code and the same bytes: nothing below it is built."""
     town.built()
     town.edit('"#" * SIZE', '"".join(["#"] * SIZE)')
@@ -139,7 +139,7 @@ def test_one_key_however_a_number_or_a_mapping_is_written(town: Town):
 
 
 @pytest.mark.usefixtures("store")
-def test_why_names_what_differs(town: Town):
+def test_why_names_the_differences_of_each_stage(town: Town):
     assert town.why("Street") == [
         ("House", "the first of its family", "", None, None),
         ("Street", "waits for House", "", None, None),

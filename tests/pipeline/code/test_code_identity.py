@@ -206,14 +206,14 @@ def test_an_unknown_class_falls_back_to_its_module(package):
     assert {f"{package.name}.scales:SCALE", f"{package.name}.scales:OTHER"} <= set(found)
 
 
-def test_imports_nothing(package):
+def test_a_digest_of_code_imports_none_of_it(package):
     import sys
 
     package.digest()
     assert not [name for name in sys.modules if name.startswith(package.name)]
 
 
-def test_circular_imports_end(package):
+def test_circular_imports_have_a_digest(package):
     package.edit(
         "colors.py", "class Palette", f"from {package.name} import tint as again\nclass Palette"
     )
@@ -221,13 +221,13 @@ def test_circular_imports_end(package):
     assert package.digest()
 
 
-def test_pipeline_is_left_out():
+def test_code_of_the_pipeline_is_not_in_the_code_of_a_task():
     found = code_closure(Sentence)
     assert {name.partition(":")[0] for name in found} == {"store_toys"}
     assert code_digest(found) == code_digest(dict(reversed(found.items())))
 
 
-def test_golden_code(tmp_path, monkeypatch):
+def test_the_digest_of_known_code_stays_as_it_was(tmp_path, monkeypatch):
     """Changes only with the scheme, deliberately, or with Python; it disowns every store."""
     (tmp_path / "golden_town.py").write_text(
         "SIZE = 2\nclass Street:\n    def build(self, inputs, out, run):\n        return SIZE\n"
@@ -238,7 +238,7 @@ def test_golden_code(tmp_path, monkeypatch):
     assert code_digest(found) == "efe6189ab4d00145e9f2fa1878abf1a31394eeeb1087d34c933223259a2eedd3"
 
 
-def test_fast_on_the_project():
+def test_the_code_of_the_project_is_read_in_a_second():
     """All of the library, read for the first time, in less than a second."""
     from pipeline.code import source
 
@@ -248,7 +248,7 @@ def test_fast_on_the_project():
     assert time.perf_counter() - started < 1.0
 
 
-def test_compiled_files_are_no_data(package, tmp_path):
+def test_compiled_files_do_not_count_as_data_of_the_code(package, tmp_path):
     """What numba leaves below `__pycache__` is part of no code, even where a string names it."""
     package.edit("numbers_of.py", "POWER = 2", 'POWER = len("kernels") - 5')
     before = package.digest()

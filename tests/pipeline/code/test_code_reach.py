@@ -106,7 +106,7 @@ def test_what_cannot_be_followed_is_refused(project, value):
         made.code()
 
 
-def test_order_of_bases_counts(project):
+def test_another_order_of_bases_is_other_code(project):
     files = {
         "task.py": """
             class A:
@@ -204,7 +204,7 @@ def test_an_edit_within_one_tick_of_the_clock_counts(project):
         },
     ],
 )
-def test_known_limits(project, files):
+def test_code_that_reading_the_text_cannot_find_counts(project, files):
     made = project(files)
     before = made.code()
     made.replace("1001", "1002")

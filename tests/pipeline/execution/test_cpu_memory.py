@@ -5,18 +5,23 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import luigi
 import pytest
+from build_toys import OnCores
 from commands import start
 from message_words import mentions
 
 from pipeline.execution import cpu_memory
-from pipeline.execution.cpu_memory import SPIN_COUNT, allocator_settings, openmp_wait_settings
+from pipeline.execution.environment import (
+    SPIN_COUNT,
+    allocator_settings,
+    build_settings,
+    openmp_wait_settings,
+)
 from pipeline.execution.host_locks import open_locks, try_acquire
-from pipeline.settings import current_store
+from pipeline.task import artifact
 
 CORES = sorted(os.sched_getaffinity(0))
 HALF = -(-len(CORES) // 2)
@@ -25,25 +30,26 @@ needs_two_cores = pytest.mark.skipif(len(CORES) < 2, reason="needs two cores")
 
 
 @pytest.fixture(autouse=True)
-def leases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def leases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of leases of the test's own, here and in the commands it starts."""
-    here = luigi.configuration.get_config()
-    file = tmp_path / "host.cfg"
-    file.write_text(f"[host]\nleases = {tmp_path / 'leases'}\n")
-    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(file))
-    here.set("host", "leases", str(tmp_path / "leases"))
-    yield tmp_path / "leases"
-    here.remove_section("host")
+    monkeypatch.setenv("STYLETRF_LEASES", str(tmp_path / "leases"))
+    return tmp_path / "leases"
 
 
 def built_on_cores(workers: int, names: list[str]) -> list[dict]:
-    words = ["ManyOnCores", "--names", json.dumps(names), "--workers", str(workers)]
-    command = start("luigi", "--module", "toys", *words)
+    command = begin_on_cores(workers, names)
     screen = "".join(command.communicate(timeout=60))
     assert command.returncode == 0, screen
-    store = current_store()
-    paths = [store.object(record.output.digest) / "cores.json" for record in store.records()]
-    return [json.loads(path.read_text()) for path in paths]
+    return [cores_of(name) for name in names]
+
+
+def begin_on_cores(workers: int, names: list[str]) -> "subprocess.Popen[str]":
+    words = ["ManyOnCores", "--names", json.dumps(names), "--workers", str(workers)]
+    return start("luigi", "--module", "toys", *words)
+
+
+def cores_of(name: str) -> dict:
+    return json.loads((artifact(OnCores(name)) / "cores.json").read_text())
 
 
 def most_at_once(built: list[dict]) -> int:
@@ -71,6 +77,45 @@ def test_a_lone_build_has_the_host_to_itself():
     (built,) = built_on_cores(1, ["one"])
     assert built["cores"] == CORES
     assert built["threads"] == os.environ.get("OMP_NUM_THREADS")
+
+
+@needs_two_cores
+def test_a_command_beside_another_gets_the_other_half_and_says_so(leases):
+    """A command alone used all cores and planned all memory, and so did a second one."""
+    with cpu_memory.allocate_alone(HALF, None, print) as first:
+        assert first.cores == len(CORES), "the first did not expect another"
+        assert not first.cpu_affinity
+        second = begin_on_cores(1, ["beside"])
+        screen = "".join(second.communicate(timeout=60))
+        built = cores_of("beside")
+        assert built["cores"] == CORES[HALF:]
+        assert built["threads"] == str(len(CORES) - HALF)
+        assert mentions(screen, f"uses {len(CORES) - HALF} of {len(CORES)} cores")
+    assert built_on_cores(1, ["after"])[0]["cores"] == CORES
+
+
+def test_where_no_core_is_free_a_lone_build_uses_all_and_does_not_wait(leases):
+    with (
+        cpu_memory.allocate(len(CORES), 0, print),
+        cpu_memory.allocate_alone(HALF, None, pytest.fail) as share,
+    ):
+        assert (share.cores, share.cpu_affinity) == (len(CORES), ())
+
+
+def test_a_lone_build_waits_for_memory_that_it_is_known_to_need(leases):
+    waits = []
+
+    def say(what: str) -> None:
+        waits.append(what)
+        raise InterruptedError
+
+    with cpu_memory.allocate_alone(HALF, 2**60, print):
+        with cpu_memory.allocate_alone(HALF, None, say):
+            pass
+        assert not waits, "nothing is known of its memory"
+        with pytest.raises(InterruptedError), cpu_memory.allocate_alone(HALF, 2**60, say):
+            pass
+    assert mentions(waits[0], "GiB")
 
 
 def test_a_process_with_some_of_the_cores_takes_as_much_of_the_memory(
@@ -159,8 +204,10 @@ def test_the_memory_of_the_container_counts(tmp_path, monkeypatch):
     assert cpu_memory.memory_bytes() == int(0.9 * 2**30)
     (tmp_path / "memory.max").write_text("max")
     assert cpu_memory.memory_bytes() > 2**30
-    luigi.configuration.get_config().set("host", "memory_gib", "3")
+    here = luigi.configuration.get_config()
+    here.set("host", "memory_gib", "3")
     assert cpu_memory.memory_bytes() == 3 * 2**30
+    here.remove_option("host", "memory_gib")
 
 
 @pytest.mark.parametrize("name", ["GOMP_SPINCOUNT", "OMP_WAIT_POLICY"])
@@ -203,3 +250,11 @@ for _ in range(2):
     del block
 print(faults() - before)
 """
+
+
+def test_a_program_can_be_started_with_the_settings_of_builds():
+    names = (*build_settings({}), "OMP_WAIT_POLICY", "GLIBC_TUNABLES")
+    environment = {name: value for name, value in os.environ.items() if name not in names}
+    command = [sys.executable, "-m", "pipeline.execution.environment"]
+    printed = subprocess.check_output(command, env=environment, text=True)
+    assert dict(line.split("=") for line in printed.split()) == build_settings({})

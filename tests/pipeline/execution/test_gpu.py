@@ -28,14 +28,13 @@ def gpus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Gpus]:
 
     def set_gpus(names: str, leases: Path = tmp_path / "leases") -> None:
         file = tmp_path / "gpus.cfg"
-        file.write_text(f"[gpu]\nuuids = {names}\n[host]\nleases = {leases}\n")
+        file.write_text(f"[gpu]\nuuids = {names}\n")
         monkeypatch.setenv("LUIGI_CONFIG_PATH", str(file))
+        monkeypatch.setenv("STYLETRF_LEASES", str(leases))
         here.set("gpu", "uuids", names)
-        here.set("host", "leases", str(leases))
 
     yield set_gpus
     here.remove_section("gpu")
-    here.remove_section("host")
 
 
 def on_gpu(name: str, *words: str) -> subprocess.Popen[str]:
@@ -120,7 +119,7 @@ def test_what_computes_on_the_cpu_leases_nothing_and_sees_nothing(gpus, tmp_path
     gpus("GPU-a")
     finish(on_gpu("one", "--device", "cpu"))
     assert turns()["one"][0] == ""
-    assert not (tmp_path / "leases").exists()
+    assert not list((tmp_path / "leases").glob("gpu-*"))
 
 
 def test_a_host_without_gpus_leases_nothing(gpus, tmp_path, monkeypatch):
@@ -128,7 +127,7 @@ def test_a_host_without_gpus_leases_nothing(gpus, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     finish(on_gpu("one"))
     assert turns()["one"][0] == "all"
-    assert not (tmp_path / "leases").exists()
+    assert not list((tmp_path / "leases").glob("gpu-*"))
 
 
 def test_nvidia_smi_lists_the_gpus(gpus, tmp_path, monkeypatch):

@@ -224,7 +224,7 @@ def test_a_year_of_reruns_with_equal_bytes_keeps_one_history(store):
     assert names(store) == ["last", "model 4", "source 4"]
 
 
-def test_collected_is_not_forgotten(store):
+def test_a_record_without_its_object_stays_while_a_kept_one_was_made_from_it(store):
     """A record whose object is gone stays while anything kept was made from it."""
     source = made(store, "source")
     last = made(store, "last", inputs=[source])
@@ -248,7 +248,7 @@ def test_a_record_that_cannot_be_read_stops_it_before_anything_goes(store, garba
     assert not list((store.root / "trash").iterdir())
 
 
-def test_it_sweeps_what_the_dead_left_and_spares_the_living(store, monkeypatch):
+def test_gc_deletes_what_ended_processes_left_and_spares_living_ones(store, monkeypatch):
     kept = made(store, "kept")
     pin(store, kept.action.key, "kept")
     swept = ["quarantine/x/f", "tmp/left/f", "tmp/f.json", "code/ab/abc.json", "trash/x/f"]

@@ -13,7 +13,7 @@ from message_words import mentions
 from pipeline.maintenance.command_line import main
 
 
-def test_commands(store):
+def test_gc_deletes_what_no_pin_keeps_and_du_counts_each_byte_once(store):
     """As a user types them: gc tells, pin and unpin decide, du counts each byte once."""
     shared = made(store, "fern", "the same")
     made(store, "horns", "the same", inputs=[shared])

@@ -131,7 +131,7 @@ def is_right(store: Store, record: ActionRecord) -> bool:
 
 
 @every_kind
-def test_verify_finds_it(store, word, kind, capsys):
+def test_verify_finds_every_kind_of_damage(store, word, kind, capsys):
     assert verify(capsys, "--deep") == (0, [])
     folder = damage(store, word, kind)
     status, rows = verify(capsys, "--deep")
@@ -145,7 +145,7 @@ def test_verify_finds_it(store, word, kind, capsys):
 
 
 @every_kind
-def test_the_reader_finds_it_and_the_run_makes_it_anew(store, word, kind):
+def test_a_reader_finds_damage_and_its_run_makes_the_artifact_again(store, word, kind):
     """Also a rebuild: nothing is shared."""
     damage(store, word, kind)
     assert build(Sentence())
@@ -189,7 +189,7 @@ def test_repair_restores_it_from_the_shared_store(store, shared, word, kind, cap
 
 
 @every_kind
-def test_repair_without_another_copy_lets_the_next_run_make_it_anew(store, word, kind, capsys):
+def test_repair_without_another_copy_lets_the_next_run_make_it_again(store, word, kind, capsys):
     damage(store, word, kind)
     status, rows = verify(capsys, "--deep", "--repair")
     assert (status, len(rows)) == (0, 1)

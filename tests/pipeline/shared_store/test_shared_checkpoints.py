@@ -70,7 +70,7 @@ def test_what_is_half_written_is_not_given(shared: Place, tmp_path):
         assert [path.name for path in there.iterdir()] == ["checkpoint"]
 
 
-def test_they_are_given_while_it_builds(shared: Place, tmp_path, monkeypatch):
+def test_checkpoints_are_uploaded_while_a_build_runs(shared: Place, tmp_path, monkeypatch):
     """A machine that is lost has no end."""
     monkeypatch.setattr("pipeline.shared_store.checkpoints.number_setting", lambda *_name: 0.1)
     here, seen = folder(tmp_path / "here"), threading.Event()

@@ -75,7 +75,7 @@ def test_shared_code_that_is_garbage_is_passed_over(shared, elsewhere, garbage):
 @pytest.mark.parametrize(
     ("shared", "workers"), [("directory", "2"), ("s3", "1"), ("s3", "2")], indirect=["shared"]
 )
-def test_the_command_itself_shares(shared, elsewhere, workers):
+def test_a_command_finds_what_one_on_another_machine_built(shared, elsewhere, workers):
     def run() -> str:
         process = start("luigi", "--module", "toys", "Sentence", "--workers", workers)
         screen = "".join(process.communicate(timeout=60))

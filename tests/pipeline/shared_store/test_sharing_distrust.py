@@ -71,7 +71,7 @@ ON_BOTH = ("flipped", "upwards")
     [*(("directory", wrong) for wrong in WRONG), *(("s3", wrong) for wrong in ON_BOTH)],
     indirect=["shared"],
 )
-def test_wrong_bytes_are_rejected_set_aside_and_built_anew(shared, elsewhere, wrong, tmp_path):
+def test_wrong_bytes_are_rejected_set_aside_and_built_again(shared, elsewhere, wrong, tmp_path):
     build(Word("hello"))
     (name,) = shared.names("objects")
     good = shared.read(name)

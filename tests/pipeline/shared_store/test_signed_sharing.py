@@ -76,7 +76,7 @@ def test_without_a_key_signed_records_are_records(shared: Place, elsewhere, sign
 
 
 @pytest.mark.parametrize("key", [b"", THEIRS])
-def test_what_is_not_signed_by_the_key_is_built_anew_and_replaced(
+def test_what_is_not_signed_by_the_key_is_built_again_and_replaced(
     shared: Place, elsewhere, sign: Sign, caplog, key: bytes
 ):
     sign(key)
@@ -93,7 +93,7 @@ def test_what_is_not_signed_by_the_key_is_built_anew_and_replaced(
     assert mentions(warnings(caplog)[0], "unsigned") == (not key)
     assert is_whole(there)
     elsewhere("third")
-    assert Sentence().complete(), "what was built anew is signed"
+    assert Sentence().complete(), "what was built again is signed"
 
 
 def test_a_result_of_another_is_not_passed_off_under_a_signature(
@@ -190,7 +190,7 @@ def test_a_key_that_cannot_be_used_is_reported_and_nothing_is_shared(
     assert shared.names() == []
 
 
-def test_the_key_appears_nowhere(shared: Place, sign: Sign, elsewhere, caplog):
+def test_the_signing_key_is_in_no_file_and_no_log(shared: Place, sign: Sign, elsewhere, caplog):
     sign(OURS)
     build(Sentence())
     assert "our key" not in repr(current_remote())

@@ -220,6 +220,8 @@ MIRROR = np.diag([1.0, 1.0, -1.0, 1.0])
         ({"frame": {"transform_matrix": "none"}}, "transforms"),
         ({"fl_x": -1}, "-1.0"),
         ({"fl_x": "wide"}, "wide"),
+        ({"w": float("inf")}, "lens"),
+        ({"h": 10**400}, "lens"),
         ({"camera_model": "EQUIRECTANGULAR"}, "EQUIRECTANGULAR"),
         ({"frames": []}, "0"),
         ({"frames": [{"file_path": "gone"}]}, "transforms"),

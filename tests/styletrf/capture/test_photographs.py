@@ -102,7 +102,7 @@ def test_a_gray_photograph_is_read_as_rgb(tmp_path, suffix):
 
 
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 65535)])
-def test_transparency_shows_white(tmp_path, dtype, white):
+def test_transparent_pixels_are_blended_with_white(tmp_path, dtype, white):
     alpha = np.array([0.0, 0.5, 1.0]).reshape(1, 3, 1)
     rgba = np.concatenate([np.full((1, 3, 3), 0.25), alpha], axis=-1) * white
     image = read(tmp_path, encoded(np.rint(rgba).astype(dtype), ".png"), "a.png")

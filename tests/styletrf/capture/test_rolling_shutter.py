@@ -61,5 +61,5 @@ def test_a_lean_that_the_mapper_does_not_notice_is_not_told():
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 20])
-def test_short_clips_tell_nothing(count):
+def test_short_clips_tell_no_rolling_shutter(count):
     assert shutter_of(panned(PAINTED, by_hand, count, 0.8)) is None

@@ -12,8 +12,8 @@ from styletrf.errors import InputError
 from styletrf.files.images import read_rgb
 from styletrf.files.video import timed_frames, video_frames, write_video
 from styletrf.geometry.cameras import Camera
-from styletrf.progress import silent
-from styletrf.steps.scene_capture import capture_scene
+from styletrf.steps.sources.scene_capture import capture_scene
+from styletrf.steps.step_run import StepRun
 from styletrf.synthetic.courtyard.capture import CourtyardConfig, render_view
 from styletrf.synthetic.courtyard.paths import looking_at
 
@@ -83,7 +83,7 @@ def test_the_setting_of_a_scene_leaves_out_frames_of_its_video(walk, tmp_path):
     write_video(tmp_path / "scenes/walk.mp4", walk, 12)
     (tmp_path / "out").mkdir()
     settings = {"video_frames": 5, "leave_out": ["0002"]}
-    capture_scene(tmp_path, "walk", tmp_path / "out", settings, silent)
+    capture_scene({}, tmp_path / "out", settings, StepRun(tmp_path), data=tmp_path, scene="walk")
     names = [photograph.name for photograph in read_capture(tmp_path / "out").photographs]
     assert names == ["0001", "0003", "0004", "0005"]
 
@@ -93,7 +93,8 @@ def test_photographs_beside_a_clip_that_are_too_few_are_named_in_a_warning(walk,
     folder.mkdir(parents=True)
     write_video(folder / "walk.mp4", walk, 12)
     (folder / "plan.jpg").touch()
-    capture_scene(tmp_path, "walk", tmp_path / "out", {"video_frames": 5}, silent)
+    settings = {"video_frames": 5}
+    capture_scene({}, tmp_path / "out", settings, StepRun(tmp_path), data=tmp_path, scene="walk")
     assert [warning for warning in read_capture(tmp_path / "out").warnings if "plan.jpg" in warning]
 
 

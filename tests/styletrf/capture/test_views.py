@@ -1,7 +1,15 @@
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from styletrf.capture.views import FEW_VIEWS, HOLD_OUT_EVERY, split_views
+from styletrf.capture.views import (
+    FEW_VIEWS,
+    HOLD_OUT_EVERY,
+    places_of,
+    split_sources,
+    split_views,
+)
+from styletrf.geometry.cameras import Camera
 
 
 @given(st.integers(3, 300))
@@ -17,3 +25,23 @@ def test_a_split_holds_out_every_eighth_view_and_of_few_one_that_others_surround
 
 def test_of_no_views_none_is_held_out():
     assert split_views(0) == ([], [])
+
+
+@given(st.integers(0, 300))
+def test_views_of_a_source_each_are_split_as_views(n_views):
+    assert split_sources(range(n_views)) == split_views(n_views)
+
+
+@given(st.lists(st.integers(0, 20), min_size=1, max_size=100))
+def test_views_of_one_source_are_never_split(sources):
+    fitted, held_out = split_sources(sources)
+    assert sorted([*fitted, *held_out]) == list(range(len(sources)))
+    assert not {sources[k] for k in fitted} & {sources[k] for k in held_out}
+
+
+def test_views_that_share_a_center_up_to_rounding_are_of_one_place():
+    centers = [[0.1, 2, 3], [0.1 + 1e-14, 2, 3], [0.1, 2, 3.001], [9, 9, 9], [0.1, 2, 3]]
+    poses = [np.column_stack([np.eye(3), center]) for center in centers]
+    cameras = [Camera("", 4, 3, 4.0, 4.0, 2.0, 1.5, pose) for pose in poses]
+    assert places_of(cameras) == [0, 0, 1, 2, 0]
+    assert places_of(cameras[:1]) == [0]

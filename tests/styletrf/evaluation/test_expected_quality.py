@@ -1,6 +1,7 @@
 """The PSNR to expect of a fit: the law of gains, and that views set aside stay unseen."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ from hypothesis import strategies as st
 from mini_scene import KERNELS, MINI_FIT, painted_plane, photographs_of
 
 from styletrf.capture.views import split_views
+from styletrf.evaluation import expected_quality
 from styletrf.evaluation.expected_quality import (
     brief_fits,
     expected_psnr,
     extrapolated_psnr,
     shortened,
 )
+from styletrf.field.training.field_training import train_field
 from styletrf.files.images import read_rgb, write_rgb
 
 CPU = torch.device("cpu")
@@ -70,6 +73,17 @@ def test_by_a_photograph_that_is_masked_all_over_nothing_is_expected(tmp_path):
     black = np.zeros_like(read_rgb(photographs.folder / "0.png"))
     write_rgb(tmp_path / "masks" / f"{photographs.cameras[aside].name}.png", black)
     assert expected_psnr(photographs, model, FIT, KERNELS, CPU) is None
+
+
+def test_views_of_a_panorama_are_set_aside_together(tmp_path):
+    """A view that is set aside alone shows what others do that were taken from its place."""
+    photographs, model = photographs_of(painted_plane(8), tmp_path)
+    cameras = list(photographs.cameras)
+    cameras[4] = replace(cameras[4], world_from_camera=cameras[3].world_from_camera)
+    panoramas = replace(photographs, cameras=cameras)
+    with patch.object(expected_quality, "train_field", wraps=train_field) as fits:
+        brief_fits(panoramas, model, FIT, KERNELS, CPU)
+    assert [camera.name for camera in fits.call_args.args[0].cameras] == [*"012567"]
 
 
 def test_a_photograph_set_aside_is_measured_by_and_not_fitted_to(tmp_path):

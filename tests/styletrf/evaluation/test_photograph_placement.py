@@ -83,6 +83,35 @@ def test_photographs_are_looked_for_at_the_size_of_the_lens(scene):
     assert 0 <= image.min() < image.max() <= 1
 
 
+def test_large_photographs_are_held_at_the_size_at_which_they_are_compared(scene):
+    """All of them were held at the size of the lens: 4.6 GB of a hundred."""
+    _, poses = scene
+    large = {"camera_params": [700.0, 320.0, 240.0, 0.0], "width": 640, "height": 480}
+    write_summary(poses / "poses.json", LENS | large)
+    camera, image = next(unplaced_photographs(*scene))
+    assert image.shape == (camera.height, camera.width, 3) == (144, 192, 3)
+    assert camera.fx == pytest.approx(700 * 192 / 640)
+    assert 0 <= image.min() < image.max() <= 1
+
+
+def test_of_many_photographs_without_a_camera_some_are_tried_and_a_warning_says_so(
+    tmp_path, caplog
+):
+    photographs, capture, poses = (tmp_path / name for name in ("scene", "capture", "poses"))
+    for folder in (photographs, capture, poses):
+        folder.mkdir()
+    names = [f"{k:02d}" for k in range(30)]
+    for k, name in enumerate(names):
+        write_png(photographs / f"{name}.png", np.full((24, 32, 3), k, np.uint8), compression=1)
+    capture_photographs(photographs, capture)
+    write_cameras(poses / "cameras.parquet", [], names)
+    write_summary(poses / "poses.json", LENS | {"width": 64, "height": 48})
+    tried = [camera.name for camera, _ in unplaced_photographs(capture, poses)]
+    assert len(set(tried)) == 20
+    assert {"00", "29"} <= set(tried) <= set(names)
+    assert "30 photographs have no camera: 20 are tried" in caplog.text
+
+
 def test_where_all_photographs_have_a_camera_nothing_is_rendered(scene, tmp_path):
     capture, poses = scene
     write_cameras(poses / "cameras.parquet", [view(n) for n in "abc"])

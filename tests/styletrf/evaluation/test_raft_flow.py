@@ -21,7 +21,7 @@ def test_other_weights_than_those_named_are_refused(tmp_path):
         "torchvision", reason="no torchvision (extra raft)", exc_type=(ImportError, RuntimeError)
     )
     (tmp_path / RAFT).write_bytes(b"other weights")
-    with rejects(tmp_path / RAFT, "digest"):
+    with rejects(tmp_path / RAFT, "SHA-256"):
         raft_flow.raft_estimator(folder=tmp_path)
 
 

@@ -77,9 +77,9 @@ def test_the_weights_of_a_fit_with_it_are_gathered(scene):
 
 @pytest.mark.parametrize(("given", "used"), [(None, 0.0), (0.3, 0.3), (0.0, 0.0)])
 def test_the_space_decides_where_no_weight_is_given(scene, given, used):
-    config, model = replace(MINI_FIT, distortion_weight=given), scene.model
-    fit = FieldTrainer(scene.cameras, scene.images, model.space, model.resolution, config, KERNELS)
-    assert model.space.kind == "ndc"
+    config = replace(MINI_FIT, distortion_weight=given)
+    fit = FieldTrainer(scene.views(), scene.volume, config, KERNELS)
+    assert scene.model.space.kind == "ndc"
     assert fit.config.distortion_weight == used
 
 

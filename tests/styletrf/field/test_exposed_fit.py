@@ -26,11 +26,9 @@ def fitted_psnr(
     scene: MiniScene, images: torch.Tensor, exposures: ViewExposures | None
 ) -> tuple[float, float]:
     """Returns the PSNR of a view against the scene as it is, and of the rays of training."""
-    model, kernels = scene.model, kernels_for(CPU)
-    field, curve = train_field(
-        scene.cameras, images, model.space, model.resolution, CONFIG, kernels, exposures=exposures
-    )
-    rays = ViewRays(scene.cameras, model.space, field.step_length, CPU)
+    kernels, views = kernels_for(CPU), replace(scene.views(exposures=exposures), images=images)
+    field, curve = train_field(views, scene.volume, CONFIG, kernels)
+    rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
     render = render_view(field, kernels, rays, 2, scene.cameras[2], RenderConfig())
     return psnr(render.color.numpy(), (scene.images[2].float() / 255).numpy()), curve[-1].psnr
 

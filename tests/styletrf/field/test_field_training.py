@@ -17,6 +17,7 @@ from styletrf.field.radiance_field import RadianceField, load_field, save_field,
 from styletrf.field.rendering import RenderConfig, render_view
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.training.observed_depths import ObservedDepths, depth_loss
 from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.schedule import stage_resolution
@@ -146,10 +147,7 @@ def test_a_killed_run_resumes_to_the_same_parameters(scene, whole, tmp_path: Pat
 @pytest.mark.parametrize(("share", "every", "window"), [(0.5, 1, 15.0), (1.0, 3, 10.0)])
 def test_a_finished_field_is_the_average_with_an_occupancy_of_its_own(scene, share, every, window):
     config = replace(CONFIG, iterations=30, upsample_at=(), average_share=share, shrink_rise=0.0)
-    model = scene.model
-    trainer = FieldTrainer(
-        scene.cameras, scene.images, model.space, model.resolution, config, KERNELS
-    )
+    trainer = FieldTrainer(scene.views(), scene.volume, config, KERNELS)
     average = ParameterAverage(window)
     while trainer.state.iteration < config.iterations:
         trainer.step()
@@ -192,10 +190,7 @@ def infinity_less_infinity(trainer: FieldTrainer) -> None:
 def test_the_first_stage_that_is_not_finite_is_named_and_the_state_saved(
     scene, tmp_path: Path, spoil, named
 ):
-    model = scene.model
-    trainer = FieldTrainer(
-        scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS, tmp_path
-    )
+    trainer = FieldTrainer(scene.views(), scene.volume, CONFIG, KERNELS, tmp_path)
     trainer.step()
     spoil(trainer)
     with stops("field training", named, "at iteration 1"):
@@ -219,19 +214,13 @@ def background(trainer: FieldTrainer) -> torch.Tensor:
 
 def test_a_camera_that_is_not_finite_is_named(scene):
     nowhere = replace(scene.cameras[1], world_from_camera=np.full((3, 4), np.nan))
-    model = scene.model
-    with stops("rays", "camera 1", f"in space {model.space.kind}"):
-        FieldTrainer(
-            [scene.cameras[0], nowhere], scene.images[:2], model.space, model.resolution,
-            CONFIG, KERNELS,
-        )  # fmt: skip
+    views = TrainingViews([scene.cameras[0], nowhere], scene.images[:2])
+    with stops("rays", "camera 1", f"in space {scene.model.space.kind}"):
+        FieldTrainer(views, scene.volume, CONFIG, KERNELS)
 
 
 def test_a_gradient_that_was_not_finite_is_named_before_the_parameter_it_spoilt(scene):
-    model = scene.model
-    trainer = FieldTrainer(
-        scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS
-    )
+    trainer = FieldTrainer(scene.views(), scene.volume, CONFIG, KERNELS)
     trainer.field.appearance.shading.basis.weight.register_hook(lambda grad: grad * torch.nan)
     trainer.step()
     with stops("field training", "gradient of appearance.shading.basis.weight", "at iteration 1"):
@@ -247,7 +236,8 @@ def around_a_box(
     images = torch.tensor(color, dtype=torch.uint8).expand(1, 20, 20, 3).clone()
     box = Space("box", np.eye(4)[None], (1.0, 1.0, 1.0), depth_min=0.1)
     config = replace(CONFIG, batch_samples=batch_samples, occupancy_every=1000, upsample_at=())
-    return FieldTrainer([camera], images, box, (12, 12, 12), config, KERNELS)
+    views, volume = TrainingViews([camera], images), FieldVolume(box, (12, 12, 12))
+    return FieldTrainer(views, volume, config, KERNELS)
 
 
 def test_what_rays_beside_the_box_see_is_the_background(scene):
@@ -257,10 +247,7 @@ def test_what_rays_beside_the_box_see_is_the_background(scene):
 
 
 def test_where_every_ray_meets_the_grid_the_background_is_left_to_be_learned(scene):
-    model = scene.model
-    trainer = FieldTrainer(
-        scene.cameras, scene.images, model.space, model.resolution, CONFIG, KERNELS
-    )
+    trainer = FieldTrainer(scene.views(), scene.volume, CONFIG, KERNELS)
     assert (trainer.field.appearance.background == 0).all()
 
 
@@ -297,20 +284,15 @@ def test_factors_too_large_for_16_bits_are_not_rounded(scene, tmp_path):
 
 
 def test_one_view_and_a_white_scene_stay_finite(scene):
-    model = scene.model
-    white = torch.full_like(scene.images[:1], 255)
-    config = replace(CONFIG, iterations=50)
-    field, _ = train_field(scene.cameras[:1], white, model.space, model.resolution, config, KERNELS)
+    white = TrainingViews(scene.cameras[:1], torch.full_like(scene.images[:1], 255))
+    field, _ = train_field(white, scene.volume, replace(CONFIG, iterations=50), KERNELS)
     assert all(torch.isfinite(p).all() for p in field.parameters())
 
 
 def test_a_settled_occupancy_holds_nothing_that_rays_passed_over(scene):
     """Its density was not fitted: lego lost 0.4 dB by what came back."""
-    model = scene.model
-    trainer = FieldTrainer(
-        scene.cameras, scene.images, model.space, model.resolution,
-        replace(CONFIG, iterations=50, upsample_at=()), KERNELS,
-    )  # fmt: skip
+    config = replace(CONFIG, iterations=50, upsample_at=())
+    trainer = FieldTrainer(scene.views(), scene.volume, config, KERNELS)
     trainer.refresh_occupancy()
     passed_over = trainer.field.density.occupancy.clone()
     passed_over[: len(passed_over) // 2] = 0

@@ -22,6 +22,7 @@ from styletrf.field.rendering import (
     render_view,
 )
 from styletrf.field.training.field_training import train_field
+from styletrf.field.training.fit_inputs import TrainingViews
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
@@ -218,11 +219,11 @@ def test_nan_in_a_plane_reaches_the_color_and_only_there(form, part):
 def test_one_view_of_a_white_or_a_black_scene_can_be_fitted(level, stability):
     """Hazard 11: nothing to learn a shape from, and nothing turns NaN; the level is found."""
     scene, kernels = painted_plane(), kernels_for(CPU)
-    views, images = scene.cameras[:1], torch.full_like(scene.images[:1], level)
-    model = scene.model
-    field, _ = train_field(views, images, model.space, model.resolution, CONFIG, kernels)
+    cameras = scene.cameras[:1]
+    views = TrainingViews(cameras, torch.full_like(scene.images[:1], level))
+    field, _ = train_field(views, scene.volume, CONFIG, kernels)
     assert all(torch.isfinite(p).all() for p in field.parameters())
-    rays = ViewRays(views, model.space, field.step_length, CPU)
-    render = render_view(field, kernels, rays, 0, views[0], RenderConfig())
+    rays = ViewRays(cameras, scene.model.space, field.step_length, CPU)
+    render = render_view(field, kernels, rays, 0, cameras[0], RenderConfig())
     level_found = render.color.mean()
     stability(f"a photograph of level {level}", level_found, level / 255, within=0.1, absolute=True)

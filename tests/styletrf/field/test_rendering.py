@@ -42,7 +42,7 @@ def test_tiles_do_not_change_the_image(scene, field):
     torch.testing.assert_close(tiled.depth, whole.depth)
 
 
-def test_the_thresholds_cost_little(scene, field):
+def test_the_thresholds_of_a_render_change_colors_little(scene, field):
     exact = rendered(scene, field, RenderConfig(termination=0.0, min_weight=0.0))
     quick = rendered(scene, field, RenderConfig())
     assert (exact.color - quick.color).abs().max() < 0.05

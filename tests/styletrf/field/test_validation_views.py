@@ -22,15 +22,11 @@ def many() -> MiniScene:
 
 
 def trainer_of(scene: MiniScene, config: FieldTrainingConfig, **more) -> FieldTrainer:
-    model = scene.model
-    return FieldTrainer(
-        scene.cameras, scene.images, model.space, model.resolution, config, KERNELS, **more
-    )
+    return FieldTrainer(scene.views(), scene.volume, config, KERNELS, **more)
 
 
 def fitted(scene: MiniScene, config: FieldTrainingConfig):
-    model = scene.model
-    return train_field(scene.cameras, scene.images, model.space, model.resolution, config, KERNELS)
+    return train_field(scene.views(), scene.volume, config, KERNELS)
 
 
 def spoilt(scene: MiniScene) -> MiniScene:
@@ -104,6 +100,14 @@ def test_noise_that_no_field_explains_ends_a_fit(many):
 def test_few_views_are_all_fitted_to():
     assert trainer_of(painted_plane(14), CONFIG).validation is None
     assert trainer_of(painted_plane(16), CONFIG).validation is not None
+
+
+def test_views_of_a_panorama_are_validation_views_together(many):
+    """Each shows at its margins what the others do, from the same place."""
+    cameras = list(many.cameras)
+    cameras[6] = replace(cameras[6], world_from_camera=cameras[5].world_from_camera)
+    validation = trainer_of(replace(many, cameras=cameras), CONFIG).validation
+    assert validation.views.nonzero()[:, 0].tolist() == [5, 6, 16]
 
 
 @pytest.mark.parametrize("killed_at", [BEFORE + 3, AFTER + 2])

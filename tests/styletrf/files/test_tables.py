@@ -11,7 +11,7 @@ from expected_errors import rejects
 
 from styletrf.configuration import configured
 from styletrf.files.tables import read_rows, read_summary, write_curve, write_rows, write_summary
-from styletrf.stylization.adaptation import AdaptationPoint
+from styletrf.stylization.adaptation import AdaptationCurvePoint
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def test_rows_that_are_written_come_back_as_they_were(tmp_path: Path):
 
 def test_a_curve_of_another_day_has_the_same_bytes(tmp_path: Path):
     """What training took is the record's: else nothing made of two equal fits would be shared."""
-    point = AdaptationPoint(10, 1.5, 30.0)
+    point = AdaptationCurvePoint(10, 1.5, 30.0)
     write_curve(tmp_path / "a.parquet", [point])
     write_curve(tmp_path / "b.parquet", [replace(point, seconds=99.0)])
     assert read_rows(tmp_path / "a.parquet") == [{"iteration": 10, "psnr": 30.0}]
@@ -71,16 +71,16 @@ def test_whole_numbers_become_floats_and_none_stays_none():
         ("widht", 3, ["Outer"], "count, inner, rate, share, size, word"),
         ("inner.hight", 3, ["Inner"], "ranks, width"),
         ("rate.x", 3, ["rate"], "'rate'"),
-        ("inner.width", "wide", ["'wide'", "int"], ""),
-        ("inner.width", True, ["True", "int"], ""),
-        ("inner.width", None, ["None", "int"], ""),
+        ("inner.width", "wide", ["'wide'", "whole"], ""),
+        ("inner.width", True, ["True", "whole"], ""),
+        ("inner.width", None, ["None", "whole"], ""),
         ("inner.ranks", 3, ["3", "int"], ""),
         ("inner.ranks", [1, "2"], ["'2'", "int"], ""),
         ("inner.ranks", [1, [2]], ["[2]", "int"], ""),
         ("inner", 3, ["3", "Inner"], ""),
-        ("rate", math.nan, ["nan", "float"], ""),
-        ("rate", math.inf, ["inf", "float"], ""),
-        pytest.param("rate", 10**400, ["float"], "", id="rate-huge"),
+        ("rate", math.nan, ["nan", "finite"], ""),
+        ("rate", math.inf, ["inf", "finite"], ""),
+        pytest.param("rate", 10**400, ["finite"], "", id="rate-huge"),
         ("count", "many", ["'many'", "int"], ""),
         ("count", 2.5, ["2.5", "int"], ""),
         ("share", "high", ["'high'", "float"], ""),

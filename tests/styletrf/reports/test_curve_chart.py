@@ -68,7 +68,7 @@ def test_constants_and_single_points_are_drawn(values):
     assert np.isfinite(line(chart(values))).all()
 
 
-def test_names_are_escaped():
+def test_markup_in_the_names_of_a_chart_stays_text():
     svg = chart([1.0, 2.0], title='<b>"', quantity="a & b")
     assert "a &amp; b of &lt;b&gt;&quot; against iteration" in svg
     ET.fromstring(svg)

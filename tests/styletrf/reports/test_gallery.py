@@ -39,7 +39,7 @@ def test_what_was_made_or_requested_has_a_tile_and_nothing_else(tmp_path: Path):
     for words in ("3 made, 2 failed, 1 being made.", "0.7 x floor", "CameraPoses: no"):
         assert words in page.text
     assert "StyleImage: there is no such style" in page.text
-    assert "Failed anew; this is an earlier one" in page.text
+    assert "Failed; this is an earlier result" in page.text
 
 
 def test_it_names_only_files_below_itself(tmp_path: Path):

@@ -7,6 +7,7 @@ import pytest
 from captures import forward_cameras, orbit_cameras, points_before, points_of, walk
 from expected_errors import rejects
 
+from styletrf.geometry.cameras import resized
 from styletrf.scene.contraction import INNER
 from styletrf.scene.exposure_choice import ExposureEvidence
 from styletrf.scene.exposures import Exposure
@@ -30,6 +31,24 @@ def test_a_space_that_is_set_is_that_of_the_scene_model(kind):
     model = decide_scene_model(cameras, points_before(cameras), SceneModelConfig(space=kind))
     assert model.space.kind == kind
     assert model.evidence["space"]["by"] == "setting"
+
+
+@pytest.mark.parametrize("kind", ["ndc", "box", "unbounded"])
+def test_a_scene_model_does_not_depend_on_the_order_of_photographs(kind):
+    """A small photograph made the lattice half as fine where its name came first."""
+    first, *others = forward_cameras() if kind == "ndc" else orbit_cameras()
+    points = points_before([first, *others])
+    small = resized(first, first.width // 3, first.height // 3)
+    config = SceneModelConfig(space=kind)
+    before, after, large = (
+        decide_scene_model(cameras, points, config)
+        for cameras in ([small, *others], [*others, small], [first, *others])
+    )
+    assert before.resolution == after.resolution
+    np.testing.assert_allclose(
+        before.space.grid_from_world, after.space.grid_from_world, rtol=1e-9, atol=1e-12
+    )
+    np.testing.assert_allclose(before.resolution, large.resolution, rtol=0.05)
 
 
 @pytest.mark.parametrize("space", ["box", "unbounded"])
@@ -83,6 +102,30 @@ def test_only_cameras_that_look_inward_stand_outside_the_inner_box(cameras, poin
     middle = np.abs(points - np.median(points, axis=0)) <= np.quantile(np.abs(points), 0.5, axis=0)
     inside = model.space.to_grid(transformed(model.normalized_from_world, points))
     assert (np.abs(inside[middle.all(axis=1)]) <= INNER).all()
+
+
+@pytest.mark.parametrize("houses_m", [40.0, 400.0])
+def test_houses_behind_a_subject_leave_it_its_voxels(houses_m):
+    """Two thirds of the points of a statue in a square lay on houses, and its voxels were 23 cm."""
+    cameras, points = orbit_cameras(), points_of("block")
+    directions = np.random.default_rng(0).normal(size=(2 * len(points), 3)) * [1, 0.2, 1]
+    houses = houses_m * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    config = SceneModelConfig(space="unbounded")
+    plain, behind = (
+        decide_scene_model(cameras, each, config)
+        for each in (points, np.concatenate([points, houses]))
+    )
+    np.testing.assert_allclose(behind.normalized_from_world, plain.normalized_from_world, rtol=1e-9)
+
+
+def test_a_subject_without_points_is_in_the_inner_box():
+    cameras = orbit_cameras()
+    distance = np.linalg.norm(cameras[0].center_world)
+    far = 10 * distance * points_of("block") / np.linalg.norm(points_of("block"), axis=1)[:, None]
+    model = decide_scene_model(cameras, far, SceneModelConfig(space="unbounded"))
+    subject = 0.2 * distance * np.array([[1.0, 1, 1], [-1, -1, -1], [1, -1, 1]])
+    grid = model.space.to_grid(transformed(model.normalized_from_world, subject))
+    assert (np.abs(grid) <= INNER).all()
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])

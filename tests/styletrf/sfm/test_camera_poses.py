@@ -1,4 +1,5 @@
 import json
+from contextlib import nullcontext
 
 import cv2
 import numpy as np
@@ -8,6 +9,7 @@ from expected_errors import rejects
 from made_photographs import LENS, encoded, room_poses, room_view, texture, with_exif
 from similarities import similarity
 
+from styletrf.capture.capture_file import Photograph
 from styletrf.capture.masks import read_mask
 from styletrf.capture.photographs import read_photograph
 from styletrf.capture.scene_capture import capture_photographs
@@ -16,6 +18,7 @@ from styletrf.geometry.camera_table import read_cameras, read_unregistered
 from styletrf.geometry.cameras import project
 from styletrf.geometry.point_table import read_points
 from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
+from styletrf.sfm.mapping import SfmResult, require_explained
 
 VIEWS = 7
 
@@ -140,6 +143,21 @@ def test_photographs_without_overlap_are_refused(tmp_path):
     with rejects("5 photographs", "none"):
         solve_camera_poses(capture, out, CameraPosesConfig(), log_dir=tmp_path / "log")
     assert not any(out.iterdir())
+
+
+@pytest.mark.parametrize(("explained", "is_refused"), [(0.34, True), (0.82, False)])
+def test_poses_that_explain_too_little_are_refused_unless_settings_say_otherwise(
+    explained, is_refused
+):
+    """Of five photographs, four were placed 46 degrees off, and a fly-through of fog was made."""
+    options = pycolmap.SyntheticDatasetOptions(num_rigs=1, num_cameras_per_rig=1)
+    model = pycolmap.synthesize_dataset(options)
+    mapping = SfmResult([model], "", 1, "", "", explained)
+    photographs = [Photograph(str(k), "", 8, 8, 0, "") for k in range(9)]
+    refusal = rejects("9 photographs", "34%", "50%", remedy=["least_explained"])
+    with refusal if is_refused else nullcontext():
+        require_explained(mapping, photographs, CameraPosesConfig().least_explained)
+    require_explained(mapping, photographs, 0.0)
 
 
 def test_photographs_of_nothing_are_refused(tmp_path):

@@ -16,8 +16,9 @@ from styletrf.sfm.colmap_features import (
     read_descriptors,
     read_largest_descriptors,
 )
-from styletrf.sfm.colmap_images import ColmapImages, LensSetting
+from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.colmap_mapping import match_pairs, panorama_pairs
+from styletrf.sfm.lens_settings import LensSetting
 from styletrf.sfm.matching.image_pairs import all_pairs
 from styletrf.sfm.matching.sift_features import sift_features
 

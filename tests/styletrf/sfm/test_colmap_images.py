@@ -8,7 +8,7 @@ from styletrf.capture.photographs import read_photograph
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.files.images import write_png
 from styletrf.progress import silent
-from styletrf.sfm.colmap_images import lens_settings, prepare_images
+from styletrf.sfm.colmap_images import prepare_images
 
 PHONE = Path(__file__).parents[1] / "photographs" / "phone.heic"
 
@@ -76,32 +76,6 @@ def test_the_same_image_gives_the_same_bytes(tmp_path):
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("focals", "how", "groups"),
-    [
-        ([700.0, 705.0, None, 702.0], "auto", [[0, 1, 2, 3]]),
-        ([700.0, 1400.0, 705.0, None, 1410.0, 698.0], "auto", [[0, 2, 3, 5], [1, 4]]),
-        ([700.0, 1400.0, 705.0], "one", [[0, 1, 2]]),
-        ([None, None], "auto", [[0, 1]]),
-        ([700.0, 700.0, None], "each", [[0], [1], [2]]),
-    ],
-)
-def test_photographs_are_grouped_by_the_focal_lengths_that_exif_names(focals, how, groups):
-    files = [str(k) for k in range(len(focals))]
-    settings = lens_settings(files, [(64, 48)] * len(files), focals, how, [None] * len(files))
-    assert [[int(file) for file in setting.files] for setting in settings] == groups
-    for group, setting in zip(groups, settings, strict=True):
-        priors = [focals[k] for k in group if focals[k]]
-        assert setting.focal_prior_px == (pytest.approx(np.median(priors)) if priors else None)
-
-
-@pytest.mark.parametrize("how", ["auto", "one"])
-def test_photographs_of_different_sizes_never_share_a_lens(how):
-    sizes = [(64, 48), (48, 64), (64, 48), (32, 24)]
-    settings = lens_settings([*"abcd"], sizes, [None, 50.0, None, None], how, [None] * 4)
-    assert sorted(setting.files for setting in settings) == [("a", "c"), ("b",), ("d",)]
-
-
 def test_photographs_keep_their_own_shapes_up_to_the_longest_side(tmp_path):
     files = {"0.png": texture(48, 64), "1.png": texture(64, 48), "2.png": texture(20, 30)}
     images = prepared(tmp_path, {name: encoded(i, ".png") for name, i in files.items()}, 32)
@@ -125,25 +99,3 @@ def test_the_focal_length_of_a_telephones_photographs_is_read(tmp_path):
     """28 mm by the diagonal of film, 43.3 mm, for a diagonal of 80 pixels."""
     images = prepared(tmp_path, {f"{k}.heic": PHONE.read_bytes() + bytes([k]) for k in range(3)})
     assert images.lenses[0].focal_prior_px == pytest.approx(28 / np.hypot(36, 24) * 80)
-
-
-def test_focal_lengths_far_apart_share_no_lens_whatever_lies_between():
-    """Each was near enough to the next: 25 focal lengths from 1000 to 1986 px became one lens."""
-    focals_px = [1000 * 1.029**k for k in range(25)]
-    files = [f"{k:02d}" for k in range(25)]
-    settings = lens_settings(files, [(64, 48)] * 25, focals_px, "auto", [None] * 25)
-    of_file = dict(zip(files, focals_px, strict=True))
-    for setting in settings:
-        of_setting = [of_file[file] for file in setting.files]
-        assert max(of_setting) <= 1.03 * min(of_setting)
-
-
-@pytest.mark.parametrize("how", ["auto", "one", "each"])
-def test_views_of_panoramas_have_a_setting_for_each_direction(how):
-    directions = ["front", "up", "front", "up", None]
-    settings = lens_settings([*"abcde"], [(64, 48)] * 5, [30.0] * 4 + [31.0], how, directions)
-    assert [(s.files, s.focal_prior_px, s.direction) for s in settings] == [
-        (("a", "c"), 30.0, "front"),
-        (("b", "d"), 30.0, "up"),
-        (("e",), 31.0, None),
-    ]

@@ -2,8 +2,9 @@ import numpy as np
 import pycolmap
 import pytest
 
-from styletrf.sfm.colmap_images import ColmapImages, LensSetting
+from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.colmap_mapping import map_globally, map_incrementally, match_pairs
+from styletrf.sfm.lens_settings import LensSetting
 from styletrf.sfm.matching.image_pairs import all_pairs
 
 TOTAL = 8

@@ -17,10 +17,10 @@ from styletrf.capture.scene_capture import capture_photographs
 from styletrf.capture.views import held_out_names
 from styletrf.geometry.camera_table import read_cameras, read_split
 from styletrf.progress import silent
-from styletrf.sfm.camera_poses import CameraPosesConfig, require_enough, solve_camera_poses
+from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
 from styletrf.sfm.colmap_features import extract_features
 from styletrf.sfm.colmap_images import prepare_images
-from styletrf.sfm.mapping import SfmResult
+from styletrf.sfm.mapping import SfmResult, require_enough
 
 COUNT, WIDTH = 5, 512
 

@@ -2,10 +2,15 @@ from pathlib import Path
 
 import pytest
 import torch
-from safetensors.torch import load_file, save_file
 
+from styletrf.files.checkpoints import load_checkpoint, save_checkpoint
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig
-from styletrf.style.training.checkpoint import CurveRow, Training, read_checkpoint, write_checkpoint
+from styletrf.style.training.checkpoint import (
+    StyleCurvePoint,
+    Training,
+    read_checkpoint,
+    write_checkpoint,
+)
 
 
 def new_training(seed: int = 0) -> Training:
@@ -21,15 +26,16 @@ def step(training: Training) -> None:
     loss.backward()
     training.optimizer.step()
     k = len(training.curve) + 1
-    training.curve.append(CurveRow(k, float(loss.detach()), 0.1, 0.2, 0.3, 0.4, 0.5, 1.5 * k))
+    terms = (0.1, 0.2, 0.3, 0.4, 0.5)
+    training.curve.append(StyleCurvePoint(k, float(loss.detach()), *terms, 1.5 * k))
 
 
 def test_a_restored_training_takes_the_same_steps(tmp_path: Path):
     original, restored = new_training(), new_training(seed=1)
     for _ in range(3):
         step(original)
-    write_checkpoint(tmp_path / "c.safetensors", original)
-    read_checkpoint(tmp_path / "c.safetensors", restored)
+    write_checkpoint(tmp_path, original)
+    read_checkpoint(tmp_path, restored)
     for _ in range(2):
         step(original)
         step(restored)
@@ -40,57 +46,53 @@ def test_a_restored_training_takes_the_same_steps(tmp_path: Path):
 
 
 def test_before_the_first_step_there_is_nothing_to_lose(tmp_path: Path):
-    write_checkpoint(tmp_path / "c.safetensors", new_training())
+    write_checkpoint(tmp_path, new_training())
     restored = new_training(seed=1)
-    read_checkpoint(tmp_path / "c.safetensors", restored)
+    read_checkpoint(tmp_path, restored)
     assert (restored.curve, restored.seconds) == ([], 0)
     step(restored)
 
 
-def test_no_checkpoint_leaves_the_training_as_it_is(tmp_path: Path):
-    training = new_training()
-    before = [parameter.clone() for parameter in training.network.parameters()]
-    read_checkpoint(tmp_path / "absent.safetensors", training)
-    after = training.network.parameters()
-    assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
-
-
-def test_a_write_that_fails_leaves_the_last_checkpoint(tmp_path: Path, monkeypatch):
-    path, training = tmp_path / "c.safetensors", new_training()
-    write_checkpoint(path, training)
-    before = path.read_bytes()
-
-    def full_disk(tensors: object, partial: Path) -> None:
-        partial.write_bytes(b"half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("styletrf.style.training.checkpoint.save_file", full_disk)
-    with pytest.raises(OSError, match="No space"):
-        write_checkpoint(path, training)
-    assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
+def test_no_checkpoint_leaves_the_training_as_it_is(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    assert starts_over(tmp_path)
+    assert caplog.messages == []
 
 
 @pytest.mark.parametrize("damage", ["cut short", "no tensor", "another network", "empty"])
 def test_a_damaged_checkpoint_lets_the_training_start_over_with_a_warning(
     tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture
 ):
-    path, stored = tmp_path / "c.safetensors", new_training()
+    stored = new_training()
     step(stored)
-    write_checkpoint(path, stored)
-    tensors = load_file(path)
+    write_checkpoint(tmp_path, stored)
+    tensors, state = load_checkpoint(tmp_path, torch.device("cpu"))
     last = max(name for name in tensors if name.startswith("network."))
     if damage == "no tensor":
         del tensors[last]
     elif damage == "another network":
         tensors[last] = torch.zeros(7)
-    save_file(tensors, path)
+    save_checkpoint(tmp_path, tensors, state)
     if damage in ("cut short", "empty"):
+        (path,) = tmp_path.iterdir()
         path.write_bytes(path.read_bytes()[: -100 if damage == "cut short" else 0])
+    assert starts_over(tmp_path)
+    assert [str(tmp_path) in message for message in caplog.messages] == [True]
+
+
+def test_a_checkpoint_of_an_earlier_version_is_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    (tmp_path / "style_training.safetensors").write_bytes(b"tensors")
+    assert starts_over(tmp_path)
+    assert ["earlier version" in message for message in caplog.messages] == [True]
+
+
+def starts_over(folder: Path) -> bool:
+    """Whether a training takes nothing over from the folder, not even half of a checkpoint."""
     training, fresh = new_training(seed=1), new_training(seed=1)
-    read_checkpoint(path, training)
-    assert [str(path) in message for message in caplog.messages] == [True]
-    assert training.curve == []
-    assert not training.optimizer.state
-    for a, b in zip(training.network.parameters(), fresh.network.parameters(), strict=True):
-        assert torch.equal(a, b), "not even half of it was taken over"
+    read_checkpoint(folder, training)
+    pairs = zip(training.network.parameters(), fresh.network.parameters(), strict=True)
+    is_fresh = all(torch.equal(a, b) for a, b in pairs)
+    return is_fresh and not training.curve and not training.optimizer.state

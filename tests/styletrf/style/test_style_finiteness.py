@@ -108,7 +108,7 @@ def test_a_network_that_is_given_is_finite(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["stylized", "unstylized"])
-def test_consistency_names_the_frame(vgg, kind):
+def test_consistency_names_the_frame_that_is_not_finite(vgg, kind):
     frames = {name: pan(texture(k)) for k, name in enumerate(("unstylized", "stylized"))}
     frames[kind][2] = np.full_like(frames[kind][2], np.nan)
     look = PerceptualFeatures(vgg, 32)

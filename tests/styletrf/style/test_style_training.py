@@ -118,7 +118,7 @@ def test_a_finished_training_is_only_read(vgg: VGG16, content: Path, tmp_path: P
     again, same_curve = trained(TINY, vgg, content, tmp_path, progress=killed_at(1))
     assert torch.equal(parameters(first), parameters(again))
     assert curve == same_curve
-    assert [file.name for file in tmp_path.iterdir()] == ["style_training.safetensors"]
+    assert [file.name for file in tmp_path.iterdir()] == ["checkpoint.safetensors"]
 
 
 def test_the_network_repeats_the_photograph_first_for_at_most_a_third_of_the_iterations(

@@ -70,7 +70,7 @@ def test_pictures_of_any_proportions_are_painted(size):
     assert painted.isfinite().all()
 
 
-def test_conditioning_is_affine():
+def test_conditioning_of_mixed_embeddings_is_the_mixture_of_conditionings():
     module, a, b = conditioning(), torch.randn(100), torch.randn(100)
     mixed = module(0.3 * a + 0.7 * b)
     for name, value in mixed.items():

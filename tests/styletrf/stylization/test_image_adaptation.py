@@ -17,6 +17,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.ray_cache import march_once
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training import trainer
+from styletrf.field.training.fit_inputs import TrainingViews
 from styletrf.field.training.validation_views import validation_views
 from styletrf.field.view_rays import ViewRays
 from styletrf.scene.free_space import CELLS
@@ -255,7 +256,7 @@ def test_blocks_of_held_colors_fit_small_pictures():
 def test_a_field_with_its_density_free_has_the_average_of_its_last_parameters(scene, field):
     last, averaged = (
         finetune_all(
-            field, scene.cameras, scene.images, scene.model.space,
+            field, scene.views(), scene.model.space,
             replace(CONFIG, iterations=20, average_share=share), KERNELS,
         )[0]
         for share in (0.0, 0.5)
@@ -264,10 +265,10 @@ def test_a_field_with_its_density_free_has_the_average_of_its_last_parameters(sc
 
 
 def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, field):
-    painted = 255 - scene.images
+    painted = TrainingViews(scene.cameras, 255 - scene.images)
     before = {name: tensor.clone() for name, tensor in field.state_dict().items()}
     config = replace(CONFIG, iterations=360)
-    adapted, curve = finetune_all(field, scene.cameras, painted, scene.model.space, config, KERNELS)
+    adapted, curve = finetune_all(field, painted, scene.model.space, config, KERNELS)
     assert curve[-1].psnr > curve[0].psnr + 3
     assert all(torch.equal(t, before[name]) for name, t in field.state_dict().items())
     moved = [
@@ -275,12 +276,9 @@ def test_free_strategies_reach_the_painted_views_and_leave_the_field(scene, fiel
         for a, b in zip(adapted.density.parameters(), field.density.parameters(), strict=True)
     ]
     assert any(moved), "S2 frees the density"
-    anew, curve = fit_new_field(
-        scene.cameras, painted, scene.model.space, scene.model.resolution,
-        replace(CONFIG, iterations=150), KERNELS,
-    )  # fmt: skip
+    new, curve = fit_new_field(painted, scene.volume, replace(CONFIG, iterations=150), KERNELS)
     assert curve[-1].psnr > curve[0].psnr + 3
-    assert anew.resolution == scene.model.resolution
+    assert new.resolution == scene.model.resolution
 
 
 @pytest.mark.parametrize("strategy", ["s1", "s2"])
@@ -289,14 +287,13 @@ def test_free_strategies_have_no_validation_views(strategy):
     many = painted_plane(20)
     config = replace(CONFIG, iterations=60, upsample_at=(0.1, 0.3), early_gain_db=1e3)
     field = fit(many, config)
-    space, views = many.model.space, (many.cameras, many.images)
     with patch.object(trainer, "validation_views", wraps=trainer.validation_views) as asked:
         if strategy == "s1":
-            fit_new_field(*views, space, many.model.resolution, config, KERNELS)
+            fit_new_field(many.views(), many.volume, config, KERNELS)
         else:
-            finetune_all(field, *views, space, config, KERNELS)
+            finetune_all(field, many.views(), many.model.space, config, KERNELS)
     (call,) = asked.call_args_list
-    assert validation_views(call.args[0], config) is not None
+    assert validation_views(*call.args[:2], config) is not None
     assert validation_views(*call.args) is None
 
 
@@ -306,10 +303,8 @@ def test_a_new_field_leaves_free_space_empty(scene):
     config = replace(CONFIG, iterations=40)
 
     def occupied(free):
-        new, _ = fit_new_field(
-            scene.cameras, scene.images, scene.model.space, scene.model.resolution, config,
-            KERNELS, free=free,
-        )  # fmt: skip
+        volume = replace(scene.volume, free=free)
+        new, _ = fit_new_field(scene.views(), volume, config, KERNELS)
         half = new.density.occupancy.shape[0] // 2
         return new.density.occupancy[: half - 1].any()
 

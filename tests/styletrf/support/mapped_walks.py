@@ -5,7 +5,8 @@ import pycolmap
 
 from styletrf.capture.capture_file import Photograph
 from styletrf.progress import silent
-from styletrf.sfm.colmap_images import ColmapImages, LensSetting
+from styletrf.sfm.colmap_images import ColmapImages
+from styletrf.sfm.lens_settings import LensSetting
 from styletrf.sfm.mapping_choice import MappingTask, reconstruct
 
 PATH, OVERLAP, POINTS = 36, 3, 1800

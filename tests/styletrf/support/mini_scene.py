@@ -12,6 +12,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.files.images import from_integers, write_rgb
 from styletrf.geometry.cameras import Camera, pixel_centers
 from styletrf.geometry.point_table import SparsePoints
@@ -42,6 +43,13 @@ class MiniScene:
     images: Tensor
     model: SceneModel
 
+    def views(self, **more) -> TrainingViews:
+        return TrainingViews(self.cameras, self.images, **more)
+
+    @property
+    def volume(self) -> FieldVolume:
+        return FieldVolume(self.model.space, self.model.resolution)
+
 
 def painted_plane(n_views: int = 6) -> MiniScene:
     """A plane at depth 4 whose color varies smoothly."""
@@ -64,12 +72,9 @@ def painted_plane(n_views: int = 6) -> MiniScene:
     return MiniScene(model.normalized(cameras), torch.from_numpy(np.stack(images)), model)
 
 
-def fit(scene: MiniScene, config=MINI_FIT, kernels=KERNELS, **more) -> RadianceField:
+def fit(scene: MiniScene, config=MINI_FIT, kernels=KERNELS, depths=None, **more) -> RadianceField:
     """The field of the scene, by the CPU's kernels; `more` goes to `train_field`."""
-    model = scene.model
-    field, _ = train_field(
-        scene.cameras, scene.images, model.space, model.resolution, config, kernels, **more
-    )
+    field, _ = train_field(scene.views(depths=depths), scene.volume, config, kernels, **more)
     return field
 
 

@@ -30,6 +30,7 @@ def _made(space: str, views: int = 6, width: int = 48) -> TinyScene:
     from mini_scene import KERNELS, MINI_FIT
 
     from styletrf.field.training.field_training import train_field
+    from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
     from styletrf.geometry.cameras import pixel_centers, points_at_depth
     from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
     from styletrf.synthetic.courtyard.capture import CourtyardConfig, capture_courtyard
@@ -45,7 +46,8 @@ def _made(space: str, views: int = 6, width: int = 48) -> TinyScene:
     cameras = model.normalized(capture.cameras)
     fit = replace(MINI_FIT, iterations=60, upsample_at=(0.5,))
     images = torch.from_numpy(np.stack(capture.images))
-    field, _ = train_field(cameras, images, model.space, model.resolution, fit, KERNELS)
+    volume = FieldVolume(model.space, model.resolution)
+    field, _ = train_field(TrainingViews(cameras, images), volume, fit, KERNELS)
     styles = {f"style {k}": styled(field, k) for k in (1, 2)}
     return TinyScene(cameras, model, {"Photographs": field, **styles})
 

@@ -12,6 +12,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.rendering import RenderConfig, render_view
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
+from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.view_rays import ViewRays
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.synthetic.courtyard import (
@@ -54,8 +55,8 @@ def test_depth_of_a_field_is_that_of_the_surfaces():
     cameras, cpu = model.normalized(capture.cameras), torch.device("cpu")
     images = torch.from_numpy(np.stack(capture.images))
     config = FieldTrainingConfig(iterations=250, batch=1024, upsample_at=(0.2, 0.4, 0.6))
-    kernels = kernels_for(cpu)
-    field, _ = train_field(cameras[1:], images[1:], model.space, model.resolution, config, kernels)
+    kernels, volume = kernels_for(cpu), FieldVolume(model.space, model.resolution)
+    field, _ = train_field(TrainingViews(cameras[1:], images[1:]), volume, config, kernels)
     rays = ViewRays(cameras[:1], model.space, field.step_length, cpu)
     render = render_view(field, kernels, rays, 0, cameras[0], RenderConfig())
     meters = np.linalg.norm(model.normalized_from_world[:3, 0])

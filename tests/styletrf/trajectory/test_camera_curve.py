@@ -60,7 +60,7 @@ def test_orientations_stay_rotations_and_focal_lengths_positive(closed):
     assert (found.focals > 0).all()
 
 
-def test_the_speed_is_constant():
+def test_a_camera_curve_has_a_constant_speed():
     curve = curve_through(still(np.random.default_rng(0).normal(size=(8, 3))))
     steps = np.linalg.norm(
         np.diff(curve.at_shares(np.linspace(0, 1, 5000)).centers, axis=0), axis=1

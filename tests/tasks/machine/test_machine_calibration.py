@@ -3,11 +3,14 @@
 import json
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import asdict, replace
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
 import tasks
+from pipeline.execution.environment import build_environment, build_settings
+from tasks.machine import calibration as calibrations
 from tasks.machine import local_facts
 from tasks.machine.calibration import (
     CALIBRATIONS,
@@ -27,23 +30,48 @@ def _fresh():
     calibration_of_machine.cache_clear()
 
 
-def calibration(**changes) -> Calibration:
-    return Calibration(replace(this_machine("cpu"), **changes), SECONDS, "2026-01-01")
+def kept(**changes) -> Calibration:
+    return keep_calibration(replace(this_machine("cpu"), **changes), SECONDS)
 
 
 def test_what_was_kept_is_found_again():
-    keep_calibration(calibration())
-    assert calibration_of_machine("cpu") == calibration()
+    assert kept() == calibration_of_machine("cpu")
 
 
 @pytest.mark.parametrize(
-    "changes", [{"processor": "another"}, {"cores": 99}, {"versions": {"torch": "0"}}]
+    "changes",
+    [
+        {"processor": "another"},
+        {"cores": 99},
+        {"versions": {"torch": "0"}},
+        {"environment": {"GOMP_SPINCOUNT": "5"}},
+    ],
 )
-def test_another_machine_or_version_has_another_calibration(changes):
-    keep_calibration(calibration(**changes))
-    keep_calibration(calibration())
+def test_another_machine_version_or_environment_has_another_calibration(changes):
+    kept(**changes)
+    kept()
     assert len(read_facts(CALIBRATIONS)) == 2
     assert calibration_of_machine("cpu").machine == this_machine("cpu")
+
+
+@pytest.mark.parametrize(("days", "is_measured"), [(29, False), (31, True)])
+def test_a_calibration_is_measured_again_after_thirty_days(monkeypatch, days, is_measured):
+    measured = {**SECONDS, "field": 9.0}
+    monkeypatch.setattr(calibrations, "_measured", lambda _device: measured)
+    day = datetime.now(UTC).date() - timedelta(days)
+    add_fact(CALIBRATIONS, this_machine("cpu").digest, {**asdict(kept()), "measured": f"{day}"})
+    assert calibration_of_machine("cpu").seconds == (measured if is_measured else SECONDS)
+
+
+def test_workloads_are_measured_in_the_environment_of_builds(monkeypatch):
+    """Beside a busy thread they were a hundred times slower than a build, and kept for ever."""
+    asked = []
+    for name in (*build_settings({}), "OMP_WAIT_POLICY", "GLIBC_TUNABLES"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(calibrations, "json_from", lambda *_, **given: asked.append(given) or {})
+    calibration_of_machine("cpu")
+    assert asked[0]["environment"] == build_environment()
+    assert this_machine("cpu").environment.items() >= build_settings({}).items()
 
 
 def test_a_damaged_file_counts_as_empty_and_is_replaced_whole():
@@ -74,6 +102,6 @@ def test_every_stage_has_a_workload():
 
 
 def test_a_stage_is_as_much_slower_as_its_workload():
-    slow = replace(calibration(), seconds={**SECONDS, "field": 5.0})
-    assert slow.times_slower_than(calibration(), "RadianceField") == 2.5
-    assert slow.times_slower_than(calibration(), "StyleNetwork") == 1.0
+    slow = replace(kept(), seconds={**SECONDS, "field": 5.0})
+    assert slow.times_slower_than(kept(), "RadianceField") == 2.5
+    assert slow.times_slower_than(kept(), "StyleNetwork") == 1.0

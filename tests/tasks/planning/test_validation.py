@@ -53,7 +53,7 @@ def refusal(*words: str) -> str:
         ),
         (
             ["--RadianceField-settings", '{"field.hidden": "many"}'],
-            ["RadianceField", "'field.hidden'", "'many'", "int"],
+            ["RadianceField", "'field.hidden'", "'many'", "whole number"],
         ),
         (
             ["--tuning", '{"RadianceFields": {"iterations": 3}}'],

@@ -1,5 +1,7 @@
 """The qualities are settings that stages take; `paper` has the numbers of docs/paper.md."""
 
+from pathlib import Path
+
 import pytest
 
 from styletrf.configuration import configured
@@ -49,3 +51,47 @@ def test_the_publications_priors_lie_along_the_path():
     config = configured(PriorsConfig, settings_for("PriorRenders", "paper"))
     assert config.viewpoints == "path"
     assert config.coverage.count == config.trajectory.frames == 30
+
+
+def test_the_page_beside_the_publication_has_the_values_of_the_preset():
+    page = Path(__file__).parents[3] / "docs/paper.md"
+    rows = {
+        line.split("|")[1].strip(): line for line in page.read_text().splitlines() if "|" in line
+    }
+    for name, words in words_of_the_preset().items():
+        assert words in rows[name], name
+
+
+def words_of_the_preset() -> dict[str, str]:
+    """The values of `paper` as docs/paper.md writes them, by the first column of its table."""
+    model, fit, network, priors, field = (
+        settings_for(family, "paper")
+        for family in (
+            "SceneModel",
+            "RadianceField",
+            "StyleNetwork",
+            "PriorRenders",
+            "StylizedField",
+        )
+    )
+    ranks = (", ".join(map(str, fit[f"field.{kind}_ranks"])) for kind in ("density", "appearance"))
+    content, style = (f"{network[f'loss.{kind}_weight']:.0e}" for kind in ("content", "style"))
+    return {
+        "field": " and ".join(ranks),
+        "lattice": f"at most {side(model['max_box_voxels'])}^3 in a box,"
+        f" at most {side(model['max_voxels'])}^3 in other spaces",
+        "growth": f"from {side(fit['initial_voxels'])}^3",
+        "fit": f"{fit['iterations']:,} iterations of {fit['batch']:,} rays; Adam,"
+        f" {fit['factor_rate']:g} for factors, {fit['network_rate']:g} for the network",
+        "style network": f"{network['iterations']:,} iterations of {network['batch']} crops of"
+        f" {network['crop_px']} pixels, rate {network['learning_rate']:g},"
+        f" content {content.replace('e+0', 'e')} at {network['loss.content_layer']},"
+        f" style {style.replace('e+', 'e')}",
+        "priors": f"{priors['coverage.count']} views evenly along the {priors['viewpoints']}",
+        "adaptation": f"{field['adaptation.iterations']:,} iterations of"
+        f" {field['adaptation.batch']:,}",
+    }
+
+
+def side(voxels: int) -> int:
+    return round(voxels ** (1 / 3))

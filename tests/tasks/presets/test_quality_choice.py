@@ -15,7 +15,7 @@ from styletrf.configuration import configured
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination
 from tasks import StylizedTrajectory
-from tasks.machine.calibration import Calibration, keep_calibration, this_machine
+from tasks.machine.calibration import keep_calibration, this_machine
 from tasks.machine.local_facts import add_fact
 from tasks.planning.kept_choice import choice_for, keep_choice
 from tasks.planning.remaining_time import cost_model, timing_of
@@ -45,7 +45,7 @@ def calibrated(times_slower: float) -> None:
     """This machine is so many times slower than that of the reference."""
     seconds = reference_costs().calibration.seconds
     slower = {kind: times_slower * value for kind, value in seconds.items()}
-    keep_calibration(Calibration(this_machine(), slower, "2026-01-01"))
+    keep_calibration(this_machine(), slower)
 
 
 @pytest.fixture(autouse=True)
@@ -101,6 +101,16 @@ def test_options_that_another_stylizer_would_not_obey_exclude_its_points(words, 
     monkeypatch.setattr("tasks.results.trajectory.fronts_for", lambda *_: [front])
     assert [found.points for found in mini(budget="5min")._fronts()] == [front.points]
     assert [found.points for found in mini(budget="5min", **words)._fronts()] == [[FAST, GOOD]]
+
+
+def test_a_bound_that_only_points_of_another_stylizer_meet_is_refused_in_one_line(monkeypatch):
+    """The front of the scene had such a point as its best, and `--plan` ended in a ValueError."""
+    front = replace(FRONT, points=(replace(PAINTED, shortfall_db=0.0), FAST))
+    monkeypatch.setattr("tasks.results.trajectory.fronts_for", lambda *_: [front])
+    task = mini(quality="within 0.1 dB", stroke_scale=2.0)
+    for refused in (task.planned, task.require_reachable):
+        with rejects("within 0.1 dB", "no such point"):
+            refused()
 
 
 def test_a_choice_that_an_earlier_version_kept_is_found():

@@ -2,6 +2,7 @@
 
 import pytest
 from expected_errors import rejects
+from luigi.cmdline_parser import CmdlineParser
 
 from styletrf.files.tables import read_rows
 from styletrf.style.style_network import load_style_network
@@ -11,6 +12,8 @@ from tasks.stages.distributed_training import (
     train_distributed,
     train_local,
 )
+from tasks.stages.metrics import ConsistencyMetrics
+from tasks.stages.pair_settings import pair_settings
 from tasks.stages.style import StyleNetwork
 
 
@@ -59,6 +62,16 @@ def test_a_network_trains_on_no_pair_of_renders_that_this_command_measures(stage
         build(stage, **inputs)
 
 
+def test_the_pairs_that_are_left_out_are_those_that_this_command_measures():
+    words = {"scene": "s", "style": "t", "quality": "draft"}
+    tuning = {"ConsistencyMetrics": {"deltas": [3]}}
+    line = ["StyleNetwork", "--ConsistencyMetrics-settings", '{"pairs": 5, "deltas": [2]}']
+    with CmdlineParser.global_instance([*line, "--scene", "s", "--style", "t"]):
+        pairs = pair_settings(StyleNetwork(**words, tuning=tuning))
+        measured = ConsistencyMetrics(**words, tuning=tuning).values()
+    assert {"deltas": [3], "pairs": 5}.items() <= pairs.items() <= measured.items()
+
+
 @pytest.mark.slow
 def test_two_processes_train_one_network(asked, tmp_path):
     display = Display()
@@ -66,7 +79,7 @@ def test_two_processes_train_one_network(asked, tmp_path):
     load_style_network(tmp_path / "out", "cpu")
     assert len(read_rows(tmp_path / "out/curve.parquet")) == 3
     assert display.seen[-1][1] == 3
-    assert [p.name for p in (tmp_path / "resume").iterdir()] == ["style_training.safetensors"]
+    assert [p.name for p in (tmp_path / "resume").iterdir()] == ["checkpoint.safetensors"]
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from expected_errors import rejects
 import tasks
 from pipeline.digest import tree_digest
 from pipeline.maintenance.task_graph import upstream_first
-from tasks.stages.shards import shard_folders
+from styletrf.steps.sharding import shard_folders, shard_of
 
 WORDS = {"scene": "mini", "quality": "draft"}
 STYLE = {"style": "p", "content": "embedded"}
@@ -17,8 +17,7 @@ STYLE = {"style": "p", "content": "embedded"}
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 10])
 def test_parts_have_every_frame_once_in_order_and_evenly(count):
     items = list(range(7))
-    shards = [tasks.TrajectoryFrames(**WORDS, shard=f"{k}/{count}") for k in range(1, count + 1)]
-    parts = [shard.own_shard(items) for shard in shards]
+    parts = [shard_of(items, f"{k}/{count}") for k in range(1, count + 1)]
     assert [item for part in parts for item in part] == items
     assert max(map(len, parts)) - min(map(len, parts)) <= 1
 
@@ -26,7 +25,7 @@ def test_parts_have_every_frame_once_in_order_and_evenly(count):
 def test_without_shards_there_are_no_parts():
     whole = tasks.TrajectoryFrames(**WORDS)
     assert not shard_folders({name: Path() for name in whole.requires()})
-    assert whole.own_shard([1, 2]) == [1, 2]
+    assert shard_of([1, 2], whole.shard) == [1, 2]
 
 
 @pytest.mark.parametrize(

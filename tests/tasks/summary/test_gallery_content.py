@@ -8,11 +8,11 @@ import pytest
 from message_words import mentions
 
 import tasks
-from styletrf.reports.gallery_tile import OUTCOMES
+from styletrf.reports.gallery_tile import OUTCOME_LABELS
 from tasks.summary.gallery import refresh_gallery
 
 WORDS = {"quality": "draft", "content": "embedded"}
-NOT_BEGUN = f"<b>{OUTCOMES['not begun']}</b>"
+NOT_BEGUN = f"<b>{OUTCOME_LABELS['not begun']}</b>"
 
 
 def show(folder: Path, **more: object) -> None:
@@ -35,11 +35,16 @@ def test_requested_cells_have_a_tile_that_says_what_is_wrong(out: Path):
 
 
 def test_what_is_shown_has_its_numbers(out: Path):
-    show(out / "mini/p", cost={"seconds": 61.0}, words={"quality": "draft"})
+    show(out / "mini/p", cost={"seconds": 61.0}, parameters={"quality": "draft"})
     text = refresh_gallery(tasks.StylizedTrajectory(scene="mini", style="q", **WORDS)).read_text()
     for words in ("23.46 dB", "2.00 x floor", "0.2500", "1 min 01 s", "draft", "not measured"):
         assert f">{words}<" in text
     assert text.count(NOT_BEGUN) == 1
+
+
+def test_a_summary_of_an_earlier_version_shows_its_quality(out: Path):
+    show(out / "mini/p", words={"quality": "paper"})
+    assert ">paper<" in refresh_gallery(None).read_text()
 
 
 def test_results_of_separate_commands_are_not_crossed(out: Path):
@@ -60,7 +65,7 @@ def test_what_a_grid_did_not_make_stays_until_it_is_made(out: Path):
     (out / "mini/p/report.html").touch()
     text = refresh_gallery(None).read_text()
     assert text.count("<li") == 2
-    assert OUTCOMES["late"] in text
+    assert OUTCOME_LABELS["late"] in text
     assert "of before" not in text, "it was made after the grid"
     (out / "grid.json").write_text(json.dumps({**grid, "ended": "2126-11-22T06:00:00+00:00"}))
     assert "of before" in refresh_gallery(None).read_text()
@@ -82,7 +87,7 @@ def test_an_earlier_result_stays_beside_what_failed(out: Path):
     text = refresh_gallery(
         tasks.StylizedTrajectory(scene="mini", style="none", **WORDS)
     ).read_text()
-    assert f"<b>{OUTCOMES['failed']} " in text
+    assert f"<b>{OUTCOME_LABELS['failed']}; " in text
     assert 'data-video="mini/none/video.mp4"' in text
 
 

@@ -10,6 +10,7 @@ from message_words import mentions
 
 import tasks
 from pipeline.errors import TaskFailure
+from pipeline.job import write_outcome
 from pipeline.settings import current_store
 from pipeline.task import RunContext, StoredTask
 from tasks.stages.linked_results import LinkedStage, linked_pages, made_from
@@ -98,6 +99,14 @@ def test_what_failed_says_why_and_the_rest_waits(out: Path):
     assert "none" in found["StyleImage"].reason
     assert found["PaintingPage"].state == "not made"
     assert found["PaintingPage"].inputs == [found["StyleImage"].name]
+
+
+def test_a_stage_skipped_for_until_is_not_made_and_says_why(out: Path):
+    image = page("p").requires()["style"]
+    log = current_store().new_log(image.task_family, image.action().key)
+    write_outcome(log, "late", "5 s are left")
+    found = {each.family: each for each in lineage(out / "mini", [page("p")])}
+    assert (found["StyleImage"].state, found["StyleImage"].reason) == ("not made", "5 s are left")
 
 
 def test_the_pages_lie_in_the_folders_of_scenes_and_the_gallery_leads_there(out: Path):

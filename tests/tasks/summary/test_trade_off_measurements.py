@@ -42,7 +42,7 @@ def test_a_stage_made_in_parts_took_what_all_of_them_did():
     assert measured.seconds == {"TrajectoryFrames": 42.0}
 
 
-def test_another_host_is_named():
+def test_measurements_of_another_host_name_it():
     own = machine([record("SceneModel", "m", host=socket.gethostname())])
     assert not mentions(own, socket.gethostname())
     description = machine(

@@ -21,7 +21,7 @@ WORDS = {"scene": "mini", "style": "a p", "quality": "draft", "content": "embedd
         {"strength": 0.5, "tuning": {"RadianceField": {"iterations": 60}}},
     ],
 )
-def test_it_asks_for_the_same_field(out, controls: dict[str, Any]):
+def test_the_command_of_a_viewer_requests_the_same_field(out, controls: dict[str, Any]):
     report = tasks.StylizedTrajectory(**WORDS, **controls)
     command = viewer_command(report.identity_parameters(), controls.get("tuning", {}))
     words = shlex.split(command)

@@ -161,7 +161,7 @@ def test_what_is_no_path_of_the_page_is_refused_and_writes_nothing(
     assert not served.file.parent.exists()
 
 
-def test_nothing_is_written_elsewhere(served):
+def test_requests_to_other_places_or_of_other_kinds_are_refused(served):
     for place in ("/path", f"/{TOKEN}/", f"/{TOKEN}/state", f"/{TOKEN}/path/../x.json"):
         assert posted(served, REQUEST, place)[0] == 404
     for method in ("PUT", "DELETE", "OPTIONS"):

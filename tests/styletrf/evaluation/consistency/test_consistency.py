@@ -123,7 +123,7 @@ def test_a_gray_video_does_not_beat_a_faithful_one(measure):
 
 
 @pytest.mark.parametrize("contrast", [0.3, 0.05, 0.0])
-def test_fading_never_helps(measure, contrast):
+def test_a_faded_video_has_a_larger_error_by_contrast(measure, contrast):
     """Not even without the noise of rounding to 8 bits."""
     faithful = flickering(pan(texture(1)), 0.02)
     faded = [0.5 + contrast * (f - 0.5) for f in faithful]

@@ -14,13 +14,27 @@ from styletrf.capture.user_folders import (
     skipped_photographs,
 )
 from styletrf.configuration import configured
-from styletrf.progress import Progress
+from styletrf.steps.step_run import StepRun
 
 
 def capture_scene(
-    data: Path, scene: str, out: Path, settings: Mapping[str, Any], progress: Progress
+    inputs: Mapping[str, Path],
+    out: Path,
+    settings: Mapping[str, Any],
+    run: StepRun,
+    *,
+    data: Path,
+    scene: str,
 ) -> None:
-    """Writes `images/` and `capture.json` of a scene in `data/scenes`.
+    """Writes `images/` and `capture.json` of a scene of the user.
+
+    Args:
+        inputs: None.
+        out: The folder to fill.
+        settings: Of `CaptureConfig`.
+        run: Its progress is the number of photographs or frames.
+        data: The user's folder, which contains `scenes/`.
+        scene: A folder or a video in `scenes/`.
 
     Raises:
         InputError: There is no such scene, or it cannot be used.
@@ -30,8 +44,14 @@ def capture_scene(
     if videos := scene_videos(found):
         skipped = [photograph.name for photograph in skipped_photographs(data, scene)]
         capture_videos(
-            videos, out, config.video_frames, progress, config.panoramas, config.leave_out, skipped
+            videos,
+            out,
+            config.video_frames,
+            run.progress,
+            config.panoramas,
+            config.leave_out,
+            skipped,
         )
     else:
         given = find_given_poses(scene_folder(found))
-        capture_photographs(found, out, progress, given, config.leave_out, config.panoramas)
+        capture_photographs(found, out, run.progress, given, config.leave_out, config.panoramas)

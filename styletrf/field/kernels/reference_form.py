@@ -1,4 +1,4 @@
-"""The form of plain torch: `reference`, which defines what the others compute."""
+"""The form of the kernels that `reference` defines, in torch alone."""
 
 from typing import final
 
@@ -11,7 +11,7 @@ from styletrf.field.tensor_vm import TensorVM
 
 
 @final
-class PlainKernels(Kernels):
+class ReferenceKernels(Kernels):
     """The functions of `reference`."""
 
     name = "reference"

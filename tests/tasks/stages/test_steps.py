@@ -1,0 +1,83 @@
+"""The steps that stages call: all have one form, and docs/library.md lists them."""
+
+import ast
+import importlib
+import inspect
+import re
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import pytest
+
+import tasks
+from styletrf.steps.step_run import StepRun
+
+ROOT = Path(__file__).parents[3]
+TEXT = (ROOT / "docs/library.md").read_text(encoding="utf-8")
+FORM = {
+    "inputs": Mapping[str, Path],
+    "out": Path,
+    "settings": Mapping[str, Any],
+    "run": StepRun,
+}
+WITHOUT_A_STEP = {"Grid", "StylizedTrajectory", "TradeOff"}
+"""They read records of the store."""
+
+
+def imported_steps(text: str) -> Iterator[FunctionType]:
+    """The functions of styletrf/steps that functions of a module import."""
+    functions = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef)]
+    for node in (node for function in functions for node in function.body):
+        if isinstance(node, ast.ImportFrom) and f"{node.module}".startswith("styletrf.steps."):
+            found = [getattr(importlib.import_module(node.module), a.name) for a in node.names]
+            yield from filter(inspect.isfunction, found)
+
+
+FILES = [*(ROOT / "tasks/stages").glob("*.py"), *(ROOT / "tasks/results").glob("*.py")]
+STEPS = {s.__name__: s for f in FILES for s in imported_steps(f.read_text(encoding="utf-8"))}
+
+
+@pytest.mark.parametrize("step", STEPS.values(), ids=STEPS)
+def test_every_step_has_the_same_parameters_and_keywords_of_its_own(step: FunctionType):
+    signature = inspect.signature(step)
+    given = [*signature.parameters.values()]
+    assert {p.name: p.annotation for p in given[: len(FORM)]} == FORM
+    assert [p.name for p in given[: len(FORM)]] == list(FORM)
+    assert all(p.kind is p.KEYWORD_ONLY for p in given[len(FORM) :])
+    assert signature.return_annotation is None
+
+
+@pytest.mark.parametrize("family", sorted({*tasks.__all__} - WITHOUT_A_STEP - {"StyleNetwork"}))
+def test_a_build_ends_with_the_one_call_of_a_step(family: str):
+    text = textwrap.dedent(inspect.getsource(getattr(tasks, family).build))
+    (build,) = ast.parse(text).body
+    called = [ast.unparse(n.func) for n in ast.walk(build) if isinstance(n, ast.Call)]
+    (step,) = (name for name in called if name in STEPS)
+    call = build.body[-1].value
+    assert ast.unparse(call.func) == step
+    inputs, out, _, run = map(ast.unparse, call.args)
+    assert (inputs, out, run) == ("inputs", "out", "self.step_run(run)")
+
+
+def test_the_page_of_the_library_lists_every_step():
+    rows = re.findall(r"^\| `(\w+)` in `(styletrf/steps/\S+)\.py` \|", TEXT, re.MULTILINE)
+    assert {name: module.replace("/", ".") for name, module in rows} == {
+        name: step.__module__ for name, step in STEPS.items()
+    }
+
+
+def test_the_example_of_the_library_fits_a_field(mini_poses: Path, tmp_path: Path):
+    (example,) = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
+    small = '"iterations": 30, "batch": 64, "initial_voxels": 512, "field.hidden": 8'
+    example = example.replace('"image_long_side": 480', '"image_long_side": 16, "max_voxels": 4096')
+    example = example.replace('"iterations": 500', small)
+    folders = {name: tmp_path / name for name in ("model", "field", "work")}
+    for folder in folders.values():
+        folder.mkdir()
+    exec(example, {"poses": mini_poses, **folders})
+    assert {path.name for path in folders["field"].iterdir()} == {
+        "appearance.safetensors", "curve.parquet", "density.safetensors", "field.json",
+    }  # fmt: skip
