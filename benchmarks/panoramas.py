@@ -80,7 +80,7 @@ def main() -> None:
     if options.what == "make":
         make(options.folder, options.count, options.width)
     elif options.untied:
-        with patch("styletrf.sfm.colmap_mapping.tie_views"):
+        with patch("styletrf.sfm.colmap_features.write_rigs"):
             poses(options.folder)
     else:
         poses(options.folder)

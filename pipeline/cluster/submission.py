@@ -14,6 +14,7 @@ from pipeline.cluster.remote_job import JobResult, RemoteJob
 from pipeline.code.interpreters import interpreter_environment
 from pipeline.errors import LostInputError, TaskFailure
 from pipeline.execution.deadline import require_time_left
+from pipeline.execution.host_locks import LEASES
 from pipeline.execution.options import BuildOptions
 from pipeline.execution.resources import CORES, expected_cost
 from pipeline.job import write_outcome
@@ -90,8 +91,9 @@ def remote_job_of(task: ArtifactTask, key: str, memory_bytes: int, max_gpus: int
 
 
 def _is_forwarded(variable: str) -> bool:
-    """Whether nodes get a variable. They get the project's own, and no credentials."""
-    return variable.startswith("STYLETRF_") or variable == "LUIGI_CONFIG_PATH"
+    """Whether nodes get a variable: the project's own, but no folder of one host or credentials."""
+    is_own = variable.startswith("STYLETRF_") and variable != LEASES
+    return is_own or variable == "LUIGI_CONFIG_PATH"
 
 
 def _submit(

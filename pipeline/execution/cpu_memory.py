@@ -6,6 +6,7 @@ other builds. A build that is alone on the host may use all cores, and locks a p
 """
 
 import contextlib
+import logging
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,10 +15,12 @@ from pathlib import Path
 
 import psutil
 
+from pipeline.errors import StoreError
 from pipeline.execution.host_locks import acquire, fifo_queue, open_locks, release, try_acquire
 from pipeline.settings import number_setting
 
 _MEMORY_PARTS = 64
+_log = logging.getLogger(__name__)
 _CGROUP = Path("/sys/fs/cgroup")
 THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "MKL_NUM_THREADS")
 """The variables for how many threads libraries start."""
@@ -72,15 +75,20 @@ def allocate_alone(
     """Holds a share of this host for a command that runs one build at a time.
 
     While no other build holds a core, the build uses all, and leases `max_cores`, so that the next
-    one finds the others free. Beside other builds it is bound to the free ones. It waits for no
-    core: if none is free, it uses all. It waits for the memory it expects. If that is unknown, it
-    leases what is free of the same share as of cores. The arguments are those of `allocate`.
-
-    Raises:
-        StoreError: The folder of leases cannot be used.
+    one finds the others free. Beside other builds it is bound to as many of the free ones. It waits
+    for no core: if none is free, or a quota says how many it may use, it uses all. It waits for the
+    memory it expects. If that is unknown, it leases what is free of the same share as of cores.
+    Where the folder of leases cannot be used, it shares nothing, and a warning says so. The
+    arguments are those of `allocate`.
     """
     n_parts = _memory_parts(max_cores, expected_bytes)
-    with _units() as (parts, cores):
+    with contextlib.ExitStack() as stack:
+        try:
+            parts, cores = stack.enter_context(_units())
+        except StoreError as error:
+            _log.warning("%s. This command shares the host with no other", error)
+            yield CpuAllocation(len(usable_cores()))
+            return
         with fifo_queue(lambda: on_wait("for its turn")):
             if expected_bytes is None:
                 held = try_acquire(parts, 0, n_parts)
@@ -90,7 +98,7 @@ def allocate_alone(
             mine = free[:max_cores]
             release(cores, free[max_cores:])
         fds = (*(parts[name] for name in held), *(cores[name] for name in mine))
-        uses_all = len(free) in (0, len(cores))
+        uses_all = len(free) in (0, len(cores)) or not _may_bind()
         yield CpuAllocation(len(cores), inherited_fds=fds) if uses_all else _bound_to(mine, fds)
 
 

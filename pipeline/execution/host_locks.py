@@ -17,6 +17,8 @@ from pipeline.errors import StoreError
 from pipeline.locks import try_lock
 from pipeline.settings import setting
 
+LEASES = "STYLETRF_LEASES"
+"""The variable for the folder of leases of this host."""
 _SECONDS_BETWEEN_POLLS = 0.5
 
 
@@ -87,7 +89,7 @@ def _open(name: str) -> int:
     """Opens the file of a unit. Another user may have made it, and all users may open it."""
     umask = os.umask(0)
     try:
-        folder = Path(os.environ.get("STYLETRF_LEASES") or setting("host", "leases"))
+        folder = Path(os.environ.get(LEASES) or setting("host", "leases"))
         folder.mkdir(mode=0o1777, exist_ok=True)
         path = folder / name
         with contextlib.suppress(FileExistsError):

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from pipeline.artifact_task import ArtifactTask
+from pipeline.errors import StoreError
 from pipeline.execution.cost_history import Cost, cost_history, cost_of_similar
 from pipeline.execution.cpu_memory import (
     CpuAllocation,
@@ -40,7 +41,7 @@ def cpu_for(label: str, cost: Cost | None) -> Iterator[CpuAllocation]:
     shares it with another command as two workers of one command do. STYLETRF_CORES sets the number
     of cores instead.
     """
-    workers, cores = workers_of_command(), int(os.environ.get(CORES, "0"))
+    workers, cores = workers_of_command(), _cores_of_user()
     is_lone, host = workers == 1 and not cores, len(usable_cores())
     part = cores or math.ceil(host / max(2, workers))
     expected_bytes = cost.peak_memory_bytes if cost else None
@@ -49,6 +50,14 @@ def cpu_for(label: str, cost: Cost | None) -> Iterator[CpuAllocation]:
         if is_lone and share.cores < host:
             _log.info("%s: uses %d of %d cores, beside another build", label, share.cores, host)
         yield share
+
+
+def _cores_of_user() -> int:
+    """Returns the number of cores that the user sets; 0 without."""
+    given = os.environ.get(CORES) or "0"
+    if not given.isdecimal():
+        raise StoreError(f"{CORES} = {given} is not a whole number. Correct it, or unset it.")
+    return int(given)
 
 
 def expected_cost(task: ArtifactTask, store: Store) -> Cost | None:

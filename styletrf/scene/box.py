@@ -11,7 +11,7 @@ _PERCENT = 98.0  # of the points along each axis: the others are astray, or far 
 
 def place_in_box(scene: UprightCapture, oversampling: float) -> Placement:
     """Returns a box around nearly all points."""
-    return placed(scene, whole_box(scene), "box", np.eye(4)[None], 1.0, oversampling)
+    return placed(scene, whole_box(scene), "box", np.eye(4)[None], 1.0, oversampling, scene.pixel)
 
 
 def whole_box(scene: UprightCapture) -> Extent:

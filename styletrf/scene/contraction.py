@@ -23,6 +23,7 @@ from styletrf.scene.upright_capture import Extent, UprightCapture, looked_at, pl
 INNER = 0.75  # of the grid's axes is the inner box
 LOST = 3.0  # octaves that a point outside a box counts as
 _PERCENT = 80.0  # of the points along each axis, that the inner box holds
+_NEAREST, _MOST = 0.1, 0.5  # of the points: at least the subject's, and enough to show it
 _FLATTEST = 0.5  # of the inner box's longest side is its shortest
 
 
@@ -30,7 +31,9 @@ def place_unbounded(scene: UprightCapture, oversampling: float) -> Placement:
     """Returns unbounded space around the inner box."""
     inner = inner_box(scene)
     maps = contraction(_reach(scene, inner))
-    return placed(scene, inner, "unbounded", maps, INNER, oversampling)
+    drawn_in = scene.footprints / np.maximum(_largest(scene, inner), 1)  # as the voxels are
+    footprint = float(np.median(drawn_in))
+    return placed(scene, inner, "unbounded", maps, INNER, oversampling, footprint)
 
 
 def contraction(reach: float) -> Float[np.ndarray, "7 4 4"]:
@@ -63,27 +66,36 @@ def octaves_lost(scene: UprightCapture, voxels: int) -> dict[str, float]:
 def inner_box(scene: UprightCapture) -> Extent:
     """Returns the box with the finest voxels, none of its sides too short.
 
-    It holds most points and the cameras. Where cameras look inward, it holds what they look at
-    instead: a cube about the focus that fills the shorter side of their pictures, since a smooth
-    subject has few points, and most of the points that are no farther from the focus than they are.
-    They stand farther out than what they show, and houses behind a statue would make its voxels as
-    large as the statue. A wall that stands in a face of the box would be cut between two parts of
-    the grid: hence the margin about the points.
+    It holds most points and the cameras. Where cameras look inward, it holds their subject instead:
+    they stand farther out than what they show. A wall that stands in a face of the box would be cut
+    between two parts of the grid: hence the margin about the points.
     """
     held, points = np.stack([view.center_world for view in scene.views]), scene.points
-    focus, looking, _ = looked_at(scene)
-    if looking == "inward":
-        distance = float(np.median(np.linalg.norm(held - focus, axis=1)))
-        points = points[np.linalg.norm(points - focus, axis=1) <= distance]
-        view = typical_view(scene.views)
-        shown = distance * min(view.width, view.height) / 2 / view.fx
-        held = focus + shown * np.array([[-1.0], [1.0]])
-    if len(points):
-        box = box_around(points, _PERCENT)
-        held = np.concatenate([held, [box.center - box.half, box.center + box.half]])
+    if looked_at(scene)[1] == "inward":
+        held, points = _subject(scene)
+    box = box_around(points, _PERCENT)
+    held = np.concatenate([held, [box.center - box.half, box.center + box.half]])
     lower, upper = held.min(axis=0), held.max(axis=0)
     half = (upper - lower) / 2
     return Extent((lower + upper) / 2, np.maximum(half, _FLATTEST * half.max()))
+
+
+def _subject(scene: UprightCapture) -> tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "n 3"]]:
+    """Returns what views that look inward show: two corners of a cube, and points.
+
+    The points are those no farther from the focus than the cameras, or at least the nearest: houses
+    behind a statue would make its voxels as large as the statue. Where most points lie beyond, the
+    subject may have few itself, as a smooth one has: there the cube about the focus fills the
+    shorter side of the pictures. Elsewhere it is the focus alone.
+    """
+    focus, view = looked_at(scene)[0], typical_view(scene.views)
+    centers = np.stack([each.center_world for each in scene.views])
+    distance = float(np.median(np.linalg.norm(centers - focus, axis=1)))
+    apart = np.linalg.norm(scene.points - focus, axis=1)
+    is_near = apart <= max(distance, float(np.quantile(apart, _NEAREST)))
+    half = distance * min(view.width / view.fx, view.height / view.fy) / 2
+    size = half if is_near.mean() < _MOST else 0.0
+    return focus + size * np.array([[-1.0], [1.0]]), scene.points[is_near]
 
 
 def _lost(scene: UprightCapture, box: Extent, voxels: int) -> float:

@@ -98,6 +98,7 @@ def upright_frame(cameras: Sequence[Camera]) -> Float[np.ndarray, "4 4"]:
 def placed(
     scene: UprightCapture, inner: Extent, kind: Literal["box", "unbounded"],
     grid_from_inner: Float[np.ndarray, "maps 4 4"], inner_share: float, oversampling: float,
+    footprint: float,
 ) -> Placement:  # fmt: skip
     """Returns the scene scaled so that the longest half of the `inner` box is 1.
 
@@ -107,14 +108,15 @@ def placed(
         kind: Of the space.
         grid_from_inner: Its maps from coordinates in which the inner box is [-1, 1]^3.
         inner_share: The share of the grid along each axis that the inner box takes.
-        oversampling: Wanted lattice points per pixel at the median point.
+        oversampling: Wanted lattice points per pixel, of the size of `footprint`.
+        footprint: The size of a pixel in the inner box.
     """
     scale = float(1 / inner.half.max())
     half = inner.half * scale
     normalized_from_frame = np.diag([scale, scale, scale, 1.0])
     normalized_from_frame[:3, 3] = -scale * inner.center
     inner_from_normalized = np.diag([*(1 / half), 1.0])
-    pixel, nearest = scale * scene.pixel, scale * scene.nearest
+    pixel, nearest = scale * footprint, scale * scene.nearest
     wanted = oversampling * 2 * half / inner_share / pixel
     focus, looking, evidence = looked_at(scene)
     focus = scale * (focus - inner.center)

@@ -87,6 +87,12 @@ class CameraPosesConfig:
     least_explained: float = 0.5
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.least_explained <= 1:
+            raise ValueError(
+                f"least_explained is a share from 0 to 1, not {self.least_explained:g}"
+            )
+
 
 def solve_camera_poses(
     capture_dir: Path,

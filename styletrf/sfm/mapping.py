@@ -93,7 +93,8 @@ def require_explained(
         problem = (
             f"agree with no poses that were found: the best ones, of"
             f" {mapping.registered_photographs} photographs, explain {mapping.explained:.0%} of"
-            f" what these share, and have to explain {least_explained:.0%}"
+            f" what these share, and have to explain {least_explained:.0%}:"
+            f" {mapping.mapper_reason}"
         )
         remedy = (
             f"{BETTER_PHOTOGRAPHS}. To use these poses in spite of it:"

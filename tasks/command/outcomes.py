@@ -21,7 +21,7 @@ class TaskOutcome:
     Attributes:
         outcome: The outcome.
         stage: The stage that failed, was skipped or is under way: the task, or one that it needs.
-            None if no attempt has ended.
+            None if nothing failed or is under way.
         reason: What that stage reports last.
     """
 
@@ -33,7 +33,7 @@ class TaskOutcome:
     def explanation(self) -> str:
         """Returns the stage and its reason in one line."""
         if self.stage is None:
-            return "no attempt on this machine has ended"
+            return "no attempt on this machine has failed or is under way"
         return f"{self.stage.task_family}: {self.reason}" if self.reason else self.stage.task_family
 
 

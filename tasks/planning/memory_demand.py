@@ -29,6 +29,7 @@ MARGIN = 1.5
 """A command is refused if a stage would take more than this multiple of the available memory."""
 LONGEST_PX = 1600  # of the undistorted photographs
 _VIDEO_FRAMES = 60
+_CACHE_BYTES, _RAY_BYTES = 3 << 30, 750  # the default of `adaptation.cache_bytes`, and of one ray
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +183,9 @@ def _kept_rays(settings: Mapping[str, Any]) -> int:
     counts = [settings.get(f"adaptation.{name}") for name in ("iterations", "batch")]
     if settings.get("single_owner", True) or not all(type(count) is int for count in counts):
         return 0  # invalid numbers are rejected with the settings
-    return math.prod(cast("list[int]", counts))
+    kept = settings.get("adaptation.cache_bytes", _CACHE_BYTES)
+    most = int(kept / _RAY_BYTES) if isinstance(kept, int | float) else 0
+    return min(math.prod(cast("list[int]", counts)), most)
 
 
 def _grid_points(model: SceneModel) -> int:

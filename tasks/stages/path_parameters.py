@@ -107,7 +107,7 @@ def frame_count(settings: Mapping[str, Any]) -> int | None:
     own = {
         name.removeprefix(prefix): settings[name] for name in settings if name.startswith(prefix)
     }
-    with suppress(InputError):
+    with suppress(InputError, OverflowError):
         if type(rate) is int and SLOWEST_RATE <= rate <= FASTEST_RATE:
             return configured(TrajectoryConfig, own).count(rate)
     return None

@@ -263,7 +263,6 @@ BY_VALUE = {
     "tasks.presets.presets:settings_for",
     "tasks.stages.stage:ConfigurableStage.values",
     "tasks.stages.stage:PresetStage.tuned",
-    "tasks.stages.stage:_thawed",
     "tasks.stages.style:StyleNetwork.values",
     "tasks.stages.stylization:StylizedField.resolved_match",
     "tasks.stages.stylization:StylizedField.values",

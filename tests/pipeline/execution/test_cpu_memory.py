@@ -13,6 +13,7 @@ from build_toys import OnCores
 from commands import start
 from message_words import mentions
 
+from pipeline.errors import StoreError
 from pipeline.execution import cpu_memory
 from pipeline.execution.environment import (
     SPIN_COUNT,
@@ -21,6 +22,7 @@ from pipeline.execution.environment import (
     openmp_wait_settings,
 )
 from pipeline.execution.host_locks import open_locks, try_acquire
+from pipeline.execution.resources import cpu_for
 from pipeline.task import artifact
 
 CORES = sorted(os.sched_getaffinity(0))
@@ -258,3 +260,21 @@ def test_a_program_can_be_started_with_the_settings_of_builds():
     command = [sys.executable, "-m", "pipeline.execution.environment"]
     printed = subprocess.check_output(command, env=environment, text=True)
     assert dict(line.split("=") for line in printed.split()) == build_settings({})
+
+
+def test_a_lone_build_has_the_whole_host_where_no_folder_of_leases_can_be_used(
+    tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setenv("STYLETRF_LEASES", str(tmp_path / "missing" / "leases"))
+    with cpu_memory.allocate_alone(1, None, lambda _: None) as share:
+        assert share.cores == len(cpu_memory.usable_cores())
+    assert mentions(caplog.text, "missing")
+
+
+@pytest.mark.parametrize("word", ["four", "2.0", "-1"])
+def test_a_number_of_cores_that_is_none_is_an_error_with_its_variable(monkeypatch, word):
+    """A negative one waited for ever, and all commands of the host with it."""
+    monkeypatch.setenv("STYLETRF_CORES", word)
+    with pytest.raises(StoreError) as error, cpu_for("a build", None):
+        pass
+    assert mentions(str(error.value), f"STYLETRF_CORES = {word}")

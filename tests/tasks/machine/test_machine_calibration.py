@@ -1,4 +1,4 @@
-"""How fast a machine is, measured once and kept for it alone."""
+"""How fast a machine is, measured now and then, and kept for it alone."""
 
 import json
 import time
