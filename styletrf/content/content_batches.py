@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from styletrf.content.prefetch import prefetch
+from styletrf.prefetch import prefetch
 from styletrf.errors import InputError
 
 _THREADS, _AHEAD = 2, 4

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from styletrf.content.content_sources import ContentSource
-from styletrf.content.prefetch import prefetch
+from styletrf.prefetch import prefetch
 from styletrf.errors import InputError
 from styletrf.files.zip_damage import ZIP_DAMAGE
 from styletrf.progress import Progress, silent

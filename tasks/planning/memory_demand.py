@@ -88,11 +88,15 @@ class Demand:
 
 @dataclass(frozen=True, slots=True)
 class Photographs:
-    """The number of photographs of a scene, and the size of the first in pixels."""
+    """The number of photographs of a scene, and the size of the first in pixels.
+
+    `filmed_pixels` are those of all frames of its videos, from which the photographs are chosen.
+    """
 
     count: int
     width: int
     height: int
+    filmed_pixels: int = 0
 
     def pixels(self, long_side_px: int) -> int:
         """Returns the pixels of a photograph with this longer side."""
@@ -199,11 +203,11 @@ def _grid_points(model: SceneModel) -> int:
 
 def demand_name(stage: ConfigurableStage) -> str:
     """Returns the family, with the method, loss or strategy that decides what it computes."""
-    words = stage.param_kwargs
-    if stage.task_family == "StylizedFrames" and words.get("method") == "per-frame":
+    parameters = stage.param_kwargs
+    if stage.task_family == "StylizedFrames" and parameters.get("method") == "per-frame":
         return "StylizedFrames per-frame"
-    if stage.task_family == "StylizedField" and words["strategy"] != "s3":
-        return f"StylizedField {words['strategy']}"
+    if stage.task_family == "StylizedField" and parameters["strategy"] != "s3":
+        return f"StylizedField {parameters['strategy']}"
     if getattr(stage, "resolved_match", "") == "pixels":
         return "StylizedField pixels"
     return str(stage.task_family)

@@ -29,7 +29,14 @@ from tasks.planning.memory_demand import (
     demand_of,
     predicted_bytes,
 )
-from tasks.planning.stage_work import START_S, drivers_of, seconds_scaled, work_ratio
+from tasks.planning.stage_work import (
+    START_S,
+    added_seconds,
+    drivers_of,
+    is_comparable,
+    seconds_scaled,
+    work_ratio,
+)
 from tasks.stages.stage import ConfigurableStage
 
 REFERENCE = Path(__file__).with_name("reference_costs.json")
@@ -74,9 +81,9 @@ class ReferenceCosts:
 
     def stage_like(self, stage: luigi.Task) -> luigi.Task:
         """Returns the stage of the reference that a stage is compared with."""
-        words = {"scene": self.scene, "style": "reference", "quality": "draft", "settings": {}}
+        parameters = {"scene": self.scene, "style": "reference", "quality": "draft", "settings": {}}
         names = {n for n, _ in stage.get_params()}  # type: ignore[no-untyped-call]
-        return type(stage)(**{n: v for n, v in words.items() if n in names})
+        return type(stage)(**{n: v for n, v in parameters.items() if n in names})
 
 
 @functools.cache
@@ -127,7 +134,7 @@ class CostModel:
         found = []
         for sample in most_similar(self._samples(stage.task_family), significant(stage)):
             earlier = _task_of(stage.task_family, sample.parameters)
-            if earlier is not None:
+            if earlier is not None and self._is_comparable(stage, earlier):
                 scale = self._scale(stage, earlier, sample.cost)
                 found.append(self._scaled(sample.cost, *scale, "this machine"))
         if not found:
@@ -141,9 +148,15 @@ class CostModel:
         work, written = self._scale(stage, self.reference.stage_like(stage), cost)
         expected = self._scaled(cost, work, written, "the reference")
         seconds = expected.seconds if measured_s is None else measured_s
+        added = added_seconds(stage.task_family, self._drivers(stage))
+        cpu_seconds = expected.cpu_seconds + self.reference.calibration.machine.cores * added
         return replace(
-            expected, seconds=slower * seconds, cpu_seconds=slower * expected.cpu_seconds
+            expected, seconds=slower * (seconds + added), cpu_seconds=slower * cpu_seconds
         )
+
+    def _is_comparable(self, stage: luigi.Task, earlier: luigi.Task) -> bool:
+        drivers = self._drivers(stage), self._drivers(earlier, settings={})
+        return is_comparable(stage.task_family, *drivers)
 
     def _scale(self, stage: luigi.Task, earlier: luigi.Task, cost: Cost) -> tuple[float, float]:
         """The ratio of the work, and that of what is written."""

@@ -9,7 +9,7 @@ Where hardly a corner comes back to its place, the camera swung too fast, or the
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import cv2
@@ -19,6 +19,7 @@ from jaxtyping import Float, Int64, UInt8
 from styletrf.capture.clips.frame_cuts import cuts
 from styletrf.capture.clips.frame_flow import FrameFlow, flow_between, flow_of, small_picture
 from styletrf.files.video import TimedFrame
+from styletrf.prefetch import in_background, prefetch
 
 _LONG_SIDE = 480  # at which frames are looked at
 _STRIDE = 0.03  # after which other corners are followed
@@ -26,6 +27,7 @@ _SHARE_OF_PARALLAX = 0.05  # of the displacement, by which a camera that went pl
 _FEWEST_CORNERS = 8
 _LEAST_FOLLOWED = 0.1  # of the corners
 _LOST_DISPLACEMENT = 1.0  # of a swing too fast to follow
+_AHEAD = 3  # frames that are decoded, and that are looked at, before their motion is
 
 Gray = UInt8[np.ndarray, "height width"]
 Colors = Float[np.ndarray, " bins"]
@@ -62,6 +64,8 @@ class FrameMotion:
 class _Look:
     """A frame as it is looked at, and what the camera has moved until then."""
 
+    time_s: float
+    sharpness: float
     gray: Gray
     small: UInt8[np.ndarray, "rows columns"]
     colors: Colors
@@ -69,22 +73,32 @@ class _Look:
 
 
 def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
-    """Returns what the frames of a video show; holds three of them at a time."""
+    """Returns what the frames of a video show; holds eight of them at a time.
+
+    A thread takes the frames, which decodes them, and another one looks at each: neither needs the
+    motion before it.
+    """
     rows: list[tuple[float, ...]] = []
     reference = before = None
-    for frame in frames:
-        gray, colors = _looked_at(frame.pixels), _color_shares(frame.pixels)
-        small = small_picture(gray)
-        so_far, lost, change, flow = np.zeros(2), False, 0.0, np.zeros(7)
+    decoded = in_background(frames, ahead=_AHEAD)
+    for picture in prefetch(_look_at, decoded, threads=1, ahead=_AHEAD):
+        look, lost, change, flow = picture, False, 0.0, np.zeros(7)
         if reference is not None and before is not None:
-            so_far, lost = _moved(reference, before, gray)
-            change = 1 - float(np.minimum(colors, before.colors).sum())
-            flow = flow_between(before.small, small)
-        before = _Look(gray, small, colors, so_far)
-        if reference is None or lost or so_far[0] - reference.so_far[0] > _STRIDE:
-            reference = before
-        rows.append((frame.time_s, _sharpness(gray), *so_far, lost, change, *flow))
+            so_far, lost = _moved(reference, before, look.gray)
+            look = replace(picture, so_far=so_far)
+            change = 1 - float(np.minimum(look.colors, before.colors).sum())
+            flow = flow_between(before.small, look.small)
+        before = look
+        if reference is None or lost or look.so_far[0] - reference.so_far[0] > _STRIDE:
+            reference = look
+        rows.append((look.time_s, look.sharpness, *look.so_far, lost, change, *flow))
     return _motion_of(np.array(rows, dtype=np.float64).reshape(-1, 13))
+
+
+def _look_at(frame: TimedFrame) -> _Look:
+    gray = _looked_at(frame.pixels)
+    small, colors = small_picture(gray), _color_shares(frame.pixels)
+    return _Look(frame.time_s, _sharpness(gray), gray, small, colors, np.zeros(2))
 
 
 def _motion_of(rows: Float[np.ndarray, "frames 13"]) -> FrameMotion:

@@ -37,9 +37,11 @@ from styletrf.files.video import (
     timed_frames,
     video_info,
 )
+from styletrf.prefetch import in_background, prefetch
 from styletrf.progress import Progress, silent
 
 _LOOKED_AT, _EVERY = 10, 30  # frames that tell whether a clip is of panoramas
+_WRITERS, _AHEAD = 2, 3  # threads that write frames while the next are decoded
 
 
 def capture_videos(
@@ -77,8 +79,9 @@ def capture_videos(
         for video, clip, motion, names in zip(
             videos, _clip_names(videos), motions, taken, strict=True
         )
-        for frame, photograph in _photographs(video, clip, motion, names)
-        for kept in _kept(photograph, frame, out_dir, is_panorama=video in cut)
+        for kept in _written(
+            _photographs(video, clip, motion, names), out_dir, is_panorama=video in cut
+        )
     ]
     warnings = [
         f"{video.name} shows all directions: {len(DIRECTIONS)} views are cut from each frame"
@@ -172,17 +175,24 @@ def _photographs(
         yield frame.pixels, Photograph(name, f"{name}.png", width, height, 0, "", *of_clip)
 
 
-def _kept(
-    photograph: Photograph, frame: Frame, out_dir: Path, *, is_panorama: bool
+def _written(
+    frames: Iterator[tuple[Frame, Photograph]], out_dir: Path, *, is_panorama: bool
 ) -> Iterator[Photograph]:
-    """Writes a frame, or the views cut from it, and yields what `capture.json` says of them."""
-    if is_panorama:
-        yield from cut_photographs(photograph, frame, out_dir)
-        return
-    path = out_dir / "images" / photograph.file
-    write_png(path, frame, compression=3)
-    data = path.read_bytes()
-    yield replace(photograph, size_bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
+    """Writes frames, or the views cut from them, and yields what `capture.json` says of them."""
+
+    def write(decoded: tuple[Frame, Photograph]) -> list[Photograph]:
+        frame, photograph = decoded
+        if is_panorama:
+            return list(cut_photographs(photograph, frame, out_dir))
+        path = out_dir / "images" / photograph.file
+        write_png(path, frame, compression=3)
+        data = path.read_bytes()
+        size, digest = len(data), hashlib.sha256(data).hexdigest()
+        return [replace(photograph, size_bytes=size, sha256=digest)]
+
+    decoded = in_background(frames, ahead=_AHEAD)
+    for kept in prefetch(write, decoded, threads=_WRITERS, ahead=_AHEAD):
+        yield from kept
 
 
 def frame_prefixes(videos: Sequence[Path]) -> list[str]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import nan
 
+import numpy as np
 import pytest
 from command_output import CELL, said
 from expected_errors import rejects
@@ -13,6 +14,7 @@ from pipeline.execution import cpu_memory
 from pipeline.execution.cpu_memory import available_memory_bytes
 from pipeline.maintenance.task_graph import upstream_first
 from styletrf.errors import InputError
+from styletrf.files.video import write_video
 from tasks.planning import memory_demand
 from tasks.planning.memory_demand import (
     GROWTH,
@@ -204,3 +206,11 @@ def test_available_is_what_the_group_of_the_container_leaves(tmp_path, monkeypat
     assert available_memory_bytes() == (1 << 28) + (1 << 27)
     (tmp_path / "memory.max").write_text("max\n")
     assert available_memory_bytes() == pytest.approx(free, rel=0.2)
+
+
+def test_a_video_counts_the_frames_that_are_chosen_and_the_pixels_of_all(tmp_path, monkeypatch):
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
+    (tmp_path / "scenes" / "walk").mkdir(parents=True)
+    write_video(tmp_path / "scenes" / "walk" / "a.mp4", np.zeros((5, 16, 32, 3), np.uint8), 12)
+    write_video(tmp_path / "scenes" / "walk" / "b.mp4", np.zeros((4, 16, 32, 3), np.uint8), 12)
+    assert photographs_of("walk", 60) == Photographs(60, 32, 16, 9 * 32 * 16)

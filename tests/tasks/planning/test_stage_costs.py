@@ -144,3 +144,31 @@ def test_the_reference_has_every_stage_of_a_fly_through():
     words = {"scene": "s", "style": "p", "content": "embedded"}
     families = {t.task_family for t in upstream_first(tasks.StylizedTrajectory(**words))}
     assert families <= json.loads(REFERENCE.read_text())["stages"].keys()
+
+
+FILM = Photographs(40, 1920, 1080, filmed_pixels=1800 * 1920 * 1080)
+
+
+def film_model(**changes) -> CostModel:
+    reference = reference_costs()
+    return CostModel(reference.calibration, {"mini": FILM}, reference, **changes)
+
+
+def test_frames_of_a_video_take_seconds_that_photographs_do_not():
+    capture = stage("SceneCapture")
+    photographs, film = model().expected(capture), film_model().expected(capture)
+    longer = replace(FILM, filmed_pixels=2 * FILM.filmed_pixels)
+    twice = CostModel(reference_costs().calibration, {"mini": longer}, reference_costs())
+    added_s = film.seconds - photographs.seconds
+    assert added_s > 10
+    assert twice.expected(capture).seconds - photographs.seconds == pytest.approx(2 * added_s)
+
+
+def test_a_capture_of_photographs_does_not_tell_what_one_of_a_video_takes():
+    reference = reference_costs()
+    took(stage("SceneCapture"), 2.0, socket.gethostname())
+    sizes = {"mini": SIZE["mini"], "film": FILM}
+    film = tasks.SceneCapture(scene="film", quality="draft")
+    costs = CostModel(reference.calibration, sizes, reference)
+    assert costs.expected(stage("SceneCapture")).evidence == "this machine"
+    assert costs.expected(film).evidence == "the reference"

@@ -5,7 +5,7 @@ from itertools import count, islice
 
 import pytest
 
-from styletrf.content.prefetch import prefetch
+from styletrf.prefetch import in_background, prefetch
 
 
 def test_results_come_in_order_whatever_the_threads_do():
@@ -47,3 +47,30 @@ def test_closing_leaves_no_thread():
 
 def test_prefetching_nothing_gives_no_results():
     assert list(prefetch(lambda k: k, [], threads=1, ahead=1)) == []
+
+
+def test_items_taken_in_the_background_come_in_order_and_once():
+    assert list(in_background(iter([3, None, 1, None]), ahead=2)) == [3, None, 1, None]
+
+
+def test_items_are_taken_by_another_thread_before_they_are_needed():
+    takers, second = [], threading.Event()
+
+    def items():
+        for k in range(2):
+            takers.append(threading.get_ident())
+            if k == 1:
+                second.set()
+            yield k
+
+    with closing(in_background(items(), ahead=2)) as taken:
+        next(taken)
+        assert second.wait(10)
+    assert threading.get_ident() not in takers
+
+
+def test_an_exception_of_the_items_is_raised_after_those_before_it():
+    taken = in_background((1 // (2 - k) for k in range(5)), ahead=3)
+    assert [next(taken), next(taken)] == [0, 1]
+    with pytest.raises(ZeroDivisionError):
+        next(taken)

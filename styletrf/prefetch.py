@@ -3,7 +3,8 @@
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import islice
+from contextlib import closing
+from itertools import count, islice, takewhile
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -36,3 +37,14 @@ def prefetch(
             yield result
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
+
+
+def in_background(items: Iterable[Item], *, ahead: int) -> Generator[Item, None, None]:
+    """Yields the items, of which a thread takes up to `ahead` before they are needed.
+
+    An exception of the items is raised in its turn. Closing the iterator ends the thread.
+    """
+    remaining, end = iter(items), object()
+    taken = prefetch(lambda _: next(remaining, end), count(), threads=1, ahead=ahead)
+    with closing(taken):
+        yield from takewhile(lambda item: item is not end, taken)
