@@ -32,11 +32,11 @@ from styletrf.scene.training_photographs import model_of_photographs, read_train
 from tasks import CameraPoses, QualityMetrics
 from tasks.presets.presets import settings_for
 
-SHARES = (1 / 64, 1 / 32, 1 / 16, 1 / 8)
+FRACTIONS = (1 / 64, 1 / 32, 1 / 16, 1 / 8)
 RATIOS = np.linspace(0.3, 0.95, 66)
 
 
-def measured(scene: str, quality: str, shares: Sequence[float]) -> dict[str, object]:
+def measured(scene: str, quality: str, fractions: Sequence[float]) -> dict[str, object]:
     """Returns the PSNR of the brief fits and of the whole one, and the seconds of the brief."""
     tasks = [task_of(kind, scene=scene, quality=quality) for kind in (CameraPoses, QualityMetrics)]
     if not luigi.build(tasks, local_scheduler=True, log_level="WARNING"):
@@ -48,43 +48,52 @@ def measured(scene: str, quality: str, shares: Sequence[float]) -> dict[str, obj
     settings = {"field.shading": model.shading, **settings_for("RadianceField", quality)}
     fit, cpu = configured(FieldTrainingConfig, settings), torch.device("cpu")
     started = time.monotonic()
-    fits = brief_fits(photographs, model, fit, kernels_for(cpu), cpu, shares)
+    fits = brief_fits(photographs, model, fit, kernels_for(cpu), cpu, fractions)
     return {
         "scene": scene,
         "quality": quality,
-        "brief": {share: each.psnr_db for share, each in zip(shares, fits, strict=True)},
+        "brief": {fraction: each.psnr_db for fraction, each in zip(fractions, fits, strict=True)},
         "seconds": time.monotonic() - started,
         "whole": summary["psnr"],
     }
 
 
-def errors(lines: Sequence[dict], share: float, ratio: float) -> list[float]:
+def errors(lines: Sequence[dict], fraction: float, ratio: float) -> list[float]:
     """Returns the error in dB of each line's prediction from the fit of a share and of its half."""
     return [
         extrapolated_psnr(
-            line["brief"][str(share / 2)], line["brief"][str(share)], -math.log2(share), ratio
+            line["brief"][str(fraction / 2)],
+            line["brief"][str(fraction)],
+            -math.log2(fraction),
+            ratio,
         )
         - line["whole"]
         for line in lines
     ]
 
 
-def best_ratio(lines: Sequence[dict], share: float) -> float:
+def best_ratio(lines: Sequence[dict], fraction: float) -> float:
     """Returns the ratio of the least squared error."""
-    return float(min(RATIOS, key=lambda ratio: np.square(errors(lines, share, ratio)).sum()))
+    return float(min(RATIOS, key=lambda ratio: np.square(errors(lines, fraction, ratio)).sum()))
 
 
 def ratios(lines: Sequence[dict]) -> Iterator[str]:
     """Yields a line for each share, and each scene's error with the ratio of the others."""
-    for share in SHARES[1:]:
-        ratio = best_ratio(lines, share)
+    for fraction in FRACTIONS[1:]:
+        ratio = best_ratio(lines, fraction)
         others = [[other for other in lines if other is not line] for line in lines]
         apart = [
-            errors([line], share, best_ratio(rest, share))[0]
+            errors([line], fraction, best_ratio(rest, fraction))[0]
             for line, rest in zip(lines, others, strict=True)
         ]
-        rms = [float(np.sqrt(np.mean(np.square(e)))) for e in (errors(lines, share, ratio), apart)]
-        yield f"1/{1 / share:.0f}: ratio {ratio:.2f}, error {rms[0]:.2f} dB, apart {rms[1]:.2f} dB"
+        rms = [
+            float(np.sqrt(np.mean(np.square(e)))) for e in (errors(lines, fraction, ratio), apart)
+        ]
+        all_lines, apart_rms = rms
+        yield (
+            f"1/{1 / fraction:.0f}: ratio {ratio:.2f}, error {all_lines:.2f} dB,"
+            f" apart {apart_rms:.2f} dB"
+        )
         for line, error in zip(lines, apart, strict=True):
             yield f"    {line['scene']} {line['quality']}: {line['whole']:.2f} dB, {error:+.2f}"
 
@@ -105,7 +114,7 @@ def main() -> None:
         return
     for scene in options.scenes:
         with options.to.open("a") as file:
-            file.write(f"{json.dumps(measured(scene, options.quality, SHARES))}\n")
+            file.write(f"{json.dumps(measured(scene, options.quality, FRACTIONS))}\n")
 
 
 if __name__ == "__main__":

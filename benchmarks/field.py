@@ -193,10 +193,10 @@ def _larger(scene: GivenScene, long_side: int) -> GivenScene:
 
 
 def compare(options: argparse.Namespace) -> None:
-    """Prints milliseconds an iteration at the final resolution of both forms, and their losses.
+    """Prints milliseconds an iteration at the final resolution of both backends, and their losses.
 
-    The reference form twice: with the samples that the kernels take, and with every sample of every
-    ray, as without an occupancy grid.
+    The reference backend runs twice: with the samples that the kernels take, and with every sample
+    of every ray, as without an occupancy grid.
     """
     settings = settings_of(options)
     scene = load_given_scene(options.scene, settings.model)

@@ -51,7 +51,7 @@ def measured(run: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     started, taken_s = time.monotonic(), _taken_s()
     subprocess.run(shlex.split(run["command"]), cwd=ROOT, env=environment, check=True)
     seconds = time.monotonic() - started
-    share = (_taken_s() - taken_s) / seconds / (os.cpu_count() or 1)
+    fraction = (_taken_s() - taken_s) / seconds / (os.cpu_count() or 1)
     summary: dict[str, Any] = {"seconds": seconds}
     if "out" in run:
         summary |= json.loads((out / run["out"] / "summary.json").read_text())
@@ -60,7 +60,7 @@ def measured(run: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         "commit": _output("git", "rev-parse", "--short", "HEAD"),
         "day": datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
         "machine": machine([]),
-        "remark": f"the hypervisor took {share:.0%} of the cores" if share > _NOTABLE else "",
+        "remark": f"the hypervisor took {fraction:.0%} of the cores" if fraction > _NOTABLE else "",
     }
 
 

@@ -55,7 +55,7 @@ def main() -> None:
         luigi.build([field], local_scheduler=True)
         for name, support in supports(field):
             worst = max(support.unsupported.values())
-            print(f"{scene:10} {name:24} {support.share:7.2%} worst frame {worst:7.2%}")  # noqa: T201
+            print(f"{scene:10} {name:24} {support.fraction:7.2%} worst frame {worst:7.2%}")  # noqa: T201
 
 
 if __name__ == "__main__":

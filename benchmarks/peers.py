@@ -6,7 +6,7 @@ python benchmarks/peers.py horns --nerfstudio DIR/bin --folder OUT --minutes 2 5
 Both have the photographs, poses and held-out views of `CameraPoses` at `draft`. nerfacto runs on
 the CPU with its own settings, in its own environment. Its clock starts after ten steps, as that of
 `field.py train` after the first. The latter prints the same of our fit, and with
-`--kernels reference` of the reference form.
+`--kernels reference` of the reference backend.
 """
 
 import argparse

@@ -89,8 +89,8 @@ def exposed(pose: np.ndarray, later: np.ndarray, config: CourtyardConfig, seed: 
     turn, _ = cv2.Rodrigues(later[:, :3].T @ pose[:, :3])
     reach = float(np.linalg.norm(turn)) * focal
     parts = []
-    for share in np.linspace(0, 1, max(1, min(32, round(reach)))) - 0.5:
-        moved = lens @ cv2.Rodrigues(share * turn)[0] @ np.linalg.inv(lens)
+    for fraction in np.linspace(0, 1, max(1, min(32, round(reach)))) - 0.5:
+        moved = lens @ cv2.Rodrigues(fraction * turn)[0] @ np.linalg.inv(lens)
         parts.append(
             cv2.warpPerspective(
                 image.astype(np.float32), moved, (width, height), borderMode=cv2.BORDER_REPLICATE

@@ -78,15 +78,15 @@ class Shown:
     """What a page is to show: looks by their numbers in it.
 
     Attributes:
-        a: The look of which there is 1 - share_b, and the only one to the right of the split.
+        a: The look of which there is 1 - fraction_b, and the only one to the right of the split.
         b: The other one.
-        share_b: How much of it there is, where nothing is split.
+        fraction_b: How much of it there is, where nothing is split.
         split: The share of the width that is to the left of the split; -1 without one.
     """
 
     a: int
     b: int
-    share_b: float = 0.0
+    fraction_b: float = 0.0
     split: float = -1.0
 
 
@@ -124,7 +124,7 @@ def sized(camera: Camera, long_side: int) -> Camera:
 def all_shown(looks: int) -> list[Shown]:
     """Returns each look, halves of two at each sample, and two beside each other."""
     pairs = [pair for pair in ((0, 1), (1, 2)) if max(pair) < looks]
-    halves = [Shown(*pair, share_b=0.5) for pair in pairs]
+    halves = [Shown(*pair, fraction_b=0.5) for pair in pairs]
     return [*(Shown(k, k) for k in range(looks)), *halves, *(Shown(*p, split=0.5) for p in pairs)]
 
 
@@ -189,16 +189,16 @@ def picture(
     if shown.split >= 0:
         left = (np.arange(camera.width) + 0.5 < shown.split * camera.width)[None, :, None]
         return np.where(left, rendered(looks[1]), rendered(looks[0]))
-    if shown.share_b in (0, 1):
-        return rendered(looks[round(shown.share_b)])
-    return rendered(MixedAppearance(looks, [1 - shown.share_b, shown.share_b]))
+    if shown.fraction_b in (0, 1):
+        return rendered(looks[round(shown.fraction_b)])
+    return rendered(MixedAppearance(looks, [1 - shown.fraction_b, shown.fraction_b]))
 
 
 def case(camera: Camera, shown: Shown) -> dict[str, Any]:
     """Returns what the page is to draw."""
     lens = {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
     view = {"pose": camera.world_from_camera.ravel().tolist(), **lens}
-    looks = {"a": shown.a, "b": shown.b, "shareB": shown.share_b, "split": shown.split}
+    looks = {"a": shown.a, "b": shown.b, "shareB": shown.fraction_b, "split": shown.split}
     return {"view": view, **looks, "width": camera.width, "height": camera.height}
 
 

@@ -1,4 +1,4 @@
-"""A content-addressed store under Luigi, which finds artifacts by what they were made from.
+"""A content-addressed store under Luigi, which finds artifacts by a digest of their sources.
 
 The core is in this folder. Read `canonical`, `digest` and `record` (what an artifact *is*), then
 `store`, `locks`, `publication` and `artifacts` (where an artifact is, and how it is published and

@@ -78,7 +78,7 @@ class ArtifactTask(luigi.Task):
         return {name: self.param_kwargs[name] for name in names}
 
     def code(self, *, refresh: bool = False) -> str:  # noqa: ARG002  for subclasses
-        """Returns what represents the code of `build` in the key; here the pinned revision.
+        """Returns the entry of the key for the code of `build`; here the pinned revision.
 
         Args:
             refresh: Whether to read the code again, although it is in memory.

@@ -1,4 +1,4 @@
-"""What a build receives, how it reports, and which files an attempt leaves."""
+"""The interface of a build: its input, its reports, and the files that an attempt leaves."""
 
 import contextlib
 import json
@@ -29,7 +29,7 @@ class Display(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RunContext:
-    """What a build may use in addition to its inputs.
+    """The folders, progress and options that a build may use in addition to its inputs.
 
     Attributes:
         progress: The build calls it about once a second.
@@ -85,7 +85,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """How a build ended.
+    """The outcome of a build.
 
     Attributes:
         kind: "built", or the kind of `TaskFailure` that it was.
@@ -126,7 +126,7 @@ def write_outcome(log: Path, kind: Outcome, reason: str) -> None:
 
 
 def read_outcome(log: Path) -> tuple[str, str]:
-    """Returns what `write_outcome` wrote, if anything; without a reason, the log's last line."""
+    """Returns the outcome that `write_outcome` wrote; without a reason, the log's last line."""
     kind = reason = ""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         outcome = json.loads(log.with_suffix(".json").read_text())

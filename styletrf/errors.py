@@ -2,7 +2,7 @@
 
 
 class InputError(Exception):
-    """What the user gave cannot be used; the message says what, why and what to do.
+    """An input of the user is invalid; the message names it, the reason and the remedy.
 
     Args:
         subject: The input at fault, as the user knows it: a file, a folder, a name, a setting.

@@ -1,4 +1,4 @@
-"""How a long computation reports its progress to its caller."""
+"""The interface by which a long computation reports its progress to its caller."""
 
 from typing import Protocol, runtime_checkable
 

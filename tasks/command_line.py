@@ -1,4 +1,4 @@
-"""What a command of this package does before Luigi runs its stages, and after.
+"""The steps of a command of this package before and after Luigi runs its stages.
 
 `python -m tasks TASK ...` and `luigi --module tasks TASK ...` are the same command: both reach
 `pipeline.command.run_command` with the `begin` and the `end` of this file.

@@ -1,10 +1,12 @@
 """docs/architecture.md names files that exist, and tests share helpers in `support/` alone."""
 
+import ast
 import re
 import subprocess
 import sys
 import tomllib
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -77,3 +79,26 @@ def test_programs_beside_the_tests_find_what_they_import():
     begun = [f"runpy.run_path({file!r}, run_name='imported')" for file in files]
     code = "; ".join(["import runpy, sys", f"sys.path[0] = {str(folder)!r}", *begun])
     subprocess.run([sys.executable, "-c", code], check=True, cwd=folder)
+
+
+def test_functions_of_tasks_import_only_what_is_slow_to_load():
+    """A command that plans or finds artifacts loads neither torch nor OpenCV: see architecture.md.
+
+    The number may fall, but a new import inside a function needs a good reason.
+    """
+    found = [name for path in (ROOT / "tasks").rglob("*.py") for name in _inner_imports(path)]
+    slow = ("styletrf.", "torch", "tasks.summary.report_content")
+    assert [name for name in found if not name.startswith(slow)] == []
+    assert len(found) <= 43
+
+
+def _inner_imports(path: Path) -> Iterator[str]:
+    """Yields the modules that the functions of a file import."""
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    inside = {node for f in ast.walk(tree) if isinstance(f, functions) for node in ast.walk(f)}
+    for node in inside:
+        if isinstance(node, ast.Import):
+            yield from (each.name for each in node.names)
+        if isinstance(node, ast.ImportFrom):
+            yield node.module or "."

@@ -60,7 +60,7 @@ class RemoteJob:
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """How a remote job ended.
+    """The outcome of a remote job.
 
     Attributes:
         kind: "built"; "lost" if an input is missing; otherwise the kind of the `TaskFailure`.

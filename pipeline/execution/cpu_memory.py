@@ -115,10 +115,10 @@ def _units() -> Iterator[tuple[dict[str, int], dict[str, int]]]:
 def _memory_parts(max_cores: int, expected_bytes: int | None) -> int:
     """Returns how many parts of the memory a build takes: all if it expects more."""
     if expected_bytes is None:
-        share = max_cores / _cores_of_memory()
+        fraction = max_cores / _cores_of_memory()
     else:
-        share = expected_bytes / memory_bytes()
-    return min(_MEMORY_PARTS, max(1, math.ceil(_MEMORY_PARTS * share)))
+        fraction = expected_bytes / memory_bytes()
+    return min(_MEMORY_PARTS, max(1, math.ceil(_MEMORY_PARTS * fraction)))
 
 
 def _acquire_memory(

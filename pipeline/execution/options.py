@@ -1,4 +1,4 @@
-"""How and where a task is built. None of this decides the artifact."""
+"""Options of how and where a task is built. None of them changes the artifact."""
 
 from dataclasses import dataclass
 from datetime import datetime

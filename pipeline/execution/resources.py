@@ -46,10 +46,12 @@ def cpu_for(label: str, cost: Cost | None) -> Iterator[CpuAllocation]:
     part = cores or math.ceil(host / max(2, workers))
     expected_bytes = cost.peak_memory_bytes if cost else None
     on_wait = partial(_log.info, "%s: waiting %s", label)
-    with (allocate_alone if is_lone else allocate)(part, expected_bytes, on_wait) as share:
-        if is_lone and share.cores < host:
-            _log.info("%s: uses %d of %d cores, beside another build", label, share.cores, host)
-        yield share
+    with (allocate_alone if is_lone else allocate)(part, expected_bytes, on_wait) as allocation:
+        if is_lone and allocation.cores < host:
+            _log.info(
+                "%s: uses %d of %d cores, beside another build", label, allocation.cores, host
+            )
+        yield allocation
 
 
 def _cores_of_user() -> int:

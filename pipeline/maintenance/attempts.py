@@ -64,7 +64,7 @@ def attempts(
 def find_blocking_failure(
     task: luigi.Task, store: Store, since: datetime = EPOCH
 ) -> BlockingFailure | None:
-    """Returns what prevents a task: a failure, or else a running build; or None.
+    """Returns the obstacle of a task: a failure, or else a running build; or None.
 
     It uses this store only, and the last attempt at each stage whose inputs are complete. An
     interrupted attempt is no failure.

@@ -120,7 +120,7 @@ class Remote:
             return [each for each in found if isinstance(each, bytes)]
 
     def has(self, name: str) -> bool:
-        """Whether there is a file of this name."""
+        """Returns whether there is a file of this name."""
         with self._at(name) as (files, path):
             return bool(files.exists(path))
 

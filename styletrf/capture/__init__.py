@@ -1,4 +1,4 @@
-"""What users bring: photographs, videos, panoramas, masks, and poses if they have them.
+"""The input of users: photographs, videos, panoramas, masks, and poses if they have them.
 
 Enters: a scene's folder. Leaves: exact copies and `capture.json`. Begin with `scene_capture`
 (photographs) or `clips.video_capture`; later stages read undistorted photographs by `views`.

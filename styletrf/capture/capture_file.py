@@ -39,7 +39,7 @@ class Capture:
 
 
 def write_capture(out_dir: Path, capture: Capture) -> None:
-    """Writes `capture.json`, and tells the warnings."""
+    """Writes `capture.json`, and logs the warnings."""
     text = json.dumps(asdict(capture), sort_keys=True, indent=1, ensure_ascii=False)
     (out_dir / "capture.json").write_text(text + "\n", encoding="utf-8")
     for warning in capture.warnings:
@@ -47,7 +47,7 @@ def write_capture(out_dir: Path, capture: Capture) -> None:
 
 
 def read_capture(capture_dir: Path) -> Capture:
-    """Returns what `capture_photographs` wrote."""
+    """Returns the capture that `capture_photographs` wrote."""
     text = (capture_dir / "capture.json").read_text(encoding="utf-8")
     content = json.loads(text)
     photographs = tuple(Photograph(**row) for row in content["photographs"])

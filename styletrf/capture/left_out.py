@@ -43,7 +43,7 @@ def without(folder: Path, files: Sequence[Path], leave_out: Sequence[str]) -> li
 
 
 def left_out(leave_out: Sequence[str], known: Sequence[PhotographNames]) -> set[int]:
-    """Returns the indices of what is left out.
+    """Returns the indices of the photographs that are left out.
 
     Args:
         leave_out: Each is a name in the capture; or else the name of a file, of one or several; or

@@ -225,7 +225,7 @@ def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 
 def _captured_stderr() -> Iterator[list[str]]:
     """Collects what C libraries write to standard error, once the block is left.
 
-    libjpeg replaces missing data by gray and tells nobody but standard error. What other threads
+    libjpeg replaces missing data by gray and reports it only on standard error. What other threads
     write there meanwhile follows later.
     """
     complaints: list[str] = []

@@ -15,7 +15,7 @@ from styletrf.capture.mask_files import FoundMasks, find_masks
 from styletrf.capture.masks import MASKS, require_mask_of
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
-from styletrf.capture.panorama.panoramas import Choice, find_panoramas, share_of_directions
+from styletrf.capture.panorama.panoramas import Choice, find_panoramas, fraction_of_directions
 from styletrf.capture.photograph_names import (
     photograph_names,
     require_own_names,
@@ -205,9 +205,9 @@ def _examined(
         except InputError as error:
             problems.append(f"{file.name} {error.problem}")
             continue
-        if not keeps_sweeps and (share := share_of_directions(file)) < 1:
+        if not keeps_sweeps and (fraction := fraction_of_directions(file)) < 1:
             problems.append(
-                f"{file.name} is a panorama of {share:.0%} of all directions (with the setting"
+                f"{file.name} is a panorama of {fraction:.0%} of all directions (with the setting"
                 ' panoramas "no" it is a photograph)'
             )
             continue

@@ -1,4 +1,4 @@
-"""Where users keep things under one root: `scenes/NAME/images/*`, `styles/NAME.jpg`, `content/*`.
+"""The folders of users under one root: `scenes/NAME/images/*`, `styles/NAME.jpg`, `content/*`.
 
 A name that leads nowhere is answered with the names that lead somewhere.
 """

@@ -35,7 +35,7 @@ class ViewImages:
 
     @property
     def device(self) -> torch.device:
-        """Where the pixels are."""
+        """The device of the pixels."""
         return self.pixels.device
 
     def __len__(self) -> int:

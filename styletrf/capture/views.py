@@ -7,6 +7,7 @@ from types import MappingProxyType
 import cv2
 import numpy as np
 import torch
+from jaxtyping import Float
 
 from styletrf.capture.masks import mask_of_view
 from styletrf.capture.poses.given_poses import GivenView
@@ -69,12 +70,22 @@ def held_out_names(
 def places_of(cameras: Sequence[Camera]) -> list[int]:
     """Returns the number of each view's place, counted in the order of the views.
 
-    Views that are cut from one panorama share their center, and so a place.
+    Views that are cut from one panorama share their center, and so a place. The memory is that of
+    one view's distances, so that thousands of frames take none to speak of.
     """
+    if not cameras:
+        return []
     centers = np.stack([camera.center_world for camera in cameras])
-    apart = np.linalg.norm(centers[:, None] - centers, axis=-1)
-    first = (apart <= _ONE_PLACE * apart.max()).argmax(axis=1)
+    one_place = _ONE_PLACE * max(_distances(centers, k).max() for k in range(len(centers)))
+    first = [int((_distances(centers, k) <= one_place).argmax()) for k in range(len(centers))]
     return [int(place) for place in np.unique(first, return_inverse=True)[1]]
+
+
+def _distances(
+    centers: Float[np.ndarray, "views 3"], from_view: int
+) -> Float[np.ndarray, " views"]:
+    distances: Float[np.ndarray, " views"] = np.linalg.norm(centers - centers[from_view], axis=1)
+    return distances
 
 
 def split_sources(sources: Sequence[Hashable]) -> tuple[list[int], list[int]]:

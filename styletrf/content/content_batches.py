@@ -15,8 +15,8 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from styletrf.prefetch import prefetch
 from styletrf.errors import InputError
+from styletrf.prefetch import prefetch
 
 _THREADS, _AHEAD = 2, 4
 

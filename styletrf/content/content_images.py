@@ -16,9 +16,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from styletrf.content.content_sources import ContentSource
-from styletrf.prefetch import prefetch
 from styletrf.errors import InputError
 from styletrf.files.zip_damage import ZIP_DAMAGE
+from styletrf.prefetch import prefetch
 from styletrf.progress import Progress, silent
 
 _SCHEMA = pa.schema(
@@ -47,7 +47,7 @@ class ContentConfig:
 
 @dataclass(frozen=True, slots=True)
 class ContentSummary:
-    """What became of the source's images; also written as `content.json`."""
+    """The outcome for the source's images; also written as `content.json`."""
 
     count: int
     skipped: tuple[str, ...]  # names of images that cannot be read or are under 64 px a side

@@ -1,4 +1,4 @@
-"""Where content photographs come from: a folder, a zip, or the embedded set.
+"""The sources of content photographs: a folder, a zip, or the embedded set.
 
 (The fourth source, photographs fetched by a COCO annotations file, is
 `styletrf.content.coco_fetch`.)

@@ -42,6 +42,7 @@ from styletrf.scene.training_photographs import TrainingPhotographs
 GAIN_RATIO = 0.65
 BRIEF = (1 / 16, 1 / 8)  # of the iterations of the whole fit
 _RAYS_A_VIEW = 4096
+_FEWEST_PLACES = 2  # of the views that are fitted: one place has no parallax
 _LEAST_REFRESHES = 8  # of the occupancy
 
 
@@ -78,8 +79,8 @@ def expected_psnr(
     """Returns the PSNR in dB that a fit of these photographs will have on other views.
 
     Every eighth of the photographs, or one of fewer than twelve, is set aside for it; views of one
-    panorama count as one. Views held out have no part in it. None where one photograph is all there
-    is, or masks leave nothing of those set aside.
+    panorama count as one. Views held out have no part in it. None where fewer than two photographs
+    or panoramas are left to fit to, which tell no depth, or masks leave nothing of those set aside.
 
     Args:
         photographs: To fit to.
@@ -102,13 +103,14 @@ def brief_fits(
     config: FieldTrainingConfig,
     kernels: Kernels,
     device: torch.device,
-    shares: Sequence[float] = BRIEF,
+    fractions: Sequence[float] = BRIEF,
 ) -> list[BriefFit]:
-    """Returns fits of shares of the iterations; none where `expected_psnr` returns None."""
-    fitted_rows, validation_rows = split_sources(places_of(photographs.cameras))
+    """Returns fits of fractions of the iterations; none where `expected_psnr` returns None."""
+    places = places_of(photographs.cameras)
+    fitted_rows, validation_rows = split_sources(places)
     held_back = model.normalized([photographs.cameras[row] for row in validation_rows])
     cameras, views = views_that_count(held_back, load_views(photographs.folder, held_back, device))
-    if not fitted_rows or not cameras:
+    if len({places[row] for row in fitted_rows}) < _FEWEST_PLACES or not cameras:
         return []
     images = view_images(views)
     fitted = TrainingPhotographs(
@@ -118,8 +120,8 @@ def brief_fits(
     )
     depths = observed_depths(model, fitted.cameras, fitted.points, fitted.images(), fitted.masks())
     fits = []
-    for share in shares:
-        iterations = max(round(share * config.iterations), 1)
+    for fraction in fractions:
+        iterations = max(round(fraction * config.iterations), 1)
         field = _fitted(fitted, depths, model, shortened(config, iterations), kernels, device)
         fits.append(BriefFit(iterations, _psnr(field, model, cameras, images, kernels)))
     return fits

@@ -19,7 +19,7 @@ Image = Float[np.ndarray, "height width 3"]
 
 
 def lpips_metric(device: torch.device) -> Callable[[Image, Image], float]:
-    """Returns what measures the distance of two images in [0, 1] (version 0.1, AlexNet).
+    """Returns a function that measures the distance of two images in [0, 1] (version 0.1, AlexNet).
 
     Raises:
         InputError: The package is not installed, or the weights are not there.

@@ -27,7 +27,7 @@ class PerceptualFeatures:
 
     @property
     def device(self) -> torch.device:
-        """Where it computes."""
+        """The device on which it computes."""
         return self._vgg.mean.device
 
     def features(self, image: Image) -> Features:
@@ -53,7 +53,7 @@ def perceptual_distance(
     """Returns the mean over layers and places of |f_a / |f_a| - f_b / |f_b||^2, in [0, 2].
 
     LPIPS (Zhang et al. 2018, equation 1) with all channels weighted alike: 0 for equal pictures.
-    With a mask of the pictures, each place counts by the share of its pixels that are in it; NaN
+    With a mask of the pictures, each place counts by the fraction of its pixels that are in it; NaN
     where none is. Not differentiable.
     """
     distances = []
@@ -61,13 +61,13 @@ def perceptual_distance(
         unit_a, unit_b = (functional.normalize(f[layer].float(), dim=1) for f in (a, b))
         distance = (unit_a - unit_b).square().sum(dim=1)
         if mask is not None:
-            share = _shares(mask, distance)
-            distance = distance * share / share.mean()
+            fraction = _fractions(mask, distance)
+            distance = distance * fraction / fraction.mean()
         distances.append(distance.mean())
     return float(torch.stack(distances).mean())
 
 
-def _shares(mask: Bool[np.ndarray, "_ _"], like: Float[Tensor, "1 _ _"]) -> Tensor:
+def _fractions(mask: Bool[np.ndarray, "_ _"], like: Float[Tensor, "1 _ _"]) -> Tensor:
     pixels = torch.from_numpy(mask).to(like)[None, None]
     rows, columns = like.shape[-2:]
     return functional.adaptive_avg_pool2d(pixels, (rows, columns))[0]

@@ -30,7 +30,7 @@ ImageMetric = Callable[[Image, Image], float]
 
 @dataclass(frozen=True, slots=True)
 class QualityConfig:
-    """How views are rendered and measured.
+    """Settings of the rendering and measuring of views.
 
     Attributes:
         render: The render.

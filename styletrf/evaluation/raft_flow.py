@@ -27,7 +27,7 @@ Flow = Float[np.ndarray, "height width 2"]
 def raft_estimator(
     device: torch.device | str = "cpu", folder: Path | None = None
 ) -> Callable[[Image, Image], Flow]:
-    """Returns what estimates the flow (x, y) in pixels from one frame in [0, 1] to another.
+    """Returns a function that estimates the flow (x, y) in pixels between two frames in [0, 1].
 
     Args:
         device: Where to compute.

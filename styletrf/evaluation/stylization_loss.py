@@ -26,7 +26,7 @@ from styletrf.style.perceptual.vgg import VGG16
 
 @dataclass(frozen=True, slots=True)
 class StylizationLossConfig:
-    """What is looked at, the same for all settings of the stages before.
+    """Settings of the measurement, the same for all settings of the stages before.
 
     Attributes:
         frames: How many, spread over the trajectory.

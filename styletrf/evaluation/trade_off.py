@@ -19,7 +19,7 @@ Tuning = Mapping[str, Mapping[str, Any]]
 FOLLOWING_FRAMES = ("PriorRenders", "StylizedFrames")
 """Stages of the style whose time follows what a frame of the field costs."""
 
-BUSY_SHARE = 0.1
+BUSY_FRACTION = 0.1
 """Of the time of the cores, above which other work has disturbed a measurement."""
 
 
@@ -98,7 +98,7 @@ class Combination:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """What repeats with other seeds differ by, one standard deviation.
+    """The differences between repeats with other seeds, one standard deviation.
 
     Attributes:
         seconds: By stage, over their mean; of the stages that ran more than once.
@@ -195,7 +195,7 @@ def _combined(
     scene, style = pair
     short = max(best[m.part] - m.quality_db for m in pair)
     seconds = stage_seconds(scene, style, usual[0])
-    shares = [m.other_cpu_share for m in pair if m.other_cpu_share is not None]
+    fractions = [m.other_cpu_share for m in pair if m.other_cpu_share is not None]
     known = [spread.seconds[s] * t for s, t in seconds.items() if s in spread.seconds]
     return Combination(
         scene=scene.name,
@@ -206,7 +206,7 @@ def _combined(
         style_db=style.quality_db,
         seconds=sum(seconds.values()),
         seconds_spread=sum(t**2 for t in known) ** 0.5 if known else None,
-        other_cpu_share=max(shares) if len(shares) == len(pair) else None,
+        other_cpu_share=max(fractions) if len(fractions) == len(pair) else None,
         peak_memory_bytes=max(m.peak_memory_bytes for m in pair),
         model_bytes=_bytes_kept(scene, style, usual[0]),
         stage_seconds=seconds,

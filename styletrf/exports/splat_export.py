@@ -100,7 +100,7 @@ def _placed(views: ExportViews, most: int) -> Splats:
 
 
 def _pictures(views: ExportViews, looks: Sequence[Look], progress: Progress) -> Pictures:
-    """Returns what the views see of all looks."""
+    """Returns the pictures of all looks by the views."""
     colors: list[list[torch.Tensor]] = [[] for _ in views.cameras]
     backgrounds = []
     for _, load in looks:

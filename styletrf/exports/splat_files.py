@@ -39,7 +39,7 @@ def write_spz(path: Path, splats: Splats, colors: Float[np.ndarray, "splats 3"])
 
 
 def read_splats(path: Path) -> tuple[Splats, Float[np.ndarray, "splats 3"]]:
-    """Returns what either file holds, in COLMAP's axes, and the colors in [0, 1]."""
+    """Returns the splats of either file, in COLMAP's axes, and the colors in [0, 1]."""
     gsply, is_spz = import_module("gsply"), path.suffix == ".spz"
     data = gsply.read_spz(path) if is_spz else gsply.plyread(path)
     splats = Splats(

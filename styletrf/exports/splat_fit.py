@@ -24,7 +24,7 @@ Colors = Float[Tensor, "splats channels"]
 
 @dataclass(frozen=True, slots=True)
 class SplatFitConfig:
-    """How splats are fitted, by Adam.
+    """Settings of the fit of splats by Adam.
 
     Attributes:
         iterations: Each of one camera.
@@ -34,7 +34,7 @@ class SplatFitConfig:
         rotation_rate: Of unit quaternions.
         opacity_rate: Of the logit.
         color_rate: Of colors in [0, 1].
-        last_rate: The share of the rates at the end, to which they fall exponentially.
+        last_rate: The fraction of the rates at the end, to which they fall exponentially.
         seed: Of the order of the cameras.
     """
 
@@ -51,7 +51,7 @@ class SplatFitConfig:
 
 @dataclass(frozen=True, slots=True)
 class Pictures:
-    """What cameras see, the colors of all looks side by side.
+    """Pictures of a scene by its cameras, the colors of all looks side by side.
 
     Attributes:
         cameras: In the splats' world.

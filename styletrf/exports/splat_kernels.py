@@ -39,7 +39,7 @@ def _columns(at, conic, reach, row, width):
 
 @no_type_check
 @compiled(inline="always")
-def _share(conic, dx, dy):
+def _falloff(conic, dx, dy):
     """Returns exp(-d^T Sigma^-1 d / 2)."""
     power = conic[0] * dx * dx + 2 * conic[1] * dx * dy
     return np.exp(np.float32(-0.5) * (power + conic[2] * dy * dy))
@@ -78,8 +78,8 @@ def composite(
                     if left[pixel] < least_left:
                         continue
                     dx = column + np.float32(0.5) - at[k, 0]
-                    share = _share(conics[k], dx, dy)
-                    alpha = min(opacities[k] * share, MOST_ALPHA)
+                    falloff = _falloff(conics[k], dx, dy)
+                    alpha = min(opacities[k] * falloff, MOST_ALPHA)
                     weight = left[pixel] * alpha
                     for c in range(channels):
                         picture[pixel, c] += weight * colors[k, c]
@@ -116,8 +116,8 @@ def composite_backward(
                     if left[here] < least_left:
                         continue
                     dx = column + np.float32(0.5) - at[k, 0]
-                    share = _share(conics[k], dx, dy)
-                    alpha = min(opacities[k] * share, MOST_ALPHA)
+                    falloff = _falloff(conics[k], dx, dy)
+                    alpha = min(opacities[k] * falloff, MOST_ALPHA)
                     weight, after = left[here] * alpha, 1 - alpha
                     by_alpha = np.float32(0)
                     for c in range(channels):
@@ -126,9 +126,9 @@ def composite_backward(
                         change = left[here] * colors[k, c] - behind[here, c] / after
                         by_alpha += change * slope[pixel, c]
                     left[here] *= after
-                    if opacities[k] * share >= MOST_ALPHA:
+                    if opacities[k] * falloff >= MOST_ALPHA:
                         continue
-                    out[k, 5] += share * by_alpha
+                    out[k, 5] += falloff * by_alpha
                     by_power = np.float32(-0.5) * alpha * by_alpha
                     out[k, 0] -= by_power * 2 * (conics[k, 0] * dx + conics[k, 1] * dy)
                     out[k, 1] -= by_power * 2 * (conics[k, 1] * dx + conics[k, 2] * dy)

@@ -20,7 +20,7 @@ def splat_picture(
     background: Float[Tensor, " channels"],
     least_left: float = 1e-4,
 ) -> Float[Tensor, "height width channels"]:
-    """Returns what a camera sees of splats; differentiable in splats and colors, on the CPU.
+    """Returns a camera's picture of splats; differentiable in splats and colors, on the CPU.
 
     Args:
         splats: In the camera's world.

@@ -49,12 +49,12 @@ def voxels_of(
     points_grid: Float[np.ndarray, "points 3"], resolution: tuple[int, int, int], most: int
 ) -> Int64[np.ndarray, " points"]:
     """Returns the number of each point's voxel, below `most`, in the finest grid that allows it."""
-    share = (np.clip(points_grid, -1, 1) + 1) / 2 * np.array(resolution)
+    fraction = (np.clip(points_grid, -1, 1) + 1) / 2 * np.array(resolution)
     low, high = _LARGEST, _SMALLEST
-    found = _numbered(share * low)
+    found = _numbered(fraction * low)
     for _ in range(_HALVINGS):
         middle = (low * high) ** 0.5
-        numbers = _numbered(share * middle)
+        numbers = _numbered(fraction * middle)
         if numbers.max() < most:
             low, found = middle, numbers
         else:

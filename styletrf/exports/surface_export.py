@@ -12,8 +12,8 @@ from styletrf.exports.surface_files import write_glb, write_points
 from styletrf.exports.surface_mesh import (
     SurfaceMesh,
     lattice_within,
+    surface_fraction,
     surface_mesh,
-    surface_share,
     vertex_colors,
 )
 from styletrf.progress import Progress
@@ -81,11 +81,11 @@ def export_mesh(
 
 
 def _surface_in_words(views: ExportViews) -> dict[str, Any]:
-    share = surface_share(views.renders)
+    fraction = surface_fraction(views.renders)
     word = "a surface in most of the pictures"
-    if share < ENOUGH_SURFACE:
+    if fraction < ENOUGH_SURFACE:
         word = "no definite surface in much of the pictures; splats show them better"
-    return {"surface_share": share, "note": word}
+    return {"surface_share": fraction, "note": word}
 
 
 def _in_world(views: ExportViews, points: np.ndarray) -> np.ndarray:

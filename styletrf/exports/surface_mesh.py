@@ -36,18 +36,18 @@ class SurfaceMesh:
     triangles: Int64[np.ndarray, "triangles 3"]
 
 
-def surface_share(renders: Sequence[Rendering]) -> float:
-    """Returns the share of pixels whose ray meets a definite surface.
+def surface_fraction(renders: Sequence[Rendering]) -> float:
+    """Returns the fraction of pixels whose ray meets a definite surface.
 
     There the median depth is finite, and the mean depth within 5 % of it.
     """
-    shares = []
+    fractions = []
     for render in renders:
         median, mean = render.median_depth.numpy(), render.depth.numpy()
         finite = np.isfinite(median) & np.isfinite(mean)
         apart = np.abs(mean[finite] - median[finite])
-        shares.append(float((apart < _DEFINITE * median[finite]).sum() / finite.size))
-    return float(np.mean(shares))
+        fractions.append(float((apart < _DEFINITE * median[finite]).sum() / finite.size))
+    return float(np.mean(fractions))
 
 
 def surface_mesh(
@@ -108,8 +108,8 @@ def vertex_colors(
 
 def lattice_within(resolution: tuple[int, int, int], most_points: int) -> tuple[int, int, int]:
     """Returns the lattice with the same proportions that has at most so many points."""
-    share = min(1.0, (most_points / np.prod(resolution, dtype=np.float64)) ** (1 / 3))
-    x, y, z = (max(2, int(side * share)) for side in resolution)
+    fraction = min(1.0, (most_points / np.prod(resolution, dtype=np.float64)) ** (1 / 3))
+    x, y, z = (max(2, int(side * fraction)) for side in resolution)
     return x, y, z
 
 

@@ -36,11 +36,11 @@ class ColorModel(nn.Module, ABC):
     def components(
         self, positions: Float[Tensor, "samples 3"], kernels: Kernels
     ) -> Float[Tensor, "samples components"]:
-        """Returns what is linear along a ray: deferred shading decodes their weighted mean.
+        """Returns the components, linear along a ray: deferred shading decodes their weighted mean.
 
         Args:
             positions: In the grid's coordinates.
-            kernels: The form to compute with.
+            kernels: The backend to compute with.
         """
 
     @abstractmethod

@@ -27,7 +27,7 @@ _MARGIN = 2  # lattice points about what is occupied
 
 @dataclass(frozen=True, slots=True)
 class Compression:
-    """What became of a field: losses are mean squared errors, parameters are counted."""
+    """The outcome of a compression: losses are mean squared errors, parameters are counted."""
 
     parameters_before: int
     parameters_after: int
@@ -44,7 +44,7 @@ def compress(field: RadianceField, loss_of: LossOf, most_rise: float) -> Compres
     Args:
         field: With a settled occupancy.
         loss_of: Of a field.
-        most_rise: Of the loss, as a share of what it is.
+        most_rise: Of the loss, as a fraction of what it is.
     """
     before, parameters_before = loss_of(field), _parameters(field)
     crop_to_occupied(field)

@@ -36,8 +36,8 @@ class FieldConfig:
         """
         of_density, of_appearance = (4, 2) if kind == "ndc" else (1, 1)
 
-        def spread(ranks: tuple[int, ...], share: int) -> tuple[int, ...]:
-            others = max(1, ranks[0] // share)
+        def spread(ranks: tuple[int, ...], divisor: int) -> tuple[int, ...]:
+            others = max(1, ranks[0] // divisor)
             return ranks if len(ranks) == 3 else (ranks[0], others, others)
 
         return replace(

@@ -4,13 +4,13 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.capture.view_images import ViewImages
-from styletrf.field.kernels import Segments
+from styletrf.field.kernels import RaySegments
 from styletrf.field.view_rays import ViewRays
 
 
 def pixel_rays(
     rays: ViewRays, images: ViewImages, pixels: Int64[Tensor, " rays"]
-) -> tuple[Segments, Float[Tensor, "rays 3"]]:
+) -> tuple[RaySegments, Float[Tensor, "rays 3"]]:
     """Returns the segments through pixels, and their colors in [0, 1].
 
     Args:

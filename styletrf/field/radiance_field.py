@@ -28,7 +28,7 @@ from styletrf.geometry.space import Bounds
 
 
 class Density(nn.Module):
-    """Where matter is: the factors, and the occupancy grid that says where to look for it."""
+    """The density of a field: its factors, and the occupancy grid of the voxels to sample."""
 
     occupancy: Tensor
 

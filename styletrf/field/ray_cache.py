@@ -28,13 +28,13 @@ class RayBatch:
     target: Float[Tensor, "rays 3"]
 
     def color(self, appearance: ColorModel, kernels: Kernels) -> Float[Tensor, "rays 3"]:
-        """Returns what the rays see, differentiable in the appearance."""
+        """Returns the colors of the rays, differentiable in the appearance."""
         return self._composed(self._colors(appearance, kernels), appearance, kernels)
 
     def color_and_variance(
         self, appearance: ColorModel, kernels: Kernels
     ) -> tuple[Float[Tensor, "rays 3"], Float[Tensor, " rays"]]:
-        """Returns what the rays see, and the variance of the color along each ray.
+        """Returns the colors of the rays, and the variance of the color along each ray.
 
         That is sum_s w_s |c_s - m|^2 with m = sum_s w_s c_s / opacity, the mean color of the
         samples; the background is none of it. Differentiable in the samples' colors.
@@ -71,8 +71,8 @@ class RayBatch:
             generator: On the CPU.
         """
         counts, end = self.samples.offsets.diff(), self.samples.offsets[1:]
-        share = 1 - torch.rand(len(counts), generator=generator).to(self.opacity)  # above 0
-        drawn = torch.minimum(self.samples.reached(share * self.opacity), end - 1)
+        fraction = 1 - torch.rand(len(counts), generator=generator).to(self.opacity)  # above 0
+        drawn = torch.minimum(self.samples.reached(fraction * self.opacity), end - 1)
         ray = counts.nonzero()[:, 0]
         offsets = torch.cat([counts.new_zeros(1), (counts > 0).cumsum(0)])
         one = self.samples.chosen(offsets, drawn[ray])
@@ -97,7 +97,7 @@ class RayCache:
 
     @property
     def nbytes(self) -> int:
-        """What the cache takes in memory."""
+        """The bytes of memory that the cache takes."""
         tensors = (self.offsets, self.positions, self.weights, self.view_directions)
         return sum(tensor.nbytes for tensor in (*tensors, self.opacity, self.target))
 
@@ -150,7 +150,7 @@ def march_once(
         rays: Through the pixels of the images.
         images: Of which the rays should have the colors.
         draws: The pixels by their numbers.
-        kernels: The form to compute with.
+        kernels: The backend to compute with.
         min_weight: Samples lighter than this are not kept.
         termination: See `RenderConfig`.
         cache_bytes: After which no further rays are marched.

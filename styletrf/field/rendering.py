@@ -13,7 +13,7 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.field.appearance import ColorModel
-from styletrf.field.kernels import Kernels, Samples, Segments, Sparsification, sparsify_gradient
+from styletrf.field.kernels import Kernels, RaySegments, Samples, Sparsification, sparsify_gradient
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.view_rays import ViewRays
 from styletrf.field.weight_sharpening import sharpened
@@ -25,7 +25,7 @@ _TILES_ON_GPU = 8  # at once: a GPU computes one tile in less time than it takes
 
 @dataclass(frozen=True, slots=True)
 class RenderConfig:
-    """What rendering trades: see `docs/knobs.md`.
+    """Settings that trade the time of rendering for accuracy: see `docs/knobs.md`.
 
     A ray ends at transmittance `termination`; samples lighter than `min_weight` get no color;
     rays are rendered `tile` at a time, eight times as many on a GPU. `deferred` runs the color
@@ -44,7 +44,7 @@ class Rendering:
 
     The depth is that of the mean position along the ray's grid segment, its clear part counted at
     the far end, unless the ray was ended there for being opaque; in NDC that averages disparity, so
-    a little haze before infinity does not spoil it.
+    a little fog before infinity does not spoil it.
     Where nothing is hit (an opacity below 1e-3) it is infinite. The median depth is where the
     transmittance falls to one half, infinite where it never does: it lies on one of two surfaces
     that share a pixel, where the mean lies between them. The surface depth is the median depth, and
@@ -58,14 +58,14 @@ class Rendering:
 
     @property
     def surface_depth(self) -> Float[Tensor, "*rays"]:
-        """The depth Z of what a pixel shows; infinite where nothing is hit."""
+        """The depth Z of the surface that a pixel shows; infinite where a ray hits none."""
         return torch.where(torch.isfinite(self.median_depth), self.median_depth, self.depth)
 
 
 def render_color(
     appearance: ColorModel,
     kernels: Kernels,
-    segments: Segments,
+    segments: RaySegments,
     samples: Samples,
     min_weight: float,
     *,
@@ -100,10 +100,10 @@ def render_color(
 
 @torch.no_grad()
 def render_rays(
-    field: RadianceField, kernels: Kernels, segments: Segments, config: RenderConfig,
+    field: RadianceField, kernels: Kernels, segments: RaySegments, config: RenderConfig,
     appearance: ColorModel | None = None,
 ) -> Rendering:  # fmt: skip
-    """Returns what rays see, without gradient; samples lie in the middle of their steps.
+    """Returns the rendering of rays, without gradient; samples lie in the middle of their steps.
 
     With an `appearance` in place of the field's own.
     """
@@ -123,11 +123,11 @@ def render_rays(
     return Rendering(color.clamp(0, 1), opacity, depth, median_depth(segments, samples))
 
 
-def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]:
+def median_depth(segments: RaySegments, samples: Samples) -> Float[Tensor, " rays"]:
     """Returns the depth Z at which each ray's transmittance falls to one half; infinite if never.
 
     The density is constant within a step: between T before it and T' behind it the transmittance
-    falls exponentially, to 1/2 at the share log(1 / 2T) / log(T' / T) of the step.
+    falls exponentially, to 1/2 at the fraction log(1 / 2T) / log(T' / T) of the step.
     """
     median = samples.reached(torch.full_like(segments.lengths, 0.5))
     ray = (median < samples.offsets[1:]).nonzero()[:, 0]
@@ -137,7 +137,7 @@ def median_depth(segments: Segments, samples: Samples) -> Float[Tensor, " rays"]
 
 
 def _where_half(
-    segments: Segments, samples: Samples, ray: Int64[Tensor, " rays"], at: Int64[Tensor, " rays"]
+    segments: RaySegments, samples: Samples, ray: Int64[Tensor, " rays"], at: Int64[Tensor, " rays"]
 ) -> Float[Tensor, " rays"]:
     """Returns the s at which the transmittance of rays is one half, in the steps of samples `at`.
 
@@ -145,9 +145,9 @@ def _where_half(
     """
     before = 1 - samples.sums_before(samples.weights, at)
     behind = (before - samples.weights[at]).clamp(min=0)
-    share = torch.log(0.5 / before) / torch.log(behind / before)
-    share = torch.nan_to_num(share, nan=0.5).clamp(0, 1)  # of a sum that rounding has moved
-    s = samples.s[at] + (share - 0.5) / segments.n_steps[ray]
+    fraction = torch.log(0.5 / before) / torch.log(behind / before)
+    fraction = torch.nan_to_num(fraction, nan=0.5).clamp(0, 1)  # of a sum that rounding has moved
+    s = samples.s[at] + (fraction - 0.5) / segments.n_steps[ray]
     return s.clamp(0, 1).to(samples.s.dtype)
 
 

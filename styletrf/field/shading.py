@@ -35,7 +35,7 @@ class Shading(nn.Module, ABC):
             components: Of each sample.
             view_directions: Of each ray, unit vectors.
             ray: Of each sample, ascending.
-            kernels: The form to compute with.
+            kernels: The backend to compute with.
         """
 
     def freeze_view_dependence(self) -> None:

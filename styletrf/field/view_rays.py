@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.field.kernels.samples import Segments
+from styletrf.field.kernels.samples import RaySegments
 from styletrf.finiteness import require_finite
 from styletrf.geometry.cameras import Camera, camera_numbers
 from styletrf.geometry.space import Space
@@ -47,7 +47,7 @@ class ViewRays:
 
     def segments(
         self, view: Int64[Tensor, " rays"] | int, pixels: Float[Tensor, "rays 2"]
-    ) -> Segments:
+    ) -> RaySegments:
         """Returns the float32 rays through `pixels`, of one view or each its own.
 
         They are cut into steps of at most the length that the set was made for.
@@ -66,11 +66,11 @@ class ViewRays:
         origin = first[..., :3] / safe_first[..., None]
         direction = last[..., :3] / safe_last[..., None] - origin
         lengths = torch.where(hit, (direction * self._axis_lengths).norm(dim=-1), 0.0)
-        origin, direction, ends = _by_share(origin, direction, lengths)
+        origin, direction, ends = _by_fraction(origin, direction, lengths)
         length = lengths.sum(dim=1)
         view_direction = (self._directions[view] @ points)[..., 0]
         view_direction = view_direction / view_direction.norm(dim=-1, keepdim=True)
-        return Segments(
+        return RaySegments(
             origins=origin.float(),
             directions=direction.float(),
             ends=ends.float(),
@@ -137,7 +137,7 @@ def _in_order(
     return start[ray, order], slope[ray, order], near[ray, order], far[ray, order]
 
 
-def _by_share(
+def _by_fraction(
     origin: Float[Tensor, "rays pieces 3"],
     direction: Float[Tensor, "rays pieces 3"],
     lengths: Float[Tensor, "rays pieces"],
@@ -151,10 +151,10 @@ def _by_share(
     if lengths.shape[1] == 1:
         return origin, direction, torch.ones_like(lengths)
     total = lengths.sum(dim=1, keepdim=True)
-    share = lengths / torch.where(total > 0, total, 1.0)
-    ends = share.cumsum(dim=1)
+    fraction = lengths / torch.where(total > 0, total, 1.0)
+    ends = fraction.cumsum(dim=1)
     last = ends >= ends[:, -1:]
-    starts = ends - share
-    direction = direction / torch.where(share > 0, share, 1.0)[..., None]
+    starts = ends - fraction
+    direction = direction / torch.where(fraction > 0, fraction, 1.0)[..., None]
     origin = origin - starts[..., None] * direction
     return origin, direction, torch.where(last, 1.0, ends)

@@ -26,12 +26,12 @@ def sharpened(
     Args:
         samples: With weights of at least 0.
         power: At least 1, of all samples or of each.
-        kernels: The form to compute with.
+        kernels: The backend to compute with.
     """
     if isinstance(power, float) and power == 1:
         return samples
     smallest = torch.finfo(samples.weights.dtype).tiny
     opacity = kernels.opacity(samples)[samples.ray]
-    shares = (samples.weights / opacity.clamp(min=smallest)) ** power
-    total = kernels.opacity(replace(samples, weights=shares))[samples.ray]
-    return replace(samples, weights=opacity * shares / total.clamp(min=smallest))
+    fractions = (samples.weights / opacity.clamp(min=smallest)) ** power
+    total = kernels.opacity(replace(samples, weights=fractions))[samples.ray]
+    return replace(samples, weights=opacity * fractions / total.clamp(min=smallest))

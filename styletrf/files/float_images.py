@@ -1,4 +1,4 @@
-"""What a camera sees of a field, unrounded: OpenEXR with the channels R G B, A and Z.
+"""Unrounded renders of a field: OpenEXR files with the channels R G B, A and Z.
 
 Any compositing program opens these files. Z is always 32 bits, the rest 16 (half) or 32.
 """

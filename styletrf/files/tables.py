@@ -21,7 +21,7 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
 
 
 def write_curve(path: Path, points: Sequence[Any]) -> None:
-    """Writes what training reached, by iteration, without the `seconds` that it took.
+    """Writes the measures of a training by iteration, without the `seconds` that it took.
 
     Equal results have equal bytes, and what is made of them need not be made again; the time is the
     record's.

@@ -45,7 +45,7 @@ _HD_COLUMNS, _SD_LINES = 1280, 576
 
 @dataclass(frozen=True, slots=True)
 class VideoInfo:
-    """What a video file holds; `codec` is FFmpeg's name (h264, vp9)."""
+    """The properties of a video file; `codec` is FFmpeg's name (h264, vp9)."""
 
     codec: str
     width: int
@@ -148,7 +148,7 @@ def timed_frames(path: Path, indices: Set[int] | None = None) -> Iterator[TimedF
 
 
 def _assumed_colorspace(frame: av.VideoFrame) -> Colorspace | None:
-    """Returns what the numbers of a frame mean where it does not say; None where it does.
+    """Returns the color space to assume for a frame that names none; None if it names one.
 
     From 1280 columns or 577 lines on that is BT.709, as players assume. FFmpeg would assume
     BT.601, which makes red darker and browner.

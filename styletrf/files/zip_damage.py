@@ -1,4 +1,4 @@
-"""What Python's `zipfile` raises of archives that are not whole."""
+"""The exceptions that Python's `zipfile` raises for damaged archives."""
 
 import lzma
 import zipfile

@@ -125,7 +125,7 @@ def in_view(
 ) -> tuple[
     Float[np.ndarray, "points 2"], Float[np.ndarray, " points"], Bool[np.ndarray, " points"]
 ]:
-    """Returns what `project` does, and which points lie ahead and within the image."""
+    """Returns the result of `project`, and which points lie ahead and within the image."""
     pixels, depth = project(camera, points_world)
     inside = (depth > 0) & (pixels >= 0).all(axis=1)
     return pixels, depth, inside & (pixels < (camera.width, camera.height)).all(axis=1)

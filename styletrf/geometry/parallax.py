@@ -1,4 +1,4 @@
-"""How much parallax there is between photographs: what no homography explains of what they share.
+"""Measures the parallax between photographs: the common points that no homography explains.
 
 Two photographs from one spot, or of one plane, differ by a homography, whatever depth a mapping
 made up for them. Where things stand before or behind each other, some points do not fit it.
@@ -15,7 +15,7 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.point_table import SparsePoints
 
 LEAST_PARALLAX = 0.01
-"""Share from which on photographs tell depth: a turn and a flat wall have less than 0.001."""
+"""Least fraction of photographs that contain depth: a turn and a flat wall have below 0.001."""
 _LEAST_SHARED = 30  # points of a pair
 _MOST_PAIRS = 200  # spread evenly over all
 _ERROR = 0.004  # of the longer side, by which a point may be off
@@ -24,8 +24,8 @@ _LEAST_ERROR_PX = 2.0
 Pixels = Float[np.ndarray, "points 2"]
 
 
-def parallax_share(points: SparsePoints, cameras: Sequence[Camera]) -> float:
-    """Returns the share of what pairs of photographs share that fits no homography between them.
+def parallax_fraction(points: SparsePoints, cameras: Sequence[Camera]) -> float:
+    """Returns the fraction of the common points of pairs that fits no homography between them.
 
     From 0, where there is none, to 1; 0 where no two share thirty points.
 

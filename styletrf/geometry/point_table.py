@@ -37,7 +37,7 @@ class SparsePoints:
         return np.bincount(self.observed_point, minlength=len(self.xyz_world))
 
     def of_images(self, images: Sequence[int]) -> "SparsePoints":
-        """Returns all points with what some images observe of them, numbered in the order given."""
+        """Returns all points with the observations of some images, numbered in the order given."""
         numbers = np.full(int(self.observed_image.max(initial=-1)) + 1, -1)
         rows = np.array(images, np.int64)
         numbers[rows[rows < len(numbers)]] = np.flatnonzero(rows < len(numbers))
@@ -71,7 +71,7 @@ def write_points(path: Path, points: SparsePoints) -> None:
 
 
 def read_points(path: Path) -> SparsePoints:
-    """Returns what `write_points` wrote.
+    """Returns the points that `write_points` wrote.
 
     Raises:
         InputError: The coordinates of a point are not finite.

@@ -50,8 +50,8 @@ def aligned(quaternions: Quaternions) -> Quaternions:
     return result
 
 
-def slerp(a: Quaternions, b: Quaternions, share: Float[np.ndarray, "n 1"]) -> Quaternions:
-    """Returns the quaternions at shares of the arcs from `a` to `b` (Shoemake 1985).
+def slerp(a: Quaternions, b: Quaternions, fraction: Float[np.ndarray, "n 1"]) -> Quaternions:
+    """Returns the quaternions at fractions of the arcs from `a` to `b` (Shoemake 1985).
 
     Shares outside of [0, 1] go on beyond the ends. The arc is the one of the quaternions as they
     are given, not of the nearest signs: a spline would jump where these change.
@@ -61,8 +61,8 @@ def slerp(a: Quaternions, b: Quaternions, share: Float[np.ndarray, "n 1"]) -> Qu
     sine = np.sin(angle)
     is_line = sine < _PARALLEL
     safe = np.where(is_line, 1.0, sine)
-    weight_a = np.where(is_line, 1 - share, np.sin((1 - share) * angle) / safe)
-    weight_b = np.where(is_line, share, np.sin(share * angle) / safe)
+    weight_a = np.where(is_line, 1 - fraction, np.sin((1 - fraction) * angle) / safe)
+    weight_b = np.where(is_line, fraction, np.sin(fraction * angle) / safe)
     mixed = weight_a * a + weight_b * b
     length = np.linalg.norm(mixed, axis=1, keepdims=True)
     unit: Quaternions = np.where(length > _PARALLEL, mixed / np.maximum(length, _PARALLEL), a)

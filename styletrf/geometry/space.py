@@ -1,4 +1,4 @@
-"""How the normalized world maps to the grid the field lives in.
+"""Maps the normalized world to the grid of the field.
 
 A space is a few 4x4 projective maps `grid_from_world`, each for the part of the world where its
 homogeneous w is the largest: one affine map for a box, one perspective for NDC (Mildenhall et al.

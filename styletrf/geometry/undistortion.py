@@ -51,8 +51,8 @@ def _is_filled(lens: pycolmap.Camera, zoom: float) -> bool:
         return False
     focal, principal = np.split(np.array(_intrinsics(lens)), 2)
     size_px = np.array([lens.width, lens.height], dtype=np.float64)
-    share = np.linspace(0, 1, 65)
-    edges = [_points(*pair) for side in (0.0, 1.0) for pair in ((share, side), (side, share))]
+    fraction = np.linspace(0, 1, 65)
+    edges = [_points(*pair) for side in (0.0, 1.0) for pair in ((fraction, side), (side, fraction))]
     directions = (np.concatenate(edges) * size_px - principal) / (focal * zoom)
     pixels = lens.img_from_cam(np.column_stack([directions, np.ones(len(directions))]))
     back = lens.cam_from_img(pixels)

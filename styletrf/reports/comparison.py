@@ -13,7 +13,7 @@ SCRIPT = Path(__file__).with_name("comparison.js").read_text(encoding="utf-8")
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What to show, as URIs; what is left empty is left out. `aspect` is width over height."""
+    """The pictures to show, as URIs; an empty one is left out. `aspect` is width over height."""
 
     video: str = ""
     unstylized_video: str = ""

@@ -1,4 +1,4 @@
-"""What photographs have a camera, and how much of a path they show, in sentences of a page."""
+"""Sentences of a page on the photographs with a camera, and how much of a path they show."""
 
 from collections.abc import Mapping
 from pathlib import Path

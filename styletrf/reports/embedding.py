@@ -36,9 +36,9 @@ def small_jpeg(path: Path, longest_px: int) -> bytes:
         InputError: The file cannot be read, or is no image.
     """
     pixels = to_integers(read_rgb(path))
-    share = min(1.0, longest_px / max(pixels.shape[:2]))
-    if share < 1:
-        height, width = (max(1, round(share * side)) for side in pixels.shape[:2])
+    fraction = min(1.0, longest_px / max(pixels.shape[:2]))
+    if fraction < 1:
+        height, width = (max(1, round(fraction * side)) for side in pixels.shape[:2])
         pixels = np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA))
     bgr = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR)
     _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])

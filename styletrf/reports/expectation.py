@@ -1,4 +1,4 @@
-"""What a scene will take and reach at each quality: a table of the scene's page."""
+"""The expected time and quality of a scene at each preset: a table of the scene's page."""
 
 import html
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from styletrf.reports.page import duration, gibibytes
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What a fly-through with one painting takes from an empty store, and what its field reaches.
+    """The expected cost of a fly-through from an empty store, and the quality of its field.
 
     Attributes:
         field: The cost of the fit, timed on this scene.
@@ -18,6 +18,7 @@ class Expectation:
         peak_memory_bytes: Of the stage that takes most.
         output_bytes: Of all artifacts on disk.
         psnr_db: Of views that the field does not see; None where nothing is known of it.
+        is_tried: Whether the field was timed and fitted briefly; else its cost is predicted, too.
     """
 
     field: FieldCost
@@ -25,6 +26,7 @@ class Expectation:
     peak_memory_bytes: int
     output_bytes: int
     psnr_db: float | None
+    is_tried: bool = True
 
 
 def expectation_table(expected: Mapping[str, Expectation], machine: str) -> str:
@@ -36,11 +38,22 @@ def expectation_table(expected: Mapping[str, Expectation], machine: str) -> str:
         f"On this machine: {html.escape(machine)}. The field is timed by a few iterations at its "
         "final size. Its PSNR is extrapolated from two brief fits, and may be off by a decibel or "
         "more. The other stages are predicted from earlier builds here, or from a reference and "
-        "the machine's speed."
+        f"the machine's speed.{_untried(expected)}"
     )
     return (
         f'<p class="quiet small">{note}</p><div class="card"><table><thead><tr><th>quality</th>'
         f"{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _untried(expected: Mapping[str, Expectation]) -> str:
+    """Returns a sentence on the qualities whose fields were not tried, or nothing."""
+    names = [html.escape(quality) for quality, each in expected.items() if not each.is_tried]
+    if not names:
+        return ""
+    return (
+        f" The field of {', '.join(names)} is predicted, too, and its PSNR is unknown: brief fits"
+        " of it take too long to try."
     )
 
 

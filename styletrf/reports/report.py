@@ -24,7 +24,7 @@ _POSTER_PX, _STYLE_PX, _PRIOR_PX = 1920, 480, 480  # longer sides, about twice w
 
 @dataclass(frozen=True, slots=True)
 class StageCost:
-    """What a stage of the pipeline took; `note` says for instance that it was reused."""
+    """The cost of a stage of the pipeline; `note` says for instance that it was reused."""
 
     name: str
     seconds: float | int
@@ -150,12 +150,12 @@ def _costs(stages: Sequence[StageCost]) -> str:
     return f'<div class="card">{table}</div>' if stages else ""
 
 
-def _cost_row(stage: StageCost, share: float) -> str:
+def _cost_row(stage: StageCost, fraction: float) -> str:
     memory = stage.peak_memory_bytes
     note = f'<div class="quiet small">{html.escape(stage.note)}</div>' if stage.note else ""
     return (
         f'<tr><th scope="row">{html.escape(stage.name)}{note}</th>'
-        f'<td class="bar"><i style="width:{100 * share:.1f}%"></i></td>'
+        f'<td class="bar"><i style="width:{100 * fraction:.1f}%"></i></td>'
         f'<td class="number">{duration(stage.seconds)}</td>'
         f'<td class="number">{"" if memory is None else gibibytes(memory)}</td></tr>'
     )
@@ -172,7 +172,7 @@ def _command(command: str) -> str:
 
 
 def _inside(videos: Comparison, images: Sequence[str]) -> str:
-    """How large the parts of the file are."""
+    """Returns the sizes of the file's parts."""
     parts = {
         "the video": embedded_bytes(videos.video),
         "the unstylized one": embedded_bytes(videos.unstylized_video),

@@ -33,7 +33,7 @@ class SceneReportContent:
 
 
 def advice(content: SceneReportContent) -> list[str]:
-    """Returns what to photograph again and why, nothing where all is well."""
+    """Returns advice on what to photograph again and why; none if all is well."""
     survey, said = content.survey, []
     for name in content.unregistered:
         before, after = content.neighbors[name]
@@ -50,10 +50,10 @@ def advice(content: SceneReportContent) -> list[str]:
             f"Exposed unlike the others by more than {MOST_EXPOSURE_EV} stops: {exposures}. Lock "
             "exposure and white balance."
         )
-    if survey.sparse_share > SPARSE:
+    if survey.sparse_fraction > SPARSE:
         said.append(
-            f"{survey.sparse_share:.0%} of the parts that hold something are seen by fewer than 3 "
-            "photographs: more of them from more places, above all towards the edges."
+            f"{survey.sparse_fraction:.0%} of the parts that hold something are seen by fewer than "
+            "3 photographs: more of them from more places, above all towards the edges."
         )
     return said
 
@@ -83,8 +83,8 @@ def _advice(said: Sequence[str]) -> str:
 
 def _coverage(survey: Survey) -> str:
     rows = (
-        ("parts with points that fewer than 3 photographs see", f"{survey.sparse_share:.1%}"),
-        ("of the whole space", f"{survey.blind_share:.1%}"),
+        ("parts with points that fewer than 3 photographs see", f"{survey.sparse_fraction:.1%}"),
+        ("of the whole space", f"{survey.blind_fraction:.1%}"),
         ("photographs that see a part with points, in the middle", _middle(survey)),
     )
     return _table(rows)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from styletrf.evaluation.pareto_front import FrontPoint
-from styletrf.evaluation.trade_off import BUSY_SHARE, Combination
+from styletrf.evaluation.trade_off import BUSY_FRACTION, Combination
 from styletrf.reports.curve_chart import ticks
 from styletrf.reports.page import duration, gibibytes
 
@@ -57,7 +57,7 @@ def busy_words(other_cpu_share: float | None) -> str:
     """Returns that other work disturbed a measurement, or that nobody knows; nothing if neither."""
     if other_cpu_share is None:
         return ", beside unknown work"
-    if other_cpu_share > BUSY_SHARE:
+    if other_cpu_share > BUSY_FRACTION:
         return f", beside other work: {other_cpu_share:.0%}"
     return ""
 
@@ -84,7 +84,7 @@ def _spread(axes: "_Axes", point: Combination) -> str:
 
 
 class _Axes:
-    """Where seconds and decibels lie on the page."""
+    """The positions of seconds and decibels on the page."""
 
     def __init__(self, points: Sequence[Combination]) -> None:
         seconds = [point.seconds for point in points]
@@ -94,8 +94,8 @@ class _Axes:
         self._ticks = [tick for tick in ticks(0.0, worst) if tick >= 0]
 
     def place(self, seconds: float, shortfall_db: float) -> str:
-        share = (math.log(seconds) - self._first) / (self._last - self._first)
-        x = _LEFT + min(max(share, 0.0), 1.0) * (_WIDTH - _LEFT - _RIGHT)
+        fraction = (math.log(seconds) - self._first) / (self._last - self._first)
+        x = _LEFT + min(max(fraction, 0.0), 1.0) * (_WIDTH - _LEFT - _RIGHT)
         return f"{x:.1f},{self._y(shortfall_db):.1f}"
 
     def _y(self, shortfall_db: float) -> float:

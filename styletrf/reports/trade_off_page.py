@@ -101,8 +101,8 @@ def _table(measurements: Sequence[Measurement], part: str) -> str:
 
 def _row(measurement: Measurement, usual: Measurement) -> str:
     seconds = sum(measurement.seconds.values())
-    share = busy_words(measurement.other_cpu_share).removeprefix(", ")
-    busy = f'<div class="quiet small">{share}</div>' if share else ""
+    load = busy_words(measurement.other_cpu_share).removeprefix(", ")
+    busy = f'<div class="quiet small">{load}</div>' if load else ""
     ratio = measurement.consistency_ratio
     consistency = [f"{ratio:.2f}" if ratio else "unknown"] if measurement.part == "style" else []
     values = (

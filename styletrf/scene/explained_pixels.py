@@ -1,4 +1,4 @@
-"""The share of the photographs' pixels that a box around the points can explain.
+"""The fraction of the photographs' pixels that a box around the points can explain.
 
 Each photograph is cut into tiles. A box explains a tile that shows more points within the box than
 outside it, or shows none while a tile beside it does. It also explains flat tiles of the one color
@@ -33,7 +33,7 @@ def explained_pixels(
     points: SparsePoints,
     masks: Iterable[Mask | None],
 ) -> float:
-    """Returns the share of the pixels of all photographs that the box explains, from 0 to 1.
+    """Returns the fraction of the pixels of all photographs that the box explains, from 0 to 1.
 
     The box is the one that the scene would get, `styletrf.scene.box.whole_box`. Where no pixel
     counts, none speaks against it, and the share is 1.

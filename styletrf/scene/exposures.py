@@ -48,7 +48,7 @@ class Exposures:
     def log_change(
         self, log_color: Float[np.ndarray, " levels"]
     ) -> Float[np.ndarray, "views channels levels"]:
-        """Returns what each view adds to the logarithm of a color, of encoded values."""
+        """Returns the addend of each view to the logarithm of a color, of encoded values."""
         slope = self.power[..., None] - 1
         return np.asarray(self.log_gain[..., None] + slope * (log_color - np.log(MIDDLE)))
 

@@ -143,7 +143,7 @@ def _corners(view: Camera) -> Float[np.ndarray, "4 3"]:
 def _tangent_bounds(views: Sequence[Camera]) -> tuple[Plane, Plane]:
     """Returns the extremes of x/z and y/z over all views, from the near points to infinity.
 
-    Along a ray both are monotone in z: its two ends tell.
+    Along a ray both are monotone in z: its two ends decide.
     """
     nearest = max(1.0, _plane(views))
     tangents = []

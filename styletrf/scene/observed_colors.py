@@ -38,7 +38,7 @@ class ObservedColors:
 def observed_colors(
     images: Iterable[Float[np.ndarray, "height width 3"]], points: SparsePoints
 ) -> ObservedColors:
-    """Returns what images show, blurred to a few pixels.
+    """Returns the colors of images at the points, blurred to a few pixels.
 
     Args:
         images: RGB in [0, 1], in the order in which `points` counts them.

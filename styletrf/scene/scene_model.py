@@ -26,14 +26,14 @@ from styletrf.scene.exposures import Exposure
 from styletrf.scene.ndc import forward_facing_evidence, place_in_ndc
 from styletrf.scene.placement import Looking, Placement
 from styletrf.scene.upright_capture import upright_capture
-from styletrf.scene.view_dependence import ENOUGH_POINTS, LEAST_SHARE, ViewDependence
+from styletrf.scene.view_dependence import ENOUGH_POINTS, LEAST_FRACTION, ViewDependence
 
 Shading = Literal["network", "plain"]
 
 
 @dataclass(frozen=True, slots=True)
 class SceneModelConfig:
-    """What the photographs do not decide.
+    """Settings that the photographs do not decide.
 
     `space`, `shading` and `exposure` (`one` for all photographs, or `each` its own) override the
     decisions; `image_long_side` is the working size in pixels;
@@ -106,7 +106,7 @@ def decide_scene_model(
         points_world: Sparse points.
         config: What the photographs do not decide.
         dependence: Of the colors on the view, where that was looked at.
-        explained: The share of the pixels that a box explains, see
+        explained: The fraction of the pixels that a box explains, see
             `styletrf.scene.explained_pixels`.
         exposure: How the photographs are exposed, where that was looked at.
 
@@ -175,7 +175,7 @@ def _shading(
     """Returns whether colors depend on the view, and the evidence."""
     evidence: dict[str, Any] = {"by": "evidence" if config.shading == "auto" else "setting"}
     if dependence is not None:
-        thresholds = {"share_threshold": LEAST_SHARE, "points_threshold": ENOUGH_POINTS}
+        thresholds = {"share_threshold": LEAST_FRACTION, "points_threshold": ENOUGH_POINTS}
         evidence |= asdict(dependence) | thresholds
     if config.shading != "auto":
         return config.shading, evidence

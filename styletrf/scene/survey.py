@@ -26,7 +26,7 @@ _GAMMA = 2.2  # encoded brightness to light, near enough to compare exposures
 
 @dataclass(frozen=True, slots=True)
 class ViewSurvey:
-    """What one photograph shows; the exposure is against that of the others."""
+    """Measures of one photograph; the exposure is against that of the others."""
 
     name: str
     sharpness: float
@@ -38,7 +38,7 @@ class ViewSurvey:
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """What the photographs show together.
+    """Measures of all photographs together.
 
     `seen_by` is how many views see each cell of the grid, x y z, -1 where there is no world;
     `has_points` where the scene is.
@@ -49,14 +49,14 @@ class Survey:
     has_points: Bool[np.ndarray, "x y z"]
 
     @property
-    def sparse_share(self) -> float:
-        """The share of the cells with points that fewer than 3 views see; 0 where none has any."""
+    def sparse_fraction(self) -> float:
+        """The fraction of the cells with points that fewer than 3 views see; 0 without cells."""
         seen_by = self.seen_by[self.has_points]
         return float((seen_by < ENOUGH_VIEWS).mean()) if len(seen_by) else 0.0
 
     @property
-    def blind_share(self) -> float:
-        """The share of the grid that fewer than 3 views see."""
+    def blind_fraction(self) -> float:
+        """The fraction of the grid that fewer than 3 views see."""
         return float((self.seen_by[self.seen_by >= 0] < ENOUGH_VIEWS).mean())
 
 
@@ -67,7 +67,7 @@ def survey_scene(
     space: Space,
     normalized: Sequence[Camera],
 ) -> Survey:
-    """Returns what the photographs show.
+    """Returns the measures of the photographs.
 
     Args:
         images: The registered photographs, in the order of the table, at the size of its cameras.

@@ -29,7 +29,7 @@ from styletrf.scene.view_dependence import view_dependence
 
 @dataclass(frozen=True, slots=True)
 class TrainingPhotographs:
-    """What is known of the photographs that a scene is fitted to.
+    """The photographs that a scene is fitted to, with their cameras and points.
 
     Attributes:
         folder: Of the undistorted images, `NAME.png`; masks lie beside it.

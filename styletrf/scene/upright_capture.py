@@ -97,7 +97,7 @@ def upright_frame(cameras: Sequence[Camera]) -> Float[np.ndarray, "4 4"]:
 
 def placed(
     scene: UprightCapture, inner: Extent, kind: Literal["box", "unbounded"],
-    grid_from_inner: Float[np.ndarray, "maps 4 4"], inner_share: float, oversampling: float,
+    grid_from_inner: Float[np.ndarray, "maps 4 4"], inner_fraction: float, oversampling: float,
     footprint: float,
 ) -> Placement:  # fmt: skip
     """Returns the scene scaled so that the longest half of the `inner` box is 1.
@@ -107,7 +107,7 @@ def placed(
         inner: What a grid's middle holds.
         kind: Of the space.
         grid_from_inner: Its maps from coordinates in which the inner box is [-1, 1]^3.
-        inner_share: The share of the grid along each axis that the inner box takes.
+        inner_fraction: The fraction of the grid along each axis that the inner box takes.
         oversampling: Wanted lattice points per pixel, of the size of `footprint`.
         footprint: The size of a pixel in the inner box.
     """
@@ -117,10 +117,10 @@ def placed(
     normalized_from_frame[:3, 3] = -scale * inner.center
     inner_from_normalized = np.diag([*(1 / half), 1.0])
     pixel, nearest = scale * footprint, scale * scene.nearest
-    wanted = oversampling * 2 * half / inner_share / pixel
+    wanted = oversampling * 2 * half / inner_fraction / pixel
     focus, looking, evidence = looked_at(scene)
     focus = scale * (focus - inner.center)
-    lengths = half / inner_share
+    lengths = half / inner_fraction
     return Placement(
         space=Space(
             kind, grid_from_inner @ inner_from_normalized,

@@ -20,7 +20,7 @@ from styletrf.geometry.point_table import SparsePoints
 from styletrf.scene.exposures import estimate_exposures
 from styletrf.scene.observed_colors import ObservedColors
 
-LEAST_SHARE = 0.01  # of the points that differ, for a scene whose looks depend on the view
+LEAST_FRACTION = 0.01  # of the points that differ, for a scene whose looks depend on the view
 ENOUGH_POINTS = 200  # seen from sides so far apart, for a decision
 SIDES_DEG = 30.0  # between two views of a point: from nearer by, highlights hardly move
 _LEAST_PAIRS = 3  # of views of a point
@@ -41,13 +41,13 @@ class ViewDependence:
     @property
     def needed(self) -> bool:
         """Whether colors must depend on the view; they may if there is too little evidence."""
-        return self.points < ENOUGH_POINTS or self.share >= LEAST_SHARE
+        return self.points < ENOUGH_POINTS or self.share >= LEAST_FRACTION
 
 
 def view_dependence(
     observed: ObservedColors, points: SparsePoints, cameras: list[Camera]
 ) -> ViewDependence:
-    """Returns what the tracks show.
+    """Returns the view dependence of the tracks.
 
     Args:
         observed: At the observations of the points.

@@ -26,7 +26,7 @@ from styletrf.colmap import pycolmap
 from styletrf.files.images import write_png
 from styletrf.geometry.camera_table import write_cameras
 from styletrf.geometry.cameras import Camera
-from styletrf.geometry.parallax import LEAST_PARALLAX, parallax_share
+from styletrf.geometry.parallax import LEAST_PARALLAX, parallax_fraction
 from styletrf.geometry.point_table import write_points
 from styletrf.geometry.undistortion import undistorted_image
 from styletrf.progress import Progress, silent
@@ -35,7 +35,7 @@ from styletrf.sfm.colmap_images import ColmapImages, prepare_images
 from styletrf.sfm.colmap_mapping import log_to
 from styletrf.sfm.known_poses import map_known_poses
 from styletrf.sfm.lens_settings import Lenses
-from styletrf.sfm.mapping import SfmResult, flat_share, require_enough, require_explained
+from styletrf.sfm.mapping import SfmResult, flat_fraction, require_enough, require_explained
 from styletrf.sfm.mapping_choice import MappingTask, reconstruct
 from styletrf.sfm.own_lenses import with_own_lenses
 from styletrf.sfm.poses_report import FLAT, PosesReport, poses_report
@@ -48,7 +48,7 @@ GivenViews = tuple[str, dict[str, GivenView]]
 
 @dataclass(frozen=True, slots=True)
 class CameraPosesConfig:
-    """How photographs become poses.
+    """Settings of the search for camera poses.
 
     Args:
         poses: Those that came with the photographs are adjusted where these say so (`auto`), stay
@@ -137,7 +137,7 @@ def solve_camera_poses(
     points = sparse_points(found.mapping.models[0], found.placed)
     report = poses_report(
         found.images, names, found.mapping, found.placed, found.flat,
-        tells_depth=found.flat < FLAT or parallax_share(points, cameras) >= LEAST_PARALLAX,
+        has_parallax=found.flat < FLAT or parallax_fraction(points, cameras) >= LEAST_PARALLAX,
         is_given=given is not None,
     )  # fmt: skip
     held_out = _held_out(capture, cameras, given)
@@ -149,7 +149,7 @@ def solve_camera_poses(
 
 @dataclass(frozen=True, slots=True)
 class _Solution:
-    """What COLMAP found: `flat` is the share of its flat pairs, 0 of poses that were given."""
+    """The result of COLMAP: `flat` is the fraction of flat pairs, 0 of poses that were given."""
 
     images: ColmapImages
     mapping: SfmResult
@@ -174,7 +174,7 @@ def _solve(
         mapping, flat = _from_given(database, images, names, given, config, progress), 0.0
     else:
         mapping = _from_matches(database, images, capture, config, progress)
-        flat = flat_share(database)
+        flat = flat_fraction(database)
         images = with_own_lenses(images) if mapping.has_own_lenses else images
     mapping.models[0].extract_colors_for_all_images(images.folder)
     files = dict(zip(images.files, names, strict=True))
@@ -258,6 +258,7 @@ def _held_out(capture: Capture, cameras: Sequence[Camera], given: GivenViews | N
 def _write_report(path: Path, report: PosesReport) -> None:
     """Writes the report as JSON, and logs its warnings."""
     content = {**asdict(report), "warnings": report.warnings}
+    content["tells_depth"] = content.pop("has_parallax")  # the key of earlier versions
     text = json.dumps(content, sort_keys=True, indent=1, ensure_ascii=False)
     path.write_text(text + "\n", encoding="utf-8")
     for warning in report.warnings:

@@ -140,7 +140,7 @@ def map_globally(
     """Returns the models that COLMAP's global mapper finds, the largest first.
 
     It solves all rotations, then all positions, then adjusts the bundle: fast, and stable where
-    the photographs overlap well. It does not tell how far it is. One thread, since several add up
+    the photographs overlap well. It reports no progress. One thread, since several add up
     in an order that differs from run to run. Points count that at least `fewest_views` share. With
     `tracks`, only so many of an image decide where it is; the points of the others are added in the
     end.

@@ -20,14 +20,14 @@ from styletrf.sfm.colmap_features import extract_features
 from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.colmap_mapping import match_pairs
 from styletrf.sfm.lens_settings import LensSetting
-from styletrf.sfm.mapping import SfmResult, explained_share
+from styletrf.sfm.mapping import SfmResult, explained_fraction
 from styletrf.sfm.matching.image_pairs import Pairs, all_pairs
 from styletrf.sfm.pose_adjustment import adjusted_poses, triangulated
 
 NEIGHBORS = 20  # with which each photograph is matched, where there are more
 _WIDEST_DEG = 60.0  # between the views of photographs that are matched
 _FEWEST_POINTS = 16
-_LEAST_SHARE = 0.3  # of the matched features, that have a point; right poses have 0.9
+_LEAST_FRACTION = 0.3  # of the matched features, that have a point; right poses have 0.9
 
 
 def map_known_poses(
@@ -68,7 +68,7 @@ def map_known_poses(
         found = adjusted_poses(model, database, images.folder, images.long_side, seed)
         model, reason = found.model, found.reason
     _require_fitting(model, database, source)
-    explained = explained_share(database, [model])
+    explained = explained_fraction(database, [model])
     return SfmResult([model], "neighbors", verified, f"{GIVEN_BY}{source}", reason, explained)
 
 
@@ -84,12 +84,12 @@ def _lens_model(views: Sequence[GivenView], source: str) -> str:
 
 def _require_fitting(model: pycolmap.Reconstruction, database: Path, source: str) -> None:
     """Refuses poses at which too few of the matched features have a point."""
-    share = model.compute_num_observations() / max(_matched_features(database), 1)
-    if model.num_points3D() < _FEWEST_POINTS or share < _LEAST_SHARE:
+    fraction = model.compute_num_observations() / max(_matched_features(database), 1)
+    if model.num_points3D() < _FEWEST_POINTS or fraction < _LEAST_FRACTION:
         raise InputError(
             source,
             f"does not fit the photographs: at its poses they share {model.num_points3D()} points,"
-            f" seen by {share:.0%} of the features that match",
+            f" seen by {fraction:.0%} of the features that match",
             "Check its axes and the photographs' names, or have the poses solved with"
             """ --CameraPoses-settings '{"poses": "solved"}'""",
         )

@@ -16,14 +16,14 @@ _ONE_SETTING = 1.03  # ratio of focal lengths, up to which they are one
 class LensSetting:
     """Photographs of one size taken with one focal length, which is known or not.
 
-    Views of panoramas differ in their `direction`, and have no distortion. The setting `is_assumed`
-    where neither EXIF, nor a clip, nor the user says that several photographs share it.
+    Views of panoramas differ in their `direction`, and have no distortion. Of the `assumed` among
+    the files neither EXIF, nor a clip, nor the user says that they share it with others.
     """
 
     files: tuple[str, ...]
     focal_prior_px: float | None
     direction: str | None = None
-    is_assumed: bool = False
+    assumed: tuple[str, ...] = ()
 
 
 def lens_settings(
@@ -75,8 +75,9 @@ def _setting(
     """Returns the setting that photographs share."""
     focal_px = _median([f for k in group if (f := focals_px[k]) is not None])
     first = photographs[group[0]]
-    is_assumed = lenses == "auto" and len(group) > 1 and focal_px is None and first.clip is None
-    return LensSetting(tuple(files[k] for k in group), focal_px, first.direction, is_assumed)
+    may_differ = lenses == "auto" and len(group) > 1 and first.clip is None
+    assumed = tuple(files[k] for k in group if focals_px[k] is None) if may_differ else ()
+    return LensSetting(tuple(files[k] for k in group), focal_px, first.direction, assumed)
 
 
 def _of_one_kind(

@@ -1,4 +1,4 @@
-"""What a mapper made of the photographs, and how well it explains their matches."""
+"""The result of a mapper, and how well it explains the matches of the photographs."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ BETTER_PHOTOGRAPHS = (
     "Take photographs from different places, each sharing most of what it shows with its "
     "neighbors, of things that have texture and keep still, in focus; 20 or more are better"
 )
-"""What to do about photographs that tell too little."""
+"""The remedy for photographs that show too little."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def require_explained(
     """Refuses poses that contradict most of what the photographs share.
 
     Raises:
-        InputError: The share of the matches that they explain is below `least_explained`.
+        InputError: The fraction of the matches that they explain is below `least_explained`.
     """
     if mapping.explained < least_explained:
         problem = (
@@ -107,8 +107,8 @@ def _counted(photographs: Sequence[Photograph]) -> str:
     return f"the {len({one.panorama or one.name for one in photographs})} photographs"
 
 
-def explained_share(database: Path, models: Sequence[pycolmap.Reconstruction]) -> float:
-    """Returns the share of the matches that the first model explains, see `SfmResult`."""
+def explained_fraction(database: Path, models: Sequence[pycolmap.Reconstruction]) -> float:
+    """Returns the fraction of the matches that the first model explains, see `SfmResult`."""
     if not models:
         return 0.0
     model = models[0]
@@ -150,8 +150,8 @@ def could_be_placed(database: Path, model: pycolmap.Reconstruction) -> bool:
     return any(count >= _LEAST_INLIERS for count in shared.values())
 
 
-def flat_share(database: Path) -> float:
-    """Returns the share of the verified pairs whose matches fit one homography.
+def flat_fraction(database: Path) -> float:
+    """Returns the fraction of the verified pairs whose matches fit one homography.
 
     They show one plane, or were taken from one spot: a model of such pairs alone has made-up depth.
     """

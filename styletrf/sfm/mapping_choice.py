@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from shutil import copyfile
 
@@ -21,7 +22,7 @@ from styletrf.sfm.colmap_mapping import (
     match_pairs,
     panorama_pairs,
 )
-from styletrf.sfm.mapping import SfmResult, could_be_placed, explained_share, is_explained
+from styletrf.sfm.mapping import SfmResult, could_be_placed, explained_fraction, is_explained
 from styletrf.sfm.mapping_ladder import ENOUGH_PLACED, MappingAttempt, best_mapping
 from styletrf.sfm.matching.image_pairs import (
     Pairs,
@@ -37,10 +38,11 @@ from styletrf.sfm.matching.preemptive_pairs import N_LARGEST, preemptive_pairs
 from styletrf.sfm.matching.retrieval import similar_pairs
 from styletrf.sfm.model_joining import joined
 from styletrf.sfm.model_support import supported
-from styletrf.sfm.own_lenses import give_own_lenses, with_own_lenses
+from styletrf.sfm.own_lenses import give_own_lenses, shared_lenses_differ, with_own_lenses
 
 STRONGER_UP_TO = 40  # photographs: stronger features take seconds each, and few need them
 _EAGER = "incremental from a weaker start"
+_LENSES = "a lens for each photograph"
 _CLEARLY = 1.05  # times as much explained by a lens for each photograph: hardly more if not needed
 
 
@@ -81,19 +83,20 @@ def reconstruct(task: MappingTask) -> SfmResult:
 
     The global mapper goes first. Where it leaves photographs out, they are matched with all others,
     or, where they are many, with more than before; unless no pair at all was verified.
-    Where fewer than 80 % are then placed or explained, photographs whose shared lens is assumed
-    have one each. Where less than 80 % of the matches are explained, both mappers count the points
-    that only two photographs share; where photographs are still left out, the incremental mapper is
-    tried. Where then fewer than 80 % are placed or explained, it begins with less, verified pairs
-    are matched again along their geometry, and at last all photographs are described by stronger
-    features.
+    Photographs whose shared lens is assumed have one each where they contradict it, and where fewer
+    than 80 % are placed or explained. Where less than 80 % of the matches are explained, both
+    mappers count the points that only two photographs share; where photographs are still left out,
+    the incremental mapper is tried. Where then fewer than 80 % are placed or explained, it begins
+    with less, verified pairs are matched again along their geometry, and at last all photographs
+    are described by stronger features.
     """
     attempt = MappingAttempt
     rescue = partial(MappingAttempt, skip_if_placed=ENOUGH_PLACED)
     attempts = [
         attempt("the global mapper", partial(_first, task)),
         attempt("the global mapper, those left out matched with more,", partial(_left_out, task)),
-        rescue("a lens for each photograph", partial(_own_lenses, task), least_gain=_CLEARLY),
+        attempt(_LENSES, partial(_own_lenses, task, is_contradicted=True), inf, least_gain=1.0),
+        rescue(_LENSES, partial(_own_lenses, task, is_contradicted=False), least_gain=_CLEARLY),
         attempt("the better mapper with points of two photographs", partial(_points_of_two, task)),
         attempt("the incremental mapper", partial(_incrementally, task)),
         rescue("the incremental mapper from a weaker start", partial(_eagerly, task)),
@@ -139,14 +142,20 @@ def _points_of_two(task: MappingTask, best: SfmResult | None) -> SfmResult | Non
     return _better_of_two(task, best, "incremental")
 
 
-def _own_lenses(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
+def _own_lenses(
+    task: MappingTask, best: SfmResult | None, *, is_contradicted: bool
+) -> SfmResult | None:
     """Where photographs share a lens of which nothing is known: each has one, here and later.
 
-    So photographs of several cameras are mapped whose files lost their EXIF. It comes before points
-    of two photographs count, since these hide a wrong lens: poses bend until they agree.
+    So photographs of several cameras are mapped whose files lost their EXIF, whether or not the
+    placed ones contradict a shared lens. It comes before points of two photographs count, since
+    these hide a wrong lens: poses bend until they agree.
     """
-    is_assumed = any(setting.is_assumed for setting in task.images.lenses)
-    if best is None or not best.verified_pairs or not is_assumed:
+    is_assumed = any(setting.assumed for setting in task.images.lenses)
+    if best is None or not best.verified_pairs or not is_assumed or best.has_own_lenses:
+        return None
+    differ = bool(best.models) and shared_lenses_differ(best.models[0], task.images)
+    if differ is not is_contradicted:
         return None
     return _mapped(task, replace(best, has_own_lenses=True), "global", fewest_views=3)
 
@@ -219,7 +228,7 @@ def _mapped(task: MappingTask, matched: SfmResult, mapper: str, fewest_views: in
     if fewest_views == 2:
         pieces = (supported(model) for model in models)
         models = largest_first(p for p in pieces if p.num_reg_frames() >= FEWEST_PHOTOGRAPHS)
-    explained = explained_share(task.database, models)
+    explained = explained_fraction(task.database, models)
     found = replace(matched, models=models, mapper=mapper, explained=explained)
     whole = joined(task.database, found, fewest_views, task.seed)
     return max(found, whole, key=lambda mapping: mapping.quality)
@@ -230,7 +239,9 @@ def _with_own_lenses(task: MappingTask) -> MappingTask:
     database = task.database.with_stem(f"{task.database.stem}_own_lenses")
     copyfile(task.database, database)
     images = with_own_lenses(task.images)
-    give_own_lenses(database, images)
+    pairs = give_own_lenses(database, images)
+    if pairs:
+        match_pairs(database, images, pairs, task.seed, task.progress)
     return replace(task, database=database, images=images)
 
 

@@ -19,9 +19,9 @@ class MappingAttempt:
         name: In words, for the reason.
         attempt: Maps, given the best mapping so far; returns None where it has nothing to try.
         skip_if_placed: Skips this attempt if at least this fraction of the photographs already has
-            a camera and the matches are explained.
+            a camera and the matches are explained; infinite where the attempt decides itself.
         least_gain: Replaces the best mapping only if it explains so many times as much: its placed
-            photographs times the share of the matches that it explains.
+            photographs times the fraction of the matches that it explains.
     """
 
     name: str

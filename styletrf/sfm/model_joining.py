@@ -2,7 +2,7 @@
 
 Each is brought into the largest model's frame by the similarity with which the photographs that
 both hold agree (as hierarchical mapping does; Bhowmick et al. 2014). Then all points are
-triangulated anew from the matches, and everything is adjusted together.
+triangulated again from the matches, and everything is adjusted together.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from styletrf.colmap import pycolmap
-from styletrf.sfm.mapping import SfmResult, explained_share
+from styletrf.sfm.mapping import SfmResult, explained_fraction
 
-_FEWEST_SHARED = 2  # photographs that tell a similarity
+_FEWEST_SHARED = 2  # photographs that determine a similarity
 _LARGEST_ERROR_PX, _LEAST_ANGLE_DEG = 4.0, 1.5  # of a point, as COLMAP's mapper has them
 
 
@@ -40,7 +40,7 @@ def joined(database: Path, mapping: SfmResult, fewest_views: int, seed: int) -> 
         return mapping
     whole = _adjusted(database, cameras.values(), poses, fewest_views, seed)
     models = [whole, *apart]
-    explained = explained_share(database, models)
+    explained = explained_fraction(database, models)
     mapper = f"{mapping.mapper}, {len(mapping.models) - len(apart)} models joined"
     return replace(mapping, models=models, mapper=mapper, explained=explained)
 

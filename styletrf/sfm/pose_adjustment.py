@@ -2,7 +2,7 @@
 
 Poses and lenses are adjusted by the reprojections of every other point (bundle adjustment; Triggs
 et al. 1999). The remaining points take no part and judge: the adjusted poses are used where these
-points, each placed anew, fall nearer to where they are seen. So exact poses, as of a rendered
+points, each placed again, fall nearer to where they are seen. So exact poses, as of a rendered
 scene, stay as they are, and a lens whose distortion the poses' format leaves out is found.
 """
 
@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.colmap import pycolmap
-from styletrf.sfm.mapping import ENOUGH_EXPLAINED, explained_share
+from styletrf.sfm.mapping import ENOUGH_EXPLAINED, explained_fraction
 
 _LARGEST_ERROR_PX, _LEAST_ANGLE_DEG = 4.0, 1.5  # of a point, as COLMAP's mapper has them
 _ANGLE_ERROR_DEG = 2.0  # of a new point's rays, likewise
-_ROUGH_SHARE = 0.03  # of the longer side: the largest error of points at poses that are far off
+_ROUGH_FRACTION = 0.03  # of the longer side: the largest error of points at poses that are far off
 _USUAL_ERROR_PX = 0.5  # of a right match; those of larger ones count for less
 _LEAST_GAIN = 0.02  # by which the error of points that take no part has to fall
 _SAME_FOCAL = 1e-3  # by which the two focal lengths of a pinhole may differ, as a ratio
@@ -75,12 +75,12 @@ def adjusted_poses(
         seed: Of COLMAP's sampling.
     """
     reasons, start = ["the poses came with the photographs"], given
-    explained = explained_share(database, [given])
+    explained = explained_fraction(database, [given])
     if explained < ENOUGH_EXPLAINED:
-        rough = triangulated(given, database, folder, seed, _ROUGH_SHARE * long_side)
+        rough = triangulated(given, database, folder, seed, _ROUGH_FRACTION * long_side)
         _adjust(rough, with_lenses=False)
         start = triangulated(rough, database, folder, seed)
-        better = explained_share(database, [start])
+        better = explained_fraction(database, [start])
         if better < ENOUGH_EXPLAINED:
             return AdjustedPoses(given, reasons[0])
         reasons.append(f"adjusted, they explain {better:.0%} of the matches, not {explained:.0%}")
@@ -153,7 +153,7 @@ def _with_distortion(camera: pycolmap.Camera) -> None:
 def _with_points_of(
     model: pycolmap.Reconstruction, points: Sequence[int]
 ) -> pycolmap.Reconstruction:
-    """Returns the model with these points alone, placed anew as `_adjust` places them."""
+    """Returns the model with these points alone, placed again as `_adjust` places them."""
     placed = pycolmap.Reconstruction(model)
     for point in set(model.point3D_ids()) - set(points):
         placed.delete_point3D(point)

@@ -1,4 +1,4 @@
-"""What is said of camera poses: `poses.json`, its warnings, and what speaks against the poses."""
+"""The report on camera poses: `poses.json`, its warnings, and reasons to doubt the poses."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ from styletrf.sfm.reconstruction import PlacedPhotograph
 
 _LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
 FLAT = 0.95
-"""Below this share of flat pairs, photographs have parallax.
+"""Below this fraction of flat pairs, photographs have parallax.
 
-Above it, `parallax_share` of the points decides.
+Above it, `parallax_fraction` of the points decides.
 """
 
 
@@ -28,13 +28,13 @@ class FoundLens:
 
 @dataclass(frozen=True, slots=True)
 class PosesReport:
-    """What `poses.json` says; the lens is the first before undistortion, in pixels of `width`.
+    """The content of `poses.json`; the lens is the first before undistortion, in pixels of `width`.
 
     `lenses` are those of all placed photographs, the one that took most of them first.
 
-    `flat_pairs` is the share of the pairs most of whose matches fit one homography. Where nearly
-    all do, and nearly all points, too, the photographs tell no depth (`tells_depth`). `doubts` are
-    what speaks against the poses.
+    `flat_pairs` is the fraction of the pairs most of whose matches fit one homography. If nearly
+    all do, and nearly all points, too, the photographs have no parallax. `doubts` are warnings that
+    the poses may be wrong.
     """
 
     registered: int
@@ -48,7 +48,7 @@ class PosesReport:
     mapper_reason: str
     matches_explained: float
     flat_pairs: float
-    tells_depth: bool
+    has_parallax: bool
     pieces: tuple[int, ...]
     camera_model: str
     camera_params: tuple[float, ...]
@@ -62,7 +62,7 @@ class PosesReport:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is amiss: photographs without a camera, and the doubts."""
+        """The warnings: photographs without a camera, and the doubts."""
         if not self.unregistered:
             return self.doubts
         unplaced = (
@@ -80,25 +80,25 @@ def poses_report(
     placed: Sequence[PlacedPhotograph],
     flat: float,
     *,
-    tells_depth: bool,
+    has_parallax: bool,
     is_given: bool,
 ) -> PosesReport:
-    """Returns what `poses.json` says of a mapping whose photographs are placed.
+    """Returns the content of `poses.json` for a mapping whose photographs are placed.
 
     Args:
         images: The photographs as COLMAP saw them.
         names: Of all photographs.
         mapping: What was found.
         placed: Those that have a camera.
-        flat: The share of flat pairs; 0 of poses that were given.
-        tells_depth: Whether there is parallax between the photographs.
+        flat: The fraction of flat pairs; 0 of poses that were given.
+        has_parallax: Whether there is parallax between the photographs.
         is_given: Whether the poses came with the photographs, and are not doubted.
     """
     model, lens = mapping.models[0], placed[0].lens
     registered = {one.camera.name for one in placed}
     unregistered = tuple(name for name in names if name not in registered)
     pieces = tuple(int(piece.num_reg_images()) for piece in mapping.models)
-    error_share = model.compute_mean_reprojection_error() / images.long_side
+    error_fraction = model.compute_mean_reprojection_error() / images.long_side
     return PosesReport(
         registered=len(placed),
         total=len(names),
@@ -111,7 +111,7 @@ def poses_report(
         mapper_reason=mapping.mapper_reason,
         matches_explained=mapping.explained,
         flat_pairs=flat,
-        tells_depth=tells_depth,
+        has_parallax=has_parallax,
         pieces=pieces,
         camera_model=str(lens.model_name),
         camera_params=tuple(float(value) for value in lens.params),
@@ -122,8 +122,8 @@ def poses_report(
         height=int(lens.height),
         lenses=_lenses(placed),
         doubts=(
-            *_doubts_of_model(pieces, error_share),
-            *(() if is_given else _doubts_of_matches(mapping, tells_depth=tells_depth)),
+            *_doubts_of_model(pieces, error_fraction),
+            *(() if is_given else _doubts_of_matches(mapping, has_parallax=has_parallax)),
         ),
     )
 
@@ -133,13 +133,14 @@ def _lenses(placed: Sequence[PlacedPhotograph]) -> tuple[FoundLens, ...]:
     return tuple(FoundLens(lens, count) for lens, count in counts.most_common())
 
 
-def _doubts_of_model(pieces: Sequence[int], error_share: float) -> list[str]:
-    """Returns what of the points and the pieces speaks against the poses."""
+def _doubts_of_model(pieces: Sequence[int], error_fraction: float) -> list[str]:
+    """Returns the doubts about the poses that the points and the pieces raise."""
     doubts = []
-    if error_share > _LARGE_ERROR:
+    if error_fraction > _LARGE_ERROR:
         doubts.append(
-            f"the points are {error_share:.1%} of an image's longer side off on average, too much"
-            " for sharp renders: the poses, the lens or the order of the photographs may be wrong"
+            f"the points are {error_fraction:.1%} of an image's longer side off on average, too"
+            " much for sharp renders: the poses, the lens or the order of the photographs may be"
+            " wrong"
         )
     if len(pieces) > 1:
         sizes = ", ".join(str(size) for size in pieces)
@@ -149,15 +150,15 @@ def _doubts_of_model(pieces: Sequence[int], error_share: float) -> list[str]:
     return doubts
 
 
-def _doubts_of_matches(mapping: SfmResult, *, tells_depth: bool) -> list[str]:
-    """Returns warnings where the poses contradict matches, or these tell no depth."""
+def _doubts_of_matches(mapping: SfmResult, *, has_parallax: bool) -> list[str]:
+    """Returns warnings where the poses contradict matches, or the matches have no parallax."""
     doubts = []
     if not is_explained(mapping):
         doubts.append(
             f"only {mapping.explained:.0%} of what the photographs share agrees with their poses:"
             " some may be in wrong places, as where things repeat. " + BETTER_PHOTOGRAPHS
         )
-    if not tells_depth:
+    if not has_parallax:
         doubts.append(
             "the photographs were taken from one spot, or show nothing but a flat wall: they tell"
             " no depth. " + BETTER_PHOTOGRAPHS

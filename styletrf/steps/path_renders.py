@@ -32,7 +32,7 @@ class RenderSettings(Protocol):
 
     @property
     def render(self) -> RenderConfig:
-        """How frames are rendered."""
+        """The settings of rendering."""
 
     @property
     def frames_per_second(self) -> int:

@@ -36,13 +36,13 @@ def export_scene(
     file_format: ExportFormat,
     styles: Sequence[str],
 ) -> None:
-    """Writes the files of one format, and `export.json` with what they hold and lose.
+    """Writes the files of one format, and `export.json` with their content and loss.
 
     Args:
         inputs: `poses`, `trajectory`; but for cameras `field`, `model`, and `stylized NAME` of each
             style.
         out: The folder to fill.
-        settings: There are none.
+        settings: Empty.
         run: Its progress is counted after every picture, style and iteration.
         file_format: See `docs/exports.md`.
         styles: Names of the styles.

@@ -1,5 +1,6 @@
 """The report of a scene: a survey of its photographs, and what a fly-through of it will take."""
 
+import math
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ from styletrf.devices import device_named
 from styletrf.evaluation.expected_quality import expected_psnr
 from styletrf.field.kernels import kernels_for
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.cost import field_cost
+from styletrf.field.training.cost import FieldCost, field_cost
 from styletrf.files.images import read_rgb, to_integers
 from styletrf.files.tables import read_summary, write_summary
 from styletrf.geometry.camera_table import read_cameras, read_unregistered
@@ -35,21 +36,25 @@ from styletrf.steps.step_run import StepRun
 
 @dataclass(frozen=True, slots=True)
 class PlannedJob:
-    """What a whole fly-through costs at a quality, and the settings of two of its stages.
+    """The cost of a whole fly-through at a quality, and the settings of two of its stages.
 
     Attributes:
         seconds: Of all stages but the field, one after the other.
+        field_seconds: Of the field, as predicted.
         peak_memory_bytes: Of the stage that takes most.
         output_bytes: Of all artifacts on disk.
         model: Settings of `SceneModelConfig`.
         field: Settings of `FieldTrainingConfig`.
+        is_tried: Whether the field is timed, and fitted briefly to predict its PSNR.
     """
 
     seconds: float
+    field_seconds: float
     peak_memory_bytes: int
     output_bytes: int
     model: Mapping[str, Any]
     field: Mapping[str, Any]
+    is_tried: bool
 
 
 def report_scene(
@@ -67,17 +72,17 @@ def report_scene(
     Args:
         inputs: `capture`, `poses` and `model`.
         out: The folder to fill.
-        settings: There are none.
+        settings: Empty.
         run: Its progress is the number of qualities.
         scene: Its name, for the page.
-        jobs: By quality; the field of each is fitted briefly, twice.
+        jobs: By quality; the field of each that is tried is fitted briefly, twice.
         machine: What it is, for the page.
     """
     expected = _expectations(inputs, jobs, run)
     content = _content(inputs, scene, expected, machine)
     summary = {
         "advice": advice(content),
-        "seen_by_fewer_than_3": content.survey.sparse_share,
+        "seen_by_fewer_than_3": content.survey.sparse_fraction,
         "seconds": {quality: each.field.seconds for quality, each in expected.items()},
         "job_seconds": {quality: each.job_seconds for quality, each in expected.items()},
         "expected_psnr": {quality: each.psnr_db for quality, each in expected.items()},
@@ -97,12 +102,23 @@ def _expectations(
     for k, (quality, job) in enumerate(jobs.items()):
         run.progress(k, len(jobs))
         model, fit = _fit(photographs, decided, job)
+        if not job.is_tried:
+            expectations[quality] = _predicted(model, job)
+            continue
         cost = field_cost(model, photographs, fit, kernels, place)
         psnr_db = expected_psnr(photographs, model, fit, kernels, place)
         memory = max(job.peak_memory_bytes, cost.peak_memory_bytes)
         seconds = job.seconds + cost.seconds
         expectations[quality] = Expectation(cost, seconds, memory, job.output_bytes, psnr_db)
     return expectations
+
+
+def _predicted(model: SceneModel, job: PlannedJob) -> Expectation:
+    """Returns the expectation for a job whose field is not tried."""
+    voxels, memory = math.prod(model.resolution), job.peak_memory_bytes
+    cost = FieldCost(job.field_seconds, memory, voxels)
+    seconds = job.seconds + cost.seconds
+    return Expectation(cost, seconds, memory, job.output_bytes, None, is_tried=False)
 
 
 def _fit(

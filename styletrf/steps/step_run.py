@@ -1,4 +1,4 @@
-"""What a step uses of its run."""
+"""The part of a run that a step uses."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +8,7 @@ from styletrf.progress import Progress, silent
 
 @dataclass(frozen=True, slots=True)
 class StepRun:
-    """What a step uses besides its inputs and settings.
+    """The folder, device and progress that a step uses besides its inputs and settings.
 
     Attributes:
         work: An existing folder for checkpoints, from which an interrupted step continues. It

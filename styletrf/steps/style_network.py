@@ -101,9 +101,9 @@ def convert_network(
     """Writes a checkpoint of PyTorch's fast-neural-style example as a style network.
 
     Args:
-        inputs: None.
+        inputs: Empty.
         out: The folder to fill.
-        settings: There are none.
+        settings: Empty.
         run: Not used.
         checkpoint: The user's file.
     """
@@ -118,7 +118,7 @@ def condition_network(
     Args:
         inputs: `style` and `transfer`.
         out: The folder to fill.
-        settings: There are none.
+        settings: Empty.
         run: Not used.
     """
     painting = torch.from_numpy(read_rgb(inputs["style"] / "style.png"))

@@ -49,15 +49,19 @@ def stylize_priors(
     One color map serves all priors, so a shard keeps its views as they are before.
 
     Args:
-        inputs: `priors` and `style`; `network` or `perceptual` of the stylizer; from the second
+        inputs: `priors` and `style`; `network`, or with factors `perceptual`; from the second
             round on also `before`, the field of the previous round, with `field` and `model`; or
             `priors`, `style` and the shards to join.
         out: The folder to fill.
         settings: Of `GatysConfig`, where pixels are optimized.
         run: Its progress is the number of views.
         colors: The source of the colors.
-        factors: Stroke scale and content weight of an optimization of pixels (Gatys et al.); empty
-            for a network.
+        factors: Stroke scale and content weight of an optimization of pixels (Gatys et al.), which
+            starts from the network's pictures unless its settings say otherwise; empty for a
+            network alone.
+
+    Raises:
+        ValueError: The input `network` is missing without factors, or `perceptual` with factors.
     """
     cameras = read_cameras(inputs["priors"] / "cameras.parquet")
     plain = list(float_images(inputs["priors"]))
@@ -85,7 +89,7 @@ def _content(
     background: EmptyBackground | None,
     device: torch.device,
 ) -> list[Image]:
-    """Returns what is stylized: the priors, from the second round on blended with renders."""
+    """Returns the images to stylize: the priors, from the second round on blended with renders."""
     views = list(float_images(inputs["priors"], cameras))
     if "before" in inputs:
         views = blend_with_previous_round(views, cameras, inputs, device)
@@ -99,6 +103,12 @@ def _painter(
     device: torch.device,
 ) -> Painter:
     """Returns the network, or an optimization, which may start from the network's pictures."""
+    needed = "perceptual" if factors else "network"
+    if needed not in inputs:
+        raise ValueError(
+            f"inputs have no {needed!r}: priors are stylized by the input 'network', or by factors"
+            " and the input 'perceptual'"
+        )
     network = network_painter(inputs["network"], device) if "network" in inputs else None
     if network and not factors:
         return network

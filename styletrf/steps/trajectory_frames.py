@@ -54,10 +54,11 @@ def _supported(source: PathSource, path: str, config: FramesConfig) -> Supported
     poses, model = source.inputs["poses"], source.model
     fitted = model.normalized(read_split(poses / "cameras.parquet")[0])
     field, device = load_field(source.inputs["field"]), device_named(source.device_name)
-    meter = SupportMeter(fitted, field, model.space, config.support, device)
+    images = None if model.exposures else poses / "images"  # else their colors are not the field's
+    meter = SupportMeter(fitted, field, model.space, config.support, device, images)
     of = source.photographed, model, config
     if path == "auto":
-        tells_depth = read_summary(poses / "poses.json")["tells_depth"]
-        return default_path(*of, meter.measure, tells_depth=tells_depth)
+        has_parallax = read_summary(poses / "poses.json")["tells_depth"]
+        return default_path(*of, meter.measure, has_parallax=has_parallax)
     chosen = chosen_path(path, *of, are_given=poses_are_given(poses))
     return SupportedPath(chosen, meter.measure(chosen))

@@ -31,7 +31,7 @@ def write_viewer_page(
         inputs: `field`, `model`, `poses`, `trajectory`; `style NAME` and `stylized NAME` of each
             style.
         out: The folder to fill.
-        settings: There are none.
+        settings: Empty.
         run: Its progress is that of baking the fields.
         scene: Its name, for the page.
         styles: Names of the styles.

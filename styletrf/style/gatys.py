@@ -26,7 +26,7 @@ from styletrf.style.perceptual.vgg import VGG16
 
 @dataclass(frozen=True, slots=True)
 class GatysConfig:
-    """How a view is optimized; most of it at half its size, which the strokes come from."""
+    """Settings of the optimization of a view; most of it runs at half the view's size."""
 
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
     style_px: int = 420

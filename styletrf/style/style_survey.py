@@ -1,4 +1,4 @@
-"""Warnings of what a painting is likely to give, before hours are spent on it."""
+"""Warnings about paintings that stylize poorly, before hours are spent on them."""
 
 import numpy as np
 import torch
@@ -11,12 +11,12 @@ from styletrf.style.perceptual.vgg import VGG16
 FINE_LAYER = "relu1_2"
 _SMALL_PX = 256
 _FAINT_DEVIATION = 0.05  # of colors, on [0, 1]
-_ONE_HUE = 0.005  # variance across the main axis of color, as a share of that along it
+_ONE_HUE = 0.005  # variance across the main axis of color, as a fraction of that along it
 _UNSTEADY_TRACE = 2.0  # times the photographs'
 
 
 def painting_warnings(image: Float[np.ndarray, "height width 3"]) -> list[str]:
-    """Returns what is to be expected of a painting, RGB in [0, 1], by its size and colors."""
+    """Returns warnings about a painting, RGB in [0, 1], by its size and colors."""
     warnings = []
     short = min(image.shape[:2])
     if short < _SMALL_PX:
@@ -53,7 +53,7 @@ def gram_trace_ratio(
 
 
 def trace_warnings(ratio: float) -> list[str]:
-    """Returns what is to be expected of a painting by its fine Gram trace."""
+    """Returns warnings about a painting by its fine Gram trace."""
     if ratio < _UNSTEADY_TRACE:
         return []
     return [

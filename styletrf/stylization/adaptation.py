@@ -4,7 +4,7 @@ With the density frozen the samples and weights of a ray never change, so a ray 
 only the samples that carry its weight are kept; an iteration then costs an appearance look-up and
 the color network.
 
-One view fixes only the sum along each of its rays. Where the matter is spread along a ray, its
+One view fixes only the sum along each of its rays. Where the density is spread along a ray, its
 samples could differ wildly, and another view would show them as noise. So every sample is fitted to
 the color of its ray. The losses are means over the rays of
 
@@ -48,7 +48,7 @@ _CURVE_EVERY = 20  # iterations
 
 @dataclass(frozen=True, slots=True)
 class AdaptationConfig:
-    """How the appearance is adapted."""
+    """Settings of the adaptation of the appearance."""
 
     iterations: int = 400
     batch: int = 16384  # rays an iteration
@@ -100,7 +100,7 @@ def adapt_appearance(
         stylized: The views.
         space: Of the scene.
         config: How to adapt.
-        kernels: The form to compute with.
+        kernels: The backend to compute with.
         progress: Is given the iteration and the loss.
         pixels: Those to learn from, by their numbers; all of them where not given.
 
@@ -141,7 +141,7 @@ def fit_appearance(
         appearance: What is fitted.
         batches: One for each iteration.
         config: How.
-        kernels: The form to compute with.
+        kernels: The backend to compute with.
         progress: Is given the iteration and the loss.
         started: From when the seconds of the curve count; by default from now.
 

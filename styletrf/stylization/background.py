@@ -16,13 +16,13 @@ from styletrf.files.float_images import FloatImage
 Image = Float[np.ndarray, "height width 3"]
 Color = Float[np.ndarray, " 3"]
 
-_LEAST_SHARE = 0.01
+_LEAST_FRACTION = 0.01
 """Of the pixels of all views, that have to be empty for the views to have such a background."""
 
 
 @dataclass(frozen=True, slots=True)
 class EmptyBackground:
-    """The one color of pixels in which nothing is, and the mean color of what is in the others.
+    """The one color of empty pixels, and the mean color of the others.
 
     Attributes:
         shown: Of rays that hit nothing.
@@ -58,7 +58,7 @@ def empty_background(views: Iterable[FloatImage]) -> EmptyBackground | None:
         opaque += float(view.opacity.sum(dtype=np.float64))
         of_empty += view.color[is_empty].sum(axis=0, dtype=np.float64)
         of_all += view.color.sum(axis=(0, 1), dtype=np.float64)
-    if empty <= _LEAST_SHARE * pixels or opaque == 0:
+    if empty <= _LEAST_FRACTION * pixels or opaque == 0:
         return None
     shown = of_empty / empty
     return EmptyBackground(shown, ((of_all - (pixels - opaque) * shown) / opaque).clip(0, 1))
@@ -67,7 +67,7 @@ def empty_background(views: Iterable[FloatImage]) -> EmptyBackground | None:
 def replace_background(
     views: Sequence[FloatImage], background: EmptyBackground | None
 ) -> list[Image]:
-    """Returns what is painted of the views: on their mean color, where they have a background."""
+    """Returns the views to stylize: on their mean color if they have a background."""
     return [(background.covered(view) if background else view).color for view in views]
 
 

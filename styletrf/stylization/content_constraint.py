@@ -46,7 +46,7 @@ class TermsOfLoss(Protocol):
     """The weighted terms of a loss, as `StyleLoss` has them."""
 
     def content_features(self, shown: Tensor) -> Tensor:
-        """Returns the features that an output is to share with what it shows."""
+        """Returns the features that an output should share with its content image."""
 
     def __call__(
         self, output: Tensor, content: Tensor, generator: torch.Generator
@@ -76,7 +76,7 @@ class ConstrainedContentLoss:
         """Of the weight that it began with."""
 
     def content_features(self, unstylized: Tensor) -> Tensor:
-        """Returns the features that a render is to share with the unstylized one."""
+        """Returns the features that a render should share with the unstylized one."""
         return self._terms.content_features(unstylized)
 
     def __call__(self, image: Tensor, features: Tensor, generator: torch.Generator) -> Tensor:

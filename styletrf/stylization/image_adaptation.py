@@ -53,7 +53,7 @@ _PARTS = 24
 
 @dataclass(frozen=True, slots=True)
 class ImageAdaptationConfig:
-    """How often, and how fast compared with the adaptation to pixels before.
+    """The iterations and rates of the adaptation to images, which follows that to pixels.
 
     A loss of strokes says little of color, which drifts towards the photographs' or to gray:
     `color_weight` is that of the drift, see `color_drift`; `variance_weight` that of the mean
@@ -96,7 +96,7 @@ def adapt_to_image_loss(
         image_loss: Of a render and the content features of the unstylized view.
         config: How long.
         adaptation: Rates, parts and the cache.
-        kernels: The form to compute with.
+        kernels: The backend to compute with.
         progress: Called with the iteration and the loss.
         background: Of views that show an object on nothing: the loss sees it on its mean color, as
             what painted the views did.

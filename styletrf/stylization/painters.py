@@ -22,7 +22,7 @@ Painter = Callable[[Tensor], Tensor]
 
 
 def network_painter(folder: Path, device: torch.device) -> Painter:
-    """Returns what paints by the network in a folder."""
+    """Returns a function that stylizes an image by the network in a folder."""
     network = load_style_network(folder, device)
     return lambda image: stylize(network, image.to(device)).cpu()
 
@@ -34,7 +34,7 @@ def optimizing_painter(
     device: torch.device,
     network: Painter | None = None,
 ) -> Painter:
-    """Returns what paints by optimizing the pixels of each view.
+    """Returns a function that stylizes an image by optimizing its pixels.
 
     Args:
         weights: Of the perceptual network.

@@ -1,6 +1,6 @@
 """Chooses the power of a style's weights by how crisp its frames are beside its priors.
 
-A higher power keeps strokes crisp where matter is spread along the rays
+A higher power keeps strokes crisp where density is spread along the rays
 (`styletrf.field.weight_sharpening`). It costs temporal consistency, and it adds grain.
 Wide soft strokes need none. So the lowest power is taken with which renders at the priors' cameras
 are nearly as sharp as the priors.
@@ -24,7 +24,7 @@ from styletrf.trajectory.frames import rendered
 
 @dataclass(frozen=True, slots=True)
 class PowerChoiceConfig:
-    """What is tried.
+    """Settings of the choice of a power.
 
     Attributes:
         powers: In ascending order, each at least 1.

@@ -21,7 +21,7 @@ class Region(ABC):
     """A part of the normalized world."""
 
     @abstractmethod
-    def share(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
+    def inside(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
         """Returns 1 for points inside, 0 for points outside, between at a soft border."""
 
 
@@ -36,8 +36,8 @@ class Box(Region):
         if not all(a < b for a, b in zip(self.lower, self.upper, strict=True)):
             raise ValueError(f"a box from {self.lower} to {self.upper} holds nothing")
 
-    def share(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
-        """See `Region.share`; NaN, a point of no place, is outside."""
+    def inside(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
+        """See `Region.inside`; NaN, a point of no place, is outside."""
         inside = (points_world >= self.lower) & (points_world <= self.upper)
         return np.asarray(inside.all(axis=1), dtype=np.float64)
 
@@ -50,7 +50,7 @@ class Masked(Region):
         camera: Of the view.
         mask: From 0 to 1.
         depth: Along the camera's axis, infinite where nothing is hit.
-        thickness: A point belongs to a surface up to this share of its depth behind it.
+        thickness: A point belongs to a surface up to this fraction of its depth behind it.
     """
 
     camera: Camera
@@ -58,8 +58,8 @@ class Masked(Region):
     depth: Float[np.ndarray, "height width"]
     thickness: float = 0.05
 
-    def share(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
-        """See `Region.share`; what the view does not show is outside."""
+    def inside(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
+        """See `Region.inside`; what the view does not show is outside."""
         somewhere = np.isfinite(points_world).all(axis=1)
         pixels, depth, surface, shown = depth_behind(
             self.camera,

@@ -45,7 +45,7 @@ Match = Literal["pixels", "gram", "distributions"]
 
 @dataclass(frozen=True, slots=True)
 class StylizationConfig:
-    """How a field takes a style on."""
+    """Settings of the stylization of a field."""
 
     adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
     single_owner: bool = True  # every surface point learns from one prior, else from all
@@ -84,7 +84,7 @@ class StylizationConfig:
 
 @dataclass(frozen=True, slots=True)
 class Stylization:
-    """What is to be stylized: a field, views of it before and after painting, and the style."""
+    """The input of a stylization: a field, its views before and after painting, and the style."""
 
     field: RadianceField
     model: SceneModel
@@ -100,7 +100,7 @@ class Stylization:
 
 
 def load_stylization(inputs: Mapping[str, Path], device: torch.device, match: Match) -> Stylization:
-    """Returns what the folders hold: field, model, priors, stylized; painting and weights; poses.
+    """Returns the content of the folders: field, model, priors, stylized; painting, weights; poses.
 
     With `poses`, whose photographs the field was fitted to, also the space that is free by them.
     """

@@ -24,7 +24,7 @@ class StyleLatticeConfig:
 
     Attributes:
         points_per_px: Along a line of the image, at the depth of what a prior shows.
-        share: The largest share of the places looked at that may have fewer.
+        share: The largest fraction of the places looked at that may have fewer.
         min_scale: Of the style's lattice, times that of the field's, however far cameras are.
         max_scale: The same, however near they are.
         most_points_per_px: The scale is reduced, but not below 1, where a pixel would have more.

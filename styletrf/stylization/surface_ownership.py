@@ -6,7 +6,7 @@ point of the surface learns from one view only: the first, in farthest-first ord
 
 A view shows what another view's pixel p shows if p, moved there by its own depth and back by the
 depth found there, returns to the neighborhood of p (the usual test of multi-view stereo, but with a
-wider tolerance: where matter is spread along the rays, its depth depends on the view, and
+wider tolerance: where density is spread along the rays, its depth depends on the view, and
 owners that alternate there leave speckles). What is hidden there lies far from what hides it, and
 does not return.
 """

@@ -69,7 +69,7 @@ class MarchedWindow:
 
     @property
     def nbytes(self) -> int:
-        """What it takes in memory."""
+        """The bytes of memory that it takes."""
         return self.rays.nbytes + self.behind.nbytes + self.content_features.nbytes
 
 

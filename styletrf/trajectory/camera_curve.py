@@ -72,13 +72,13 @@ class CameraCurve:
             ],
         )
 
-    def at_shares(self, shares: Places) -> Poses:
-        """Returns the poses at shares in [0, 1] of the way, as `TURN` measures it."""
+    def at_fractions(self, fractions: Places) -> Poses:
+        """Returns the poses at fractions in [0, 1] of the way, as `TURN` measures it."""
         inner = self.key_knots
         fine = np.arange(_FINENESS) / _FINENESS
         table = np.append((inner[:-1, None] + np.diff(inner)[:, None] * fine).ravel(), inner[-1])
         way = np.concatenate([[0.0], ways_between(self.at(table)).cumsum()])
-        return self.at(np.interp(shares * way[-1], way, table))
+        return self.at(np.interp(fractions * way[-1], way, table))
 
     def _through(
         self, values: np.ndarray, piece: np.ndarray, at: Places, blend: Blend
@@ -86,17 +86,17 @@ class CameraCurve:
         v0, v1, v2, v3 = (values[piece + k] for k in (-1, 0, 1, 2))
         t0, t1, t2, t3 = (self.knots[piece + k] for k in (-1, 0, 1, 2))
 
-        def share(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-            shares: np.ndarray = (at - start) / (end - start)
-            return shares[:, None]
+        def fraction(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+            fractions: np.ndarray = (at - start) / (end - start)
+            return fractions[:, None]
 
         a, b, c = (
-            blend(v0, v1, share(t0, t1)),
-            blend(v1, v2, share(t1, t2)),
-            blend(v2, v3, share(t2, t3)),
+            blend(v0, v1, fraction(t0, t1)),
+            blend(v1, v2, fraction(t1, t2)),
+            blend(v2, v3, fraction(t2, t3)),
         )
         point: np.ndarray = blend(
-            blend(a, b, share(t0, t2)), blend(b, c, share(t1, t3)), share(t1, t2)
+            blend(a, b, fraction(t0, t2)), blend(b, c, fraction(t1, t3)), fraction(t1, t2)
         )
         return point
 
@@ -131,7 +131,7 @@ def curve_through(
 
 
 def eased(time: Places, easing: float) -> Places:
-    """Returns the share of the way at shares of the time, both from 0 to 1.
+    """Returns the fraction of the way at fractions of the time, both from 0 to 1.
 
     The speed rises evenly during the first half of the share `easing` of the time, falls evenly
     during the last half of it, and is constant between.
@@ -182,6 +182,6 @@ def _with_ends(values: np.ndarray, blend: Blend) -> np.ndarray:
     return np.concatenate([before, values, after])
 
 
-def _lerp(a: np.ndarray, b: np.ndarray, share: np.ndarray) -> np.ndarray:
-    mixed: np.ndarray = (1 - share) * a + share * b
+def _lerp(a: np.ndarray, b: np.ndarray, fraction: np.ndarray) -> np.ndarray:
+    mixed: np.ndarray = (1 - fraction) * a + fraction * b
     return mixed

@@ -56,7 +56,7 @@ def frames_along(
     else:
         count = config.count(frames_per_second)
         time = np.arange(count) / (count if path.closed else max(count - 1, 1))
-        poses = curve.at_shares(eased(time, config.easing or path.easing))
+        poses = curve.at_fractions(eased(time, config.easing or path.easing))
     return [
         replace(with_focal(photograph, focal), name=f"{k:04d}", world_from_camera=pose)
         for k, (pose, focal) in enumerate(zip(_matrices(poses), poses.focals, strict=True))

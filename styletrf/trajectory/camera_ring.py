@@ -10,12 +10,12 @@ from styletrf.geometry.cameras import Camera
 from styletrf.scene.scene_model import SceneModel
 
 Points = Float[np.ndarray, "frames 3"]
-Shares = Float[np.ndarray, " frames"]
+Fractions = Float[np.ndarray, " frames"]
 
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """Where photographs were taken around the vertical through the focus.
+    """The positions of photographs around the vertical through the focus.
 
     `low` and `high` are distance from the vertical and height, medians of either half of the
     photographs by height. What is not `closed` is an arc from `start` of `extent` radians.
@@ -28,8 +28,8 @@ class Ring:
     low: Float[np.ndarray, " 2"]
     high: Float[np.ndarray, " 2"]
 
-    def points(self, along: Shares, rise: Shares) -> Points:
-        """Returns the points at shares of the way along, and between low and high."""
+    def points(self, along: Fractions, rise: Fractions) -> Points:
+        """Returns the points at fractions of the way along, and between low and high."""
         angles = self.start + self.extent * along
         radius, height = self.low[:, None] + np.outer(self.high - self.low, rise)
         around = np.stack([radius * np.sin(angles), height, radius * np.cos(angles)], axis=-1)

@@ -20,7 +20,7 @@ from styletrf.trajectory.supported_path import SupportedPath, supported_fly_thro
 
 def default_path(
     cameras: Sequence[Camera], model: SceneModel, config: FramesConfig,
-    measure: Callable[[Sequence[Camera]], Support], *, tells_depth: bool,
+    measure: Callable[[Sequence[Camera]], Support], *, has_parallax: bool,
 ) -> SupportedPath:  # fmt: skip
     """Returns the widest fly-through that the photographs support, or stills.
 
@@ -33,18 +33,18 @@ def default_path(
         model: Of the scene.
         config: Length, spread, angle of view, and the limit.
         measure: Returns the support of a path.
-        tells_depth: Whether there is parallax between the photographs.
+        has_parallax: Whether there is parallax between the photographs.
     """
     n_frames = config.trajectory.count(config.frames_per_second)
     trajectory = replace(config.trajectory, frames=n_frames)
     reason, found = "the photographs tell no depth", None
-    if tells_depth:
+    if has_parallax:
         found = supported_fly_through(cameras, model, trajectory, measure, config.support)
-        if found.support.share < config.support.least_for_stills or trajectory.fov_deg:
+        if found.support.fraction < config.support.least_for_stills or trajectory.fov_deg:
             return found
         reason = (
-            f"of any fly-through at least {found.support.share:.1%} of the pixels are seen by too"
-            " few photographs"
+            f"of any fly-through at least {found.support.fraction:.1%} of the pixels are seen by"
+            " too few photographs"
         )
     views, shown = stills(cameras, n_frames, config.frames_per_second)
     views = [at_size(camera, 0, trajectory.fov_deg) for camera in views]

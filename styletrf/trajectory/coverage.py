@@ -24,7 +24,7 @@ Depth = Float[np.ndarray, "height width"]
 
 @dataclass(frozen=True, slots=True)
 class CoverageConfig:
-    """How well views cover what a path sees."""
+    """Settings of how well views cover the places that a path sees."""
 
     count: int = 0  # of views; 0: as many as the cover needs
     times: int = 3  # a place is covered that so many views show
@@ -35,8 +35,8 @@ class CoverageConfig:
     most_hidden: float = 0.02  # of the places, that no candidate shows
 
     def __post_init__(self) -> None:
-        shares = 0 < self.share <= 1 and 0 <= self.once <= 1
-        if self.count < 0 or self.times < 1 or not shares:
+        fractions = 0 < self.share <= 1 and 0 <= self.once <= 1
+        if self.count < 0 or self.times < 1 or not fractions:
             raise ValueError(f"no such cover: {self}")
 
 
@@ -71,7 +71,7 @@ def shown(
         camera: Of the view.
         depth: Of the view; infinite where it hits nothing.
         places: In the camera's world.
-        tolerance: Of the depth, as a share of it.
+        tolerance: Of the depth, as a fraction of it.
         reach_px: A place counts as shown if its depth lies within the range of depths up to so many
             pixels from it, so that the edges of what hides it hide nothing more.
     """
@@ -86,7 +86,7 @@ def shown(
 
 
 def covering(seen: Bool[np.ndarray, "views places"], config: CoverageConfig) -> list[int]:
-    """Returns the chosen views: each next one shows most of what is not covered yet.
+    """Returns the chosen views: each next one shows most of the places not covered yet.
 
     Greedy set cover: each place should be visible in `times` views, or in all candidates that
     see it if there are fewer. A `count` above 0 selects exactly so many views.

@@ -117,7 +117,7 @@ def write_float_frames(
 
 
 def join_float_frames(parts: Sequence[Path], folder: Path) -> None:
-    """Writes what `write_float_frames` of all frames would have, from parts along one path.
+    """Joins parts along one path to the files that `write_float_frames` of all frames would write.
 
     Raises:
         InputError: The parts are of different paths: their machines came to different views.

@@ -51,7 +51,7 @@ class KeyFrame:
 class KeyFrames:
     """A path by its key frames.
 
-    `easing` is the share of the time during which the camera speeds up and slows down. The
+    `easing` is the fraction of the time during which the camera speeds up and slows down. The
     positions of `of_given_poses` are in the world of the poses that came with the photographs.
     """
 

@@ -52,7 +52,7 @@ def named_path(
         model: Its focus, and how the photographers looked.
         config: Its spread, turns and stabilization.
     """
-    shares = np.arange(_KEYS) / _KEYS
+    fractions = np.arange(_KEYS) / _KEYS
     if name == "photographs":
         if looks_all_around(cameras):
             cameras = facing(*onwards(cameras), typical_view(cameras))
@@ -60,9 +60,9 @@ def named_path(
     if name == "dolly":
         return NamedPath(_dolly(cameras, model, config.spread), closed=False)
     if name == "orbit":
-        centers = orbit(cameras, model, shares, config.spread)
+        centers = orbit(cameras, model, fractions, config.spread)
     else:
-        centers = _spiral(cameras, model, shares, config)
+        centers = _spiral(cameras, model, fractions, config)
     return NamedPath(poses_of(looking(centers, typical_view(cameras), model)), closed=True)
 
 
@@ -78,15 +78,15 @@ def poses_of(cameras: Sequence[Camera]) -> Poses:
 def _spiral(
     cameras: Sequence[Camera],
     model: SceneModel,
-    shares: Float[np.ndarray, " keys"],
+    fractions: Float[np.ndarray, " keys"],
     config: TrajectoryConfig,
 ) -> Float[np.ndarray, "keys 3"]:
     turns = max(config.turns, _TURNS)
     if model.looking == "ahead":
-        return ellipse(cameras, shares, turns, config.spread)
-    ring, phases = ring_of(cameras, model), 2 * np.pi * shares
+        return ellipse(cameras, fractions, turns, config.spread)
+    ring, phases = ring_of(cameras, model), 2 * np.pi * fractions
     to_and_fro = 0.5 + 0.5 * config.spread * np.sin(turns * phases)
-    along = turns * shares if ring.closed else to_and_fro
+    along = turns * fractions if ring.closed else to_and_fro
     return ring.points(along, 0.5 - 0.5 * config.spread * np.cos(phases))
 
 

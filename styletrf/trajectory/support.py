@@ -1,17 +1,23 @@
-"""Measures how well photographs support a path: the share of pixels that too few of them show.
+"""Measures how well photographs support a path: the fraction of pixels that too few of them show.
 
 A field is free where few photographs constrain it. A pixel of a frame is unsupported if fewer than
 three photographs see the surface there: the point behind it, by the field's own depth, has to lie
-within the photograph and not behind another surface, again by the field's depth.
+within the photograph and not behind another surface, again by the field's depth. Where the field
+has nothing but its background, a photograph that shows something else there sees none of it: so the
+flat border of a field that ends before the photographs do is unsupported.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
+from styletrf.capture.view_images import Image
+from styletrf.capture.views import load_views
 from styletrf.even_spread import evenly_spread
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
@@ -30,22 +36,25 @@ from styletrf.trajectory.support_config import SupportConfig
 
 Depth = Float[np.ndarray, "height width"]
 
+_SAME_COLOR = 0.1  # root mean square over the channels, up to which a color is the background
+_AROUND_PX = 7  # window in which other colors are counted
+_MANY = 1 / 3  # of the window: silhouettes and gaps between leaves are less
 _DEPTH_ALONE = RenderConfig(termination=1e-2, min_weight=1.0)  # no sample gets a color
 
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """The share of the pixels that fewer than three photographs see, by the names of frames."""
+    """The fraction of the pixels that fewer than three photographs see, by the names of frames."""
 
     unsupported: dict[str, float]
 
     @property
-    def share(self) -> float:
-        """The share of all pixels."""
+    def fraction(self) -> float:
+        """The fraction of all pixels."""
         return float(np.mean(list(self.unsupported.values())))
 
     def worst(self, count: int = 3) -> list[str]:
-        """Returns the names of the frames with the largest shares, the largest first."""
+        """Returns the names of the frames with the largest fractions, the largest first."""
         return sorted(self.unsupported, key=lambda name: -self.unsupported[name])[:count]
 
 
@@ -58,32 +67,62 @@ class SupportMeter:
         space: Of the field.
         config: How to measure.
         device: Where to render depth.
+        folder: Of the photographs; where it is None, the background is taken to be what they show.
     """
 
     def __init__(
         self, photographs: Sequence[Camera], radiance: RadianceField, space: Space,
-        config: SupportConfig, device: torch.device,
+        config: SupportConfig, device: torch.device, folder: Path | None = None,
     ) -> None:  # fmt: skip
         self.config = config
         self._field = radiance, space, device
         self._photographs = [fitted_to(camera, config.depth_px) for camera in photographs]
         self._depths = self._depths_of(self._photographs)
+        if folder is not None:
+            self._compare_with(folder)
 
     def measure(self, path: Sequence[Camera]) -> Support:
         """Returns the support of frames spread over a path."""
         some = evenly_spread(path, self.config.frames)
         cameras = [fitted_to(camera, self.config.depth_px) for camera in some]
         depths = self._depths_of(cameras)
-        shares = {}
+        fractions = {}
         for camera, depth in zip(cameras, depths, strict=True):
             seen = photographs_seeing(camera, depth, self._photographs, self._depths, self.config)
-            shares[camera.name] = float((seen < ENOUGH_VIEWS).mean())
-        return Support(shares)
+            fractions[camera.name] = float((seen < ENOUGH_VIEWS).mean())
+        return Support(fractions)
+
+    def _compare_with(self, folder: Path) -> None:
+        """Takes out what the photographs show otherwise than as background."""
+        background = self._field[0].appearance.background_color().detach().cpu().numpy()
+        for k, (camera, depth) in enumerate(zip(self._photographs, self._depths, strict=True)):
+            if not np.isfinite(depth).all():
+                (image,) = load_views(folder, [camera])
+                self._depths[k] = without_misses(depth, image, background)
 
     def _depths_of(self, cameras: Sequence[Camera]) -> list[Depth]:
         radiance, space, device = self._field
         renders = rendered(radiance, space, cameras, _DEPTH_ALONE, device)
         return [one.median_depth.numpy() for one in renders]
+
+
+def without_misses(depth: Depth, photograph: Image, background: Float[np.ndarray, " 3"]) -> Depth:
+    """Returns the depth with 0 where nothing is hit, but the photograph shows something.
+
+    It does where a third of the pixels about one are of nothing in the field, and of another color
+    than `background` in the photograph. Masked pixels have none.
+
+    Args:
+        depth: Of the field; infinite where nothing is hit.
+        photograph: At the same size.
+        background: RGB in [0, 1].
+    """
+    empty = ~np.isfinite(depth)
+    pixels = photograph.numpy()
+    apart = np.sqrt(np.square(pixels[..., :3] / 255 - background).mean(axis=-1))
+    differs = empty & (apart > _SAME_COLOR) & (pixels[..., 3:] == 255).all(axis=-1)  # if masked
+    around = cv2.blur(differs.astype(np.float64), (_AROUND_PX, _AROUND_PX))
+    return np.where(empty & (around > _MANY), 0.0, depth)
 
 
 def photographs_seeing(
@@ -99,7 +138,7 @@ def photographs_seeing(
         camera: Of the pixels.
         depth: Its depth Z; infinite where nothing is hit.
         photographs: Cameras.
-        depths: Theirs.
+        depths: Theirs; 0 where they show what the field lacks.
         config: Which surfaces are the same.
     """
     pixels = pixel_centers(camera.width, camera.height)
@@ -125,6 +164,7 @@ def _sees(
     slack = config.tolerance / safe
     if baseline > 0:
         slack = np.maximum(slack, config.parallax_px / (photograph.fx * baseline))
-    same = np.abs(1 / found - 1 / safe) <= slack
-    visible: Bool[np.ndarray, " points"] = inside & (same if baseline > 0 else True)
+    is_known = found > 0
+    same = np.abs(1 / np.where(is_known, found, 1.0) - 1 / safe) <= slack
+    visible: Bool[np.ndarray, " points"] = inside & is_known & (same if baseline > 0 else True)
     return visible

@@ -1,11 +1,11 @@
-"""How the support of a path by photographs is measured: see `styletrf.trajectory.support`."""
+"""Settings of the support of a path by photographs: see `styletrf.trajectory.support`."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class SupportConfig:
-    """How support is measured, and how much of it the default path needs.
+    """Settings of the measurement of support, and how much of it the default path needs.
 
     The path is narrowed where that brings its share of unsupported pixels below
     `most_unsupported`. It gives way to stills where that stays at `least_for_stills` or more.

@@ -32,12 +32,12 @@ from styletrf.trajectory.trajectory_config import TrajectoryConfig
 _LOGGER = logging.getLogger(__name__)
 _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the spread in the settings
 _ZOOMS = (1.25, 1.5, 1.75, 2.0)  # of the focal length
-_NEARLY_LEAST = 1.25  # times the least share of unsupported pixels is nearly as good
+_NEARLY_LEAST = 1.25  # times the least fraction of unsupported pixels is nearly as good
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """The share of unsupported pixels of the default path with a spread and a focal length.
+    """The fraction of unsupported pixels of the default path with a spread and a focal length.
 
     `zoom` is the focal length in units of the photographs', or of what the user chose.
     """
@@ -47,7 +47,7 @@ class Trial:
     unsupported: float
 
 
-_share = attrgetter("unsupported")
+_fraction = attrgetter("unsupported")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,26 +90,26 @@ def supported_fly_through(
     tried: dict[Trial, SupportedPath] = {}
 
     def first_supported(
-        ways: Iterable[tuple[float, float]], share_before: float = np.inf
+        ways: Iterable[tuple[float, float]], fraction_before: float = np.inf
     ) -> Trial | None:
         """Returns the first spread and zoom that are enough; later ones are not tried."""
         for spread, zoom in ways:
             path = _fly_through_at(cameras, model, config, spread, zoom)
             support = measure(path)
-            trial = Trial(spread, zoom, support.share)
+            trial = Trial(spread, zoom, support.fraction)
             tried[trial] = SupportedPath(path, support)
-            if trial.unsupported < min(limits.most_unsupported, share_before / zoom**2):
+            if trial.unsupported < min(limits.most_unsupported, fraction_before / zoom**2):
                 return trial
         return None
 
-    spreads = dict.fromkeys(share * config.spread for share in _SHRINKING)
+    spreads = dict.fromkeys(fraction * config.spread for fraction in _SHRINKING)
     chosen = first_supported((spread, 1.0) for spread in spreads)
     if chosen is None:
         wide = _widest_nearly_best(list(tried))
         zooms = () if config.fov_deg else _ZOOMS
         chosen = first_supported(((wide.spread, zoom) for zoom in zooms), wide.unsupported)
         needs_stills = wide.unsupported >= limits.least_for_stills
-        chosen = chosen or (min(tried, key=_share) if needs_stills else wide)
+        chosen = chosen or (min(tried, key=_fraction) if needs_stills else wide)
     return replace(tried[chosen], trials=tuple(tried), chosen=chosen)
 
 
@@ -124,7 +124,7 @@ def _fly_through_at(
 
 def _widest_nearly_best(trials: Sequence[Trial]) -> Trial:
     """Returns the first trial, the widest, that has nearly the least unsupported pixels."""
-    least = min(map(_share, trials))
+    least = min(map(_fraction, trials))
     return next(trial for trial in trials if trial.unsupported <= _NEARLY_LEAST * least)
 
 
@@ -138,7 +138,7 @@ def write_support(file: Path, name: str, path: SupportedPath, config: SupportCon
     support = path.support
     summary = {
         "path": name,
-        "unsupported": support.share,
+        "unsupported": support.fraction,
         "most_unsupported": config.most_unsupported,
         "enough_photographs": ENOUGH_VIEWS,
         "worst": support.worst(),
@@ -152,9 +152,9 @@ def write_support(file: Path, name: str, path: SupportedPath, config: SupportCon
     if path.stills:
         message = f"the path {name}: stills of {len(path.stills)} photographs, since {path.reason}"
         _LOGGER.warning(message)
-    elif support.share >= config.most_unsupported:
+    elif support.fraction >= config.most_unsupported:
         warning = (
-            f"the path {name}: fewer than {ENOUGH_VIEWS} photographs see {support.share:.1%} of its"
-            f" pixels; worst are the frames {', '.join(support.worst())}"
+            f"the path {name}: fewer than {ENOUGH_VIEWS} photographs see {support.fraction:.1%} of"
+            f" its pixels; worst are the frames {', '.join(support.worst())}"
         )
         _LOGGER.warning(warning)

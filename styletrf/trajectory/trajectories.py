@@ -20,7 +20,7 @@ from styletrf.trajectory.trajectory_config import TrajectoryConfig
 from styletrf.trajectory.walkthrough import smoothed_walkthrough
 
 Points = Float[np.ndarray, "frames 3"]
-Shares = Float[np.ndarray, " frames"]
+Fractions = Float[np.ndarray, " frames"]
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
@@ -35,34 +35,36 @@ def fly_through(
         model: Decides between spiral and orbit, and where the frames look.
         config: Length and amplitude.
     """
-    shares = eased(np.arange(config.frames) / config.frames, config.easing)
+    fractions = eased(np.arange(config.frames) / config.frames, config.easing)
     if model.looking == "ahead":
-        centers = ellipse(cameras, shares, config.turns, config.spread)
+        centers = ellipse(cameras, fractions, config.turns, config.spread)
     elif model.looking == "along":
-        return facing(*smoothed_walkthrough(cameras, shares, back=True), typical_view(cameras))
+        return facing(*smoothed_walkthrough(cameras, fractions, back=True), typical_view(cameras))
     else:
-        centers = orbit(cameras, model, shares, config.spread)
+        centers = orbit(cameras, model, fractions, config.spread)
     return looking(centers, typical_view(cameras), model)
 
 
-def ellipse(cameras: Sequence[Camera], shares: Shares, turns: float, spread: float) -> Points:
-    """Returns centers on an ellipse across the views, at shares of a closed path.
+def ellipse(cameras: Sequence[Camera], fractions: Fractions, turns: float, spread: float) -> Points:
+    """Returns centers on an ellipse across the views, at fractions of a closed path.
 
     It goes around `turns` times, and once to and fro along the views.
     """
-    phases = 2 * np.pi * shares
+    phases = 2 * np.pi * fractions
     across = turns * phases
     waves = np.stack([np.cos(across), -np.sin(across), -np.sin(phases)], axis=-1)
     return _before_the_scene(cameras, waves, spread)
 
 
-def orbit(cameras: Sequence[Camera], model: SceneModel, shares: Shares, spread: float) -> Points:
-    """Returns centers around the vertical through the focus, at shares of a closed path.
+def orbit(
+    cameras: Sequence[Camera], model: SceneModel, fractions: Fractions, spread: float
+) -> Points:
+    """Returns centers around the vertical through the focus, at fractions of a closed path.
 
     Where the photographs are on an arc only, they go to and fro on it.
     """
-    ring, phases = ring_of(cameras, model), 2 * np.pi * shares
-    along = shares if ring.closed else 0.5 + 0.5 * spread * np.sin(phases)
+    ring, phases = ring_of(cameras, model), 2 * np.pi * fractions
+    along = fractions if ring.closed else 0.5 + 0.5 * spread * np.sin(phases)
     return ring.points(along, 0.5 + 0.5 * spread * np.sin(2 * phases))
 
 
@@ -126,9 +128,9 @@ def facing(centers: Points, directions: Points, photograph: Camera) -> list[Came
     ]
 
 
-def _before_the_scene(cameras: Sequence[Camera], shares: Points, spread: float) -> Points:
-    """Returns points at shares of the ellipsoid that the cameras fill."""
+def _before_the_scene(cameras: Sequence[Camera], fractions: Points, spread: float) -> Points:
+    """Returns points at fractions of the ellipsoid that the cameras fill."""
     centers = np.stack([camera.center_world for camera in cameras])
     radii = spread * np.percentile(np.abs(centers - centers.mean(axis=0)), 90, axis=0)
-    points: Points = centers.mean(axis=0) + radii * shares
+    points: Points = centers.mean(axis=0) + radii * fractions
     return points

@@ -14,7 +14,7 @@ class TrajectoryConfig:
     """A path of `frames` cameras, or of `seconds`, if these are not 0, at the frame rate.
 
     `speed` divides the time that this takes. `turns` counts revolutions of the fly-through before a
-    forward-facing scene, whole ones or it would not close; `spread` is the share of the
+    forward-facing scene, whole ones or it would not close; `spread` is the fraction of the
     photographs' own spread that the path uses. `easing` is the share of the time during which the
     camera speeds up and slows down. `fov_deg` is the angle of view along the longer side of a
     frame, 0 for the photographs'. `stabilization` smooths the path through the photographs: the

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from styletrf.geometry.cameras import Camera
 
 Points = Float[np.ndarray, "places 3"]
-Shares = Float[np.ndarray, " places"]
+Fractions = Float[np.ndarray, " places"]
 Centers = Float[np.ndarray, "views 3"]
 
 SMOOTHING = 1.5  # photographs
@@ -25,9 +25,9 @@ _DENSE = 32  # places a photograph at which the way is measured
 
 
 def smoothed_walkthrough(
-    cameras: Sequence[Camera], shares: Shares, *, back: bool
+    cameras: Sequence[Camera], fractions: Fractions, *, back: bool
 ) -> tuple[Points, Points]:
-    """Returns centers and unit directions of view at shares, from 0 to 1, of the way taken.
+    """Returns centers and unit directions of view at fractions, from 0 to 1, of the way taken.
 
     A round is gone once. Another way is gone there and, with `back`, the same way back, so that
     the path closes.
@@ -37,8 +37,8 @@ def smoothed_walkthrough(
     centers, forwards = centers[order], forwards[order]
     closed = is_closed(centers)
     if not closed:
-        shares = 0.5 - 0.5 * np.cos(2 * np.pi * shares) if back else shares
-    number = _by_length(centers, shares, closed=closed)
+        fractions = 0.5 - 0.5 * np.cos(2 * np.pi * fractions) if back else fractions
+    number = _by_length(centers, fractions, closed=closed)
     weights = gaussian_weights(number, len(centers), closed=closed)
     if looks_all_around(cameras):
         forwards = _directions(centers, closed=closed)
@@ -115,19 +115,19 @@ def is_closed(centers: Centers) -> bool:
 
 
 def _by_length(
-    centers: Centers, share: Float[np.ndarray, " places"], *, closed: bool
+    centers: Centers, fraction: Float[np.ndarray, " places"], *, closed: bool
 ) -> Float[np.ndarray, " places"]:
-    """Returns the number of the photograph, in fractions, at shares of the smoothed way."""
+    """Returns the number of the photograph, in fractions, at fractions of the smoothed way."""
     n = len(centers)
     number = np.linspace(0, n if closed else n - 1, _DENSE * n + 1)
     way = gaussian_weights(number, n, closed=closed) @ centers
     length = np.concatenate([[0.0], np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum()])
-    result: Float[np.ndarray, " places"] = np.interp(share * length[-1], length, number)
+    result: Float[np.ndarray, " places"] = np.interp(fraction * length[-1], length, number)
     return result
 
 
 def gaussian_weights(
-    number: Shares, n: int, *, closed: bool, deviation: float = SMOOTHING
+    number: Fractions, n: int, *, closed: bool, deviation: float = SMOOTHING
 ) -> Float[np.ndarray, "places views"]:
     """Returns the weights, of sum 1, that n photographs have at places between them."""
     away = np.abs(number[:, None] - np.arange(n))

@@ -43,7 +43,7 @@ def baking_loss(
     appearance: ColorModel | None = None,
     density: TensorVM | None = None,
 ) -> BakingLoss:
-    """Returns what pictures lose by another appearance or density.
+    """Returns the loss of pictures by another appearance or density.
 
     Args:
         field: That is compared with.
@@ -68,7 +68,7 @@ def loss_against(
     appearance: ColorModel | None = None,
     density: TensorVM | None = None,
 ) -> BakingLoss:
-    """Returns what pictures lose against a field's own; see `baking_loss`."""
+    """Returns the loss of pictures against a field's own; see `baking_loss`."""
     other = field
     if density is not None:
         other = deepcopy(field)

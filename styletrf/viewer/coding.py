@@ -112,7 +112,7 @@ def _codes(
 
 
 def shown_colors(codes: Codes, classes: Classes, spacings: Spacings) -> Codes:
-    """Returns the colors or slopes that the browser makes of what `packed_colors` returns."""
+    """Returns the colors or slopes that the browser decodes from those of `packed_colors`."""
     of_points = np.array(spacings, np.int32)[classes]
     first, green, last = (
         lattice_kernels.multiples(channel, of_points, most, _LARGEST_MULTIPLE)[1].ravel()

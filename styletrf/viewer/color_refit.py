@@ -32,7 +32,7 @@ from styletrf.viewer.view_directions import ViewDirections, view_directions
 from styletrf.viewer.visibility import CPU, Views, heavy_samples, of_pixels
 
 _CHUNK = 1 << 17
-_TINT_SHARE = np.float32(0.6)
+_TINT_STEP_SIZE = np.float32(0.6)
 """The part of its step that the tint takes after a pass, because points move, too."""
 _TINT_DAMPING, _LEAST_SQUARE = 1e-4, 1e-12
 """The share that is added to the diagonal of the tint's equations, and the least value there."""
@@ -43,7 +43,7 @@ _FEW_PIXELS = 500.0
 
 @dataclass(frozen=True, slots=True)
 class RefitConfig:
-    """How colors are fitted.
+    """Settings of the fit of colors.
 
     Attributes:
         samples: Of the rays of all cameras together, at most about; time and memory grow with them.
@@ -105,7 +105,7 @@ class _SeenColors:
 def refitted_colors(
     field: RadianceField, views: Views, lattice: BrickLattice, config: RefitConfig
 ) -> RefittedColors:
-    """Returns what fits the colors that the views see.
+    """Returns the colors that fit those of the views best.
 
     Args:
         field: Whose appearance is fitted.
@@ -134,17 +134,17 @@ def _fitted(
     """
     sums = np.empty((refit_kernels.BANDS, *start.shape), np.float32)
     values, ahead = start, start.copy()
-    shares = [_shares(seen, len(start), lattice, config) for seen in subsets]
+    step_sizes = [_step_sizes(seen, len(start), lattice, config) for seen in subsets]
     of_start = [_residuals(seen, tint, ahead, lattice, config, sums)[1] for seen in subsets]
     tint = tint + _tint_step(np.sum(of_start, axis=0))
     for k in range(config.passes):
         equations = np.zeros((3, len(tint), len(tint) + 1))
-        for seen, share in zip(subsets, shares, strict=True):
+        for seen, step_size in zip(subsets, step_sizes, strict=True):
             of_points, of_tint = _residuals(seen, tint, ahead, lattice, config, sums)
-            of_points.reshape(-1, 2, 3)[:] *= share[:, :, None]
+            of_points.reshape(-1, 2, 3)[:] *= step_size[:, :, None]
             ahead += of_points
             equations += of_tint
-        tint = tint + _TINT_SHARE * _tint_step(equations)
+        tint = tint + _TINT_STEP_SIZE * _tint_step(equations)
         improved = ahead
         ahead = np.subtract(improved, values, out=values)
         ahead *= np.float32(k / (k + 3))
@@ -169,15 +169,15 @@ def _residuals(
     return of_points, equations
 
 
-def _shares(
+def _step_sizes(
     seen: _SeenColors, n_points: int, lattice: BrickLattice, config: RefitConfig
 ) -> Float[np.ndarray, "points 2"]:
-    """Returns the shares of their residuals by which bases and slopes change; both move at once."""
+    """Returns the step sizes of bases and slopes, as fractions of their residuals."""
     samples = lattice.slots, seen.low, seen.rest, seen.weights
     of_samples = np.float32(config.of_samples)
     totals = refit_kernels.totals(*samples, seen.starts, seen.turned, n_points, of_samples)
-    shares: Float[np.ndarray, "points 2"] = 0.5 / (totals + np.float32(config.prior))
-    return shares
+    step_sizes: Float[np.ndarray, "points 2"] = 0.5 / (totals + np.float32(config.prior))
+    return step_sizes
 
 
 def _tint_step(
@@ -216,7 +216,7 @@ def _subsets(
     config: RefitConfig,
     directions: ViewDirections,
 ) -> list[_SeenColors]:
-    """Returns what is seen by each subset of the cameras, every so many-th of them."""
+    """Returns the samples of each subset of the cameras, every n-th of them."""
     n_subsets = min(config.subsets, len(views.cameras))
     pixels = config.samples / len(views.cameras) / _samples_of_ray(field, views)
     found = []

@@ -32,7 +32,7 @@ class BrickLattice:
 
     @property
     def n_bricks(self) -> int:
-        """How many bricks are stored."""
+        """The number of stored bricks."""
         return len(self.needed)
 
     def bricks(self) -> Int64[np.ndarray, "bricks 3"]:
@@ -131,7 +131,7 @@ def empty_distances(
 
 
 def grown(mask: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
-    """Returns the mask with all 26 neighbors of what is in it."""
+    """Returns the mask with all 26 neighbors of its points."""
     for axis in range(3):
         wider = mask.copy()
         ahead, behind = ([slice(None)] * 3 for _ in range(2))

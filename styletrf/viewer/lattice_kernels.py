@@ -16,16 +16,16 @@ from styletrf.viewer.lattice import SIDE
 
 @no_type_check
 @compiled(inline="always")
-def around(slots, low, rest, points, shares):
+def around(slots, low, rest, points, corner_weights):
     """Sets the addresses of the 8 points around a place, and its trilinear weights."""
     for corner in range(8):
         x, y, z = low[0] + (corner & 1), low[1] + (corner >> 1 & 1), low[2] + (corner >> 2)
         slot = slots[x // SIDE, y // SIDE, z // SIDE]
-        share = rest[0] if corner & 1 else 1 - rest[0]
-        share *= rest[1] if corner & 2 else 1 - rest[1]
-        share *= rest[2] if corner & 4 else 1 - rest[2]
+        corner_weight = rest[0] if corner & 1 else 1 - rest[0]
+        corner_weight *= rest[1] if corner & 2 else 1 - rest[1]
+        corner_weight *= rest[2] if corner & 4 else 1 - rest[2]
         points[corner] = ((max(slot, 0) * SIDE + z % SIDE) * SIDE + y % SIDE) * SIDE + x % SIDE
-        shares[corner] = share if slot >= 0 else 0
+        corner_weights[corner] = corner_weight if slot >= 0 else 0
 
 
 @no_type_check
@@ -41,11 +41,11 @@ def interpolated(slots, low, rest, values):
     """
     found = np.zeros((len(low), values.shape[1]), values.dtype)
     for sample in numba.prange(len(low)):
-        points, shares = np.empty(8, np.int64), np.empty(8, rest.dtype)
-        around(slots, low[sample], rest[sample], points, shares)
+        points, corner_weights = np.empty(8, np.int64), np.empty(8, rest.dtype)
+        around(slots, low[sample], rest[sample], points, corner_weights)
         for corner in range(8):
             for channel in range(values.shape[1]):
-                found[sample, channel] += shares[corner] * values[points[corner], channel]
+                found[sample, channel] += corner_weights[corner] * values[points[corner], channel]
     return found
 
 
@@ -63,14 +63,14 @@ def add_squares(slots, low, rest, weights, picture, sums):
         sums: Of each point the last picture that shows it, its sum, and the greatest sum of the
             pictures before, `points 3`. Zeros, before the first.
     """
-    points, shares = np.empty(8, np.int64), np.empty(8, np.float32)
+    points, corner_weights = np.empty(8, np.int64), np.empty(8, np.float32)
     for sample in range(len(weights)):
-        around(slots, low[sample], rest[sample], points, shares)
+        around(slots, low[sample], rest[sample], points, corner_weights)
         for corner in range(8):
             of_point = sums[points[corner]]
             if of_point[0] != picture:
                 of_point[0], of_point[1], of_point[2] = picture, 0, max(of_point[1], of_point[2])
-            of_point[1] += (weights[sample] * shares[corner]) ** 2
+            of_point[1] += (weights[sample] * corner_weights[corner]) ** 2
 
 
 @no_type_check

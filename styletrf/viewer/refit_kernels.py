@@ -26,28 +26,28 @@ LEAST_STEEPNESS = np.float32(0.05)  # of the sigmoid
 
 @no_type_check
 @compiled(inline="always", fastmath=True)
-def _show(points, shares, values, direction, tint, color):
+def _show(points, corner_weights, values, direction, tint, color):
     """Sets `color` to what a place shows along a direction."""
     color[:] = tint
     for corner in range(8):
         value = values[points[corner]]
         turned = value[3] * direction[0] + value[4] * direction[1] + value[5] * direction[2]
         for k in range(3):
-            color[k] += shares[corner] * (value[k] + turned)
+            color[k] += corner_weights[corner] * (value[k] + turned)
     for k in range(3):
         color[k] = 1 / (1 + np.exp(-color[k]))
 
 
 @no_type_check
 @compiled(inline="always", fastmath=True)
-def _back_project(points, shares, amount, direction, sums):
+def _back_project(points, corner_weights, amount, direction, sums):
     """Adds an amount of each channel to the points around a place, and its mean to slopes."""
     mean = (amount[0] + amount[1] + amount[2]) / 3
     for corner in range(8):
-        point, share = points[corner], shares[corner]
+        point, corner_weight = points[corner], corner_weights[corner]
         for k in range(3):
-            sums[point, k] += share * amount[k]
-            sums[point, 3 + k] += share * mean * direction[k]
+            sums[point, k] += corner_weight * amount[k]
+            sums[point, 3 + k] += corner_weight * mean * direction[k]
 
 
 @no_type_check
@@ -121,7 +121,10 @@ def residuals(
     rays, longest = len(starts) - 1, (starts[1:] - starts[:-1]).max()
     equations = np.zeros((BANDS, 3, len(coefficients), len(coefficients) + 1), np.float64)
     for band in numba.prange(BANDS):
-        points, shares = np.empty((longest, 8), np.int64), np.empty((longest, 8), np.float32)
+        points, corner_weights = (
+            np.empty((longest, 8), np.int64),
+            np.empty((longest, 8), np.float32),
+        )
         missing, steepness = np.empty((longest, 3), np.float32), np.empty((longest, 3), np.float32)
         of_ray, amount = np.empty(3, np.float32), np.empty(3, np.float32)
         steepness_of_ray, tint_of_ray = np.empty(3, np.float32), np.empty(3, np.float32)
@@ -133,8 +136,8 @@ def residuals(
             of_ray[:], steepness_of_ray[:] = 0, 0
             _set_tint(direction, coefficients, monomials, tint_of_ray)
             for n in range(count):
-                around(slots, low[first + n], rest[first + n], points[n], shares[n])
-                _show(points[n], shares[n], values, direction, tint_of_ray, missing[n])
+                around(slots, low[first + n], rest[first + n], points[n], corner_weights[n])
+                _show(points[n], corner_weights[n], values, direction, tint_of_ray, missing[n])
                 for k in range(3):
                     shown = missing[n, k]
                     steepness[n, k] = max(shown * (1 - shown), LEAST_STEEPNESS)
@@ -147,7 +150,7 @@ def residuals(
                 for k in range(3):
                     both = of_samples * missing[n, k] + (1 - of_samples) * of_ray[k]
                     amount[k] = weights[first + n] * both / steepness[n, k]
-                _back_project(points[n], shares[n], amount, direction, sums[band])
+                _back_project(points[n], corner_weights[n], amount, direction, sums[band])
     return _sum_of_bands(sums), equations.sum(axis=0)
 
 
@@ -158,14 +161,14 @@ def totals(slots, low, rest, weights, starts, directions, n_points, of_samples):
     sums = np.zeros((BANDS, n_points, 2), np.float32)
     rays = len(starts) - 1
     for band in numba.prange(BANDS):
-        points, shares = np.empty(8, np.int64), np.empty(8, np.float32)
+        points, corner_weights = np.empty(8, np.int64), np.empty(8, np.float32)
         for ray in range(rays * band // BANDS, rays * (band + 1) // BANDS):
             samples = slice(starts[ray], starts[ray + 1])
             of_ray, turned = weights[samples].sum(), np.square(directions[ray]).sum()
             for sample in range(starts[ray], starts[ray + 1]):
-                around(slots, low[sample], rest[sample], points, shares)
+                around(slots, low[sample], rest[sample], points, corner_weights)
                 amount = weights[sample] * (of_samples + (1 - of_samples) * of_ray)
                 for corner in range(8):
-                    sums[band, points[corner], 0] += amount * shares[corner]
-                    sums[band, points[corner], 1] += amount * shares[corner] * turned
+                    sums[band, points[corner], 0] += amount * corner_weights[corner]
+                    sums[band, points[corner], 1] += amount * corner_weights[corner] * turned
     return _sum_of_bands(sums)

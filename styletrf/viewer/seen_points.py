@@ -76,7 +76,7 @@ def _lattice_within(
 ) -> BrickLattice:
     lattice = brick_lattice(occupied_cells(voxels, resolution), resolution)
     while lattice.n_bricks > most_bricks:  # they grow as the square to the cube
-        share = min(_SHRINK, (most_bricks / lattice.n_bricks) ** 0.4)
-        x, y, z = (max(2, round(share * side)) for side in lattice.resolution)
+        scale = min(_SHRINK, (most_bricks / lattice.n_bricks) ** 0.4)
+        x, y, z = (max(2, round(scale * side)) for side in lattice.resolution)
         lattice = brick_lattice(occupied_cells(voxels, (x, y, z)), (x, y, z))
     return lattice

@@ -35,7 +35,7 @@ MONOMIALS = sorted(
 
 @dataclass(frozen=True, slots=True)
 class ViewDirections:
-    """What directions are turned by, and what they do to all colors: see above.
+    """The axes of view directions, and their effect on all colors: see above.
 
     Attributes:
         mean: m.
@@ -57,7 +57,7 @@ class ViewDirections:
         return turned.astype(np.float32)
 
     def tints(self, turned: Float[np.ndarray, "rays 3"]) -> Float[np.ndarray, "rays 3"]:
-        """Returns what all colors gain along turned directions, before their sigmoid."""
+        """Returns the addend of all colors along turned directions, before their sigmoid."""
         inside = turned.clip(self.least, self.most)
         monomials = np.stack(
             [inside[:, axes].prod(axis=1) for axes in map(list, MONOMIALS)], axis=1

@@ -31,7 +31,7 @@ RENDER = RenderConfig(termination=1e-2, min_weight=1e-2)
 
 @dataclass(frozen=True, slots=True)
 class ViewerContent:
-    """What the page shows.
+    """The content of the viewer's page.
 
     Attributes:
         scene: Its name.
@@ -62,7 +62,7 @@ class ViewerContent:
 
 @dataclass(frozen=True, slots=True)
 class LookBaking:
-    """What all looks of a scene are baked with.
+    """The field, views and points with which all looks of a scene are baked.
 
     Attributes:
         field: Of the photographs, whose density all share.

@@ -23,7 +23,7 @@ _RAYS = 4_000_000  # of all cameras together, about
 
 @dataclass(frozen=True, slots=True)
 class Views:
-    """Who sees a scene, and how pictures of it are rendered.
+    """The cameras of a scene, and how pictures of it are rendered.
 
     Attributes:
         space: Of the scene.
@@ -74,8 +74,8 @@ def seen_voxels(field: RadianceField, views: Views, rays: int = _RAYS) -> Bool[n
 
 def of_pixels(camera: Camera, pixels: float) -> Camera:
     """Returns the camera resized so that it has about so many pixels, at least 64; never larger."""
-    share = min(1.0, (max(64.0, pixels) / (camera.width * camera.height)) ** 0.5)
-    return resized(camera, *(max(1, round(share * n)) for n in (camera.width, camera.height)))
+    scale = min(1.0, (max(64.0, pixels) / (camera.width * camera.height)) ** 0.5)
+    return resized(camera, *(max(1, round(scale * n)) for n in (camera.width, camera.height)))
 
 
 def heavy_samples(

@@ -1,4 +1,4 @@
-"""What a command finds in the store, and never reports: the build of a stage reports why."""
+"""The records that a command finds in the store. It reports no failure: a build does."""
 
 import luigi
 

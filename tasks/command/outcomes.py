@@ -1,4 +1,4 @@
-"""What became of a requested task, as the pages and messages of a command say it."""
+"""The outcome of a requested task, for the pages and messages of a command."""
 
 from dataclasses import dataclass
 from datetime import datetime

@@ -1,4 +1,4 @@
-"""How fast this machine is: seconds of reference workloads, measured and kept in the store.
+"""The speed of this machine: seconds of reference workloads, measured and kept in the store.
 
 They are measured with the environment of builds, and again after 30 days. Times measured on one
 machine are multiplied by the ratio of two calibrations to be those of another. No result depends on
@@ -43,7 +43,7 @@ _FIELD = {
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """What a calibration is of; on another machine, or with other versions, it does not hold.
+    """The machine and versions of a calibration, which holds for no others.
 
     Attributes:
         processor: Its name.
@@ -96,7 +96,7 @@ def workload_of(family: str) -> str:
 
 
 def this_machine(device: str = "auto") -> Machine:
-    """Returns what a calibration for `--device` is of."""
+    """Returns the machine and versions of a calibration for `--device`."""
     gpus = [] if device == "cpu" else visible_gpus()
     versions = {name: version(name) for name in _LIBRARIES}
     variables = build_environment().items()

@@ -14,7 +14,7 @@ from styletrf.files.atomic_write import atomic_write
 
 
 def read_facts(name: str) -> dict[str, Any]:
-    """Returns what the file `name` of the store holds."""
+    """Returns the content of the file `name` of the store; empty if it cannot be read."""
     with suppress(OSError, ValueError):
         content = json.loads(facts_file(name).read_text())
         return content if isinstance(content, dict) else {}

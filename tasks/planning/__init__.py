@@ -1,4 +1,4 @@
-"""What a command would build, at what cost, and whether it can run at all.
+"""Predicts which stages a command builds, at what cost, and whether it can run at all.
 
 Begin with `build_plan` (`--plan`) and `validation`.
 """

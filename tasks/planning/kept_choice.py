@@ -20,7 +20,7 @@ _CHOICES = "choices"
 
 
 def choice_for(task: Any, request: QualityRequest, front: Front) -> Choice:
-    """Returns what was chosen for the task from this front, or else what fits the request.
+    """Returns the earlier choice for the task from this front, or else one that fits the request.
 
     Args:
         task: A `StylizedTrajectory` with the request.
@@ -34,7 +34,7 @@ def choice_for(task: Any, request: QualityRequest, front: Front) -> Choice:
 
 
 def known_choice(task: Any, request: QualityRequest, front: Front) -> Choice | None:
-    """Returns what `choice_for` does, if that is known without measuring this machine.
+    """Returns the choice of `choice_for` if it is known without measuring this machine.
 
     Where luigid hands stages to several machines, none is measured: all have to choose alike.
 
@@ -61,9 +61,9 @@ def _kept(task: Any, front: Front) -> Choice | None:
 
 
 def _key(task: Any, front: Front) -> str:
-    words = task.to_str_params(only_significant=True)
+    parameters = task.to_str_params(only_significant=True)
     points = [_without_newer_fields(point) for point in front.points]
-    fields = {"words": words, "front": front.description, "points": points}
+    fields = {"words": parameters, "front": front.description, "points": points}
     return typed_digest("choice-v1", canonical_json(fields))
 
 

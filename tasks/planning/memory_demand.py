@@ -29,15 +29,18 @@ MARGIN = 1.5
 """A command is refused if a stage would take more than this multiple of the available memory."""
 LONGEST_PX = 1600  # of the undistorted photographs
 _VIDEO_FRAMES = 60
-_CACHE_BYTES, _RAY_BYTES = 3 << 30, 750  # the default of `adaptation.cache_bytes`, and of one ray
+_ADAPTATION = {"iterations": 400, "batch": 16384, "min_weight": 1e-2, "cache_bytes": 3 << 30}
+"""The defaults of the settings that decide which rays an adaptation to pixels keeps."""
+_RAY_BYTES, _SAMPLE_BYTES = 40, 16
+_KEPT_SAMPLES = 0.1  # of the most that a ray could keep: 1 / min_weight, as its weights sum to 1
 
 
 @dataclass(frozen=True, slots=True)
 class Growth:
     """The memory of a stage: MiB for its libraries, and bytes per unit of its inputs.
 
-    Units are pixels of a frame, of a prior and of all photographs, points of the grid, and rays
-    that an adaptation keeps.
+    Units are pixels of a frame, of a prior and of all photographs, points of the grid, and bytes of
+    the rays that an adaptation keeps.
     """
 
     libraries_mib: int = 450
@@ -53,7 +56,7 @@ GROWTH = {
     "TrajectoryFrames": Growth(650, frame=120),
     "StylizedPriors": Growth(450, prior=1300),
     "StylizedField": Growth(650, prior=6000),
-    "StylizedField pixels": Growth(650, prior=1650, rays=1500),
+    "StylizedField pixels": Growth(650, prior=1650, rays=2),
     "StylizedField s1": Growth(700, photographs=6, grid=15),
     "StylizedField s2": Growth(700, photographs=6, grid=15),
     "StylizedFrames": Growth(500, frame=95),
@@ -70,7 +73,8 @@ class Demand:
 
     `photograph_px` is the longer side of the photographs that the field is fitted to, `frame_px`
     that of the frames and `prior_px` that of the priors, 0 for the same, and `frames` the number of
-    frames. `rays` is the number that an adaptation keeps beside one for each point of a surface.
+    frames. `rays` is the number that an adaptation keeps beside one for each point of a surface, at
+    most one for each pixel of the `priors`, which are 0 if their number is not known.
     `limit_bytes` is the user's limit of memory, 0 for none.
     """
 
@@ -83,7 +87,9 @@ class Demand:
     limit_bytes: int
     frames: int = 0
     prior_px: int = 0
+    priors: int = 0
     rays: int = 0
+    ray_bytes: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +122,11 @@ def predicted_bytes(demand: Demand, photographs: Photographs) -> dict[str, float
     """Returns the peak memory of a stage by cause; the sum is that of the stage."""
     growth = GROWTH[demand.stage]
     seen, prior = (photographs.pixels(side(demand, photographs)) for side in (_seen_px, _prior_px))
+    rays = min(demand.rays, demand.priors * prior) if demand.priors else demand.rays
     return {
         "libraries": growth.libraries_mib << 20,
         "frames": growth.frame * frame_pixels(demand, photographs),
-        "priors": growth.prior * prior + growth.rays * demand.rays,
+        "priors": growth.prior * prior + growth.rays * demand.ray_bytes * rays,
         "photographs": growth.photographs * photographs.count * seen,
         "grid": growth.grid * demand.grid_points,
     }
@@ -165,7 +172,8 @@ def require_memory(
 
 def demand_of(stage: ConfigurableStage) -> Demand:
     """Returns the demand of a stage listed in `GROWTH`."""
-    model = stage.upstream(SceneModel)
+    model, priors = stage.upstream(SceneModel), stage.upstream(PriorRenders)
+    rays, ray_bytes = _kept_rays(stage.values())
     path = stage.upstream(TrajectoryFrames).values()
     limit_gib = stage.memory_gib or number_setting("store", "memory_gib")
     return Demand(
@@ -173,23 +181,37 @@ def demand_of(stage: ConfigurableStage) -> Demand:
         scene=str(stage.param_kwargs["scene"]),
         photograph_px=model.values()["image_long_side"],
         frame_px=path.get("long_side_px", 0),
-        prior_px=stage.upstream(PriorRenders).values().get("long_side_px", 0),
+        prior_px=priors.values().get("long_side_px", 0),
         grid_points=_grid_points(model),
         video_frames=stage.upstream(SceneCapture).values().get("video_frames", _VIDEO_FRAMES),
         limit_bytes=int(limit_gib * 2**30),
         frames=frame_count(path) or 0,
-        rays=_kept_rays(stage.values()),
+        priors=_prior_views(priors) if rays else 0,
+        rays=rays,
+        ray_bytes=ray_bytes,
     )
 
 
-def _kept_rays(settings: Mapping[str, Any]) -> int:
-    """Returns the most rays that an adaptation to pixels keeps; 0 if a surface point has one."""
-    counts = [settings.get(f"adaptation.{name}") for name in ("iterations", "batch")]
-    if settings.get("single_owner", True) or not all(type(count) is int for count in counts):
-        return 0  # invalid numbers are rejected with the settings
-    kept = settings.get("adaptation.cache_bytes", _CACHE_BYTES)
-    most = int(kept / _RAY_BYTES) if isinstance(kept, int | float) else 0
-    return min(math.prod(cast("list[int]", counts)), most)
+def _kept_rays(settings: Mapping[str, Any]) -> tuple[int, float]:
+    """Returns the most rays that an adaptation to pixels keeps, and the bytes of one.
+
+    Both are 0 if a surface point has one ray.
+    """
+    numbers = [settings.get(f"adaptation.{name}", usual) for name, usual in _ADAPTATION.items()]
+    are_valid = all(isinstance(n, int | float) and 0 < n < math.inf for n in numbers)
+    if settings.get("single_owner", True) or not are_valid:
+        return 0, 0.0  # invalid numbers are rejected with the settings
+    iterations, batch, min_weight, cache_bytes = numbers
+    ray_bytes = _RAY_BYTES + _SAMPLE_BYTES * _KEPT_SAMPLES / min_weight
+    return int(min(iterations * batch, cache_bytes / ray_bytes)), ray_bytes
+
+
+def _prior_views(priors: PriorRenders) -> int:
+    """Returns the number of priors; 0 while it is not decided."""
+    if is_made(priors):
+        with suppress(OSError):  # they may be in the shared store alone
+            return len(list((artifact(priors) / "frames").iterdir()))
+    return 0
 
 
 def _grid_points(model: SceneModel) -> int:

@@ -1,4 +1,4 @@
-"""How long a command will still take here: what the store has already takes no time."""
+"""Predicts the remaining time of a command here: stages that the store has take no time."""
 
 import json
 from collections.abc import Callable
@@ -32,14 +32,14 @@ class FoundStages:
         self._names: dict[str, str] = {}
 
     def has(self, stage: StoredTask) -> bool:
-        """Whether the stage's artifact is there."""
+        """Returns whether the stage's artifact exists."""
         name = self._name(stage)
         if name not in self._found:
             self._found[name] = is_made(stage)
         return self._found[name]
 
     def _name(self, stage: StoredTask) -> str:
-        """What two stages share that have the same artifact."""
+        """Returns the same name for stages that have the same artifact."""
         if stage.task_id not in self._names:
             parts = {
                 "family": stage.task_family,
@@ -52,12 +52,12 @@ class FoundStages:
 
 
 def stages_to_make(root: luigi.Task, is_found: Callable[[StoredTask], bool]) -> list[StoredTask]:
-    """Returns what Luigi would build: the root and what is upstream, up to what is found."""
+    """Returns the stages that Luigi would build: the root and those upstream that are not found."""
     return list(stored_tasks(root, is_left_out=is_found))
 
 
 def cost_model(task: Any, front: Front | None = None) -> CostModel:
-    """Returns what predicts costs for the scene of a task.
+    """Returns the model that predicts costs for the scene of a task.
 
     Where luigid hands stages to several machines, all have to choose alike: times are then those
     of the reference's machine.
@@ -74,7 +74,7 @@ def cost_model(task: Any, front: Front | None = None) -> CostModel:
 
 
 def timing_of(task: Any) -> Timing:
-    """Returns what predicts the seconds that the settings of a point still take here.
+    """Returns a function that predicts the seconds that the settings of a point still take here.
 
     Args:
         task: A `StylizedTrajectory`.

@@ -1,4 +1,4 @@
-"""What a command asks for, checked by the libraries that its stages use.
+"""Checks the parameters of a command by the libraries that its stages use.
 
 Luigi's process does not load these libraries, so another process runs `main`.
 """
@@ -66,7 +66,7 @@ def configurations() -> dict[str, type]:
 
 
 def main() -> int:
-    """Checks what standard input asks for, and writes what is wrong; returns the exit status."""
+    """Checks the request on standard input, and writes its errors; returns the exit status."""
     try:
         _check(json.load(sys.stdin))
     except InputError as error:

@@ -1,4 +1,4 @@
-"""How many photographs a scene has, and of what size, read from its folder."""
+"""The number and size of a scene's photographs, read from its folder."""
 
 import json
 import sys

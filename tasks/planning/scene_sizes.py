@@ -1,4 +1,4 @@
-"""How many photographs scenes have, and of what size, as an interpreter of its own finds."""
+"""The number and size of scenes' photographs, found by an interpreter of its own."""
 
 import contextlib
 import functools

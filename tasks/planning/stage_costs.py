@@ -1,4 +1,4 @@
-"""What a stage will take on this machine: by its own earlier builds, or else by a reference.
+"""Predicts the cost of a stage on this machine by its earlier builds, or else by a reference.
 
 The reference is a draft of one scene, measured stage by stage on a machine whose calibration is
 known (`reference_costs.json`, written by `benchmarks/reference_costs.py`). Either is scaled by the
@@ -46,7 +46,7 @@ Sizes = Mapping[str, Photographs]
 
 @dataclass(frozen=True, slots=True)
 class ExpectedCost:
-    """What a stage will take, and what that is known from.
+    """The expected cost of a stage, and the evidence for it.
 
     Attributes:
         seconds: Of the build, with all cores of the machine.
@@ -118,7 +118,7 @@ class CostModel:
         self._samples = functools.cache(_samples_here if uses_own_builds else _no_samples)
 
     def expected(self, stage: luigi.Task, measured_s: float | None = None) -> ExpectedCost:
-        """Returns what a stage will take.
+        """Returns the expected cost of a stage.
 
         Args:
             stage: To be built.
@@ -172,9 +172,9 @@ class CostModel:
         seconds = seconds_scaled(cost.seconds, START_S, work)
         busy = self.here.machine.cores * cost.seconds  # where it is not known, all cores are
         cpu_seconds = busy if cost.cpu_seconds is None else min(busy, cost.cpu_seconds)
-        share = seconds / cost.seconds if cost.seconds else 1.0
+        ratio = seconds / cost.seconds if cost.seconds else 1.0
         size = round(written * (cost.output_bytes or 0))
-        return ExpectedCost(seconds, share * cpu_seconds, cost.peak_memory_bytes, size, evidence)
+        return ExpectedCost(seconds, ratio * cpu_seconds, cost.peak_memory_bytes, size, evidence)
 
     def _drivers(self, stage: luigi.Task, **upstream: Any) -> Mapping[str, float]:
         name = stage, bool(upstream)

@@ -1,4 +1,4 @@
-"""How much longer a stage takes with other settings, or for another scene.
+"""Predicts how much longer a stage takes with other settings, or for another scene.
 
 A stage is taken to need a constant time to start, and beyond it seconds in proportion to
 

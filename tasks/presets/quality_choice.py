@@ -57,7 +57,7 @@ class Choice:
 
     @property
     def description(self) -> str:
-        """Returns what was chosen, in one line."""
+        """Returns the chosen settings, in one line."""
         stylizer = f" --stylizer {self.point.stylizer}" if self.point.stylizer else ""
         return (
             f"{self.front}: --quality {self.quality}{stylizer}"

@@ -1,4 +1,4 @@
-"""What the user asks of time and accuracy: `--quality "within 0.5 dB"` or `--budget 5min`."""
+"""The user's request for time or accuracy: `--quality "within 0.5 dB"` or `--budget 5min`."""
 
 import math
 import re
@@ -32,7 +32,7 @@ class QualityRequest:
         return fastest_within(points, self.within_db or 0.0)
 
     def unreachable(self, least_s: float) -> InputError:
-        """Returns what refuses a budget below the seconds of the fastest settings."""
+        """Returns the error for a budget below the seconds of the fastest settings."""
         return InputError(
             f"--budget {self.budget_s:g}s",
             "cannot be reached on this machine by any measured settings",
@@ -41,7 +41,7 @@ class QualityRequest:
 
 
 def quality_request(quality: str, budget: str) -> QualityRequest | None:
-    """Returns what `--quality` and `--budget` ask for; None where the quality is one by name.
+    """Returns the request of `--quality` and `--budget`; None for a preset by its name.
 
     Raises:
         InputError: The budget is not a time, or both ask for something.

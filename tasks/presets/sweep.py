@@ -21,7 +21,7 @@ class Variant:
 
     Attributes:
         part: The side.
-        name: The change, in words.
+        name: A description of the change.
         tuning: The settings of the change, by stage.
         stylizer: What paints the priors; empty if the change leaves it as it is.
     """

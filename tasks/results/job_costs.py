@@ -1,4 +1,4 @@
-"""What a whole fly-through costs here at each quality.
+"""The cost of a whole fly-through here at each quality.
 
 The prediction runs in another interpreter, because it reads the settings of every stage. Otherwise
 the code of all stages would be part of the key of `SceneReport`.

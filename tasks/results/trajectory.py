@@ -148,10 +148,10 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         from styletrf.reports.report import write_report
         from tasks.summary.report_content import report_content, summary_of
 
-        words, poster = self.identity_parameters(), out / "poster.png"
+        parameters, poster = self.identity_parameters(), out / "poster.png"
         shutil.copyfile(min((inputs["frames"] / "frames").glob("*.png")), poster)
-        write_summary(out / "summary.json", summary_of(words, inputs, run.lineage))
-        write_report(out / "report.html", report_content(words, inputs, poster, run.lineage))
+        write_summary(out / "summary.json", summary_of(parameters, inputs, run.lineage))
+        write_report(out / "report.html", report_content(parameters, inputs, poster, run.lineage))
 
     def cells(self) -> "list[StylizedTrajectory]":
         """Returns the requested result, with its settings if they are chosen."""

@@ -31,7 +31,7 @@ class ContentImages(ConfigurableStage):
 
     def requires(self) -> Mapping[str, Stage]:
         """The scene's photographs, if they are the content."""
-        with suppress(InputError):  # which the run tells
+        with suppress(InputError):  # which the run reports
             if self._source() is None:
                 return {"capture": self.upstream(SceneCapture)}
         return {}

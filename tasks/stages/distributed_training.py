@@ -22,7 +22,7 @@ from styletrf.steps.step_run import StepRun
 
 @dataclass(frozen=True, slots=True)
 class TrainingRequest:
-    """What to train, in types that JSON has: paths are strings.
+    """The request for a training, in types that JSON has: paths are strings.
 
     Attributes:
         settings: Of `StyleTrainingConfig`.

@@ -1,10 +1,15 @@
 """The pairs of frames that a command measures, which a training leaves out.
 
-`ConsistencyMetrics` needs the network of that training. So its settings are read here by its name.
+`ConsistencyMetrics` needs the network of that training. So its settings are read here by its name:
+those of the quality and of `--tuning`, which every stage has. A build runs in another process,
+which does not see `--ConsistencyMetrics-settings`.
 """
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
+from styletrf.errors import InputError
 from tasks.stages.stage import ConfigurableStage, PresetStage
 
 _MEASURING = "ConsistencyMetrics"
@@ -13,6 +18,24 @@ _DECIDE_PAIRS = {"deltas", "depth_deltas", "pairs"}
 
 def pair_settings(stage: PresetStage) -> dict[str, Any]:
     """Returns the settings of a command that choose the pairs of frames it measures."""
+    return _of_pairs(stage.tuned(_MEASURING, stage.quality))
+
+
+def require_tuned_pairs(stage: PresetStage) -> None:
+    """Rejects pairs that a command measures and the build of a stage would not know.
+
+    Raises:
+        InputError: `--ConsistencyMetrics-settings` chooses other pairs than `--tuning`.
+    """
     own = ConfigurableStage.settings.task_value(_MEASURING, "settings")
-    values = stage.tuned(_MEASURING, stage.quality, own)
-    return {name: values[name] for name in sorted(_DECIDE_PAIRS & set(values))}
+    measured = _of_pairs(stage.tuned(_MEASURING, stage.quality, own))
+    if measured != pair_settings(stage):
+        raise InputError(
+            f"--{_MEASURING}-settings",
+            f"chooses pairs that {stage.task_family} cannot leave out of its training",
+            f"Give instead --tuning '{json.dumps({_MEASURING: measured})}'",
+        )
+
+
+def _of_pairs(settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: settings[name] for name in sorted(_DECIDE_PAIRS & set(settings))}

@@ -71,12 +71,12 @@ class PathParameters(PresetStage):
 
     def path_settings(self) -> dict[str, Any]:
         """Returns the settings of TrajectoryFrames that these parameters replace."""
-        words = {
+        settings = {
             "trajectory.seconds": self.seconds,
             "frames_per_second": self.frame_rate,
             "long_side_px": self.frame_size,
         }
-        return {name: value for name, value in words.items() if value}
+        return {name: value for name, value in settings.items() if value}
 
     def path_identity(self) -> Mapping[str, object]:
         """Returns the path's name, or only "file" for a file, whose digest is a source."""
@@ -93,8 +93,8 @@ class PathParameters(PresetStage):
         return {f"path/{found.name}": file_digest(found) for found in files}
 
     def _refuse(self, name: str, problem: str, example: str) -> None:
-        words = f"--{name.replace('_', '-')} {getattr(self, name)}"
-        raise InputError(words, problem, f"Give one such as {example}")
+        argument = f"--{name.replace('_', '-')} {getattr(self, name)}"
+        raise InputError(argument, problem, f"Give one such as {example}")
 
 
 def frame_count(settings: Mapping[str, Any]) -> int | None:

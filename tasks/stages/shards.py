@@ -39,7 +39,7 @@ class ShardedStage(ConfigurableStage):
         return {"shard": self.shard} if self.shard else {}
 
     def step_run(self, run: RunContext) -> StepRun:
-        """Returns what the step uses of a run, with the shard."""
+        """Returns the part of a run that the step uses, with the shard."""
         return replace(super().step_run(run), shard=self.shard)
 
     def shard_stages(self) -> Mapping[str, Stage]:

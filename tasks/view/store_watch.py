@@ -1,4 +1,4 @@
-"""What a store has for the viewer of a scene, and the styles that come while it is watched."""
+"""Watches a store for the viewer of a scene, and for styles that are added meanwhile."""
 
 from collections.abc import Callable, Sequence
 from threading import Event

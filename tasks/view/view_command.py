@@ -117,7 +117,7 @@ def _viewer(viewer: Viewer, given: Namespace) -> Viewer:
 
 
 def _live_viewer(viewer: Viewer, file: Path, others: Sequence[str]) -> tuple[LiveViewer, Bake]:
-    """Returns what is served, with the photographs, and what bakes the styles."""
+    """Returns the served site, with the photographs, and the function that bakes the styles."""
     inputs = {name: artifact(task) for name, task in viewer.requires().items()}
     scene, field = read_viewed_scene(inputs), load_field(inputs["field"])
     content, baking = bake_scene(

@@ -1,4 +1,4 @@
-"""Every form of the kernels as one fixture.
+"""Every backend of the kernels as one fixture.
 
 Triton's kernels run on the GPU; where there is none, in Triton's interpreter, which is chosen
 before Triton is first imported.
@@ -20,8 +20,8 @@ if not HAS_GPU:
 
 
 @pytest.fixture(params=["reference", "fused", "triton"])
-def form(request: pytest.FixtureRequest) -> Iterator[Any]:
-    """Each form in turn; within the test new tensors are made on the device it runs on."""
+def backend(request: pytest.FixtureRequest) -> Iterator[Any]:
+    """Each backend in turn; within the test new tensors are made on the device it runs on."""
     from styletrf.field.kernels import kernels_for  # not before its shapes are checked
 
     if request.param == "triton":

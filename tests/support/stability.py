@@ -53,6 +53,14 @@ class Row:
 Cases = Callable[..., None]
 
 
+def half_rounding(size: float) -> float:
+    """Returns the largest error of values up to `size` in half precision, relative to `size`.
+
+    Halves are 1 in 1024 apart, below 6e-5 all 6e-8. What is below half of that becomes 0.
+    """
+    return max(2.0**-11, min(1.0, 2.0**-25 / size)) if size else 0.0
+
+
 @pytest.fixture
 def stability(request: pytest.FixtureRequest, record_property: Callable[..., None]) -> Cases:
     """Compares a case with what is exact, both tensors, arrays or numbers, and asserts the bound.

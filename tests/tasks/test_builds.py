@@ -24,6 +24,7 @@ from styletrf.scene.exposures import Exposure
 from styletrf.scene.scene_model import read_scene_model, write_scene_model
 from styletrf.style.style_network import load_style_network, stylize
 from styletrf.style.transfer.weights import load_style_transfer
+from tasks.presets.presets import PRESETS
 
 Mini = Callable[[str], Path]
 
@@ -46,7 +47,8 @@ def test_scene_model_says_what_it_decided_from_and_reads_back(mini: Mini, tmp_pa
 def test_scene_report_says_what_a_field_costs_here(mini: Mini):
     folder = mini("SceneReport")
     summary = read_summary(folder / "summary.json")
-    assert set(summary["seconds"]) == {"draft", "standard"}
+    assert set(summary["seconds"]) == set(PRESETS)
+    assert summary["expected_psnr"]["paper"] is None
     assert all(seconds > 0 for seconds in summary["seconds"].values())
     page = (folder / "report.html").read_text()
     assert mentions(page, "4 of 4")

@@ -1,4 +1,4 @@
-"""What a person should know of a clip: where it is cut, rests, is blurred, leans or breaks off."""
+"""Warnings about a clip: where it is cut, rests, is blurred, leans or breaks off."""
 
 from collections.abc import Iterator, Sequence
 
@@ -52,14 +52,14 @@ def _warnings_of_motion(name: str, motion: FrameMotion) -> Iterator[str]:
     if shutter := rolling_shutter(motion):
         yield (
             f"{name} leans where the camera moves (a rolling shutter, which takes"
-            f" {shutter.share:.0%} of the time between frames from one side to the other):"
+            f" {shutter.fraction:.0%} of the time between frames from one side to the other):"
             f" a quarter of its frames by {shutter.lean:.1%} of their width or more; move more"
             " slowly and steadily, since light and exposure change blur only"
         )
     if motion.displacement[-1] > 0 and not motion.has_parallax:
-        share = motion.parallax[-1] / motion.displacement[-1]
+        fraction = motion.parallax[-1] / motion.displacement[-1]
         yield (
-            f"{name} hardly has parallax ({share:.1%} of its motion): a camera that turns on the"
+            f"{name} hardly has parallax ({fraction:.1%} of its motion): a camera that turns on the"
             " spot sees no depth; film while walking past or around the scene"
         )
     if float(np.median(motion.sharpness)) < _LEAST_SHARPNESS:

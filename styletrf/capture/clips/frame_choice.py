@@ -15,7 +15,7 @@ from jaxtyping import Int64
 from styletrf.capture.clips.frame_motion import FrameMotion
 from styletrf.errors import InputError
 
-_SHARE_OF_DISPLACEMENT = 0.1
+_FRACTION_OF_DISPLACEMENT = 0.1
 _REACH = 0.35  # of a step, within which a sharper frame is looked for
 _LEAST_DISPLACEMENT = 0.02
 
@@ -32,8 +32,8 @@ def chosen_frames(motion: FrameMotion, count: int) -> Int64[np.ndarray, " chosen
             f"keeps still: its picture moves by less than {_LEAST_DISPLACEMENT:.0%} of its width",
             "Film while walking past or around the scene",
         )
-    share = motion.parallax + _SHARE_OF_DISPLACEMENT * motion.displacement
-    travel = np.maximum.accumulate(share)
+    fraction = motion.parallax + _FRACTION_OF_DISPLACEMENT * motion.displacement
+    travel = np.maximum.accumulate(fraction)
     step = travel[-1] / max(count - 1, 1)
     chosen = set()
     for target in np.linspace(0, travel[-1], count):

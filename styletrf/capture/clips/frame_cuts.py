@@ -1,4 +1,4 @@
-"""Where a clip is cut: between two frames that have less in common than any around them.
+"""Finds the cuts of a clip: between two frames that have less in common than any around them.
 
 A frame after a cut shows little of what the frame before it shows, while the frames around follow
 each other as usual. In a swing, in low light or in a show of slides frames differ as much again and
@@ -28,7 +28,7 @@ def cuts(time_s: PerFrame, flow: FrameFlow, lost: Flags, change: PerFrame) -> Fl
         time_s: Of the frames, in seconds.
         flow: From each frame to the next.
         lost: Whether corners of earlier frames were not found again.
-        change: The share of the colors that changed since the frame before, 0 to 1.
+        change: The fraction of the colors that changed since the frame before, 0 to 1.
     """
     beside = np.pad(change, 1)
     usual = np.maximum(beside[:-2], beside[2:])
@@ -40,8 +40,8 @@ def _are_other_pictures(time_s: PerFrame, novelty: PerFrame) -> Flags:
     """Returns where most of a picture is new, and far more than around and than usually."""
     if len(novelty) < 2:
         return np.zeros(len(novelty), bool)
-    share = np.clip(novelty, 0.0, 0.99)
-    odds = share / (1 - share)
+    fraction = np.clip(novelty, 0.0, 0.99)
+    odds = fraction / (1 - fraction)
     usual = float(np.quantile(odds[1:], _USUAL))
     frames = max(1, round(_AROUND_S / max(float(np.median(np.diff(time_s))), 1e-3)))
     around = np.full(len(odds), usual)

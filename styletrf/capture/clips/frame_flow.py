@@ -1,6 +1,6 @@
-"""How the picture of a clip changes from each frame to the next.
+"""Measures how the picture of a clip changes from each frame to the next.
 
-The dense flow (Kroeger et al. 2016) between small pictures tells how they move, how their halves
+The dense flow (Kroeger et al. 2016) between small pictures shows how they move, how their halves
 move against each other, and what of a picture the one before does not show.
 """
 
@@ -22,7 +22,7 @@ PerFrame = Float[np.ndarray, " frames"]
 
 @dataclass(frozen=True, slots=True)
 class FrameFlow:
-    """What of each frame is new, and how it moves, since the frame before; 0 for the first frame.
+    """The new part and the motion of each frame since the frame before; 0 for the first frame.
 
     `novelty` is 1 minus the correlation of local contrasts once the flow is undone: about 0.05 from
     frame to frame, 1 where nothing is found again, whatever the light. `shift` is the motion (right

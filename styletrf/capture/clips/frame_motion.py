@@ -1,7 +1,7 @@
-"""What the frames of a video show: how sharp each is, how the camera moved, and where it was cut.
+"""Measures the frames of a video: how sharp each is, how the camera moved, and where it was cut.
 
 From a frame on some corners are followed (Lucas and Kanade 1981), there and back, until the picture
-has moved by 3 % of its width, then others from there. Their displacement tells how the picture
+has moved by 3 % of its width, then others from there. Their displacement shows how the picture
 moved; what of it no homography explains is parallax, which a turning or resting camera has none of.
 
 Where hardly a corner comes back to its place, the camera swung too fast, or the video was cut (see
@@ -23,7 +23,7 @@ from styletrf.prefetch import in_background, prefetch
 
 _LONG_SIDE = 480  # at which frames are looked at
 _STRIDE = 0.03  # after which other corners are followed
-_SHARE_OF_PARALLAX = 0.05  # of the displacement, by which a camera that went places is known
+_FRACTION_OF_PARALLAX = 0.05  # of the displacement, by which a camera that went places is known
 _FEWEST_CORNERS = 8
 _LEAST_FOLLOWED = 0.1  # of the corners
 _LOST_DISPLACEMENT = 1.0  # of a swing too fast to follow
@@ -36,7 +36,7 @@ PerFrame = Float[np.ndarray, " frames"]
 
 @dataclass(frozen=True, slots=True)
 class FrameMotion:
-    """What a video's frames show; motions in widths of the picture, added up since the first.
+    """Measures of a video's frames; motions in widths of the picture, added up since the first.
 
     `sharpness` is the variance of the Laplacian over that of the picture: texture alone makes no
     frame sharp. `shot` counts the cuts so far; `flow` is from each frame to the next.
@@ -52,7 +52,7 @@ class FrameMotion:
     @property
     def has_parallax(self) -> bool:
         """Whether the camera went places, rather than turned on the spot."""
-        return bool(self.parallax[-1] > _SHARE_OF_PARALLAX * self.displacement[-1])
+        return bool(self.parallax[-1] > _FRACTION_OF_PARALLAX * self.displacement[-1])
 
     @property
     def cuts_s(self) -> list[float]:
@@ -73,7 +73,7 @@ class _Look:
 
 
 def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
-    """Returns what the frames of a video show; holds eight of them at a time.
+    """Returns the measures of a video's frames; holds eight of them at a time.
 
     A thread takes the frames, which decodes them, and another one looks at each: neither needs the
     motion before it.
@@ -97,7 +97,7 @@ def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
 
 def _look_at(frame: TimedFrame) -> _Look:
     gray = _looked_at(frame.pixels)
-    small, colors = small_picture(gray), _color_shares(frame.pixels)
+    small, colors = small_picture(gray), _color_fractions(frame.pixels)
     return _Look(frame.time_s, _sharpness(gray), gray, small, colors, np.zeros(2))
 
 
@@ -150,8 +150,8 @@ def _looked_at(frame: UInt8[np.ndarray, "_ _ 3"]) -> UInt8[np.ndarray, "_ _"]:
     return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA))
 
 
-def _color_shares(frame: UInt8[np.ndarray, "height width 3"]) -> Colors:
-    """Returns the share of the pixels in each of 8 x 8 x 8 cells of RGB."""
+def _color_fractions(frame: UInt8[np.ndarray, "height width 3"]) -> Colors:
+    """Returns the fraction of the pixels in each of 8 x 8 x 8 cells of RGB."""
     small = cv2.resize(frame, (96, 96), interpolation=cv2.INTER_AREA).astype(np.int64) // 32
     cells = np.bincount(small.reshape(-1, 3) @ [64, 8, 1], minlength=512)
     return np.asarray(cells / cells.sum())

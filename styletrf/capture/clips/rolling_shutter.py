@@ -1,4 +1,4 @@
-"""Whether a clip's camera exposes the rows of a picture one after another, as telephones do.
+"""Detects a rolling shutter: the rows of a picture are exposed one after another.
 
 Let d(t) be how far the picture moves from a time t to one frame later. A shutter that needs a share
 r of the time between frames from the first row to the last shows, in frame k,
@@ -31,14 +31,14 @@ Pairs = Float[np.ndarray, "frames 2"]
 
 @dataclass(frozen=True, slots=True)
 class RollingShutter:
-    """How a clip's frames lean because their rows (or columns) are exposed one after another.
+    """The lean of a clip's frames whose rows (or columns) are exposed one after another.
 
-    `share` is the time from the first row to the last over that between frames, `lean` what a
+    `fraction` is the time from the first row to the last over that between frames, `lean` what a
     quarter of the frames lean by or more, in widths of the picture, `correlation` how well the
     change of the motion explains how the halves move apart, 0 to 1.
     """
 
-    share: float
+    fraction: float
     lean: float
     correlation: float
 
@@ -65,15 +65,15 @@ def _along(motion: FrameMotion, tilt: Pairs, other: Pairs) -> RollingShutter | N
         known = np.column_stack([np.ones(len(shift)), shift, other[:, 1 - k]])[used]
         apart.append(_unexplained(tilt[used, k], known))
         sources.append(_unexplained(change[used, k], known))
-    share, correlation = _regression(np.concatenate(sources), np.concatenate(apart))
+    fraction, correlation = _regression(np.concatenate(sources), np.concatenate(apart))
     freedom = 2 * float(used.sum()) - 8 - 2
     deviations = correlation * (freedom / max(1 - correlation**2, 1e-9)) ** 0.5
-    leans = abs(share) * np.linalg.norm(shift[used], axis=1)
+    leans = abs(fraction) * np.linalg.norm(shift[used], axis=1)
     lean = float(np.quantile(leans, _LEANING_QUANTILE))
     is_clear = correlation > _LEAST_CORRELATION and deviations > _LEAST_SIGNIFICANCE
     if not is_clear or lean < _LEAST_LEAN:
         return None
-    return RollingShutter(abs(share), lean, correlation)
+    return RollingShutter(abs(fraction), lean, correlation)
 
 
 def _followed(motion: FrameMotion) -> Flags:

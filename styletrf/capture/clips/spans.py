@@ -12,7 +12,7 @@ _SHORTEST_REST_S = 0.75
 _FEWEST_RESTING = 5  # frames
 _REST_EXTENT = 0.06  # of the width at most, in which a hand-held camera rests for long
 _REST_SPEED = 0.2  # of the usual speed,
-_USUAL_SHARE = 0.25  # at or below which this share of the way is covered
+_USUAL_FRACTION = 0.25  # at or below which this fraction of the way is covered
 _TREMOR_QUANTILE = 0.75
 _TREMOR = 1.5  # times this quantile of the distances from the middle
 _ROUNDING_S = 1e-6
@@ -137,7 +137,7 @@ def _usual_speed(time_s: PerFrame, places: Places) -> float:
     gone = np.cumsum(ways)
     if len(ways) == 0 or gone[-1] == 0:
         return 0.0
-    return float(ways[np.searchsorted(gone, _USUAL_SHARE * gone[-1])]) / _SHORTEST_REST_S
+    return float(ways[np.searchsorted(gone, _USUAL_FRACTION * gone[-1])]) / _SHORTEST_REST_S
 
 
 def _sharpness_around(motion: FrameMotion) -> PerFrame:

@@ -4,7 +4,7 @@ See `frame_choice`. Several clips share the frames by the length of the way that
 """
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -40,7 +40,7 @@ from styletrf.files.video import (
 from styletrf.prefetch import in_background, prefetch
 from styletrf.progress import Progress, silent
 
-_LOOKED_AT, _EVERY = 10, 30  # frames that tell whether a clip is of panoramas
+_LOOKED_AT, _EVERY = 10, 30  # frames that decide whether a clip is of panoramas
 _WRITERS, _AHEAD = 2, 3  # threads that write frames while the next are decoded
 
 
@@ -84,13 +84,9 @@ def capture_videos(
         )
     ]
     warnings = [
-        f"{video.name} shows all directions: {len(DIRECTIONS)} views are cut from each frame"
-        for video in videos
-        if video in cut
+        *_input_warnings(videos, cut, skipped),
+        *_warnings(videos, motions, chosen, count),
     ]
-    if skipped:
-        warnings.append(f"skipped, since {FEWEST_PHOTOGRAPHS} are needed: {', '.join(skipped)}")
-    warnings += _warnings(videos, motions, chosen, count)
     capture = Capture(tuple(photographs), tuple(warnings))
     write_capture(out_dir, capture)
     return capture
@@ -196,12 +192,25 @@ def _written(
 
 
 def frame_prefixes(videos: Sequence[Path]) -> list[str]:
-    """Returns what goes before the numbers of each clip's frames: nothing where there is one."""
+    """Returns the prefix of the numbers of each clip's frames, which is empty for a single clip."""
     if len(videos) == 1:
         return [""]
     stems = [video.stem for video in videos]
     names = [video.name.replace(".", "_") for video in videos]
     return [f"{name}_" for name in (distinct(names) if distinct(stems) != stems else stems)]
+
+
+def _input_warnings(
+    videos: Sequence[Path], cut: Set[Path], skipped: Sequence[str]
+) -> Iterator[str]:
+    for video in videos:
+        if video in cut:
+            yield (
+                f"{video.name} shows all directions: {len(DIRECTIONS)} views are cut from each"
+                " frame"
+            )
+    if skipped:
+        yield f"skipped, since {FEWEST_PHOTOGRAPHS} are needed: {', '.join(skipped)}"
 
 
 def _warnings(

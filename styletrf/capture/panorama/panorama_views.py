@@ -73,7 +73,7 @@ def cut_views(panorama: Image) -> Iterator[tuple[str, Image]]:
 
 
 def seen_in_panorama(panorama: Image, camera: Camera) -> Image:
-    """Returns what a camera sees of a panorama (bicubic), whose axes are the camera's world.
+    """Returns a camera's view of a panorama (bicubic), whose axes are the camera's world.
 
     Where the middle of the image is coarser than the panorama, this is first reduced by area.
     """
@@ -96,8 +96,8 @@ def panorama_pixels(
     """Returns where a panorama shows directions of any length, in its axes, as pixels (x, y)."""
     x, y, z = directions.T
     longitude, below = np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))
-    shares = np.stack([longitude / (2 * np.pi), below / np.pi], axis=-1) + 0.5
-    return np.asarray(shares * (width, height))
+    fractions = np.stack([longitude / (2 * np.pi), below / np.pi], axis=-1) + 0.5
+    return np.asarray(fractions * (width, height))
 
 
 def _padded(panorama: Image) -> Image:

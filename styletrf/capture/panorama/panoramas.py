@@ -55,7 +55,7 @@ def find_panoramas(sizes: Mapping[Path, tuple[int, int]], choice: Choice) -> set
             require_all_directions(file.name, *size)
         return set(sizes)
     data_of = ((file, file.read_bytes()) for file in sizes)
-    declared = {file for file, data in data_of if _declares_panorama(data) and _share(data) == 1}
+    declared = {file for file, data in data_of if _declares_panorama(data) and _fraction(data) == 1}
     for file in declared:
         require_all_directions(file.name, *sizes[file])
     found = set(declared)
@@ -101,13 +101,13 @@ def panorama_mismatch(image: Image) -> float:
     return float((np.array([seam, seam, *poles]) / usual).max())
 
 
-def share_of_directions(file: Path) -> float:
-    """Returns which share of all directions a panorama shows, by its XMP; 1 where it says nothing.
+def fraction_of_directions(file: Path) -> float:
+    """Returns the fraction of all directions that a panorama shows, by its XMP; 1 without one.
 
     A telephone's sweep shows a part: it is neither a pinhole's picture nor a whole panorama.
     """
     data = file.read_bytes()
-    return _share(data) if _declares_panorama(data) else 1.0
+    return _fraction(data) if _declares_panorama(data) else 1.0
 
 
 def _declares_panorama(data: bytes) -> bool:
@@ -115,16 +115,16 @@ def _declares_panorama(data: bytes) -> bool:
     return bool(_EQUIRECTANGULAR.search(data))
 
 
-def _share(data: bytes) -> float:
-    """Returns the share of the width times that of the height, as the XMP of a panorama says."""
-    share = 1.0
+def _fraction(data: bytes) -> float:
+    """Returns the fraction of the width times that of the height, as the XMP of a panorama says."""
+    fraction = 1.0
     for side in (b"Width", b"Height"):
         found = [
             re.search(_SIDE % (part, side), data) for part in (b"CroppedAreaImage", b"FullPano")
         ]
         cropped, full = (int(one.group(1)) if one else 0 for one in found)
-        share *= cropped / full if 0 < cropped < full else 1.0
-    return share
+        fraction *= cropped / full if 0 < cropped < full else 1.0
+    return fraction
 
 
 def require_all_directions(name: str, width: int, height: int) -> None:

@@ -136,7 +136,7 @@ def poses_are_given(poses: Path) -> bool:
 
 
 def read_given_poses(path: Path) -> tuple[str, dict[str, GivenView]]:
-    """Returns what `write_given_poses` wrote: the source's name, and the views by name."""
+    """Returns the poses of `write_given_poses`: the source's name, and the views by name."""
     values: dict[str, Any] = json.loads(path.read_text())
     views = {}
     for row in values["views"]:

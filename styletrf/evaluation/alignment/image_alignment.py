@@ -1,4 +1,4 @@
-"""Where a photograph was taken from, by comparing it with renders (direct image alignment).
+"""Finds the pose of a photograph by comparing it with renders (direct image alignment).
 
 A camera that moves by the twist (v, w) in its own frame, T' = T exp(v, w), shows at a pixel p
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
-from styletrf.capture.capture_file import read_capture
+from styletrf.capture.capture_file import Photograph, read_capture
 from styletrf.capture.photographs import read_photograph
 from styletrf.capture.views import load_views
 from styletrf.colmap import pycolmap
@@ -40,7 +40,7 @@ from styletrf.scene.scene_model import SceneModel
 
 _LOGGER = logging.getLogger(__name__)
 LEAST_DETAIL = 0.5  # correlation with the render, below which a photograph is of something else
-LEAST_SHARE = 0.75  # of the way from a photograph beside another's render to it beside its own
+LEAST_FRACTION = 0.75  # of the way from a photograph beside another's render to it beside its own
 _STARTS = 4  # known cameras, those of the most similar photographs, from which the search begins
 _COMPARED = 12  # photographs whose cameras are known, to know how alike render and photograph are
 _MOST_TRIED = 20  # photographs without a camera: each takes seconds
@@ -71,7 +71,7 @@ def place_unregistered(
 
 @dataclass(frozen=True, slots=True)
 class PhotographPlacement:
-    """What became of one photograph; `camera` is its best, whether or not it is good enough.
+    """The outcome for one photograph; `camera` is its best, whether or not it is good enough.
 
     `detail` and `needed` are correlations with the render: that at the best pose, and the least
     that counts.
@@ -90,28 +90,26 @@ class PhotographPlacement:
 def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
     """Yields the photographs without a camera, as a lens of the scene would show them.
 
-    Of more than 20 they are 20, evenly spread, and a warning says so. It is the lens that took most
-    of the placed photographs of the same shape, or of this shape turned by 90 degrees, as a camera
-    held upright has it. Their cameras stand at the origin. Where no lens has their shape, nothing
-    is known of theirs: they are left out, and a warning names them.
+    It is the lens that took most of the placed photographs of the same shape, or of this shape
+    turned by 90 degrees, as a camera held upright has it. Their cameras stand at the origin. Where
+    no lens has their shape, nothing is known of theirs: they are left out, and a warning names
+    them. Of more than 20 others they are 20, evenly spread, and a warning says so.
 
     Args:
         capture_dir: What `capture_photographs` wrote.
         poses_dir: What `solve_camera_poses` wrote.
     """
-    missing = _tried(read_unregistered(poses_dir / "cameras.parquet"))
+    missing = set(read_unregistered(poses_dir / "cameras.parquet"))
     if not missing:
         return
     lenses = _lenses(read_summary(poses_dir / "poses.json"))
     lenses += [_turned(lens) for lens in lenses if "FISHEYE" not in str(lens.model_name)]
-    for one in read_capture(capture_dir).photographs:
-        if one.name not in missing:
-            continue
+    photographs = read_capture(capture_dir).photographs
+    usable = _with_lenses([one for one in photographs if one.name in missing], lenses)
+    if len(usable) > _MOST_TRIED:
+        _LOGGER.warning("%d photographs have no camera: %d are tried", len(missing), _MOST_TRIED)
+    for one, lens in evenly_spread(usable, _MOST_TRIED):
         image = read_photograph(capture_dir / "images" / one.file)
-        lens = next((lens for lens in lenses if _has_shape(image, lens.width, lens.height)), None)
-        if lens is None:
-            _LOGGER.warning("%s was not placed: no lens has its shape", one.name)
-            continue
         size = lens.width, lens.height
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
         pinhole = pinhole_for(lens, one.name, np.eye(3, 4))
@@ -121,11 +119,18 @@ def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
         yield camera, cv2.resize(image, size, interpolation=cv2.INTER_AREA) / 255.0
 
 
-def _tried(names: Sequence[str]) -> set[str]:
-    """Returns the photographs that are looked for: all, or 20 of them, evenly spread."""
-    if len(names) > _MOST_TRIED:
-        _LOGGER.warning("%d photographs have no camera: %d are tried", len(names), _MOST_TRIED)
-    return set(evenly_spread(names, _MOST_TRIED))
+def _with_lenses(
+    photographs: Sequence[Photograph], lenses: Sequence[pycolmap.Camera]
+) -> list[tuple[Photograph, pycolmap.Camera]]:
+    """Returns the photographs whose shape a lens has, each with the first such lens."""
+    usable = []
+    for one in photographs:
+        lens = next((lens for lens in lenses if _has_shape(one, lens.width, lens.height)), None)
+        if lens is None:
+            _LOGGER.warning("%s was not placed: no lens has its shape", one.name)
+        else:
+            usable.append((one, lens))
+    return usable
 
 
 def _lenses(poses: Mapping[str, Any]) -> list[pycolmap.Camera]:
@@ -152,8 +157,8 @@ def _turned(lens: pycolmap.Camera) -> pycolmap.Camera:
     return pycolmap.Camera(model="PINHOLE", width=width, height=height, params=params)
 
 
-def _has_shape(image: UInt8[np.ndarray, "height width 3"], width: int, height: int) -> bool:
-    return bool(abs(image.shape[1] / image.shape[0] / (width / height) - 1) < _SAME_SHAPE)
+def _has_shape(photograph: Photograph, width: int, height: int) -> bool:
+    return abs(photograph.width / photograph.height / (width / height) - 1) < _SAME_SHAPE
 
 
 def place_photographs(
@@ -192,7 +197,7 @@ def _needed(placed: Sequence[View], render: Render) -> float:
         own.append(likeness(camera, image, render, max(LONG_SIDES_PX)))
         other += [likeness(one, image, render, max(LONG_SIDES_PX)) for one in wrong]
     usual, confused = float(np.median(own)), float(np.median(other)) if other else 0.0
-    return max(LEAST_DETAIL, confused + LEAST_SHARE * (usual - confused))
+    return max(LEAST_DETAIL, confused + LEAST_FRACTION * (usual - confused))
 
 
 def write_placements(

@@ -58,7 +58,7 @@ def measure_workloads(device: torch.device) -> dict[str, float]:
 def fastest_of(workload: Callable[[], None], repeats: int = _REPEATS) -> float:
     """Returns the seconds of the fastest run, after one that is not counted.
 
-    The share of the cores that other work took meanwhile is subtracted.
+    The fraction of the cores that other work took meanwhile is subtracted.
     """
     workload()
     return min(_undisturbed_s(workload) for _ in range(repeats))
@@ -110,7 +110,7 @@ def _extraction() -> None:
 
 
 def field_steps(device: torch.device) -> Callable[[], None]:
-    """Returns what takes some iterations of a fit at its final size."""
+    """Returns a function that runs some iterations of a fit at its final size."""
     trainer = field_trainer(device)
 
     def steps() -> None:
@@ -141,7 +141,7 @@ def field_trainer(device: torch.device) -> FieldTrainer:
 
 
 def network_steps(device: torch.device, images: int = 1) -> Callable[[], None]:
-    """Returns what takes some iterations of a style training on random weights.
+    """Returns a function that runs some iterations of a style training on random weights.
 
     Args:
         device: Where it trains.

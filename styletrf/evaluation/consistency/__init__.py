@@ -1,4 +1,4 @@
-"""How consistent the frames of a trajectory are.
+"""Measures the consistency of the frames of a trajectory.
 
 In: frames with and without style, their cameras and depths. Out: a row for each pair of frames, and
 their means. Begin with `trajectory_consistency.measure_consistency`: along the flow of the

@@ -49,11 +49,11 @@ def splatting_errors(a: Image, b: Image, estimator: FlowEstimator) -> SplattingE
     require_finite("consistency", f"by {estimator.method}", [("flow", flow)])
     moved, covered = splatted(a, flow, importance(a, b, flow))
     squared = np.where(covered[..., None], moved - b, 0.0).astype(np.float64) ** 2
-    share = float(covered.mean())
+    fraction = float(covered.mean())
     mean = float(squared.mean())
-    seen = np.sqrt(mean / share) if share else 0.0
+    seen = np.sqrt(mean / fraction) if fraction else 0.0
     motion = float(np.linalg.norm(flow, axis=-1).mean())
-    return SplattingErrors(float(np.sqrt(mean)), float(seen), share, motion)
+    return SplattingErrors(float(np.sqrt(mean)), float(seen), fraction, motion)
 
 
 def importance(a: Image, b: Image, flow: Flow) -> Float[np.ndarray, "height width"]:
@@ -87,11 +87,11 @@ def splatted(
     for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
         column, row = left + dx, top + dy
         inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        share = ((1 - np.abs(x - column)) * (1 - np.abs(y - row)) * weight)[inside]
+        fraction = ((1 - np.abs(x - column)) * (1 - np.abs(y - row)) * weight)[inside]
         at = (row * width + column)[inside].astype(np.int64)
-        total += np.bincount(at, share, height * width)
+        total += np.bincount(at, fraction, height * width)
         for k in range(3):
-            values = share * image.reshape(-1, 3)[inside, k]
+            values = fraction * image.reshape(-1, 3)[inside, k]
             colors[:, k] += np.bincount(at, values, height * width)
     covered = total > 0
     colors[covered] /= total[covered, None]

@@ -31,7 +31,7 @@ STYLE_DISTANCES = (
 
 @dataclass(frozen=True, slots=True)
 class ResemblanceConfig:
-    """What is looked at.
+    """Settings of the comparison.
 
     Attributes:
         frames: How many, spread over the trajectory.

@@ -60,7 +60,7 @@ class TraitsConfig:
 
 @dataclass(frozen=True, slots=True)
 class PictureTraits:
-    """What is compared of a picture.
+    """The traits of a picture that are compared.
 
     Attributes:
         projections: Of its colors, patches and texture.

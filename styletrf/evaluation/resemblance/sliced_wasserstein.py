@@ -30,7 +30,7 @@ Projections = Float[np.ndarray, "directions _"]
 
 @dataclass(frozen=True, slots=True)
 class SlicedWassersteinConfig:
-    """What is sampled of a picture.
+    """Settings of the sampling of a picture.
 
     Attributes:
         directions: How many random directions.
@@ -53,7 +53,7 @@ class SlicedWassersteinConfig:
 
 @dataclass(frozen=True, slots=True)
 class PictureProjections:
-    """What is compared of a picture: its pixels, and its patches from the full scale down.
+    """The samples of a picture: its pixels, and its patches from the full scale down.
 
     `texture` are the patches, each channel of each without its mean.
     """

@@ -1,10 +1,10 @@
-"""The hot loops of the field, in forms that all pass one conformance suite.
+"""The hot loops of the field, in backends that all pass one conformance suite.
 
 Enters: factors of a field, and its rays as segments. Leaves: samples with weights, features,
-colors, and the gradients of all. Begin with `reference`, which defines what each form computes;
-`differentiable` makes a form of forward and backward loops, `reference_form` one of `reference`.
+colors, and the gradients of all. Begin with `reference`, which defines what each backend computes.
+`reference_backend` wraps it, and `differentiable` wraps compiled forward and backward loops.
 
-`kernels_for(device)` gives the fastest form for a device: numba on the CPU, Triton on a GPU where
+`kernels_for(device)` returns the fastest backend for a device: numba on the CPU, Triton on a GPU if
 it is installed, else the reference in torch; a name overrides the choice.
 """
 
@@ -13,46 +13,48 @@ from importlib.util import find_spec
 import torch
 
 from styletrf.errors import InputError
-from styletrf.field.kernels import fused, reference
+from styletrf.field.kernels import numba_backend, reference
 from styletrf.field.kernels.differentiable import DifferentiableKernels
-from styletrf.field.kernels.form import Kernels
-from styletrf.field.kernels.reference_form import ReferenceKernels
-from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.interface import Kernels
+from styletrf.field.kernels.reference_backend import ReferenceKernels
+from styletrf.field.kernels.samples import March, RaySegments, Samples
 from styletrf.field.kernels.sparsification import Sparsification, sparsify_gradient
 
 __all__ = [
-    "FORMS",
+    "BACKENDS",
     "Kernels",
     "March",
+    "RaySegments",
     "Samples",
-    "Segments",
     "Sparsification",
     "kernels_for",
     "sparsify_gradient",
 ]
 
-FORMS = ("reference", "fused", "triton")
+BACKENDS = ("reference", "fused", "triton")
 
 
 def kernels_for(device: torch.device, name: str | None = None) -> Kernels:
-    """Returns the kernels called `name`, one of `FORMS`, by default the fastest on `device`.
+    """Returns the kernels of a backend, one of `BACKENDS`; without a name the fastest on `device`.
 
     Raises:
-        InputError: No form is called so, or it is `triton` and that is not installed.
+        InputError: No backend has this name, or it is `triton` and Triton is not installed.
     """
     match name or _fastest(device):
         case "reference":
             return ReferenceKernels()
         case "fused":
-            return DifferentiableKernels("fused", fused, fused.decode)
+            return DifferentiableKernels("fused", numba_backend, numba_backend.decode)
         case "triton" if _has_triton():
-            from styletrf.field.kernels import triton_form
+            from styletrf.field.kernels import triton_backend
 
             # Two matrix products, which torch hands to the tensor cores: nothing to gain.
-            return DifferentiableKernels("triton", triton_form, reference.decode)
+            return DifferentiableKernels("triton", triton_backend, reference.decode)
         case "triton":
             raise InputError("kernels triton", "the package triton is not installed", _REMEDY)
-    raise InputError(f"kernels {name}", "there is no such form", f"Choose from {', '.join(FORMS)}")
+    raise InputError(
+        f"kernels {name}", "there is no such backend", f"Choose from {', '.join(BACKENDS)}"
+    )
 
 
 _REMEDY = "Install it (pip install styletrf[gpu]) or choose the reference"

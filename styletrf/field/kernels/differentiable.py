@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.field.kernels.form import Kernels
-from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.interface import Kernels
+from styletrf.field.kernels.samples import March, RaySegments, Samples
 from styletrf.field.kernels.sparsification import sparsified
 from styletrf.field.tensor_vm import TensorVM
 
@@ -21,7 +21,7 @@ Decode = Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 @runtime_checkable
-class Backend(Protocol):
+class CompiledBackend(Protocol):
     """A module with plain functions of tensors; `factors` are three planes and three lines."""
 
     def density_features(
@@ -44,7 +44,7 @@ class Backend(Protocol):
 
     def trace_forward(
         self,
-        segments: Segments,
+        segments: RaySegments,
         jitter: Float[Tensor, " rays"],
         march: March,
         factors: Sequence[Tensor],
@@ -89,10 +89,10 @@ class Backend(Protocol):
 @final
 @dataclass(frozen=True, slots=True)
 class DifferentiableKernels(Kernels):
-    """The form that uses the loops of a backend; its `decode` is differentiable by itself."""
+    """The backend that uses compiled loops; its `decode` is differentiable by itself."""
 
     name: str
-    backend: Backend
+    backend: CompiledBackend
     decoder: Decode
 
     def features(self, factors: TensorVM, positions: Tensor) -> Tensor:
@@ -106,7 +106,9 @@ class DifferentiableKernels(Kernels):
         """See `Kernels.density`."""
         return self.backend.density_features(positions, [*factors.planes, *factors.lines])
 
-    def trace(self, factors: TensorVM, segments: Segments, jitter: Tensor, march: March) -> Samples:
+    def trace(
+        self, factors: TensorVM, segments: RaySegments, jitter: Tensor, march: March
+    ) -> Samples:
         """See `Kernels.trace`."""
         samples = _Trace.apply(  # type: ignore[no-untyped-call]
             self.backend, segments, jitter, march, *factors.planes, *factors.lines
@@ -142,7 +144,7 @@ class _Features(torch.autograd.Function):
     """See `reference.features`."""
 
     @staticmethod
-    def forward(ctx: Any, backend: Backend, positions: Tensor, *factors: Tensor) -> Tensor:
+    def forward(ctx: Any, backend: CompiledBackend, positions: Tensor, *factors: Tensor) -> Tensor:
         """Keeps the positions and the factors."""
         ctx.backend = backend
         ctx.save_for_backward(positions, *factors)
@@ -161,8 +163,8 @@ class _Trace(torch.autograd.Function):
     @staticmethod
     def forward(
         ctx: Any,
-        backend: Backend,
-        segments: Segments,
+        backend: CompiledBackend,
+        segments: RaySegments,
         jitter: Tensor,
         march: March,
         *factors: Tensor,
@@ -193,7 +195,12 @@ class _Composite(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, backend: Backend, offsets: Tensor, ray: Tensor, weights: Tensor, values: Tensor
+        ctx: Any,
+        backend: CompiledBackend,
+        offsets: Tensor,
+        ray: Tensor,
+        weights: Tensor,
+        values: Tensor,
     ) -> Tensor:
         """Keeps the weights and the values."""
         ctx.backend = backend

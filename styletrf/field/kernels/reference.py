@@ -8,7 +8,7 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.samples import March, RaySegments, Samples
 from styletrf.field.kernels.sparsification import sparsify_gradient
 from styletrf.field.tensor_vm import LINE_AXES, PLANE_AXES, TensorVM
 
@@ -36,7 +36,7 @@ def density(factors: TensorVM, positions: Float[Tensor, "samples 3"]) -> Float[T
 
 
 def trace(
-    factors: TensorVM, segments: Segments, jitter: Float[Tensor, " rays"], march: March
+    factors: TensorVM, segments: RaySegments, jitter: Float[Tensor, " rays"], march: March
 ) -> Samples:
     """Returns the samples of the rays in occupied voxels, up to termination, with their weights.
 

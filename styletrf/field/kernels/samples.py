@@ -12,8 +12,8 @@ MAX_OPTICAL_THICKNESS = 1e30
 
 
 @dataclass(frozen=True, slots=True)
-class Segments:
-    """Rays as chains of straight pieces of the grid, by s in [0, 1], the share of their length.
+class RaySegments:
+    """Rays as chains of straight pieces of the grid, by s in [0, 1], the fraction of their length.
 
     A piece is `origin + s * direction` for s up to its end, where the next begins; the last ends at
     1, and so do pieces that a ray has less than others. `lengths` is the optical length of the
@@ -31,9 +31,9 @@ class Segments:
     depth_far: Float[Tensor, "rays pieces"]
     depth_bend: Float[Tensor, "rays pieces"]
 
-    def __getitem__(self, rays: slice | Tensor) -> "Segments":
+    def __getitem__(self, rays: slice | Tensor) -> "RaySegments":
         """Returns some of the segments."""
-        return Segments(*(getattr(self, name)[rays] for name in self.__slots__))
+        return RaySegments(*(getattr(self, name)[rays] for name in self.__slots__))
 
     def __len__(self) -> int:
         return self.origins.shape[0]
@@ -67,7 +67,7 @@ class Segments:
     ) -> Float[Tensor, " samples"]:
         """Returns the depth Z at s, perspective-correct.
 
-        With u the share of its piece that lies before s, Z is linear in t = u / (u + (1 - u) bend).
+        With u the fraction of its piece before s, Z is linear in t = u / (u + (1 - u) bend).
         """
         piece = self.piece_at(ray, s)
         at = ray * self.ends.shape[1] + piece
@@ -76,15 +76,15 @@ class Segments:
             for values in (self.depth_near, self.depth_far, self.depth_bend, self.ends)
         )
         starts = torch.where(piece > 0, self.ends.reshape(-1)[at - 1], 0.0)
-        share = ends - starts
-        u = torch.where(share > 0, (s - starts) / share, 0.0)
+        fraction = ends - starts
+        u = torch.where(fraction > 0, (s - starts) / fraction, 0.0)
         t = u / (u + (1 - u) * bend)
         return near + t * (far - near)
 
 
 @dataclass(frozen=True, slots=True)
 class March:
-    """How rays are sampled: density = scale x softplus(raw + shift); see `trace`.
+    """Settings of the sampling of rays: density = scale x softplus(raw + shift); see `trace`.
 
     `sparsification` is that of the raw densities' gradient.
     """

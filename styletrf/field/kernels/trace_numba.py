@@ -89,10 +89,10 @@ def trace_forward(
     another: so threads need not wait for each other, and little memory is touched.
 
     Args:
-        origins: Of the pieces in grid coordinates, `rays pieces 3`, see `Segments`.
+        origins: Of the pieces in grid coordinates, `rays pieces 3`, see `RaySegments`.
         directions: Likewise.
         ends: Of the pieces, `rays pieces`.
-        thickness: See `Segments.step_thickness`.
+        thickness: See `RaySegments.step_thickness`.
         n_steps: Steps of each ray.
         jitter: Where in each step its sample lies, in [0, 1), one number a ray.
         occupancy: `x y z`, non-zero where density may be.

@@ -20,7 +20,7 @@ import triton.language as tl
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.samples import March, RaySegments, Samples
 from styletrf.field.kernels.thickness_triton import opacity, sigmoid, softplus
 from styletrf.field.kernels.vm_triton import density_feature, kernel_factors
 
@@ -172,7 +172,7 @@ def _raw_gradients(offsets, weights, behind, slopes, grad, grad_raw, STEPS: tl.c
 
 
 def trace_forward(
-    segments: Segments, jitter: Float[Tensor, " rays"], march: March, factors: Sequence[Tensor]
+    segments: RaySegments, jitter: Float[Tensor, " rays"], march: March, factors: Sequence[Tensor]
 ) -> tuple[Samples, Sequence[Tensor]]:
     """Returns the samples; and the transmittance behind each, and d tau / d raw density."""
     planes, lines, shape, ranks = kernel_factors(factors)

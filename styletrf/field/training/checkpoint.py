@@ -33,7 +33,7 @@ class FieldCurvePoint:
 
 @dataclass(slots=True)
 class FitState:
-    """How far a fit is.
+    """The state of a fit after some iterations.
 
     Attributes:
         end: The iteration at which it ends: the planned one, unless the validation views move it.

@@ -8,7 +8,7 @@ from styletrf.field.field_config import FieldConfig
 
 @dataclass(frozen=True, slots=True)
 class FieldTrainingConfig:
-    """How a field is fitted; names in brackets are TensoRF's."""
+    """Settings of the fit of a field; names in brackets are TensoRF's."""
 
     field: FieldConfig = field(default_factory=FieldConfig)
     iterations: int = 3000  # [n_iters]
@@ -46,7 +46,7 @@ class FieldTrainingConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not all(0 < share < 1 for share in self.upsample_at):
+        if not all(0 < fraction < 1 for fraction in self.upsample_at):
             raise ValueError(f"upsample_at is {self.upsample_at}, not shares of the iterations")
         if not 0 <= self.average_share <= 1:
             raise ValueError(f"average_share is {self.average_share}, not between 0 and 1")
@@ -57,10 +57,10 @@ class FieldTrainingConfig:
         require_at_least(1, self, *counts, "depth_rays", "depth_every", "occupancy_every")
 
     def in_space(self, kind: str) -> "FieldTrainingConfig":
-        """Returns the settings with what the space decides: ranks, and the weight of distortion.
+        """Returns the settings, with the ranks and the weight of distortion that suit the space.
 
         Photographs from all around say where a surface is, and gathered weights draw strokes on it
-        crisply. Those of NDC hardly say where leaves lie along their rays: matter that is spread
+        crisply. Those of NDC hardly say where leaves lie along their rays: density that is spread
         there fits them better (decision 43).
         """
         weight = self.distortion_weight
@@ -85,4 +85,4 @@ class FieldTrainingConfig:
     @property
     def upsample_steps(self) -> tuple[int, ...]:
         """The iterations at which the grid grows."""
-        return tuple(max(1, round(share * self.iterations)) for share in self.upsample_at)
+        return tuple(max(1, round(fraction * self.iterations)) for fraction in self.upsample_at)

@@ -46,7 +46,7 @@ def field_cost(
     kernels: Kernels,
     device: torch.device,
 ) -> FieldCost:
-    """Returns what fitting the model costs; the iterations are thrown away."""
+    """Returns the cost of fitting the model; discards the iterations that it measures."""
     brief = replace(config, upsample_at=(), occupancy_every=1 << 30, early_gain_db=0.0)
     cameras = model.normalized(photographs.cameras)
     images = load_views(photographs.folder, cameras, device)

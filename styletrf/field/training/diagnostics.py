@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from styletrf.field.appearance import Appearance
-from styletrf.field.kernels import Kernels, Samples, Segments
+from styletrf.field.kernels import Kernels, RaySegments, Samples
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.ray_cache import RayBatch
 
@@ -20,7 +20,7 @@ from styletrf.field.ray_cache import RayBatch
 def iteration_stages(
     field: RadianceField,
     kernels: Kernels,
-    segments: Segments,
+    segments: RaySegments,
     samples: Samples,
     color: Float[Tensor, "rays 3"],
 ) -> Iterator[tuple[str, Tensor]]:

@@ -2,16 +2,16 @@
 
     sum_ij w_i w_j |s_i - s_j| + 1/3 sum_i w_i^2 step
 
-It falls when the weights of a ray gather at one place: haze and doubled surfaces pay.
+It falls when the weights of a ray gather at one place: fog and doubled surfaces pay.
 """
 
 from jaxtyping import Float
 from torch import Tensor
 
-from styletrf.field.kernels import Samples, Segments
+from styletrf.field.kernels import RaySegments, Samples
 
 
-def distortion(samples: Samples, segments: Segments) -> Float[Tensor, ""]:
+def distortion(samples: Samples, segments: RaySegments) -> Float[Tensor, ""]:
     """Returns the mean distortion of the rays, in segment lengths, differentiable in the weights.
 
     Linear in the number of samples: with s ascending along a ray, the double sum is

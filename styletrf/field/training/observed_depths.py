@@ -10,10 +10,10 @@ are nearer to the camera, the loss of a ray is one of two:
 
 Sixteen photographs or more have depths of sparse points, with the terms of the line of sight
 (Rematas et al. 2022, Urban Radiance Fields, section 3.3), a box in place of a normal distribution.
-In NDC they have none: matter that is spread along rays fits them better (decision 19).
+In NDC they have none: density that is spread along rays fits them better (decision 19).
 
 Fewer photographs have depths of stereo as well (`styletrf.scene.stereo`), for most textured pixels.
-There the sparse loss would empty all rays before matter has gathered at the depths. The dense loss
+There the sparse loss would empty all rays before density has gathered at the depths. The dense loss
 is the negative log-likelihood that a ray ends at its depth. Its gradient grows where little is
 near, and so moves matter to the depth (decision 54). Both losses are bounded, by 2 and 3.1, so that
 a wrong depth cannot undo what many photographs show.
@@ -27,7 +27,7 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.field.kernels import Samples, Segments
+from styletrf.field.kernels import RaySegments, Samples
 from styletrf.geometry.cameras import Camera, in_view, pixel_centers
 from styletrf.geometry.point_table import SparsePoints
 from styletrf.scene.placement import transformed
@@ -41,7 +41,7 @@ MANY = 16  # photographs
 
 @dataclass(frozen=True, slots=True)
 class ObservedDepths:
-    """Pixels of views, and the depth Z of what they show; dense with those of stereo."""
+    """Pixels of views with the depth Z of their surfaces; dense with those of stereo."""
 
     view: Int64[Tensor, " observations"]
     pixel: Float[Tensor, "observations 2"]
@@ -116,7 +116,9 @@ def _of_map(
     return pixels, found.depth[known].astype(np.float64)
 
 
-def depth_loss(samples: Samples, segments: Segments, depths: ObservedDepths) -> Float[Tensor, ""]:
+def depth_loss(
+    samples: Samples, segments: RaySegments, depths: ObservedDepths
+) -> Float[Tensor, ""]:
     """Returns the mean loss of rays with depths, differentiable in the samples' weights.
 
     Args:

@@ -20,7 +20,7 @@ class ParameterAverage:
     """
 
     def __init__(self, window: float) -> None:
-        self._least_share = 1 / max(window, 1.0)
+        self._least_fraction = 1 / max(window, 1.0)
         self.count = 0
         self.mean: dict[str, Tensor] = {}
 
@@ -28,10 +28,10 @@ class ParameterAverage:
     def add(self, module: nn.Module) -> None:
         """Takes in the present values of the module's parameters."""
         self.count += 1
-        share = max(1 / self.count, self._least_share)
+        fraction = max(1 / self.count, self._least_fraction)
         for name, value in module.named_parameters():
             if name in self.mean:
-                self.mean[name].lerp_(value, share)
+                self.mean[name].lerp_(value, fraction)
             else:
                 self.mean[name] = value.clone()
 

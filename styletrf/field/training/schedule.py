@@ -13,8 +13,8 @@ def stage_resolution(
 
     Stage 0 has about `initial_voxels`, stage `stages` the final resolution (TensoRF section 4.2).
     """
-    share = stage / stages if stages else 1.0
-    ratio = min(1.0, initial_voxels / math.prod(final)) ** ((1 - share) / 3)
+    fraction = stage / stages if stages else 1.0
+    ratio = min(1.0, initial_voxels / math.prod(final)) ** ((1 - fraction) / 3)
     x, y, z = (max(2, round(n * ratio)) for n in final)
     return x, y, z
 

@@ -2,7 +2,7 @@
 
 Rays are made from pixels and never stored. No pixel comes twice before every other had its turn,
 in an order that spreads each batch over all views (`styletrf.capture.view_images`). The grid grows
-geometrically from `initial_voxels` to the scene's resolution, at the shares of the iterations in
+geometrically from `initial_voxels` to the scene's resolution, at the fractions of the iterations in
 `upsample_at`. The learning rates restart each time. The occupancy grid is recomputed from the
 density regularly. What is kept is the mean of the last parameters
 (`styletrf.field.training.parameter_average`).
@@ -21,7 +21,7 @@ from torch import Tensor
 
 from styletrf.capture.view_images import view_images
 from styletrf.errors import NotFiniteError
-from styletrf.field.kernels import Kernels, Samples, Segments, Sparsification
+from styletrf.field.kernels import Kernels, RaySegments, Samples, Sparsification
 from styletrf.field.occupancy import initial_occupancy, non_empty, occupied_voxels
 from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField, set_occupancy
@@ -174,7 +174,7 @@ class FieldTrainer:
             color = self.exposures.shown(color, self.images.places(pixels)[0], target)
         return (color - target).square().mean()
 
-    def _render(self, segments: Segments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
+    def _render(self, segments: RaySegments) -> tuple[Samples, Float[Tensor, "rays 3"]]:
         samples = self._trace(segments)
         color = render_color(
             self.field.appearance, self.kernels, segments, samples, self.config.min_weight,
@@ -182,7 +182,7 @@ class FieldTrainer:
         )  # fmt: skip
         return samples, color
 
-    def _trace(self, segments: Segments) -> Samples:
+    def _trace(self, segments: RaySegments) -> Samples:
         jitter = torch.rand(len(segments), generator=self.generator).to(segments.lengths)
         sparsification = self._sparsification(self.config.gradient_threshold)
         march = self.field.density.march(self.config.termination, sparsification)
@@ -242,7 +242,7 @@ class FieldTrainer:
         set_occupancy(density, found)
 
     def _require_finite_iteration(
-        self, segments: Segments, samples: Samples, color: Tensor, loss: Tensor
+        self, segments: RaySegments, samples: Samples, color: Tensor, loss: Tensor
     ) -> None:
         """Stops at the first tensor that is not finite, in the order of computation."""
         self.require_finite(parameter_stages(self.field, self.optimizer))

@@ -63,8 +63,8 @@ def validation_views(
 
     Views of one panorama count as one: each shows what the margins of the others do.
     """
-    shares = [max((0.0, *config.upsample_at)) + k * _SPACING for k in (1, 2, 3)]
-    before, after, early = (round(share * config.iterations) for share in shares)
+    fractions = [max((0.0, *config.upsample_at)) + k * _SPACING for k in (1, 2, 3)]
+    before, after, early = (round(fraction * config.iterations) for fraction in fractions)
     too_short = not 0 < before < after < early < config.iterations
     if config.early_gain_db == 0 or too_short:
         return None

@@ -1,4 +1,4 @@
-"""Where the artifacts of a graph stand: a row a step, a group of columns a painting.
+"""The layout of a graph of artifacts: a row a step, a group of columns a painting.
 
 Rows: each artifact stands directly above what needs it first (the longest path downwards counts).
 Groups: what paintings share stands in the first one.
@@ -28,7 +28,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where artifacts stand, in columns and rows, and where lines pass.
+    """The positions of artifacts, in columns and rows, and of the lines between them.
 
     Attributes:
         groups: From left to right.
@@ -92,7 +92,7 @@ def _rows(ordered: Sequence[Artifact], inputs: Mapping[str, Sequence[str]]) -> d
 def _points(
     ordered: Sequence[Artifact], inputs: Mapping[str, Sequence[str]], rows: Mapping[str, int]
 ) -> list[Point]:
-    """Where each artifact stands, and where its lines pass, from above."""
+    """Returns the positions of each artifact and of its lines, from above."""
     last = dict(rows)
     for each in ordered:
         for source in inputs[each.name]:

@@ -1,4 +1,4 @@
-"""Which photographs of a large, unordered set may show the same: by what their features look like.
+"""Finds the similar photographs of a large, unordered set by the looks of their features.
 
 Each photograph becomes one vector of locally aggregated descriptors (VLAD, Jégou et al. 2010): its
 SIFT descriptors' differences from the nearest of a few visual words, summed a word, rooted and

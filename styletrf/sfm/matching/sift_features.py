@@ -53,6 +53,8 @@ def sift_features(gray: Gray, max_features: int, mask: Gray | None = None) -> Fe
 
 
 def _root_sift(descriptors: Float[np.ndarray, "features 128"]) -> Descriptors:
-    shares = descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
-    rooted: Descriptors = np.rint(DESCRIPTOR_LENGTH * np.sqrt(shares)).clip(0, 255).astype(np.uint8)
+    fractions = descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
+    rooted: Descriptors = (
+        np.rint(DESCRIPTOR_LENGTH * np.sqrt(fractions)).clip(0, 255).astype(np.uint8)
+    )
     return rooted

@@ -29,7 +29,7 @@ def capture_scene(
     """Writes `images/` and `capture.json` of a scene of the user.
 
     Args:
-        inputs: None.
+        inputs: Empty.
         out: The folder to fill.
         settings: Of `CaptureConfig`.
         run: Its progress is the number of photographs or frames.

@@ -20,9 +20,9 @@ def check_painting(
     """Writes `style.png`.
 
     Args:
-        inputs: None.
+        inputs: Empty.
         out: The folder to fill.
-        settings: There are none.
+        settings: Empty.
         run: Not used.
         painting: The user's image.
 

@@ -15,9 +15,9 @@ def fetch_perceptual_weights(
     """Writes `vgg16.safetensors` and `weights.json`.
 
     Args:
-        inputs: None.
+        inputs: Empty.
         out: The folder to fill.
-        settings: There are none.
+        settings: Empty.
         run: Not used.
         source: See `build_perceptual_weights`, also for errors.
     """
@@ -30,9 +30,9 @@ def fetch_transfer_weights(
     """Writes `predictor`, `conditioning` and `transfer.safetensors`, and `weights.json`.
 
     Args:
-        inputs: None.
+        inputs: Empty.
         out: The folder to fill.
-        settings: There are none.
+        settings: Empty.
         run: Not used.
         source: See `build_transfer_weights`, also for errors.
     """

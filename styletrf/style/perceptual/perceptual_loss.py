@@ -152,7 +152,7 @@ def perceptual_loss(
 def content_features(
     vgg: VGG16, content: Float[Tensor, "batch 3 height width"], config: PerceptualLossConfig
 ) -> Float[Tensor, "batch channels _ _"]:
-    """Returns what the content term compares with: features of `config.content_layer`."""
+    """Returns the target of the content term: features of `config.content_layer`."""
     return vgg.features(content, [config.content_layer])[config.content_layer]
 
 
@@ -163,7 +163,7 @@ def perceptual_terms(
     style_term: StyleTerm,
     config: PerceptualLossConfig,
 ) -> PerceptualTerms:
-    """Returns what `perceptual_loss` does, with any style term; `target` of `content_features`."""
+    """Returns the perceptual loss with any style term; `target` is of `content_features`."""
     layer = config.content_layer
     found = vgg.features(output, [layer, *config.style_layers])
     none = torch.zeros((), device=output.device)

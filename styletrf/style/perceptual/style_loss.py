@@ -1,4 +1,4 @@
-"""How far a picture is from one painting's style and from its own content."""
+"""The distance of a picture from one painting's style and from its own content."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -59,7 +59,7 @@ class StyleLoss:
     def content_features(
         self, shown: Float[Tensor, "batch 3 height width"]
     ) -> Float[Tensor, "batch channels _ _"]:
-        """Returns the features that an output is to share with what it shows, RGB in [0, 1]."""
+        """Returns the features that an output shall share with its content, RGB in [0, 1]."""
         return content_features(self._vgg, shown, self._config)
 
     def __call__(

@@ -42,7 +42,7 @@ class Training:
 
     @property
     def seconds(self) -> float:
-        """How long it has been trained."""
+        """The seconds of training so far."""
         return self.curve[-1].seconds if self.curve else 0.0
 
 

@@ -14,7 +14,7 @@ from styletrf.style.training.temporal_loss import TemporalLossConfig
 
 @dataclass(frozen=True, slots=True)
 class StyleTrainingConfig:
-    """How a style network is trained.
+    """Settings of the training of a style network.
 
     With `warm_start` it begins as the network of arbitrary style transfer for the painting: at
     first only the normalizations learn, then all weights, and `color_weight` holds the colors that

@@ -1,7 +1,7 @@
 """Training by several processes, a GPU each, or several threads, a core each.
 
-Each computes a share of the batch, and all step. The gradient is the mean over the shares. A loss
-that is no mean over images, as the relative ones, is thereby the mean of the shares' losses, which
+Each computes a shard of the batch, and all step. The gradient is the mean over the shards. A loss
+that is no mean over images, as the relative ones, is thereby the mean of the shards' losses, which
 is not quite that of the whole batch.
 """
 
@@ -31,7 +31,7 @@ class Ranks:
         """Whether it is the one that reports and writes."""
         return self.rank == 0
 
-    def share(self, batch: Shaped[Tensor, "batch ..."]) -> Shaped[Tensor, "share ..."]:
+    def shard(self, batch: Shaped[Tensor, "batch ..."]) -> Shaped[Tensor, "shard ..."]:
         """Returns this process's part of a batch.
 
         Raises:

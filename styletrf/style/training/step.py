@@ -80,7 +80,7 @@ class StyleStep:
             InputError: A term is no longer finite; it names what else is not, if anything.
         """
         network = training.network
-        content = self._jittered(k, self._share(content))
+        content = self._jittered(k, self._shard(content))
         learned = [p for p in network.parameters() if p.requires_grad]
 
         def gradient(part: Tensor | ContentPair) -> tuple[PerceptualTerms, Sequence[Tensor | None]]:
@@ -142,10 +142,10 @@ class StyleStep:
         columns = [getattr(content, f).split(1) for f in content.__slots__]
         return [ContentPair(*row) for row in zip(*columns, strict=True)]
 
-    def _share(self, content: Tensor | ContentPair) -> Tensor | ContentPair:
+    def _shard(self, content: Tensor | ContentPair) -> Tensor | ContentPair:
         if isinstance(content, Tensor):
-            return self._ranks.share(content)
-        return ContentPair(*(self._ranks.share(getattr(content, f)) for f in content.__slots__))
+            return self._ranks.shard(content)
+        return ContentPair(*(self._ranks.shard(getattr(content, f)) for f in content.__slots__))
 
     def _require_finite(
         self, terms: PerceptualTerms, training: Training, k: int, content: Tensor | ContentPair

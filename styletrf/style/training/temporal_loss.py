@@ -1,4 +1,4 @@
-"""What stays put when the camera moves a little: a term of the style training.
+"""The temporal loss: a term of the style training for stability under small camera motion.
 
 Of two images that show the same, and of which it is known where each pixel of the first is in the
 second, the painted versions should show the same, too:
@@ -24,7 +24,7 @@ _LEAST_VARIANCE = 1e-3  # on [0, 1]: hardly any contrast
 
 @dataclass(frozen=True, slots=True)
 class TemporalLossConfig:
-    """How much the temporal loss counts, and under which disturbances."""
+    """The weight of the temporal loss, and its disturbances."""
 
     weight: float = 0.5
     every: int = 2  # iterations between looks at it; the weight counts as many times
@@ -91,7 +91,7 @@ def warp_along(
     images: Float[Tensor, "batch channels height width"],
     flow_px: Float[Tensor, "batch height width 2"],
 ) -> tuple[Float[Tensor, "batch channels height width"], Bool[Tensor, "batch height width"]]:
-    """Returns what lies at p + flow(p) for each pixel p, bilinear, and where that is inside.
+    """Returns the color at p + flow(p) for each pixel p, bilinear, and where that is inside.
 
     Differentiable in the images. What lies outside is the nearest border pixel.
     """

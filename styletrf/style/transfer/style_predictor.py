@@ -67,7 +67,7 @@ class StylePredictor(nn.Module):
     def features(
         self, images: Float[Tensor, "batch 3 height width"]
     ) -> list[Float[Tensor, "batch _ _ _"]]:
-        """Returns what the network sees at strides 4, 8 and 16: 24, 32 and 96 channels.
+        """Returns the features at strides 4, 8 and 16: 24, 32 and 96 channels.
 
         Differentiable.
 

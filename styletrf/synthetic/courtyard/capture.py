@@ -1,4 +1,4 @@
-"""Photographs of the courtyard with what is true of them: cameras and depth."""
+"""Photographs of the courtyard with their true cameras and depths."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ KINDS = tuple(_PATHS)
 
 @dataclass(frozen=True, slots=True)
 class CourtyardConfig:
-    """What is photographed and how: `kind` is one of KINDS; without `glossy` the vase is absent.
+    """Settings of a capture: `kind` is one of KINDS; without `glossy` the vase is absent.
 
     A walk sees more than the courtyard: houses beyond its walls, and hills.
     """
@@ -72,7 +72,7 @@ def courtyard_cameras(config: CourtyardConfig) -> list[Camera]:
 def render_view(
     camera: Camera, config: CourtyardConfig
 ) -> tuple[UInt8[np.ndarray, "height width 3"], Float[np.ndarray, "height width"]]:
-    """Returns what a camera anywhere sees of the configured courtyard: photograph and depth Z.
+    """Returns the photograph and the depth Z of a camera anywhere in the configured courtyard.
 
     The size is the camera's; of the configuration only what is there to be seen matters.
     """

@@ -1,7 +1,7 @@
 """A capture as files: `images/000.png`, ... as photographs, and beside them `truth/`.
 
 `truth/` holds `cameras.parquet`, `depth/000.npy`, ... (float32 Z in meters, infinite in the sky)
-and `capture.json`, the configuration. Nothing in `images/` tells a pose.
+and `capture.json`, the configuration. Nothing in `images/` contains a pose.
 """
 
 import json

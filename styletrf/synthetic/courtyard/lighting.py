@@ -58,7 +58,7 @@ def _around(
 def _in_tasks(
     task: Callable[..., None], tree: Hierarchy, points: Points, normals: Points, samples: Directions
 ) -> Points:
-    """Returns what a kernel writes for all points, its work shared among threads."""
+    """Returns a kernel's output for all points, its work divided among threads."""
     result = np.empty_like(points)
     parts = [slice(i, i + _POINTS_PER_TASK) for i in range(0, len(points), _POINTS_PER_TASK)]
     lifted = points + _OFF_SURFACE * normals

@@ -16,7 +16,7 @@ _STRIPS = 16
 def render_panorama(
     world_from_panorama: Float[np.ndarray, "3 4"], width: int, config: CourtyardConfig
 ) -> UInt8[np.ndarray, "height width 3"]:
-    """Returns what is seen all around, `width` pixels wide and half as high (sRGB).
+    """Returns the view all around, `width` pixels wide and half as high (sRGB).
 
     The panorama's axes are x right, y down, z ahead; z is in the middle, see
     `styletrf.capture.panorama.panorama_views`. Of the configuration only what is there to be seen

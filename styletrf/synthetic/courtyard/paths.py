@@ -1,4 +1,4 @@
-"""Where the photographer stands: camera poses for each kind of capture."""
+"""The camera poses of each kind of capture."""
 
 import numpy as np
 from jaxtyping import Float

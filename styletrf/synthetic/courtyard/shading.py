@@ -1,4 +1,4 @@
-"""What a ray sees: the sky, a surface's own color, and on a glossy surface also what it mirrors.
+"""The color of a ray: of the sky, or of a surface, with the reflection of a glossy one.
 
 Colors are linear light. A surface's color is `texture(uv) * light`, both fixed before any view is
 taken, so it is the same from everywhere (Lambert). Only a glossy surface adds a mirror image,

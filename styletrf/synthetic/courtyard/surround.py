@@ -1,4 +1,4 @@
-"""What stands around the courtyard when one walks through it: houses, a tower, hills.
+"""The surroundings of the courtyard on a walkthrough: houses, a tower, hills.
 
 Over walls of two to three meters one sees houses at 15 to 60 m, a tower, and hills at 300 and
 700 m; above them is the sky.

@@ -1,4 +1,4 @@
-"""What a painting is drawn on: fields over the canvas, palettes, noise.
+"""The canvas of a painting: fields over it, palettes, noise.
 
 A canvas is `FINE` x `FINE` sRGB values in [0, 1], twice the size of the painting it becomes;
 lengths are in its pixels.

@@ -23,7 +23,7 @@ _MOST_BYTES = 512_000_000
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """A part of what the script reads.
+    """A part of the data that the script reads.
 
     Attributes:
         values: As JSON.

@@ -101,7 +101,7 @@ def encoded_page(page: str) -> bytes:
 
 
 def about(content: ViewerContent) -> str:
-    """Returns what was baked and what it lost, as HTML."""
+    """Returns the size of the baked scene and its loss, as HTML."""
     density = content.density
     rows = [("density", _lattice_in_words(density.lattice))]
     if density.reduced_from:

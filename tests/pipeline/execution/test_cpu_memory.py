@@ -99,9 +99,9 @@ def test_a_command_beside_another_gets_the_other_half_and_says_so(leases):
 def test_where_no_core_is_free_a_lone_build_uses_all_and_does_not_wait(leases):
     with (
         cpu_memory.allocate(len(CORES), 0, print),
-        cpu_memory.allocate_alone(HALF, None, pytest.fail) as share,
+        cpu_memory.allocate_alone(HALF, None, pytest.fail) as fraction,
     ):
-        assert (share.cores, share.cpu_affinity) == (len(CORES), ())
+        assert (fraction.cores, fraction.cpu_affinity) == (len(CORES), ())
 
 
 def test_a_lone_build_waits_for_memory_that_it_is_known_to_need(leases):
@@ -126,11 +126,11 @@ def test_a_process_with_some_of_the_cores_takes_as_much_of_the_memory(
     """A node's scheduler binds a build to its cores; the memory that is read is all builds'."""
     monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path)
     monkeypatch.setattr(os, "cpu_count", lambda: 8 * len(CORES))
-    with cpu_memory.allocate(len(CORES), None, print) as share:
-        assert len(share.inherited_fds) == 64 // 8 + len(CORES)
+    with cpu_memory.allocate(len(CORES), None, print) as fraction:
+        assert len(fraction.inherited_fds) == 64 // 8 + len(CORES)
     (tmp_path / "memory.max").write_text("1073741824")
-    with cpu_memory.allocate(len(CORES), None, print) as share:
-        assert len(share.inherited_fds) == 64 + len(CORES), "what is its own it may take"
+    with cpu_memory.allocate(len(CORES), None, print) as fraction:
+        assert len(fraction.inherited_fds) == 64 + len(CORES), "what is its own it may take"
 
 
 def test_what_needs_all_the_memory_waits_for_what_has_some(leases, capsys, monkeypatch):
@@ -194,8 +194,8 @@ def test_a_quota_of_the_container_counts(tmp_path, monkeypatch, files, cores):
         (tmp_path / "group" / name).write_text(text)
     monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path / "group")
     assert len(cpu_memory.usable_cores()) == cores
-    with cpu_memory.allocate(HALF, 0, print) as share:
-        assert bool(share.cpu_affinity) == (cores == len(CORES)), (
+    with cpu_memory.allocate(HALF, 0, print) as fraction:
+        assert bool(fraction.cpu_affinity) == (cores == len(CORES)), (
             "under a quota cores have no numbers"
         )
 
@@ -266,8 +266,8 @@ def test_a_lone_build_has_the_whole_host_where_no_folder_of_leases_can_be_used(
     tmp_path, monkeypatch, caplog
 ):
     monkeypatch.setenv("STYLETRF_LEASES", str(tmp_path / "missing" / "leases"))
-    with cpu_memory.allocate_alone(1, None, lambda _: None) as share:
-        assert share.cores == len(cpu_memory.usable_cores())
+    with cpu_memory.allocate_alone(1, None, lambda _: None) as fraction:
+        assert fraction.cores == len(cpu_memory.usable_cores())
     assert mentions(caplog.text, "missing")
 
 

@@ -89,10 +89,12 @@ def test_a_video_by_hand_whose_frames_lean_says_so_and_a_steady_one_says_nothing
     def by_hand(t):
         return 40 + 2 * t + 8 * np.sin(t / 3.1)
 
-    filmed = {share: panned(PAINTED, by_hand, 60, share) for share in (0.8, 0.0)}
+    filmed = {fraction: panned(PAINTED, by_hand, 60, fraction) for fraction in (0.8, 0.0)}
     reported = []
-    for share, frames in filmed.items():
-        write_video(tmp_path / f"{share}.mp4", frames, 24)
-        warnings = capture_videos([tmp_path / f"{share}.mp4"], tmp_path / str(share), 12).warnings
+    for fraction, frames in filmed.items():
+        write_video(tmp_path / f"{fraction}.mp4", frames, 24)
+        warnings = capture_videos(
+            [tmp_path / f"{fraction}.mp4"], tmp_path / str(fraction), 12
+        ).warnings
         reported.append(any("rolling shutter" in warning for warning in warnings))
     assert reported == [True, False]

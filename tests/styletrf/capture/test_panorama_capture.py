@@ -132,8 +132,10 @@ def test_poses_that_came_with_photographs_name_their_lenses(folder, tmp_path):
 def filmed(count):
     """What a camera for all directions sees that turns while it goes: frames of a clip."""
     start, end = (image.astype(float) for image in courtyard_panoramas(4, WIDTH)[1][:2])
-    shares = np.linspace(0, 1, count)
-    mixed = [np.rint((1 - share) * start + share * end).astype(np.uint8) for share in shares]
+    fractions = np.linspace(0, 1, count)
+    mixed = [
+        np.rint((1 - fraction) * start + fraction * end).astype(np.uint8) for fraction in fractions
+    ]
     return [np.roll(image, -4 * k, axis=1) for k, image in enumerate(mixed)]
 
 

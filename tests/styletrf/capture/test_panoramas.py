@@ -10,8 +10,8 @@ from made_photographs import encoded, texture
 
 from styletrf.capture.panorama.panoramas import (
     find_panoramas,
+    fraction_of_directions,
     panorama_mismatch,
-    share_of_directions,
     show_panoramas,
 )
 from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES, read_photograph
@@ -108,12 +108,12 @@ LOW = {"CroppedAreaImageHeightPixels": 32, "FullPanoHeightPixels": 64}
 
 
 @pytest.mark.parametrize(
-    ("said", "share"), [(SWEEP, 0.5), (LOW, 0.5), (SWEEP | LOW, 0.25), ({}, 1.0)]
+    ("said", "fraction"), [(SWEEP, 0.5), (LOW, 0.5), (SWEEP | LOW, 0.25), ({}, 1.0)]
 )
-def test_the_share_of_directions_is_what_the_metadata_say(said, share, tmp_path):
+def test_the_share_of_directions_is_what_the_metadata_say(said, fraction, tmp_path):
     file = tmp_path / "a.jpg"
     file.write_bytes(with_xmp(encoded(texture(64, 128)), ProjectionType="equirectangular", **said))
-    assert share_of_directions(file) == share
+    assert fraction_of_directions(file) == fraction
 
 
 def test_a_sweep_among_photographs_is_left_out(tmp_path):

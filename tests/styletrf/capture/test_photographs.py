@@ -257,8 +257,8 @@ def test_an_avif_photograph_stands_upright(tmp_path):
 
 
 @pytest.mark.parametrize("encoded_file", [PHONE.read_bytes(), avif(texture(48, 64))])
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.95])
-def test_a_damaged_file_of_a_telephone_is_refused(tmp_path, encoded_file, share):
-    (tmp_path / "a.heic").write_bytes(encoded_file[: int(share * len(encoded_file))])
+@pytest.mark.parametrize("fraction", [0.0, 0.3, 0.95])
+def test_a_damaged_file_of_a_telephone_is_refused(tmp_path, encoded_file, fraction):
+    (tmp_path / "a.heic").write_bytes(encoded_file[: int(fraction * len(encoded_file))])
     with rejects(tmp_path / "a.heic"):
         read_photograph(tmp_path / "a.heic")

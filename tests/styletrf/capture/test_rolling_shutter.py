@@ -24,14 +24,14 @@ def shutter_of(frames):
     return rolling_shutter(frame_motion(timed(frames, 24.0)))
 
 
-@pytest.mark.parametrize("share", [0.4, 0.8, -0.6])
-def test_a_pan_by_hand_whose_rows_are_exposed_in_turn_leans(share):
+@pytest.mark.parametrize("fraction", [0.4, 0.8, -0.6])
+def test_a_pan_by_hand_whose_rows_are_exposed_in_turn_leans(fraction):
     """A negative share is that of a camera held upside down."""
-    found = shutter_of(panned(PAINTED, by_hand, COUNT, share))
-    assert found.share == pytest.approx(abs(share), rel=0.3)
+    found = shutter_of(panned(PAINTED, by_hand, COUNT, fraction))
+    assert found.fraction == pytest.approx(abs(fraction), rel=0.3)
     assert found.correlation > 0.8
     t = np.arange(COUNT)
-    lean = abs(share) * np.abs(by_hand(t + 1) - by_hand(t)) / WIDTH
+    lean = abs(fraction) * np.abs(by_hand(t + 1) - by_hand(t)) / WIDTH
     assert found.lean == pytest.approx(np.quantile(lean, 0.75), rel=0.3)
 
 

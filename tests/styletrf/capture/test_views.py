@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -39,9 +41,36 @@ def test_views_of_one_source_are_never_split(sources):
     assert not {sources[k] for k in fitted} & {sources[k] for k in held_out}
 
 
+def views_from(centers):
+    poses = [np.column_stack([np.eye(3), center]) for center in centers]
+    return [Camera("", 4, 3, 4.0, 4.0, 2.0, 1.5, pose) for pose in poses]
+
+
 def test_views_that_share_a_center_up_to_rounding_are_of_one_place():
     centers = [[0.1, 2, 3], [0.1 + 1e-14, 2, 3], [0.1, 2, 3.001], [9, 9, 9], [0.1, 2, 3]]
-    poses = [np.column_stack([np.eye(3), center]) for center in centers]
-    cameras = [Camera("", 4, 3, 4.0, 4.0, 2.0, 1.5, pose) for pose in poses]
+    cameras = views_from(centers)
     assert places_of(cameras) == [0, 0, 1, 2, 0]
     assert places_of(cameras[:1]) == [0]
+    assert places_of([]) == []
+
+
+@given(st.lists(st.sampled_from([0, 1e-10, 0.9e-9, 1.1e-9, 2e-9, 0.5, 1]), min_size=1))
+def test_a_view_is_of_the_place_of_the_first_view_within_a_billionth_of_the_extent(along):
+    """The matrix of all distances says the same, and takes memory that grows with its square."""
+    centers = np.outer(along, [0.6, 0.0, 0.8])
+    apart = np.linalg.norm(centers[:, None] - centers, axis=-1)
+    first = (apart <= 1e-9 * apart.max()).argmax(axis=1)
+    numbers = np.unique(first, return_inverse=True)[1]
+    assert places_of(views_from(centers)) == numbers.tolist()
+
+
+def test_places_of_many_views_take_memory_that_grows_with_their_number():
+    def peak_bytes(count):
+        cameras = views_from(np.random.default_rng(0).random((count, 3)))
+        tracemalloc.start()
+        places_of(cameras)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    assert peak_bytes(800) < 5 * peak_bytes(200)  # and not 16 times

@@ -66,6 +66,17 @@ def test_of_one_photograph_nothing_is_expected(tmp_path):
     assert expected_psnr(photographs, model, FIT, KERNELS, CPU) is None
 
 
+@pytest.mark.parametrize("places", [0, 2])
+def test_of_views_of_which_one_place_is_left_to_fit_to_nothing_is_expected(tmp_path, places):
+    """Of two panoramas one is set aside: the other was fitted alone, at made-up depth."""
+    photographs, model = photographs_of(painted_plane(8), tmp_path)
+    cameras = [
+        replace(camera, world_from_camera=photographs.cameras[k % 2].world_from_camera)
+        for k, camera in enumerate(photographs.cameras[: 4 * places])
+    ]
+    assert brief_fits(replace(photographs, cameras=cameras), model, FIT, KERNELS, CPU) == []
+
+
 def test_by_a_photograph_that_is_masked_all_over_nothing_is_expected(tmp_path):
     photographs, model = photographs_of(painted_plane(4), tmp_path)
     (aside,) = split_views(len(photographs.cameras))[1]

@@ -46,14 +46,16 @@ def test_whole_pixels_are_moved_exactly(x, y):
     assert inside.sum() == (40 - abs(y)) * (50 - abs(x))
 
 
-@pytest.mark.parametrize(("interpolation", "share"), [("linear", 4 / 9), ("cubic", (6 / 7) ** 2)])
-def test_a_warp_keeps_this_share_of_the_variance_of_noise(interpolation, share):
+@pytest.mark.parametrize(
+    ("interpolation", "fraction"), [("linear", 4 / 9), ("cubic", (6 / 7) ** 2)]
+)
+def test_a_warp_keeps_this_share_of_the_variance_of_noise(interpolation, fraction):
     """The mean, over places between pixels, of the sum of the squared weights."""
     random = np.random.default_rng(0)
     noise = random.normal(size=(400, 400, 3)).astype(np.float32)
     flow = random.uniform(-2, 2, (400, 400, 2)).astype(np.float32)
     warped, inside = warp_to_a(noise, flow, interpolation)
-    assert warped[inside].var() == pytest.approx(share, rel=0.02)
+    assert warped[inside].var() == pytest.approx(fraction, rel=0.02)
 
 
 def test_detail_of_four_pixels_survives_a_cubic_warp():

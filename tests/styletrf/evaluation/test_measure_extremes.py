@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from stability import half_rounding
 
 from styletrf.evaluation.flow import FlowEstimator, agreement, warp_to_a
 from styletrf.evaluation.metrics import mean_squared_error, psnr, ssim
@@ -142,9 +143,10 @@ def test_colors_return_within_half_precision_and_depth_exactly(tmp_path, size, s
     image = read_float_image(tmp_path / "a.exr")
     assert (np.abs(image.color - color) <= 2.0**-11 * color + 2.0**-25).all()
     np.testing.assert_array_equal(image.depth, depth)
-    spacing = 2.0**-25 / size if size else 0.0  # of the subnormal halves
-    within = max(2.0**-11, spacing)
-    stability(f"colors up to {size:g}", image.color, color, precision="float16", within=within)
+    stability(
+        f"colors up to {size:g}", image.color, color, precision="float16",
+        within=half_rounding(size),
+    )  # fmt: skip
     stability("depths 1e-30 to 1e30 and infinite", image.depth, depth)
 
 

@@ -94,22 +94,37 @@ def test_large_photographs_are_held_at_the_size_at_which_they_are_compared(scene
     assert 0 <= image.min() < image.max() <= 1
 
 
+def without_cameras(folder, shapes):
+    """Writes a capture of photographs by name and shape, none of which has a camera."""
+    photographs, capture, poses = (folder / name for name in ("scene", "capture", "poses"))
+    for each in (photographs, capture, poses):
+        each.mkdir()
+    for k, (name, shape) in enumerate(shapes.items()):
+        write_png(photographs / f"{name}.png", np.full((*shape, 3), k, np.uint8), compression=1)
+    capture_photographs(photographs, capture)
+    write_cameras(poses / "cameras.parquet", [], list(shapes))
+    write_summary(poses / "poses.json", LENS | {"width": 64, "height": 48})
+    return capture, poses
+
+
 def test_of_many_photographs_without_a_camera_some_are_tried_and_a_warning_says_so(
     tmp_path, caplog
 ):
-    photographs, capture, poses = (tmp_path / name for name in ("scene", "capture", "poses"))
-    for folder in (photographs, capture, poses):
-        folder.mkdir()
     names = [f"{k:02d}" for k in range(30)]
-    for k, name in enumerate(names):
-        write_png(photographs / f"{name}.png", np.full((24, 32, 3), k, np.uint8), compression=1)
-    capture_photographs(photographs, capture)
-    write_cameras(poses / "cameras.parquet", [], names)
-    write_summary(poses / "poses.json", LENS | {"width": 64, "height": 48})
-    tried = [camera.name for camera, _ in unplaced_photographs(capture, poses)]
+    scene = without_cameras(tmp_path, dict.fromkeys(names, (24, 32)))
+    tried = [camera.name for camera, _ in unplaced_photographs(*scene)]
     assert len(set(tried)) == 20
     assert {"00", "29"} <= set(tried) <= set(names)
     assert "30 photographs have no camera: 20 are tried" in caplog.text
+
+
+def test_photographs_that_no_lens_can_show_do_not_count_among_the_twenty_tried(tmp_path):
+    """Of 20 chosen by name, those of other shapes were dropped: few of many were tried."""
+    shapes = {f"{k:02d}": (32, 32) if k % 2 else (24, 32) for k in range(44)}
+    tried = [camera.name for camera, _ in unplaced_photographs(*without_cameras(tmp_path, shapes))]
+    usable = [name for name, shape in shapes.items() if shape == (24, 32)]
+    assert len(set(tried)) == 20
+    assert {usable[0], usable[-1]} <= set(tried) <= set(usable)
 
 
 def test_where_all_photographs_have_a_camera_nothing_is_rendered(scene, tmp_path):

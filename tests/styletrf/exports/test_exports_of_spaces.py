@@ -90,13 +90,13 @@ def test_points_and_meshes_lie_where_a_view_saw_them(space: str, tmp_path: Path)
     assert 0 <= report["surface_share"] <= 1
     points = np.asarray(trimesh.load(tmp_path / "photographs.ply").vertices)
     (mesh,) = trimesh.load(tmp_path / "photographs.glb", process=False).geometry.values()
-    for found, share in ((points, 0.8), (np.asarray(mesh.vertices) * (1, -1, -1), 0.5)):
+    for found, fraction in ((points, 0.8), (np.asarray(mesh.vertices) * (1, -1, -1), 0.5)):
         (camera,), (render,) = views.cameras, views.renders
         pixels, depth, inside = in_view(in_world(space, camera), found)
         column, row = pixels[inside].astype(int).T
         scale = np.cbrt(np.linalg.det(views.model.normalized_from_world[:3, :3]))
         seen, own = render.median_depth.numpy()[row, column], depth[inside] * scale
-        assert (np.abs(own - seen) < 0.1 * own).mean() > share
+        assert (np.abs(own - seen) < 0.1 * own).mean() > fraction
     assert json.dumps(report)
 
 

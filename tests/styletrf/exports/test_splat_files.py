@@ -26,15 +26,17 @@ def test_a_ply_has_the_properties_that_3dgs_writes(tmp_path: Path):
     assert np.allclose(np.exp(vertices["scale_2"]), splats.scales[:, 2], rtol=1e-5)
 
 
-@pytest.mark.parametrize(("suffix", "share"), [("ply", 1e-5), ("spz", 0.05)])
-def test_what_is_read_is_what_was_written_up_to_rounding(suffix: str, share: float, tmp_path: Path):
+@pytest.mark.parametrize(("suffix", "fraction"), [("ply", 1e-5), ("spz", 0.05)])
+def test_what_is_read_is_what_was_written_up_to_rounding(
+    suffix: str, fraction: float, tmp_path: Path
+):
     splats, colors = cloud(300), np.random.default_rng(0).uniform(size=(300, 3))
     path = tmp_path / f"a.{suffix}"
     {"ply": write_splat_ply, "spz": write_spz}[suffix](path, splats, colors)
     again, found = read_splats(path)
     assert np.allclose(again.centers, splats.centers, atol=1e-5)
     assert np.allclose(np.abs((again.rotations * splats.rotations).sum(axis=1)), 1, atol=1e-3)
-    assert np.allclose(again.scales, splats.scales, rtol=share)
+    assert np.allclose(again.scales, splats.scales, rtol=fraction)
     assert np.allclose(again.opacities, splats.opacities, atol=0.005)
     assert np.allclose(found, colors, atol=0.005)
 

@@ -12,8 +12,8 @@ from styletrf.exports.surface_files import write_glb, write_points
 from styletrf.exports.surface_mesh import (
     SurfaceMesh,
     lattice_within,
+    surface_fraction,
     surface_mesh,
-    surface_share,
     vertex_colors,
 )
 from styletrf.field.rendering import Rendering
@@ -64,7 +64,7 @@ def test_where_nothing_is_hit_there_is_no_mesh():
     empty = Rendering(empty.color, empty.opacity * 0, nothing, nothing)
     with pytest.raises(InputError):
         surface_mesh([camera(0.0)], [empty], lambda grid: grid, (8, 8, 8))
-    assert surface_share([empty]) == 0
+    assert surface_fraction([empty]) == 0
 
 
 def test_a_lattice_keeps_its_proportions_within_the_bound():

@@ -37,12 +37,12 @@ def exact_colors(appearance, components, directions, ray):
 @SHADING
 @pytest.mark.parametrize("kind", ["network", "plain"])
 @pytest.mark.parametrize("size", [0.0, 1e-30, 1.0, 1e3, 1e18, 1e30])
-def test_colors_stay_within_0_and_1_and_have_finite_gradients(form, kind, size, stability):
+def test_colors_stay_within_0_and_1_and_have_finite_gradients(backend, kind, size, stability):
     appearance, ray = appearance_of(kind), torch.arange(40)
     components = size * torch.randn(40, 4, generator=generator(1))
     directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator(2)))
     components.requires_grad_()
-    colors = appearance.decode(components, directions, ray, form)
+    colors = appearance.decode(components, directions, ray, backend)
     colors.sum().backward()
     assert ((colors >= 0) & (colors <= 1)).all()
     assert torch.isfinite(components.grad).all()
@@ -51,33 +51,33 @@ def test_colors_stay_within_0_and_1_and_have_finite_gradients(form, kind, size, 
 
 
 @SHADING
-def test_a_direction_of_no_length_counts_as_none(form, stability):
+def test_a_direction_of_no_length_counts_as_none(backend, stability):
     """As for a camera that would lie in its own image plane: the color is that of the features."""
     appearance, ray = appearance_of("network"), torch.arange(5)
     components, nowhere = torch.randn(5, 4, generator=generator(1)), torch.zeros(5, 3)
-    colors = appearance.decode(components, nowhere, ray, form)
+    colors = appearance.decode(components, nowhere, ray, backend)
     appearance.shading.freeze_view_dependence()
-    anywhere = appearance.decode(components, torch.ones(5, 3), ray, form)
+    anywhere = appearance.decode(components, torch.ones(5, 3), ray, backend)
     torch.testing.assert_close(colors, anywhere)
     exact = exact_colors(appearance, components, nowhere, ray)
     stability("view direction 0", colors, exact)
 
 
 @MIXTURES
-@pytest.mark.parametrize("share", [0.0, 1e-38, 1e-7, 0.5, 1.0])
-def test_a_mixture_lies_between_its_parts(form, share, stability):
+@pytest.mark.parametrize("fraction", [0.0, 1e-38, 1e-7, 0.5, 1.0])
+def test_a_mixture_lies_between_its_parts(backend, fraction, stability):
     parts = [appearance_of("network", seed) for seed in (0, 1)]
-    mixed, ray = MixedAppearance(parts, [1 - share, share]), torch.arange(30)
+    mixed, ray = MixedAppearance(parts, [1 - fraction, fraction]), torch.arange(30)
     positions = 2 * torch.rand(30, 3, generator=generator(3)) - 1
     directions = torch.nn.functional.normalize(torch.randn(30, 3, generator=generator(4)))
-    found = mixed.decode(mixed.components(positions, form), directions, ray, form)
+    found = mixed.decode(mixed.components(positions, backend), directions, ray, backend)
     ends = torch.stack(
-        [p.decode(p.components(positions, form), directions, ray, form) for p in parts]
+        [p.decode(p.components(positions, backend), directions, ray, backend) for p in parts]
     )
     assert (found <= ends.amax(dim=0) + 1e-6).all()
     assert (found >= ends.amin(dim=0) - 1e-6).all()
-    exact = torch.lerp(*ends.double(), share)
-    stability(f"share {share:g}", found, exact)
+    exact = torch.lerp(*ends.double(), fraction)
+    stability(f"share {fraction:g}", found, exact)
 
 
 @CACHE

@@ -15,6 +15,7 @@ from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, save_field, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_view
+from styletrf.field.training.checkpoint import save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
 from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
@@ -25,6 +26,7 @@ from styletrf.field.training.trainer import FieldTrainer
 from styletrf.field.view_rays import ViewRays
 from styletrf.files.checkpoints import load_checkpoint
 from styletrf.geometry.space import Space
+from styletrf.psnr import bounded_psnr
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -51,10 +53,10 @@ def test_total_variation_weighs_more_where_there_are_fewer_views(scene, views, f
     torch.testing.assert_close(found, expected, rtol=0, atol=0)
 
 
-@pytest.mark.parametrize("share", [200.0, 1.0, 0.0, -0.1, float("nan")])
-def test_growth_is_given_in_shares_of_the_iterations(share):
-    with pytest.raises(ValueError, match=rf"upsample_at\b.*{re.escape(str(share))}"):
-        FieldTrainingConfig(upsample_at=(share,))
+@pytest.mark.parametrize("fraction", [200.0, 1.0, 0.0, -0.1, float("nan")])
+def test_growth_is_given_in_shares_of_the_iterations(fraction):
+    with pytest.raises(ValueError, match=rf"upsample_at\b.*{re.escape(str(fraction))}"):
+        FieldTrainingConfig(upsample_at=(fraction,))
 
 
 def parameters(field: RadianceField) -> dict[str, torch.Tensor]:
@@ -70,28 +72,29 @@ def test_the_field_shows_what_it_was_shown(scene):
     assert render.opacity.mean() > 0.9
 
 
-def test_thinned_gradients_fit_about_as_well(scene):
-    """On a real scene within 0.03 dB (decision 6); here the median of three seeds within 1 dB.
+def test_thinned_gradients_fit_as_well(scene, tmp_path: Path):
+    """Within 0.03 dB, as on a real scene (decision 6), from the same state on and by the same rays.
 
-    Seeds differ by several decibels, and one seed in six loses 4 dB by chance.
-
-    Rows that are always left out cost 14 dB here, and rows not made larger for the others 10 dB.
+    Rows that are always left out cost 0.5 dB here, and rows not made larger for the others 0.2 dB.
     That the mean of sparsified gradients is the gradient, `test_sparsification` checks exactly.
     """
-    rays = ViewRays(scene.cameras, scene.model.space, 0.01, CPU)
-    truths = (scene.images.float() / 255).numpy()
+    config = replace(CONFIG, iterations=160, upsample_at=(0.2, 0.4))
 
-    def reached(threshold: float, seed: int) -> float:
-        thinned = {"gradient_threshold": threshold, "color_threshold": threshold, "seed": seed}
-        field = fit(scene, replace(CONFIG, iterations=60, **thinned))
-        renders = [
-            render_view(field, KERNELS, rays, k, camera, RenderConfig()).color.numpy()
-            for k, camera in enumerate(scene.cameras)
-        ]
-        return float(np.mean([psnr(*pair) for pair in zip(renders, truths, strict=True)]))
+    def fitted(iterations: int, thresholds: tuple[float, float]) -> FieldTrainer:
+        thinned = dict(zip(("gradient_threshold", "color_threshold"), thresholds, strict=True))
+        fit = replace(config, **thinned)
+        trainer = FieldTrainer(scene.views(), scene.volume, fit, KERNELS, tmp_path)
+        while trainer.state.iteration < iterations:
+            trainer.step()
+        return trainer
 
-    gains = [reached(2.0, seed) - reached(0.0, seed) for seed in range(3)]
-    assert np.median(gains) > -1.0, gains
+    def reached(*thresholds: float) -> float:
+        trainer = fitted(config.iterations, thresholds)
+        trainer.finish()
+        return bounded_psnr(trainer.loss(trainer.field))
+
+    save_fit(tmp_path, fitted(100, (0.0, 0.0)))
+    assert reached(3.0, 1.0) == pytest.approx(reached(0.0, 0.0), abs=0.03)
 
 
 @pytest.mark.parametrize(("kind", "ranks"), [("ndc", (16, 4, 4)), ("box", (16, 16, 16))])
@@ -144,9 +147,11 @@ def test_a_killed_run_resumes_to_the_same_parameters(scene, whole, tmp_path: Pat
         assert torch.equal(tensor, parameters(resumed)[name]), name
 
 
-@pytest.mark.parametrize(("share", "every", "window"), [(0.5, 1, 15.0), (1.0, 3, 10.0)])
-def test_a_finished_field_is_the_average_with_an_occupancy_of_its_own(scene, share, every, window):
-    config = replace(CONFIG, iterations=30, upsample_at=(), average_share=share, shrink_rise=0.0)
+@pytest.mark.parametrize(("fraction", "every", "window"), [(0.5, 1, 15.0), (1.0, 3, 10.0)])
+def test_a_finished_field_is_the_average_with_an_occupancy_of_its_own(
+    scene, fraction, every, window
+):
+    config = replace(CONFIG, iterations=30, upsample_at=(), average_share=fraction, shrink_rise=0.0)
     trainer = FieldTrainer(scene.views(), scene.volume, config, KERNELS)
     average = ParameterAverage(window)
     while trainer.state.iteration < config.iterations:

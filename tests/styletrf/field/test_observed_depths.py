@@ -40,11 +40,11 @@ def observed():
     return model, cameras, of_points(model, cameras, seen(cameras, points))
 
 
-def along(segments, share: torch.Tensor, weights: torch.Tensor) -> Samples:
+def along(segments, fraction: torch.Tensor, weights: torch.Tensor) -> Samples:
     """One sample a ray, at a share of its length, of a weight."""
     ray = torch.arange(len(segments))
-    positions = segments.positions_at(ray, share)
-    return Samples(torch.arange(len(segments) + 1), ray, share, positions, weights)
+    positions = segments.positions_at(ray, fraction)
+    return Samples(torch.arange(len(segments) + 1), ray, fraction, positions, weights)
 
 
 def rays_of(observed):
@@ -53,7 +53,7 @@ def rays_of(observed):
     return rays.segments(depths.view, depths.pixel), depths
 
 
-def share_at(segments, depth: torch.Tensor) -> torch.Tensor:
+def fraction_at(segments, depth: torch.Tensor) -> torch.Tensor:
     """Returns where along the rays a depth is, by bisection."""
     ray = torch.arange(len(segments))
     low, high = torch.zeros(len(ray)), torch.ones(len(ray))
@@ -101,12 +101,12 @@ def test_dense_loss_of_an_opaque_sample_is_0_at_its_depth_and_bounded(observed, 
 def loss_of_opaque_samples(observed, where: float, *, are_dense: bool) -> float:
     """Returns the loss of rays that end at a share of their depths."""
     segments, depths = rays_of(observed)
-    share = share_at(segments, where * depths.depth)
-    reachable = (segments.depth_along(torch.arange(len(share)), share) / depths.depth) - where
+    fraction = fraction_at(segments, where * depths.depth)
+    reachable = (segments.depth_along(torch.arange(len(fraction)), fraction) / depths.depth) - where
     there = reachable.abs() < 1e-3
     assert there.float().mean() > 0.9
     chosen = segments[there]
-    samples = along(chosen, share[there], torch.ones(int(there.sum())))
+    samples = along(chosen, fraction[there], torch.ones(int(there.sum())))
     kept = replace(depths, depth=depths.depth[there], are_dense=are_dense)
     return float(depth_loss(samples, chosen, kept))
 
@@ -115,7 +115,7 @@ def test_sparse_gradient_pulls_matter_from_before_a_point_to_it(observed):
     segments, depths = rays_of(observed)
     for where, sign in ((1.0, -1), (0.7, 1)):
         weights = torch.full((len(segments),), 0.5, requires_grad=True)
-        samples = along(segments, share_at(segments, where * depths.depth), weights)
+        samples = along(segments, fraction_at(segments, where * depths.depth), weights)
         depth_loss(samples, segments, depths).backward()
         assert (sign * weights.grad >= 0).all()
         assert (sign * weights.grad > 0).float().mean() > 0.9
@@ -127,7 +127,7 @@ def test_the_less_matter_is_at_a_dense_depth_the_more_it_is_pulled_there(observe
     pulls = []
     for weight in (0.01, 0.5):
         weights = torch.full((len(segments),), weight, requires_grad=True)
-        samples = along(segments, share_at(segments, depths.depth), weights)
+        samples = along(segments, fraction_at(segments, depths.depth), weights)
         depth_loss(samples, segments, replace(depths, are_dense=True)).backward()
         assert (weights.grad <= 0).all()
         pulls.append(-float(weights.grad.sum()))

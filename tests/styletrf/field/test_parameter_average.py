@@ -78,7 +78,7 @@ def test_values_are_taken_often_enough_for_ten_in_a_window(iterations, every, wi
     assert config.average_window == pytest.approx(window)
 
 
-@pytest.mark.parametrize("share", [-0.1, 1.5, float("nan")])
-def test_the_share_lies_between_zero_and_one(share):
+@pytest.mark.parametrize("fraction", [-0.1, 1.5, float("nan")])
+def test_the_share_lies_between_zero_and_one(fraction):
     with pytest.raises(ValueError, match="average_share"):
-        FieldTrainingConfig(average_share=share)
+        FieldTrainingConfig(average_share=fraction)

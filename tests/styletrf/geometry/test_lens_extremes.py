@@ -7,7 +7,7 @@ import pycolmap
 import pytest
 from captures import arc, seen
 
-from styletrf.geometry.parallax import parallax_share
+from styletrf.geometry.parallax import parallax_fraction
 from styletrf.geometry.undistortion import pinhole_for, undistorted_image, undistorted_pixels
 from styletrf.sfm.reconstruction import placed_photographs
 
@@ -68,9 +68,9 @@ def test_the_parallax_does_not_depend_on_the_size_of_the_photographs(size, stabi
     cameras, points = arc(20, n=5), np.random.default_rng(0).uniform(-0.7, 0.7, (400, 3))
     tracks = seen(cameras, points)
 
-    def share(times: int) -> float:
+    def fraction(times: int) -> float:
         larger = [replace(c, width=times * c.width, height=times * c.height) for c in cameras]
         pixels = times * tracks.observed_pixel
-        return parallax_share(replace(tracks, observed_pixel=pixels), larger)
+        return parallax_fraction(replace(tracks, observed_pixel=pixels), larger)
 
-    stability(f"photographs {size} times as large", share(size), share(20), within=0.05)
+    stability(f"photographs {size} times as large", fraction(size), fraction(20), within=0.05)

@@ -36,12 +36,12 @@ def test_an_arc_begins_and_ends_exactly_and_turns_evenly():
     b = np.where((a * b).sum(axis=1, keepdims=True) < 0, -b, b)
     np.testing.assert_allclose(slerp(a, b, np.zeros((50, 1))), a, atol=1e-15)
     np.testing.assert_allclose(slerp(a, b, np.ones((50, 1))), b, atol=1e-15)
-    for share in (-0.5, 0.2, 0.5, 1.5):
-        middle = slerp(a, b, np.full((50, 1), share))
+    for fraction in (-0.5, 0.2, 0.5, 1.5):
+        middle = slerp(a, b, np.full((50, 1), fraction))
         np.testing.assert_allclose(np.linalg.norm(middle, axis=1), 1)
         whole = 2 * np.arccos(np.clip((a * b).sum(axis=1), -1, 1))
         turned = 2 * np.arccos(np.clip((a * middle).sum(axis=1), -1, 1))
-        np.testing.assert_allclose(turned, abs(share) * whole, atol=1e-6)
+        np.testing.assert_allclose(turned, abs(fraction) * whole, atol=1e-6)
 
 
 def test_an_arc_between_the_same_or_opposite_quaternions_is_finite():

@@ -110,6 +110,14 @@ def test_a_quality_of_which_nothing_is_known_says_so():
     assert re.findall(r'"number">([^<]*)<', table)[-1] == "unknown"
 
 
+def test_a_quality_whose_field_is_not_tried_is_a_row_and_named():
+    tried = expectation_table({"draft": EXPECTED}, "2 cores")
+    untried = replace(EXPECTED, psnr_db=None, is_tried=False)
+    table = expectation_table({"draft": EXPECTED, "<paper>": untried}, "2 cores")
+    assert "predicted, too" not in tried
+    assert "The field of &lt;paper&gt; is predicted, too, and its PSNR is unknown" in table
+
+
 def test_a_cost_grows_with_the_iterations(tmp_path):
     photographs, model = photographs_of(painted_plane(), tmp_path)
     cpu = torch.device("cpu")

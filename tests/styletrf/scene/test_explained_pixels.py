@@ -91,8 +91,8 @@ def test_a_masked_part_of_a_tile_does_not_change_its_color():
     assert explained(spoiled, OBJECT, [stripes] * len(CAMERAS)) > 0.97
 
 
-@pytest.mark.parametrize(("share", "kind"), [(BOX_EXPLAINS - 0.01, "unbounded"), (1.0, "box")])
-def test_space_reaches_beyond_a_box_that_explains_too_little(share, kind):
-    model = decide_scene_model(arc(20), 0.5 * SURFACE, SceneModelConfig(), explained=share)
+@pytest.mark.parametrize(("fraction", "kind"), [(BOX_EXPLAINS - 0.01, "unbounded"), (1.0, "box")])
+def test_space_reaches_beyond_a_box_that_explains_too_little(fraction, kind):
+    model = decide_scene_model(arc(20), 0.5 * SURFACE, SceneModelConfig(), explained=fraction)
     assert model.space.kind == kind
-    assert model.evidence["space"]["explained_by_box"] == share
+    assert model.evidence["space"]["explained_by_box"] == fraction

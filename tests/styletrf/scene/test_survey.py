@@ -79,7 +79,7 @@ def test_every_view_sees_all_of_a_small_box_in_its_middle():
     found = survey(ring(), *speckled(ring(), np.zeros(N_VIEWS)))
     assert found.seen_by[6:10, 6:10, 6:10].min() == N_VIEWS
     assert found.seen_by.max() == N_VIEWS
-    assert found.sparse_share == 0
+    assert found.sparse_fraction == 0
 
 
 def test_a_camera_that_looks_away_sees_nothing_of_it():
@@ -93,14 +93,14 @@ def test_a_camera_that_looks_away_sees_nothing_of_it():
 
 def test_two_views_are_fewer_than_three():
     found = survey(ring(2), *speckled(ring(2), np.zeros(2)))
-    assert found.sparse_share == found.blind_share == 1
+    assert found.sparse_fraction == found.blind_fraction == 1
 
 
 def test_points_outside_the_box_are_no_part_of_it():
     images, points = speckled(ring(), np.zeros(N_VIEWS))
     found = survey(ring(), images, replace(points, xyz_world=points.xyz_world + 50))
     assert not found.has_points.any()
-    assert found.sparse_share == 0
+    assert found.sparse_fraction == 0
 
 
 def test_black_photographs_have_no_exposure_to_compare():

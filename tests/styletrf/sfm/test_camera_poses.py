@@ -106,6 +106,7 @@ def test_the_report_is_in_the_file_and_names_no_time(solved):
     out, report, _ = solved
     content = json.loads((out / "poses.json").read_text())
     assert content["registered"] == report.registered
+    assert content["tells_depth"] == report.has_parallax  # the key of earlier versions
     assert content["mean_reprojection_error_px"] < 0.5
     assert not any("second" in key or "time" in key for key in content)
 
@@ -257,13 +258,11 @@ def test_photographs_from_one_spot_are_warned_of(tmp_path, solved):
     report = solve_camera_poses(capture, out, CameraPosesConfig())
     assert any("from one spot" in warning for warning in report.warnings)
     assert not any("from one spot" in warning for warning in solved[1].warnings)
-    assert (report.tells_depth, solved[1].tells_depth) == (False, True)
+    assert (report.has_parallax, solved[1].has_parallax) == (False, True)
 
 
-@pytest.mark.parametrize(("look_down", "tells_depth"), [(0.0, False), (1.6, True)])
-def test_a_facade_with_parallax_tells_depth_and_a_flat_wall_does_not(
-    tmp_path, look_down, tells_depth
-):
+@pytest.mark.parametrize(("look_down", "has_parallax"), [(0.0, False), (1.6, True)])
+def test_a_facade_with_parallax_has_it_and_a_flat_wall_has_none(tmp_path, look_down, has_parallax):
     """Seen from several places; before the facade is some ground, and every pair is flat."""
     photographs = {}
     for k, y in enumerate(np.linspace(3.0, 5.0, 7)):
@@ -274,5 +273,5 @@ def test_a_facade_with_parallax_tells_depth_and_a_flat_wall_does_not(
         photographs[f"{k}.png"] = room_view(pose)
     capture, out = captured(tmp_path, photographs)
     report = solve_camera_poses(capture, out, CameraPosesConfig())
-    assert (report.flat_pairs, report.tells_depth) == (1.0, tells_depth)
-    assert any("tell no depth" in warning for warning in report.warnings) != tells_depth
+    assert (report.flat_pairs, report.has_parallax) == (1.0, has_parallax)
+    assert any("tell no depth" in warning for warning in report.warnings) != has_parallax

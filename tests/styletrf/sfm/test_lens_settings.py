@@ -57,21 +57,32 @@ def test_two_clips_of_one_size_have_two_lenses_unless_settings_say_otherwise(how
 
 
 @pytest.mark.parametrize(
-    ("photographs", "focals", "how", "is_assumed"),
+    ("photographs", "focals", "how", "assumed"),
     [
-        (taken(2), [None, None], "auto", True),
-        (taken(2), [700.0, None], "auto", False),
-        (taken(2), [None, None], "one", False),
-        (taken(1), [None], "auto", False),
-        (taken(2, clip="a.mp4"), [None, None], "auto", False),
-        (taken(2, panorama="p", direction="up"), [30.0, 30.0], "auto", False),
+        (taken(2), [None, None], "auto", [0, 1]),
+        (taken(3), [700.0, None, 700.0], "auto", [1]),
+        (taken(2), [700.0, 700.0], "auto", []),
+        (taken(2), [None, None], "one", []),
+        (taken(2), [700.0, None], "one", []),
+        (taken(1), [None], "auto", []),
+        (taken(2, clip="a.mp4"), [None, None], "auto", []),
+        (taken(2, panorama="p", direction="up"), [30.0, 30.0], "auto", []),
     ],
 )
-def test_a_lens_is_assumed_where_only_the_size_says_that_photographs_share_it(
-    photographs, focals, how, is_assumed
+def test_a_lens_is_assumed_of_photographs_that_only_their_size_says_share_it(
+    photographs, focals, how, assumed
 ):
+    """Where some had EXIF, the others had their lens whatever the photographs showed."""
     (setting,) = settings_of(photographs, focals, how)
-    assert setting.is_assumed is is_assumed
+    assert [int(file) for file in setting.assumed] == assumed
+
+
+def test_photographs_without_exif_join_the_commonest_lens_and_it_alone_is_assumed_of_them():
+    settings = settings_of(taken(6), [700.0, 1400.0, 705.0, None, 1410.0, 698.0])
+    assert [(setting.files, setting.assumed) for setting in settings] == [
+        (("0", "2", "3", "5"), ("3",)),
+        (("1", "4"), ()),
+    ]
 
 
 def test_focal_lengths_far_apart_share_no_lens_whatever_lies_between():

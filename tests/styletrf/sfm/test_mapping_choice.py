@@ -8,7 +8,7 @@ from mapped_walks import OVERLAP, PATH, frames, mapped, named, street, walked
 
 from styletrf.capture.capture_file import Photograph
 from styletrf.progress import silent
-from styletrf.sfm.mapping import could_be_placed, explained_share
+from styletrf.sfm.mapping import could_be_placed, explained_fraction
 from styletrf.sfm.mapping_choice import STRONGER_UP_TO, MappingTask, reconstruct
 
 
@@ -173,5 +173,5 @@ def test_matches_that_the_model_does_not_explain_are_counted(tmp_path):
     model = mapping.models[0]
     for point_id in list(model.points3D)[::2]:
         model.delete_point3D(point_id)
-    assert explained_share(database, [model]) < 0.7
-    assert explained_share(database, []) == 0
+    assert explained_fraction(database, [model]) < 0.7
+    assert explained_fraction(database, []) == 0

@@ -3,7 +3,7 @@ import pycolmap
 import pytest
 from mapped_walks import frames, mapped, street, walked
 
-from styletrf.sfm.mapping import SfmResult, explained_share
+from styletrf.sfm.mapping import SfmResult, explained_fraction
 from styletrf.sfm.model_joining import joined
 
 COUNT, SHARED = 12, 4
@@ -40,7 +40,7 @@ def distances(model):
 
 
 def mapping_of(database, models):
-    explained = explained_share(database, models)
+    explained = explained_fraction(database, models)
     return SfmResult(models, "exhaustive", 1, "incremental", "", explained)
 
 

@@ -39,12 +39,12 @@ def solved(folder, lens, given, poses="auto"):
     return report, read_cameras(folder / "out" / "cameras.parquet")
 
 
-def disturbed(poses, angle_deg, share, seed=0):
+def disturbed(poses, angle_deg, fraction, seed=0):
     """Poses turned by an angle and moved by a share of their extent, each its own way."""
     rng, extent = np.random.default_rng(seed), np.linalg.norm(np.ptp(poses[:, :, 3], axis=0))
     turns, moves = rng.normal(size=(2, len(poses), 3))
     turns *= np.radians(angle_deg) / np.linalg.norm(turns, axis=1, keepdims=True)
-    moves *= share * extent / np.linalg.norm(moves, axis=1, keepdims=True)
+    moves *= fraction * extent / np.linalg.norm(moves, axis=1, keepdims=True)
     rotations = [p[:, :3] @ cv2.Rodrigues(turn)[0] for p, turn in zip(poses, turns, strict=True)]
     return np.concatenate([rotations, (poses[:, :, 3] + moves)[:, :, None]], axis=2)
 
@@ -66,16 +66,16 @@ def test_exact_poses_stay_as_they_are(tmp_path):
         np.testing.assert_allclose(camera.world_from_camera, pose, atol=1e-9)
 
 
-@pytest.mark.parametrize(("angle_deg", "share"), [(0.1, 0.002), (0.5, 0.02)])
-def test_disturbed_poses_are_recovered_in_the_frame_they_came_in(tmp_path, angle_deg, share):
+@pytest.mark.parametrize(("angle_deg", "fraction"), [(0.1, 0.002), (0.5, 0.02)])
+def test_disturbed_poses_are_recovered_in_the_frame_they_came_in(tmp_path, angle_deg, fraction):
     true = room_poses(VIEWS)
-    given = disturbed(true, angle_deg, share)
+    given = disturbed(true, angle_deg, fraction)
     report, cameras = solved(tmp_path, PINHOLE, given)
     assert "adjusted" in report.mapper_reason
     assert relative_error_deg(cameras, true) < 0.05
     centers = np.stack([camera.center_world for camera in cameras])
     extent = np.linalg.norm(np.ptp(true[:, :, 3], axis=0))
-    assert np.linalg.norm(centers - true[:, :, 3], axis=1).max() < 2 * share * extent
+    assert np.linalg.norm(centers - true[:, :, 3], axis=1).max() < 2 * fraction * extent
 
 
 def test_a_distortion_that_the_format_leaves_out_is_found(tmp_path):

@@ -12,7 +12,7 @@ from styletrf.style.training.data_parallel import Ranks, map_on_cores
 
 def test_a_process_alone_has_the_whole_batch_and_its_own_gradient():
     batch = torch.arange(6.0).reshape(3, 2)
-    assert torch.equal(Ranks().share(batch), batch)
+    assert torch.equal(Ranks().shard(batch), batch)
     gradient = torch.ones(2)
     Ranks().average([gradient, None])
     assert torch.equal(gradient, torch.ones(2))
@@ -21,14 +21,14 @@ def test_a_process_alone_has_the_whole_batch_and_its_own_gradient():
 @pytest.mark.parametrize("count", [1, 2, 3, 6])
 def test_equal_shares_of_all_processes_are_the_batch(count):
     batch = torch.arange(6)
-    shares = [Ranks(rank, count).share(batch) for rank in range(count)]
-    assert torch.equal(torch.cat(shares), batch)
-    assert {len(share) for share in shares} == {6 // count}
+    shards = [Ranks(rank, count).shard(batch) for rank in range(count)]
+    assert torch.equal(torch.cat(shards), batch)
+    assert {len(shard) for shard in shards} == {6 // count}
 
 
 def test_a_batch_that_cannot_be_divided_is_refused():
     with pytest.raises(ValueError, match=r"\b5\b.*\b2\b"):
-        Ranks(0, 2).share(torch.arange(5))
+        Ranks(0, 2).shard(torch.arange(5))
 
 
 def _step(rank: int, port: int, results) -> None:
@@ -36,8 +36,8 @@ def _step(rank: int, port: int, results) -> None:
     os.environ.update(MASTER_ADDR="127.0.0.1", MASTER_PORT=str(port))
     distributed.init_process_group("gloo", rank=rank, world_size=2)
     weight = torch.ones(3, requires_grad=True)
-    share = Ranks(rank, 2).share(torch.arange(12.0).reshape(4, 3))
-    (share @ weight).square().mean().backward()
+    shard = Ranks(rank, 2).shard(torch.arange(12.0).reshape(4, 3))
+    (shard @ weight).square().mean().backward()
     Ranks(rank, 2).average([weight.grad, None])
     results.put((rank, weight.grad.tolist()))
     distributed.destroy_process_group()

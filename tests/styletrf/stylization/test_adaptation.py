@@ -201,10 +201,10 @@ def test_drawn_samples_err_at_least_as_much_as_their_rays(field, batch):
     def error(rays):
         return rays.error(field.appearance, KERNELS)
 
-    shares = batch.samples.weights / batch.opacity[batch.samples.ray]
+    fractions = batch.samples.weights / batch.opacity[batch.samples.ray]
     opaque = replace(
         batch,
-        samples=replace(batch.samples, weights=shares),
+        samples=replace(batch.samples, weights=fractions),
         opacity=torch.ones_like(batch.opacity),
     )
     assert float(error(opaque).detach()) <= float(drawn(opaque, error, 50).mean()) + 1e-4

@@ -11,12 +11,12 @@ from styletrf.stylization.background import empty_background, replace_background
 WHITE = np.float32([1, 1, 1])
 
 
-def view(seed, share=0.3, ground=WHITE, rim=1.0):
+def view(seed, fraction=0.3, ground=WHITE, rim=1.0):
     """An object of random colors in a corner, its last row half transparent."""
     random = np.random.default_rng(seed)
     opacity = np.zeros((20, 30), np.float32)
-    opacity[: int(20 * share)] = 1
-    opacity[max(int(20 * share) - 1, 0)] *= rim
+    opacity[: int(20 * fraction)] = 1
+    opacity[max(int(20 * fraction) - 1, 0)] *= rim
     color = random.uniform(0.1, 0.5, (20, 30, 3)).astype(np.float32)
     color = opacity[..., None] * color + (1 - opacity[..., None]) * ground
     return FloatImage(color.astype(np.float32), opacity, np.ones_like(opacity))
@@ -55,9 +55,9 @@ def test_the_background_is_not_painted_and_the_object_is():
     assert image[views[0].opacity == 0.5] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("share", [1.0, 0.0])
-def test_views_that_are_full_or_empty_are_painted_as_they_are(share):
-    views = [view(0, share)]
+@pytest.mark.parametrize("fraction", [1.0, 0.0])
+def test_views_that_are_full_or_empty_are_painted_as_they_are(fraction):
+    views = [view(0, fraction)]
     assert empty_background(views) is None
     assert np.array_equal(replace_background(views, None)[0], views[0].color)
     assert np.array_equal(restore_background([views[0].color], views, None)[0], views[0].color)

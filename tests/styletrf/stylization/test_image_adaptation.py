@@ -257,9 +257,9 @@ def test_a_field_with_its_density_free_has_the_average_of_its_last_parameters(sc
     last, averaged = (
         finetune_all(
             field, scene.views(), scene.model.space,
-            replace(CONFIG, iterations=20, average_share=share), KERNELS,
+            replace(CONFIG, iterations=20, average_share=average), KERNELS,
         )[0]
-        for share in (0.0, 0.5)
+        for average in (0.0, 0.5)
     )  # fmt: skip
     assert not torch.equal(last.density.factors.planes[0], averaged.density.factors.planes[0])
 

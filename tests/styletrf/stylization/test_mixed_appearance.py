@@ -39,14 +39,14 @@ def shown(scene, field, appearance=None, config=EXACT):
 
 
 @pytest.mark.parametrize("deferred", [False, True])
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_a_mixture_renders_the_mixture_of_the_renders(scene, fields, share, deferred):
+@pytest.mark.parametrize("fraction", [0.0, 0.3, 1.0])
+def test_a_mixture_renders_the_mixture_of_the_renders(scene, fields, fraction, deferred):
     plain, _ = fields
     config = RenderConfig(0.0, 0.0, deferred=deferred)
     parts = [shown(scene, plain, f.appearance, config) for f in fields]
-    mixed = MixedAppearance([f.appearance for f in fields], [1 - share, share])
+    mixed = MixedAppearance([f.appearance for f in fields], [1 - fraction, fraction])
     torch.testing.assert_close(
-        shown(scene, plain, mixed, config), (1 - share) * parts[0] + share * parts[1],
+        shown(scene, plain, mixed, config), (1 - fraction) * parts[0] + fraction * parts[1],
         atol=2e-6, rtol=1e-5,
     )  # fmt: skip
     assert (parts[0] - parts[1]).abs().mean() > 0.1
@@ -75,11 +75,11 @@ def crisp(fields):
     appearance.weight_power = 1.0
 
 
-@pytest.mark.parametrize("share", [0.0, 1.0])
-def test_the_ends_of_a_mixture_have_their_own_power(scene, fields, crisp, share):
+@pytest.mark.parametrize("fraction", [0.0, 1.0])
+def test_the_ends_of_a_mixture_have_their_own_power(scene, fields, crisp, fraction):
     plain = fields[0].appearance
-    mixed = MixedAppearance([plain, crisp], [1 - share, share])
-    end, other = (crisp, plain) if share else (plain, crisp)
+    mixed = MixedAppearance([plain, crisp], [1 - fraction, fraction])
+    end, other = (crisp, plain) if fraction else (plain, crisp)
     render, own, of_other = (shown(scene, fields[0], a) for a in (mixed, end, other))
     torch.testing.assert_close(render, own, atol=2e-6, rtol=1e-5)
     assert (render - of_other).abs().mean() > 0.1
@@ -113,14 +113,14 @@ def test_what_hides_behind_the_masked_surface_is_outside(scene):
     ones = np.ones((camera.height, camera.width))
     region = Masked(camera, ones, 2 * ones, thickness=0.05)
     on_axis = camera.center_world + np.outer([1.0, 2.0, 2.2, -1.0], camera.forward_world)
-    np.testing.assert_array_equal(region.share(on_axis), [1, 1, 0, 0])
-    np.testing.assert_array_equal(region.share(np.full((1, 3), np.nan)), [0])
+    np.testing.assert_array_equal(region.inside(on_axis), [1, 1, 0, 0])
+    np.testing.assert_array_equal(region.inside(np.full((1, 3), np.nan)), [0])
 
 
-@pytest.mark.parametrize("shares", [[0.5], [0.5, 0.6], [-0.1, 1.1], []])
-def test_shares_that_are_none_are_refused(fields, shares):
-    with pytest.raises(ValueError, match=re.escape(f"{shares}")):
-        MixedAppearance([f.appearance for f in fields], shares)
+@pytest.mark.parametrize("fractions", [[0.5], [0.5, 0.6], [-0.1, 1.1], []])
+def test_invalid_fractions_are_refused(fields, fractions):
+    with pytest.raises(ValueError, match=re.escape(f"{fractions}")):
+        MixedAppearance([f.appearance for f in fields], fractions)
 
 
 def test_an_empty_box_is_refused():

@@ -67,7 +67,7 @@ def test_nearly_every_place_of_a_path_is_in_a_prior_although_it_leaves_the_candi
     write_float_frames(tmp_path, path, iter(renders))
     candidates = prior_views(scene.cameras, scene.model, TrajectoryConfig(frames=6, spread=0.6))
 
-    def share_in_a_prior(once):
+    def fraction_in_a_prior(once):
         coverage = CoverageConfig(times=1, share=0.9, once=once, most_hidden=0.1)
         config = PriorsConfig(coverage=coverage)
         views = needed_views(candidates, tmp_path, field, scene.model.space, config, CPU)
@@ -81,5 +81,5 @@ def test_nearly_every_place_of_a_path_is_in_a_prior_although_it_leaves_the_candi
             axis=0,
         ).mean()
 
-    assert share_in_a_prior(0.0) < 0.98
-    assert share_in_a_prior(0.998) > 0.995
+    assert fraction_in_a_prior(0.0) < 0.98
+    assert fraction_in_a_prior(0.998) > 0.995

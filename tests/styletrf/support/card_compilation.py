@@ -1,7 +1,7 @@
 """A program: compiles every Triton kernel to machine code for a card, on a machine without one.
 
 The interpreter runs kernels as Python; the compiler is stricter about types and shapes. Every
-function of the form is called with launches replaced by compilations, so that all outputs are 0.
+function of the backend is called with launches replaced by compilations, so that all outputs are 0.
 Writes the names of the kernels.
 """
 
@@ -44,14 +44,14 @@ def compile_only(function, *args, grid, warmup, **options):
     COMPILED.add(function.__name__)
 
 
-def call_all(form, ranks):
+def call_all(backend, ranks):
     density = TensorVM((5, 1, 16), ranks)
     march = March(torch.ones(2, 3, 4, dtype=torch.uint8), 0.0, 1.0, 1e-3)
     segments = make_segments(4, seed=0)
-    samples = form.trace(density, segments, torch.rand(4), march)
-    form.density(density, samples.positions)
-    colors = form.composite(samples, form.features(density, samples.positions))
-    form.prune(samples, 0.1)
+    samples = backend.trace(density, segments, torch.rand(4), march)
+    backend.density(density, samples.positions)
+    colors = backend.composite(samples, backend.features(density, samples.positions))
+    backend.prune(samples, 0.1)
     (colors.sum() + samples.weights.sum()).backward()
 
 
@@ -60,7 +60,7 @@ if __name__ == "__main__":
     torch.empty, torch.empty_like = torch.zeros, torch.zeros_like
     torch.Tensor.new_empty = torch.Tensor.new_zeros
     driver.set_active(Card(int(sys.argv[1])))
-    form = kernels_for(torch.device("cuda"), "triton")
+    backend = kernels_for(torch.device("cuda"), "triton")
     for ranks in ((16, 4, 4), (1, 3, 5)):
-        call_all(form, ranks)
+        call_all(backend, ranks)
     sys.stdout.write(" ".join(sorted(COMPILED)))

@@ -18,16 +18,16 @@ def wall(seed, tint=(1.0, 1.0, 1.0), width=3 * WIDTH):
     return cv2.GaussianBlur(noise, (0, 0), 2.0) * tint
 
 
-def panned(picture, place_px, count, share=0.0):
+def panned(picture, place_px, count, fraction=0.0):
     """A pan along a picture: `place_px(t)` is the left column at t frames.
 
-    Rows are exposed one after another, the last `share` of a frame's time after the first.
+    Rows are exposed one after another, the last `fraction` of a frame's time after the first.
     """
     rows, columns = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
     image = contrasted(picture)
     frames = []
     for k in range(count):
-        left = place_px(k + share * rows / HEIGHT).astype(np.float32)
+        left = place_px(k + fraction * rows / HEIGHT).astype(np.float32)
         frames.append(cv2.remap(image, columns + left, rows, cv2.INTER_LINEAR))
     return frames
 

@@ -22,9 +22,9 @@ def addresses(lattice: BrickLattice, points: np.ndarray) -> np.ndarray:
 
 def corners(lattice: BrickLattice, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The addresses and the trilinear weights of the 8 points around each position."""
-    low, high_share = lattice.cells(positions)
+    low, high_fraction = lattice.cells(positions)
     of_points, weights = [], []
     for corner in np.indices((2, 2, 2)).reshape(3, -1).T:
         of_points.append(addresses(lattice, low + corner))
-        weights.append(np.where(corner == 1, high_share, 1 - high_share).prod(axis=1))
+        weights.append(np.where(corner == 1, high_fraction, 1 - high_fraction).prod(axis=1))
     return np.stack(of_points, axis=1), np.stack(weights, axis=1)

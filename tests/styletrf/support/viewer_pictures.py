@@ -81,13 +81,13 @@ CLICKS = """
 class TwoColors(ColorModel):
     """The mean of two colors of each sample by their shares, of which one may be baked."""
 
-    def __init__(self, one: ColorModel, other: ColorModel, share_of_other: float) -> None:
+    def __init__(self, one: ColorModel, other: ColorModel, fraction_of_other: float) -> None:
         super().__init__()
-        self.both, self.shares = (one, other), (1 - share_of_other, share_of_other)
+        self.both, self.fractions = (one, other), (1 - fraction_of_other, fraction_of_other)
         self.columns: list[int] = []
 
     def mean(self, values):
-        return sum(share * value for share, value in zip(self.shares, values, strict=True))
+        return sum(fraction * value for fraction, value in zip(self.fractions, values, strict=True))
 
     def weight_powers(self, positions):
         return self.mean([each.weight_powers(positions) for each in self.both])
@@ -109,37 +109,37 @@ class TwoColors(ColorModel):
         return self.mean([each.background_color() for each in self.both])
 
 
-def rendered(scene, baked, camera, a: int, b: int, share_b: float, split: float) -> np.ndarray:
+def rendered(scene, baked, camera, a: int, b: int, fraction_b: float, split: float) -> np.ndarray:
     """What the CPU renders: of the photographs what is baked, of styles the fields themselves."""
     fields = list(scene.fields.values())
     appearances = [baked.looks[0].appearance(), *(field.appearance for field in fields[1:])]
     rays = ViewRays([camera], scene.model.space, fields[0].step_length, CPU)
 
-    def mixed(share: float) -> np.ndarray:
+    def mixed(fraction: float) -> np.ndarray:
         one, other = appearances[a], appearances[b]
-        appearance = {0.0: one, 1.0: other}.get(share)
+        appearance = {0.0: one, 1.0: other}.get(fraction)
         if appearance is None:
             is_baked = 0 in (a, b)
             appearance = (
-                TwoColors(one, other, share)
+                TwoColors(one, other, fraction)
                 if is_baked
-                else MixedAppearance([one, other], [1 - share, share])
+                else MixedAppearance([one, other], [1 - fraction, fraction])
             )
         kernels = kernels_for(CPU)
         return render_view(fields[0], kernels, rays, 0, camera, RENDER, appearance).color.numpy()
 
     if split < 0:
-        return mixed(share_b)
+        return mixed(fraction_b)
     left = (np.arange(camera.width) + 0.5 < split * camera.width)[None, :, None]
     return np.where(left, mixed(1.0), mixed(0.0))
 
 
-def case(camera, a: int, b: int, share_b: float, split: float) -> dict:
+def case(camera, a: int, b: int, fraction_b: float, split: float) -> dict:
     """The same for the page."""
     lens = {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
     view = {"pose": camera.world_from_camera.ravel().tolist(), **lens}
     size = {"width": camera.width, "height": camera.height}
-    return {"view": view, "a": a, "b": b, "shareB": share_b, "split": split, **size}
+    return {"view": view, "a": a, "b": b, "shareB": fraction_b, "split": split, **size}
 
 
 def psnr(one: np.ndarray, other: np.ndarray) -> float:

@@ -16,7 +16,7 @@ from styletrf.trajectory.camera_curve import (
     ways_between,
 )
 
-SHARES = np.linspace(0, 1, 301)
+FRACTIONS = np.linspace(0, 1, 301)
 
 
 def any_poses(n: int, seed: int = 0) -> Poses:
@@ -51,7 +51,7 @@ def test_key_frames_with_times_are_there_at_their_times():
 
 @pytest.mark.parametrize("closed", [False, True])
 def test_orientations_stay_rotations_and_focal_lengths_positive(closed):
-    found = curve_through(any_poses(12), closed=closed).at_shares(SHARES)
+    found = curve_through(any_poses(12), closed=closed).at_fractions(FRACTIONS)
     rotations = matrices_of(found.quaternions)
     np.testing.assert_allclose(
         np.einsum("nji,njk->nik", rotations, rotations), np.eye(3)[None].repeat(301, 0), atol=1e-12
@@ -63,7 +63,7 @@ def test_orientations_stay_rotations_and_focal_lengths_positive(closed):
 def test_a_camera_curve_has_a_constant_speed():
     curve = curve_through(still(np.random.default_rng(0).normal(size=(8, 3))))
     steps = np.linalg.norm(
-        np.diff(curve.at_shares(np.linspace(0, 1, 5000)).centers, axis=0), axis=1
+        np.diff(curve.at_fractions(np.linspace(0, 1, 5000)).centers, axis=0), axis=1
     )
     assert steps.max() / steps.min() < 1.02
 
@@ -72,10 +72,10 @@ def test_a_turn_on_the_spot_takes_its_time():
     """And no more than that: a camera that turns slowly while it moves is not held up."""
     quaternions = np.concatenate([about(1, angle) for angle in (0.0, 1.0, 2.0)])
     keys = Poses(np.zeros((3, 3)), quaternions, np.ones(3))
-    ways = ways_between(curve_through(keys).at_shares(np.linspace(0, 1, 100)))
+    ways = ways_between(curve_through(keys).at_fractions(np.linspace(0, 1, 100)))
     assert ways.max() == pytest.approx(TURN * 2.0 / 99, rel=0.01)
     moving = Poses(10.0 * np.arange(3.0)[:, None] * np.eye(3)[0], quaternions, np.ones(3))
-    found = curve_through(moving).at_shares(np.linspace(0, 1, 100)).centers
+    found = curve_through(moving).at_fractions(np.linspace(0, 1, 100)).centers
     np.testing.assert_allclose(np.diff(found[:, 0]), 20 / 99, rtol=1e-3)
 
 
@@ -101,7 +101,7 @@ def test_the_derivative_is_continuous_at_key_frames():
 
 def test_a_straight_line_stays_straight_whatever_the_gaps():
     line = np.outer(np.array([0, 1, 1.01, 7, 30.0]), [1.0, 2.0, -2.0])
-    found = curve_through(still(line)).at_shares(SHARES).centers
+    found = curve_through(still(line)).at_fractions(FRACTIONS).centers
     assert np.abs(np.cross(found, [1.0, 2.0, -2.0])).max() < 1e-9
     assert (np.diff(found[:, 0]) > 0).all(), "and never goes back"
 
@@ -112,7 +112,7 @@ def test_easing_begins_and_ends_with_the_path_and_is_symmetric(easing, time):
     assert way[0] == 0
     assert way[3] == pytest.approx(1)
     assert way[1] == pytest.approx(1 - way[2], abs=1e-9)
-    assert (np.diff(eased(SHARES, easing)) >= -1e-12).all()
+    assert (np.diff(eased(FRACTIONS, easing)) >= -1e-12).all()
 
 
 @pytest.mark.parametrize("easing", [0.2, 0.5, 1.0])
@@ -127,7 +127,7 @@ def test_easing_starts_and_stops_still_and_is_even_between(easing):
 @given(st.lists(st.sampled_from([0.0, 1e-12, 1.0, 1e6]), min_size=1, max_size=6), st.booleans())
 def test_key_frames_at_one_place_or_far_apart_give_a_finite_curve(steps, closed):
     centers = np.cumsum(steps)[:, None] * np.ones(3)
-    found = curve_through(still(centers), closed=closed).at_shares(SHARES)
+    found = curve_through(still(centers), closed=closed).at_fractions(FRACTIONS)
     for values in (found.centers, found.quaternions, found.focals):
         assert np.isfinite(values).all()
 
@@ -135,7 +135,7 @@ def test_key_frames_at_one_place_or_far_apart_give_a_finite_curve(steps, closed)
 def test_one_key_frame_is_a_curve_that_stays_there():
     keys = any_poses(1)
     curve: CameraCurve = curve_through(keys, times_s=np.array([2.0]))
-    assert_same(curve.at_shares(np.array([0.0, 0.5, 1.0])), any_repeat(keys, 3))
+    assert_same(curve.at_fractions(np.array([0.0, 0.5, 1.0])), any_repeat(keys, 3))
 
 
 def any_repeat(poses: Poses, n: int) -> Poses:

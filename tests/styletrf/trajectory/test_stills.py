@@ -35,8 +35,8 @@ def partly_supported(path) -> Support:
     return Support({camera.name: 0.1 for camera in path})
 
 
-def path(measure, config=CONFIG, *, tells_depth=True):
-    return default_path(PHOTOGRAPHS, MODEL, config, measure, tells_depth=tells_depth)
+def path(measure, config=CONFIG, *, has_parallax=True):
+    return default_path(PHOTOGRAPHS, MODEL, config, measure, has_parallax=has_parallax)
 
 
 @settings(deadline=None)
@@ -119,7 +119,7 @@ def test_a_path_of_which_a_tenth_is_unsupported_stays_a_fly_through_with_a_warni
 
 @pytest.mark.parametrize("measure", [supported, unsupported])
 def test_photographs_that_tell_no_depth_give_stills(measure):
-    found = path(measure, tells_depth=False)
+    found = path(measure, has_parallax=False)
     assert len(found.stills) > 1
     assert "no depth" in found.reason
     assert len(found.cameras) == 60
@@ -135,7 +135,7 @@ def test_a_path_that_stays_unsupported_becomes_stills_and_lists_what_was_tried()
 def test_an_angle_of_view_that_was_asked_for_is_no_reason_for_stills():
     asked = replace(CONFIG, trajectory=replace(CONFIG.trajectory, fov_deg=60.0))
     assert path(unsupported, asked).stills == ()
-    frames = path(unsupported, asked, tells_depth=False).cameras
+    frames = path(unsupported, asked, has_parallax=False).cameras
     assert [focal_of(frame) for frame in frames] == pytest.approx([focal_from(60.0)] * 60)
 
 

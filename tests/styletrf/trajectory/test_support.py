@@ -1,19 +1,27 @@
 """What photographs support of a frame: what three of them see, with nothing in between."""
 
+from copy import deepcopy
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import torch
 from mini_scene import MINI_FIT as FIT
-from mini_scene import fit, painted_plane
+from mini_scene import fit, painted_plane, photographs_of
 from trajectory_captures import modeled
 
+from styletrf.field.radiance_field import RadianceField
 from styletrf.files.tables import read_summary
 from styletrf.geometry.cameras import Camera, pixel_centers, points_at_depth, project
 from styletrf.geometry.lenses import focal_from, focal_of
 from styletrf.reports.coverage_text import support_summary
-from styletrf.trajectory.support import Support, SupportMeter, photographs_seeing
+from styletrf.trajectory.support import (
+    Support,
+    SupportMeter,
+    photographs_seeing,
+    without_misses,
+)
 from styletrf.trajectory.support_config import SupportConfig
 from styletrf.trajectory.supported_path import supported_fly_through, write_support
 from styletrf.trajectory.trajectories import fly_through
@@ -71,15 +79,83 @@ def test_the_sky_is_seen_where_it_is_the_sky_there():
     assert (seen([camera(0.0, np.pi)], [sky], sky) == 0).all(), "and not behind"
 
 
+def test_what_a_photograph_shows_and_the_field_lacks_is_not_seen_by_it():
+    unknown = wall(np.inf)
+    unknown[:, : WIDTH // 2] = 0.0
+    for same_or_beside in (camera(), camera(0.01)):
+        found = seen([same_or_beside], [unknown], wall(np.inf))
+        assert (found[:, : WIDTH // 2 - 1] == 0).all()
+        assert (found[:, WIDTH // 2 + 1 :] == 1).all()
+
+
+WHITE = np.ones(3)
+
+
+def disk() -> np.ndarray:
+    """Returns the depth of a ball before nothing."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    return np.where((x - 16) ** 2 + (y - 12) ** 2 < 64, 4.0, np.inf)
+
+
+def photograph(*, around=None, mixed=False, masked=False) -> torch.Tensor:
+    """Returns a photograph of the ball before white, or before the colors `around` it."""
+    empty = ~np.isfinite(disk())
+    image = np.where(empty[..., None], 255 if around is None else around, 60).astype(np.uint8)
+    if mixed:  # its silhouette, a pixel wide
+        silhouette = empty & (cv2.erode(empty.astype(np.uint8), np.ones((3, 3))) == 0)
+        image[silhouette] = 150
+    if masked:
+        image = np.dstack([image, np.where(empty, 0, 255).astype(np.uint8)])
+    return torch.from_numpy(image)
+
+
+def grounds() -> np.ndarray:
+    """Returns colors of a lawn, as a field that ends before it cannot show."""
+    return np.random.default_rng(0).integers(0, 160, (HEIGHT, WIDTH, 3))
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [
+        photograph(),
+        photograph(mixed=True),
+        photograph(around=np.full(3, 240)),
+        photograph(around=grounds(), masked=True),
+    ],
+)
+def test_background_that_photographs_show_as_such_is_no_miss(shown):
+    np.testing.assert_array_equal(without_misses(disk(), shown, WHITE), disk())
+
+
+def test_a_flat_border_where_photographs_show_something_is_unsupported():
+    """The sky and the ground about a facade were one flat color, and counted as seen by all."""
+    found = without_misses(disk(), photograph(around=grounds()), WHITE)
+    empty = ~np.isfinite(disk())
+    np.testing.assert_array_equal(found[~empty], disk()[~empty])
+    assert (found[empty] == 0).all()
+    counts = seen([camera(x) for x in (-0.1, 0.0, 0.1)], [found] * 3, disk())
+    assert (counts[empty] == 0).all()
+    assert (counts[~empty] >= 1).all()
+
+
 def test_far_surfaces_that_no_parallax_tells_apart_are_the_same():
     assert (seen([camera(0.5)], [wall(3000.0)], wall(1000.0))[:, 1:] == 1).all()
 
 
 @pytest.fixture(scope="module")
-def meter() -> SupportMeter:
+def field() -> RadianceField:
+    return fit(painted_plane(), replace(FIT, iterations=150))
+
+
+def meter_of(field: RadianceField, folder=None) -> SupportMeter:
     scene = painted_plane()
-    field = fit(scene, replace(FIT, iterations=150))
-    return SupportMeter(scene.cameras, field, scene.model.space, CONFIG, torch.device("cpu"))
+    cpu = torch.device("cpu")
+    return SupportMeter(scene.cameras, field, scene.model.space, CONFIG, cpu, folder)
+
+
+@pytest.fixture(scope="module")
+def meter(field) -> SupportMeter:
+    return meter_of(field)
 
 
 def test_a_path_among_the_photographs_is_supported_and_one_that_looks_away_is_not(meter):
@@ -91,8 +167,20 @@ def test_a_path_among_the_photographs_is_supported_and_one_that_looks_away_is_no
         replace(c, world_from_camera=c.world_from_camera @ np.diag([-1.0, 1.0, -1.0, 1.0]))
         for c in path
     ]
-    assert support.share < 0.2
-    assert meter.measure(away).share == 1
+    assert support.fraction < 0.2
+    assert meter.measure(away).fraction == 1
+
+
+def test_a_field_that_lacks_what_photographs_show_supports_no_path(field, tmp_path):
+    """By its own depth alone, all photographs see what an empty field shows."""
+    scene = painted_plane()
+    folder = photographs_of(scene, tmp_path)[0].folder
+    empty = deepcopy(field)
+    empty.density.occupancy = torch.zeros_like(empty.density.occupancy)
+    assert meter_of(empty).measure(scene.cameras).fraction < 0.1
+    assert meter_of(empty, folder).measure(scene.cameras).fraction > 0.5
+    as_is, compared = (meter_of(field, f).measure(scene.cameras) for f in (None, folder))
+    assert compared == as_is, "where the field lacks nothing, colors are not looked at"
 
 
 def test_worst_frames_come_first():
@@ -112,19 +200,19 @@ def limits(most: float, stills: float = np.inf) -> SupportConfig:
 def test_the_default_path_is_narrowed_until_it_is_supported_and_no_further(tmp_path):
     views, model = modeled("forward")
     config = TrajectoryConfig(frames=12)
-    whole = spread_of(fly_through(views, model, config)).share
+    whole = spread_of(fly_through(views, model, config)).fraction
     untouched = supported_fly_through(views, model, config, spread_of, limits(np.inf))
     assert [trial.spread for trial in untouched.trials] == [config.spread]
     narrowed = supported_fly_through(views, model, config, spread_of, limits(0.6 * whole))
-    assert narrowed.support.share < 0.6 * whole
+    assert narrowed.support.fraction < 0.6 * whole
     assert narrowed.trials[-2].unsupported >= 0.6 * whole
-    assert narrowed.trials[-1].unsupported == narrowed.support.share
+    assert narrowed.trials[-1].unsupported == narrowed.support.fraction
     never = supported_fly_through(views, model, config, spread_of, limits(-1.0, stills=-1.0))
-    assert never.support.share == min(trial.unsupported for trial in never.trials)
+    assert never.support.fraction == min(trial.unsupported for trial in never.trials)
     assert {trial.spread for trial in never.trials if trial.zoom > 1} == {0.0}
     write_support(tmp_path / "support.json", "auto", narrowed, CONFIG)
     summary = read_summary(tmp_path / "support.json")
-    assert summary["unsupported"] == narrowed.support.share
+    assert summary["unsupported"] == narrowed.support.fraction
     assert [row["spread"] for row in summary["tried"]] == [t.spread for t in narrowed.trials]
 
 
@@ -141,7 +229,7 @@ def gaps_everywhere(path) -> Support:
 def test_where_no_spread_is_enough_the_view_is_narrowed_unless_it_was_asked_for():
     views, model = modeled("forward")
     config = TrajectoryConfig(frames=4)
-    whole = width_of(fly_through(views, model, config)).share
+    whole = width_of(fly_through(views, model, config)).fraction
     narrowed = supported_fly_through(views, model, config, width_of, limits(0.3 * whole))
     assert narrowed.trials[-1].zoom == 1.5
     assert narrowed.trials[-1].spread == config.spread
@@ -170,9 +258,9 @@ def test_a_narrower_view_that_is_not_enough_is_not_taken_unless_stills_were_due(
 def test_a_narrower_view_that_shows_as_many_gaps_is_not_taken():
     views, model = modeled("forward")
     config = TrajectoryConfig(frames=4)
-    whole = gaps_everywhere(fly_through(views, model, config)).share
+    whole = gaps_everywhere(fly_through(views, model, config)).fraction
     found = supported_fly_through(views, model, config, gaps_everywhere, limits(0.7 * whole))
-    assert found.support.share == pytest.approx(whole)
+    assert found.support.fraction == pytest.approx(whole)
     assert found.chosen == found.trials[0]
     assert min(trial.unsupported for trial in found.trials) < 0.7 * whole
 
@@ -183,7 +271,7 @@ def test_the_report_names_the_path_that_was_made_and_not_the_least_that_was_trie
 ):
     views, model = modeled("forward")
     config = TrajectoryConfig(frames=4)
-    whole = tried_on(fly_through(views, model, config)).share
+    whole = tried_on(fly_through(views, model, config)).fraction
     found = supported_fly_through(views, model, config, tried_on, limits(0.3 * whole))
     write_support(tmp_path / "support.json", "auto", found, CONFIG)
     text = support_summary(read_summary(tmp_path / "support.json"))
@@ -197,12 +285,12 @@ def test_a_narrower_spread_that_gains_little_is_not_taken():
 
     def hidden(path) -> Support:
         """A tenth, and a fifth of it more where the path is as wide as it can be."""
-        width = spread_of(path).share / spread_of(fly_through(views, model, config)).share
+        width = spread_of(path).fraction / spread_of(fly_through(views, model, config)).fraction
         return Support({camera.name: 0.1 + 0.02 * width for camera in path})
 
     found = supported_fly_through(views, model, config, hidden, limits(0.02, 0.2))
     wide = fly_through(views, model, config)
-    assert spread_of(found.cameras).share == pytest.approx(spread_of(wide).share)
+    assert spread_of(found.cameras).fraction == pytest.approx(spread_of(wide).fraction)
 
 
 def test_an_unsupported_path_is_warned_of_with_its_share_and_frames(tmp_path, caplog):

@@ -141,8 +141,8 @@ def test_priors_of_a_forward_facing_scene_see_it_from_within_the_path_too():
     priors = centers_of(prior_views(views, model, TrajectoryConfig(frames=20)))
     frames = centers_of(fly_through(views, model, TrajectoryConfig(frames=60)))
     radii = np.ptp(frames, axis=0)[:2] / 2
-    shares = np.linalg.norm((priors - centers_of(views).mean(axis=0))[:, :2] / radii, axis=1)
-    np.testing.assert_allclose(np.sort(shares) ** 2, (np.arange(20) + 0.5) / 20, atol=0.01)
+    fractions = np.linalg.norm((priors - centers_of(views).mean(axis=0))[:, :2] / radii, axis=1)
+    np.testing.assert_allclose(np.sort(fractions) ** 2, (np.arange(20) + 0.5) / 20, atol=0.01)
 
 
 @pytest.mark.parametrize("closed", [True, False])

@@ -11,8 +11,8 @@ from styletrf.viewer.lattice import BrickLattice, brick_lattice, empty_distances
 SHAPES = st.tuples(*[st.integers(2, 12)] * 3)
 
 
-def occupancy(seed: int, shape, share: float = 0.1) -> np.ndarray:
-    return (np.random.default_rng(seed).random(shape) < share).astype(np.uint8)
+def occupancy(seed: int, shape, fraction: float = 0.1) -> np.ndarray:
+    return (np.random.default_rng(seed).random(shape) < fraction).astype(np.uint8)
 
 
 def lattice_of(occupied: np.ndarray, resolution) -> BrickLattice:

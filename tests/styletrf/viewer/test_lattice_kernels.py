@@ -15,10 +15,10 @@ from styletrf.viewer.view_directions import MONOMIALS
 RESOLUTION = (17, 9, 21)
 
 
-@pytest.mark.parametrize("share", [0.05, 1.0])
-def test_an_interpolated_value_is_the_sum_by_trilinear_weights(share):
+@pytest.mark.parametrize("corner_weight", [0.05, 1.0])
+def test_an_interpolated_value_is_the_sum_by_trilinear_weights(corner_weight):
     rng = np.random.default_rng(0)
-    occupied = rng.random((6, 5, 7)) < share
+    occupied = rng.random((6, 5, 7)) < corner_weight
     lattice = brick_lattice(occupied_cells(occupied, RESOLUTION), RESOLUTION)
     values = rng.normal(size=(lattice.needed.size, 3)).astype(np.float32)
     at = rng.uniform(-1.1, 1.1, (200, 3))  # some outside, and some where no point is stored
@@ -59,8 +59,8 @@ def test_the_equations_of_a_tint_are_of_the_derivatives_of_what_rays_lack():
     values = rng.normal(size=(lattice.needed.size, 6)) * 0.2
     turned, tint = rng.normal(size=(4, 3)), 0.1 * rng.normal(size=(len(MONOMIALS), 3))
     low, rest = lattice.cells(at)
-    of_points, shares = corners(lattice, at)
-    inside = torch.from_numpy((shares[..., None] * values[of_points]).sum(axis=1))
+    of_points, corner_weights = corners(lattice, at)
+    inside = torch.from_numpy((corner_weights[..., None] * values[of_points]).sum(axis=1))
     ray = torch.from_numpy(np.repeat(np.arange(4), np.diff(starts)))
     monomials = torch.from_numpy(np.stack([turned[:, list(m)].prod(axis=1) for m in MONOMIALS], 1))
 

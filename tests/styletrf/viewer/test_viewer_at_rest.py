@@ -63,9 +63,9 @@ MEAN = (
 
 
 def halton(k: int, base: int) -> float:
-    value, share = 0.0, 1 / base
+    value, fraction = 0.0, 1 / base
     while k:
-        value, k, share = value + share * (k % base), k // base, share / base
+        value, k, fraction = value + fraction * (k % base), k // base, fraction / base
     return value
 
 

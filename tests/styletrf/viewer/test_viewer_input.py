@@ -176,9 +176,9 @@ def test_the_line_of_a_split_follows_the_hand(desktop):
         "const stage = document.querySelector('#stage').getBoundingClientRect();"
         "return [(await viewer).chosen.split, (edge.x + edge.width / 2 - stage.x) / stage.width];"
     )
-    share, shown_at = desktop.run(edge)
-    assert share == pytest.approx(0.25, abs=0.02)
-    assert shown_at == pytest.approx(share, abs=0.005)
+    fraction, shown_at = desktop.run(edge)
+    assert fraction == pytest.approx(0.25, abs=0.02)
+    assert shown_at == pytest.approx(fraction, abs=0.005)
 
 
 @pytest.mark.parametrize(("button", "modifiers"), [("left", SHIFT), ("right", 0)])

@@ -114,10 +114,10 @@ def test_features_of_larger_photographs_take_longer_up_to_the_size_they_are_desc
         return CostModel(reference_costs().calibration, sizes, reference_costs()).expected(poses)
 
     pixels = Photographs(40, *size).pixels(longest)
-    share = (seconds(*size, settings=settings).seconds - START_S) / (
+    fraction = (seconds(*size, settings=settings).seconds - START_S) / (
         seconds(504, 378).seconds - START_S
     )
-    assert share == pytest.approx((pixels / (504 * 378)) ** 0.7, rel=0.01)
+    assert fraction == pytest.approx((pixels / (504 * 378)) ** 0.7, rel=0.01)
     assert CameraPosesConfig().max_image_long_side == LONGEST_DESCRIBED
 
 

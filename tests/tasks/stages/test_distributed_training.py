@@ -64,12 +64,34 @@ def test_a_network_trains_on_no_pair_of_renders_that_this_command_measures(stage
 
 def test_the_pairs_that_are_left_out_are_those_that_this_command_measures():
     words = {"scene": "s", "style": "t", "quality": "draft"}
-    tuning = {"ConsistencyMetrics": {"deltas": [3]}}
-    line = ["StyleNetwork", "--ConsistencyMetrics-settings", '{"pairs": 5, "deltas": [2]}']
+    tuning = {"ConsistencyMetrics": {"deltas": [3], "pairs": 5}}
+    pairs = pair_settings(StyleNetwork(**words, tuning=tuning))
+    measured = ConsistencyMetrics(**words, tuning=tuning).values()
+    assert tuning["ConsistencyMetrics"].items() <= pairs.items() <= measured.items()
+
+
+@pytest.mark.parametrize(
+    ("measured", "renders", "tuning", "is_refused"),
+    [
+        ('{"pairs": 5}', 0.5, {}, True),
+        ('{"pairs": 5}', 0.0, {}, False),
+        ('{"pairs": 5}', 0.5, {"ConsistencyMetrics": {"pairs": 6}}, False),
+        ('{"flow": "dis"}', 0.5, {}, False),
+    ],
+)
+def test_measured_pairs_that_a_training_on_renders_would_not_see_are_refused(
+    measured, renders, tuning, is_refused
+):
+    """Where they matter: without renders or with pairs by `--tuning`, both stages agree."""
+    line = ["StyleNetwork", "--ConsistencyMetrics-settings", measured]
     with CmdlineParser.global_instance([*line, "--scene", "s", "--style", "t"]):
-        pairs = pair_settings(StyleNetwork(**words, tuning=tuning))
-        measured = ConsistencyMetrics(**words, tuning=tuning).values()
-    assert {"deltas": [3], "pairs": 5}.items() <= pairs.items() <= measured.items()
+        settings = {"temporal_loss.renders": renders}
+        stage = StyleNetwork(scene="s", style="t", settings=settings, tuning=tuning)
+        if not is_refused:
+            stage.validate()
+            return
+        with rejects("--ConsistencyMetrics-settings", remedy=["--tuning", '"pairs": 5']):
+            stage.validate()
 
 
 @pytest.mark.slow

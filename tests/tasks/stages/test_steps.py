@@ -14,6 +14,7 @@ import pytest
 
 import tasks
 from styletrf.steps.step_run import StepRun
+from styletrf.steps.stylized_priors import stylize_priors
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs/library.md").read_text(encoding="utf-8")
@@ -81,3 +82,10 @@ def test_the_example_of_the_library_fits_a_field(mini_poses: Path, tmp_path: Pat
     assert {path.name for path in folders["field"].iterdir()} == {
         "appearance.safetensors", "curve.parquet", "density.safetensors", "field.json",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(("factors", "missing"), [((), "network"), ((1.0, 1.0), "perceptual")])
+def test_priors_without_a_stylizer_are_refused(mini, tmp_path: Path, factors, missing):
+    inputs = {"priors": mini("PriorRenders"), "style": mini("StyleImage")}
+    with pytest.raises(ValueError, match=f"no '{missing}'"):
+        stylize_priors(inputs, tmp_path, {}, StepRun(tmp_path), colors="style", factors=factors)

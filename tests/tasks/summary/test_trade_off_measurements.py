@@ -75,17 +75,17 @@ def test_each_side_counts_its_own_stages_and_no_judge():
 
 
 @pytest.mark.parametrize(
-    ("provenance", "share"),
+    ("provenance", "fraction"),
     [({}, 0.0), ({"other_cpu_seconds": 6.0}, 0.3),
      ({"seconds": 2.0, "other_cpu_seconds": 2.0}, 0.0),
      ({"seconds": 110.0, "earlier_seconds": 100.0, "other_cpu_seconds": 6.0}, 0.3)],
     ids=["idle", "busy", "too short to tell", "of the last attempt"],
 )  # fmt: skip
-def test_the_share_of_other_work(monkeypatch, provenance, share):
+def test_the_share_of_other_work(monkeypatch, provenance, fraction):
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     lineage = [record("RadianceField", "f", **provenance)]
     measured = measurement(Variant("scene", "", {}), lineage, {"psnr": 25.0})
-    assert measured.other_cpu_share == pytest.approx(share)
+    assert measured.other_cpu_share == pytest.approx(fraction)
 
 
 def test_records_that_do_not_tell_of_other_work_are_not_taken_for_idle():

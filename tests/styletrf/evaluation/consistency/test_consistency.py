@@ -49,8 +49,8 @@ def test_a_pan_over_one_painting_is_consistent(measure):
         assert figures["geometric_error"] < 1e-9, "whole pixels are found exactly"
         assert figures["normalized_error"] < 1e-3
         assert figures["perceptual_error"] < 0.05
-    shares = [result.summary[f"delta_{d}"]["geometric_fraction"] for d in (1, 5)]
-    assert shares == pytest.approx([1 - STEP * d / WIDTH for d in (1, 5)], abs=0.02)
+    fractions = [result.summary[f"delta_{d}"]["geometric_fraction"] for d in (1, 5)]
+    assert fractions == pytest.approx([1 - STEP * d / WIDTH for d in (1, 5)], abs=0.02)
 
 
 def test_a_painting_that_stays_on_the_screen_is_inconsistent(measure):

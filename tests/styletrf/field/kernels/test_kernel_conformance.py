@@ -1,4 +1,4 @@
-"""Every form of the kernels, values and gradients, against the float64 reference."""
+"""Every backend of the kernels, values and gradients, against the float64 reference."""
 
 import numpy as np
 import pytest
@@ -39,15 +39,15 @@ def assert_equal(ours, exact, rtol=1e-4, atol=1e-5):
         torch.testing.assert_close(mine.double(), theirs, rtol=rtol, atol=atol)
 
 
-def both(form, compute):
-    """What `compute` returns for the form in float32 and for the reference in float64."""
-    return compute(form, torch.float32), compute(REFERENCE, torch.float64)
+def both(backend, compute):
+    """What `compute` returns for the backend in float32 and for the reference in float64."""
+    return compute(backend, torch.float32), compute(REFERENCE, torch.float64)
 
 
 @pytest.mark.parametrize(("resolution", "ranks"), SHAPES)
 @pytest.mark.parametrize("n_rays", [0, 1, 8])
 @pytest.mark.parametrize("rays_of", [make_segments, bent_segments])
-def test_a_marched_color_and_its_gradients(form, resolution, ranks, n_rays, rays_of):
+def test_a_marched_color_and_its_gradients(backend, resolution, ranks, n_rays, rays_of):
     """Rays with few, many and no steps, partly outside the grid, through empty and full voxels."""
     segments = rays_of(n_rays, seed=2, reach=1.3)
     g = generator(1)
@@ -65,7 +65,7 @@ def test_a_marched_color_and_its_gradients(form, resolution, ranks, n_rays, rays
         results = [samples.s, samples.positions, samples.weights.detach(), color.detach()]
         return samples, results, gradients(density, appearance)
 
-    (ours, our_values, our_gradients), (samples, values, exact) = both(form, compute)
+    (ours, our_values, our_gradients), (samples, values, exact) = both(backend, compute)
     assert torch.equal(ours.offsets, samples.offsets)
     assert torch.equal(ours.ray, samples.ray)
     assert_equal(our_values, values)
@@ -82,7 +82,7 @@ def coordinates(n, seed):
 
 @pytest.mark.parametrize(("resolution", "ranks"), [*SHAPES, ((9, 5, 3), (3, 1, 8))])
 @pytest.mark.parametrize("n", [0, 1, 13])
-def test_features_and_their_gradients_are_those_of_the_reference(form, resolution, ranks, n):
+def test_features_and_their_gradients_are_those_of_the_reference(backend, resolution, ranks, n):
     positions = coordinates(n, seed=0)
     upstream = torch.randn(5 * n, sum(ranks), generator=generator(7))
 
@@ -92,23 +92,23 @@ def test_features_and_their_gradients_are_those_of_the_reference(form, resolutio
         values.backward(upstream.to(dtype))
         return [values.detach(), *gradients(factors)]
 
-    assert_equal(*both(form, compute), atol=1e-4)
+    assert_equal(*both(backend, compute), atol=1e-4)
 
 
 @pytest.mark.parametrize(("resolution", "ranks"), SHAPES)
 @pytest.mark.parametrize("n", [0, 1, 13])
-def test_density_is_that_of_the_reference(form, resolution, ranks, n):
+def test_density_is_that_of_the_reference(backend, resolution, ranks, n):
     positions = coordinates(n, seed=5)
 
     def compute(kernels, dtype):
         return [kernels.density(factors_of(resolution, ranks, dtype), positions.to(dtype)).detach()]
 
-    assert_equal(*both(form, compute), atol=1e-4)
+    assert_equal(*both(backend, compute), atol=1e-4)
 
 
 @pytest.mark.parametrize("channels", [1, 3, 5, 12, 24])
 @pytest.mark.parametrize("counts", [[], [0], [1], [3, 0, 70, 1]])
-def test_composites_and_their_gradients_are_those_of_the_reference(form, channels, counts):
+def test_composites_and_their_gradients_are_those_of_the_reference(backend, channels, counts):
     n, g = sum(counts), generator(channels)
     weights, values = torch.rand(n, generator=g), torch.randn(n, channels, generator=g)
     upstream = torch.randn(len(counts), channels, generator=g)
@@ -119,13 +119,13 @@ def test_composites_and_their_gradients_are_those_of_the_reference(form, channel
         sums.backward(upstream.to(dtype))
         return [sums.detach(), *(leaf.grad for leaf in leaves)]
 
-    assert_equal(*both(form, compute))
+    assert_equal(*both(backend, compute))
 
 
 @pytest.mark.parametrize(
     ("n", "inputs", "hidden"), [(0, 5, 8), (1, 1, 1), (7, 6, 3), (60, 48, 64), (61, 24, 20)]
 )
-def test_decoded_colors_and_their_gradients_are_those_of_the_reference(form, n, inputs, hidden):
+def test_decoded_colors_and_their_gradients_are_those_of_the_reference(backend, n, inputs, hidden):
     g = generator(n)
     ray = torch.randint(0, 40, (n,), generator=g).sort().values
     upstream = torch.randn(n, 3, generator=g)
@@ -138,17 +138,17 @@ def test_decoded_colors_and_their_gradients_are_those_of_the_reference(form, n, 
         colors.backward(upstream.to(dtype))
         return [colors.detach(), *(leaf.grad for leaf in leaves)]
 
-    assert_equal(*both(form, compute), rtol=1e-3, atol=1e-4)
+    assert_equal(*both(backend, compute), rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1 / 64, 3 / 64, 0.5, 2.0])
-def test_heavy_samples_with_ties_and_faint_rays(form, threshold):
+def test_heavy_samples_with_ties_and_faint_rays(backend, threshold):
     """Weights are multiples of 1/64, so that many are equal and their sums are exact."""
     g = generator(0)
     counts = [0, 1, 2, *torch.randint(0, 50, (12,), generator=g).tolist(), 0]
     weights = torch.randint(0, 4, (sum(counts),), generator=g) / 64
     weights.requires_grad_()
-    heavy = form.prune(packed(counts, weights), threshold)
+    heavy = backend.prune(packed(counts, weights), threshold)
     exact = REFERENCE.prune(packed(counts, weights.detach().double()), threshold)
     assert torch.equal(heavy.offsets, exact.offsets)
     assert torch.equal(heavy.ray, exact.ray)
@@ -159,7 +159,7 @@ def test_heavy_samples_with_ties_and_faint_rays(form, threshold):
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.5])
-def test_samples_exactly_on_lattice_points_and_faces_of_voxels(form, jitter):
+def test_samples_exactly_on_lattice_points_and_faces_of_voxels(backend, jitter):
     """All coordinates are multiples of 1/64: no rounding may put a sample into another voxel."""
     corners = torch.tensor(list(np.ndindex(3, 3, 3)), dtype=torch.float32) - 1
     ends = -corners.roll(1, 0)
@@ -173,7 +173,7 @@ def test_samples_exactly_on_lattice_points_and_faces_of_voxels(form, jitter):
         rays = doubled(segments) if dtype == torch.float64 else segments
         return kernels.trace(factors, rays, jitters.to(dtype), march)
 
-    ours, exact = both(form, compute)
+    ours, exact = both(backend, compute)
     assert torch.equal(ours.offsets, exact.offsets)
     assert torch.equal(ours.positions.double(), exact.positions)
     torch.testing.assert_close(ours.weights.double(), exact.weights, rtol=1e-4, atol=1e-6)

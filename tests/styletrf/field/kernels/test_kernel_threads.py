@@ -1,4 +1,4 @@
-"""The CPU form sums in the same order on any number of threads."""
+"""The CPU backend sums in the same order on any number of threads."""
 
 from collections.abc import Iterator
 

@@ -83,17 +83,17 @@ def test_values_pass_and_their_gradient_is_thinned():
     assert torch.equal(values.grad, sparsified(upstream, sparsification))
 
 
-def gradients(form, sparsification):
+def gradients(backend, sparsification):
     factors = TensorVM((9, 8, 7), (4, 3, 2), scale=0.5, generator=generator(0))
     march = replace(whole_grid(), sparsification=sparsification)
-    samples = form.trace(factors, make_segments(40, seed=1), torch.full((40,), 0.5), march)
+    samples = backend.trace(factors, make_segments(40, seed=1), torch.full((40,), 0.5), march)
     (samples.weights * torch.sin(17 * samples.s)).sum().backward()
     return [p.grad.double() for p in factors.parameters()]
 
 
-def test_a_march_gives_the_factors_their_gradient_on_average(form):
-    exact = gradients(form, None)
-    drawn = [gradients(form, Sparsification(2.0, offset)) for offset in OFFSETS[::4]]
+def test_a_march_gives_the_factors_their_gradient_on_average(backend):
+    exact = gradients(backend, None)
+    drawn = [gradients(backend, Sparsification(2.0, offset)) for offset in OFFSETS[::4]]
     for k, of_factor in enumerate(exact):
         one, mean = drawn[0][k], sum(g[k] for g in drawn) / len(drawn)
         assert (mean - of_factor).norm() < 0.1 * of_factor.norm()

@@ -35,9 +35,9 @@ def test_a_photograph_of_another_place_has_no_depths(model):
     pictures = [
         wall_picture(camera, seed=int(k == 2)) for k, camera in enumerate(textured_cameras())
     ]
-    shares = [np.isfinite(found.depth).mean() for found in depths_of(model, pictures)]
-    assert shares[2] < 0.02
-    assert min(shares[:2] + shares[3:]) > 0.3
+    fractions = [np.isfinite(found.depth).mean() for found in depths_of(model, pictures)]
+    assert fractions[2] < 0.02
+    assert min(fractions[:2] + fractions[3:]) > 0.3
 
 
 def test_masked_pixels_have_no_depths(model):

@@ -1,7 +1,7 @@
 """The kernels for CUDA: Triton, float32.
 
-See `differentiable.Backend` for what each function means; the conformance suite holds the forms
-equal. Gradients of the factors are summed in an order that varies from run to run (see
+`differentiable.CompiledBackend` documents the functions. The conformance suite checks that all
+backends agree. Gradients of the factors are summed in an order that varies from run to run (see
 `vm_triton`).
 """
 

@@ -1,7 +1,7 @@
 """The kernels for the CPU: numba, float32.
 
-See `differentiable.Backend` for what each function means; the conformance suite holds the forms
-equal.
+`differentiable.CompiledBackend` documents the functions. The conformance suite checks that all
+backends agree.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from styletrf.field.kernels import composite_numba, decode_numba, trace_numba, vm_numba
-from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.samples import March, RaySegments, Samples
 from styletrf.field.tensor_vm import LINE_AXES, PLANE_AXES
 
 _AXES = tuple((u, v, w) for (u, v), w in zip(PLANE_AXES, LINE_AXES, strict=True))
@@ -55,7 +55,7 @@ def scatter_gradients(
 
 
 def trace_forward(
-    segments: Segments, jitter: Float[Tensor, " rays"], march: March, factors: Sequence[Tensor]
+    segments: RaySegments, jitter: Float[Tensor, " rays"], march: March, factors: Sequence[Tensor]
 ) -> tuple[Samples, Sequence[Tensor]]:
     """Returns the samples; and the arguments of their softplus, and the rays' step thickness."""
     chains = _arrays(segments.origins, segments.directions, segments.ends)
@@ -139,7 +139,7 @@ class _Decode(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
-        """Returns the gradients of components, view shares and layers; the hidden layer anew."""
+        """Returns the gradients of components, of each view's part, and of the layers."""
         components, of_view, ray, matrix, output, colors = ctx.saved_tensors
         grad = _array(grads[0])
         gradients = decode_numba.decode_backward(

@@ -1,4 +1,4 @@
-"""Which form is chosen where, and that the Triton form compiles for cards."""
+"""Which backend is chosen where, and that the Triton backend compiles for cards."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ import torch
 from expected_errors import rejects
 
 from styletrf.field import kernels
-from styletrf.field.kernels import FORMS, kernels_for
+from styletrf.field.kernels import BACKENDS, kernels_for
 
 CPU, CUDA = torch.device("cpu"), torch.device("cuda")
 ROOT = Path(__file__).parents[4]
@@ -21,7 +21,7 @@ KERNELS = {
 }  # fmt: skip
 
 
-def test_the_fastest_form_is_chosen_and_can_be_overridden():
+def test_the_fastest_backend_is_chosen_and_can_be_overridden():
     assert kernels_for(CPU).name == "fused"
     assert kernels_for(torch.device("meta")).name == "reference"
     for name in ("reference", "fused"):
@@ -44,7 +44,7 @@ def test_without_triton_a_gpu_has_the_reference(monkeypatch):
 def test_an_unknown_form_is_refused_with_those_there_are():
     with rejects("kernels fastest") as refusal:
         kernels_for(CPU, "fastest")
-    assert ", ".join(FORMS) in refusal.value.remedy
+    assert ", ".join(BACKENDS) in refusal.value.remedy
 
 
 def run(*command: str | Path, **environment: str) -> str:
@@ -58,11 +58,11 @@ def run(*command: str | Path, **environment: str) -> str:
     ).stdout
 
 
-def test_choosing_another_form_does_not_import_triton():
+def test_choosing_another_backend_does_not_import_triton():
     program = (
         "import sys, torch; from styletrf.field.kernels import kernels_for;"
         "kernels_for(torch.device('cpu')); kernels_for(torch.device('cuda'), 'reference');"
-        "print('styletrf.field.kernels.triton_form' in sys.modules)"
+        "print('styletrf.field.kernels.triton_backend' in sys.modules)"
     )
     assert run("-c", program).strip() == "False"
 

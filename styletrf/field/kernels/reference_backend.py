@@ -1,12 +1,12 @@
-"""The form of the kernels that `reference` defines, in torch alone."""
+"""The backend of the kernels that `reference` defines, in torch alone."""
 
 from typing import final
 
 from torch import Tensor
 
 from styletrf.field.kernels import reference
-from styletrf.field.kernels.form import Kernels
-from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.interface import Kernels
+from styletrf.field.kernels.samples import March, RaySegments, Samples
 from styletrf.field.tensor_vm import TensorVM
 
 
@@ -24,7 +24,9 @@ class ReferenceKernels(Kernels):
         """See `Kernels.density`."""
         return reference.density(factors, positions)
 
-    def trace(self, factors: TensorVM, segments: Segments, jitter: Tensor, march: March) -> Samples:
+    def trace(
+        self, factors: TensorVM, segments: RaySegments, jitter: Tensor, march: March
+    ) -> Samples:
         """See `Kernels.trace`."""
         return reference.trace(factors, segments, jitter, march)
 

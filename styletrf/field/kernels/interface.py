@@ -1,4 +1,4 @@
-"""The interface of every form of the kernels."""
+"""The interface of every backend of the kernels."""
 
 from abc import ABC, abstractmethod
 from typing import final
@@ -7,15 +7,15 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from styletrf.field.kernels.samples import March, Samples, Segments
+from styletrf.field.kernels.samples import March, RaySegments, Samples
 from styletrf.field.tensor_vm import TensorVM
 
 
 class Kernels(ABC):
-    """One form of the kernels. The functions of `reference` document what each method computes.
+    """One backend of the kernels. The functions of `reference` document what each method computes.
 
     Attributes:
-        name: One of `FORMS`.
+        name: One of `BACKENDS`.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Kernels(ABC):
     def trace(
         self,
         factors: TensorVM,
-        segments: Segments,
+        segments: RaySegments,
         jitter: Float[Tensor, " rays"],
         march: March,
     ) -> Samples:
