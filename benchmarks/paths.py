@@ -33,7 +33,8 @@ def supports(field: RadianceField) -> Iterator[tuple[str, Support]]:
     cameras = model.normalized(read_cameras(poses / "cameras.parquet"))
     fitted, held_out = map(model.normalized, read_split(poses / "cameras.parquet"))
     radiance, device = load_field(artifact(field)), torch.device("cpu")
-    meter = SupportMeter(fitted, radiance, model.space, config.support, device)
+    folder = None if model.exposures else poses / "images"
+    meter = SupportMeter(fitted, radiance, model.space, config.support, device, folder)
     path = supported_fly_through(cameras, model, config.trajectory, meter.measure, config.support)
     for trial in path.trials:
         yield f"auto {trial.spread:.2g}, x {trial.zoom:g}", Support({"": trial.unsupported})

@@ -16,15 +16,20 @@ def prefetch(
 ) -> Generator[Result, None, None]:
     """Yields `function(item)` for each item, in order, with at most `ahead` results in waiting.
 
-    `items` may be endless. An exception of `function` is raised in its turn. Closing the iterator
-    drops what has not begun.
+    `items` may be endless. An exception of `function` is raised in its turn, and one of `items` as
+    soon as it occurs. Closing the iterator drops what has not begun.
 
     Args:
         function: Safe to call from several threads at once.
         items: Iterated in the caller's thread.
         threads: How many calls run at a time.
-        ahead: How many calls may be started or done before their result is needed.
+        ahead: How many calls may be started or done before their result is needed, at least one.
+
+    Raises:
+        ValueError: `ahead` is less than one.
     """
+    if ahead < 1:
+        raise ValueError(f"{ahead} calls ahead give no result")
     remaining = iter(items)
     executor = ThreadPoolExecutor(threads)
     try:

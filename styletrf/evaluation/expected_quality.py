@@ -80,7 +80,7 @@ def expected_psnr(
 
     Every eighth of the photographs, or one of fewer than twelve, is set aside for it; views of one
     panorama count as one. Views held out have no part in it. None where fewer than two photographs
-    or panoramas are left to fit to, which tell no depth, or masks leave nothing of those set aside.
+    or panoramas, which have no parallax, are left to fit to, or masks leave nothing of the others.
 
     Args:
         photographs: To fit to.

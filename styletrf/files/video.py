@@ -177,6 +177,22 @@ def declared_duration_s(path: Path) -> float | None:
         return None if container.duration is None else container.duration / av.time_base
 
 
+def declared_frames(path: Path) -> int:
+    """Returns how many frames the file says that it holds, or else by its duration and rate.
+
+    0 where it says neither. Only the head of the file is read.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
+    with _opened(path) as container:
+        stream = container.streams.video[0]
+        if stream.frames:
+            return int(stream.frames)
+        rate = float(stream.average_rate or 0)
+    return round((declared_duration_s(path) or 0.0) * rate)
+
+
 def _decodable(container: av.container.InputContainer) -> Iterator[av.VideoFrame]:
     """Yields the undamaged frames up to where the file can be read no further."""
     with suppress(av.FFmpegError):

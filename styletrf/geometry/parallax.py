@@ -15,7 +15,7 @@ from styletrf.geometry.cameras import Camera
 from styletrf.geometry.point_table import SparsePoints
 
 LEAST_PARALLAX = 0.01
-"""Least fraction of photographs that contain depth: a turn and a flat wall have below 0.001."""
+"""Least `parallax_fraction` of photographs with parallax; turns and flat walls are below 0.001."""
 _LEAST_SHARED = 30  # points of a pair
 _MOST_PAIRS = 200  # spread evenly over all
 _ERROR = 0.004  # of the longer side, by which a point may be off

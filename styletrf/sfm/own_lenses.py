@@ -41,7 +41,8 @@ def give_own_lenses(database: Path, images: ColmapImages) -> Pairs:
     """Gives the image of each lens setting of one image a camera of its own in the database.
 
     It begins as the one that the image shared, of which nothing is known where the setting knows no
-    focal length. Returns the pairs whose geometry a known one decided: they are verified no more.
+    focal length. Returns the pairs whose geometry was deleted, since a focal length of others
+    decided it: they have to be verified again.
     """
     alone = {setting.files[0]: setting for setting in images.lenses if len(setting.files) == 1}
     unknown = set()
@@ -78,8 +79,9 @@ def shared_lenses_differ(model: pycolmap.Reconstruction, images: ColmapImages) -
     """Returns whether photographs contradict the lens that they are assumed to share.
 
     A wrong focal length may explain nearly all matches, at poses that it has bent. Then the points
-    of a photograph want another focal length than those of most photographs of its setting do: by
-    more than 1 %, and five times its standard error. A tenth of the photographs has to say so.
+    of a photograph fit best with another focal length than those of the photographs whose EXIF
+    names one, or of most where none does: by more than 1 %, and five times its standard error. A
+    tenth of the photographs has to differ so.
     """
     image_of = {model.image(number).name: model.image(number) for number in model.reg_image_ids()}
     return any(_differ(model, setting, image_of) for setting in images.lenses if setting.assumed)
@@ -90,13 +92,12 @@ def _differ(
 ) -> bool:
     placed = [file for file in setting.files if file in image_of]
     found = {
-        file: wanted
-        for file in placed
-        if (wanted := _wanted_focal(model, image_of[file])) is not None
+        file: best for file in placed if (best := _best_focal_of(model, image_of[file])) is not None
     }
     if not found:
         return False
-    usual = np.median([ratio for ratio, _ in found.values()])
+    known = [file for file in found if file not in setting.assumed]
+    usual = np.median([found[file][0] for file in known or found])
     others = [
         file
         for file, (ratio, error) in found.items()
@@ -105,7 +106,7 @@ def _differ(
     return len(others) >= max(_SOME * len(placed), 1)
 
 
-def _wanted_focal(
+def _best_focal_of(
     model: pycolmap.Reconstruction, image: pycolmap.Image
 ) -> tuple[float, float] | None:
     """Returns the logarithm of an image's best focal length over that of its lens, and its error.
@@ -125,7 +126,10 @@ def _wanted_focal(
 def _best_focal(
     lens: pycolmap.Camera, points: Points, pixels: Pixels
 ) -> tuple[float, float] | None:
-    """Returns the same of points in the camera's frame: one Gauss-Newton step, robust errors."""
+    """Returns the logarithm of the best focal length over that of the lens, and its error.
+
+    One Gauss-Newton step with robust errors, of points in the camera's frame.
+    """
     slopes = np.stack(_pixel_slopes(lens, points), axis=-1).reshape(-1, 7)
     errors = (pixels - lens.img_from_cam(points)).reshape(-1)
     counts = np.isfinite(errors) & np.isfinite(slopes).all(axis=1)
@@ -135,6 +139,8 @@ def _best_focal(
         for _ in range(_REWEIGHTED):
             step, covariance = _reweighted(slopes, errors, step)
     except np.linalg.LinAlgError:  # as of points on one line
+        return None
+    if not (np.isfinite(step[6]) and covariance[6, 6] > 0):  # as of a plane seen head-on
         return None
     return float(step[6]), float(np.sqrt(covariance[6, 6]))
 

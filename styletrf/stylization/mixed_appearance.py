@@ -72,7 +72,7 @@ class MixedAppearance(ColorModel):
     def decode(
         self, components: Tensor, view_directions: Tensor, ray: Tensor, kernels: Kernels
     ) -> Tensor:
-        """Returns the fractions' sum of the colors."""
+        """Returns the sum of the colors, weighted by the fractions."""
         appearances = self._all()
         sizes = [sum(a.factors.ranks) for a in appearances]
         *parts, fractions = components.split([*sizes, len(appearances)], dim=1)

@@ -89,9 +89,10 @@ def _check(request: dict[str, Any]) -> None:
     for file, scene, capture in request["paths"]:
         _require_path(file, scene, json.loads(capture))
     demands = [Demand(**demand) for demand in request["memory"]]
-    for scene in {demand.scene for demand in demands}:
+    frames = {demand.scene: demand.video_frames for demand in demands}
+    for scene in frames:
         _require_videos(scene)
-    scenes = {demand.scene: photographs_of(demand.scene, demand.video_frames) for demand in demands}
+    scenes = {scene: photographs_of(scene, count) for scene, count in frames.items()}
     known = {scene: found for scene, found in scenes.items() if found}
     require_memory(demands, available_memory_bytes(), known)
     require_disk(demands, request["free_bytes"], known)

@@ -13,7 +13,7 @@ from styletrf.capture.photographs import list_photographs
 from styletrf.capture.poses.pose_formats import find_given_poses
 from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
 from styletrf.errors import InputError
-from styletrf.files.video import first_frame, video_info
+from styletrf.files.video import declared_frames, first_frame
 from tasks.planning.memory_demand import LONGEST_PX, Photographs
 
 _VIDEO_FRAMES = 60
@@ -28,7 +28,7 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
         found = find_scene(data_root(), scene)
         if videos := scene_videos(found):
             height, width, _ = first_frame(videos[0]).pixels.shape
-            filmed = sum(v.frames * v.width * v.height for v in map(video_info, videos))
+            filmed = width * height * sum(map(declared_frames, videos))
             return Photographs(video_frames, width, height, filmed)
         given = find_given_poses(scene_folder(found))
         files = given.files if given else list_photographs(found)

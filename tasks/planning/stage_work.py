@@ -82,7 +82,12 @@ def added_seconds(family: str, here: Mapping[str, float]) -> float:
 
 def is_comparable(family: str, here: Mapping[str, float], there: Mapping[str, float]) -> bool:
     """Returns whether two stages of a family do the same kinds of work, such as decode a video."""
-    return all(bool(here.get(n)) == bool(there.get(n)) for n in ADDED_S.get(family, {}))
+    return all(_kind(here.get(name)) == _kind(there.get(name)) for name in ADDED_S.get(family, {}))
+
+
+def _kind(driver: float | None) -> bool | None:
+    """Whether there is such work; None where that is unknown."""
+    return None if driver is None else driver > 0
 
 
 def drivers_of(

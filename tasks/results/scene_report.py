@@ -41,7 +41,7 @@ class SceneReport(LinkedStage, PresetStage):
         return {"scene": self.scene} | ({"tuning": self.tuning} if self.tuning else {})
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Surveys the photographs, fits two brief fields at `draft` and `standard`, writes."""
+        """Surveys the photographs, fits brief fields at `draft` and `standard`, and writes."""
         from styletrf.steps.scene_report import report_scene
 
         report_scene(

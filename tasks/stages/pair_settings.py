@@ -9,6 +9,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from luigi.freezing import recursively_unfreeze
+
 from styletrf.errors import InputError
 from tasks.stages.stage import ConfigurableStage, PresetStage
 
@@ -30,10 +32,12 @@ def require_tuned_pairs(stage: PresetStage) -> None:
     own = ConfigurableStage.settings.task_value(_MEASURING, "settings")
     measured = _of_pairs(stage.tuned(_MEASURING, stage.quality, own))
     if measured != pair_settings(stage):
+        tuning = recursively_unfreeze(stage.tuning)  # type: ignore[no-untyped-call]
+        tuning[_MEASURING] = tuning.get(_MEASURING, {}) | measured
         raise InputError(
             f"--{_MEASURING}-settings",
             f"chooses pairs that {stage.task_family} cannot leave out of its training",
-            f"Give instead --tuning '{json.dumps({_MEASURING: measured})}'",
+            f"Give instead --tuning '{json.dumps(tuning)}'",
         )
 
 

@@ -74,3 +74,8 @@ def test_an_exception_of_the_items_is_raised_after_those_before_it():
     assert [next(taken), next(taken)] == [0, 1]
     with pytest.raises(ZeroDivisionError):
         next(taken)
+
+
+def test_nothing_ahead_is_refused_where_it_would_give_nothing():
+    with pytest.raises(ValueError, match="0 calls"):
+        next(prefetch(lambda k: k, [1], threads=1, ahead=0))

@@ -32,8 +32,9 @@ def chosen_frames(motion: FrameMotion, count: int) -> Int64[np.ndarray, " chosen
             f"keeps still: its picture moves by less than {_LEAST_DISPLACEMENT:.0%} of its width",
             "Film while walking past or around the scene",
         )
-    fraction = motion.parallax + _FRACTION_OF_DISPLACEMENT * motion.displacement
-    travel = np.maximum.accumulate(fraction)
+    travel = np.maximum.accumulate(
+        motion.parallax + _FRACTION_OF_DISPLACEMENT * motion.displacement
+    )
     step = travel[-1] / max(count - 1, 1)
     chosen = set()
     for target in np.linspace(0, travel[-1], count):

@@ -8,7 +8,8 @@ Where hardly a corner comes back to its place, the camera swung too fast, or the
 `frame_cuts`). Nothing moves across a cut.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -80,8 +81,7 @@ def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
     """
     rows: list[tuple[float, ...]] = []
     reference = before = None
-    decoded = in_background(frames, ahead=_AHEAD)
-    for picture in prefetch(_look_at, decoded, threads=1, ahead=_AHEAD):
+    for picture in _looks(frames):
         look, lost, change, flow = picture, False, 0.0, np.zeros(7)
         if reference is not None and before is not None:
             so_far, lost = _moved(reference, before, look.gray)
@@ -93,6 +93,12 @@ def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
             reference = look
         rows.append((look.time_s, look.sharpness, *look.so_far, lost, change, *flow))
     return _motion_of(np.array(rows, dtype=np.float64).reshape(-1, 13))
+
+
+def _looks(frames: Iterable[TimedFrame]) -> Iterator[_Look]:
+    """Yields the frames as they are looked at; threads end with the iterator."""
+    with closing(in_background(frames, ahead=_AHEAD)) as decoded:
+        yield from prefetch(_look_at, decoded, threads=1, ahead=_AHEAD)
 
 
 def _look_at(frame: TimedFrame) -> _Look:

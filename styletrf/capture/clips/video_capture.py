@@ -5,6 +5,7 @@ See `frame_choice`. Several clips share the frames by the length of the way that
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence, Set
+from contextlib import closing
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -186,9 +187,9 @@ def _written(
         size, digest = len(data), hashlib.sha256(data).hexdigest()
         return [replace(photograph, size_bytes=size, sha256=digest)]
 
-    decoded = in_background(frames, ahead=_AHEAD)
-    for kept in prefetch(write, decoded, threads=_WRITERS, ahead=_AHEAD):
-        yield from kept
+    with closing(in_background(frames, ahead=_AHEAD)) as decoded:
+        for kept in prefetch(write, decoded, threads=_WRITERS, ahead=_AHEAD):
+            yield from kept
 
 
 def frame_prefixes(videos: Sequence[Path]) -> list[str]:

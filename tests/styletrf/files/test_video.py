@@ -5,7 +5,14 @@ import pytest
 from av.video.reformatter import Colorspace
 from expected_errors import rejects
 
-from styletrf.files.video import first_frame, timed_frames, video_frames, video_info, write_video
+from styletrf.files.video import (
+    declared_frames,
+    first_frame,
+    timed_frames,
+    video_frames,
+    video_info,
+    write_video,
+)
 
 
 def painted(height=96, width=128, count=8, seed=0):
@@ -158,3 +165,9 @@ def test_a_video_that_cannot_be_written_or_read_is_refused(tmp_path):
     with rejects(tmp_path / "missing.mp4") as caught:
         first_frame(tmp_path / "missing.mp4")
     assert isinstance(caught.value.__cause__, FileNotFoundError)
+
+
+@pytest.mark.parametrize("count", [1, 7, 30])
+def test_the_frames_that_a_file_declares_are_those_that_it_holds(tmp_path, count):
+    write_video(tmp_path / "a.mp4", np.zeros((count, 16, 32, 3), np.uint8), 12)
+    assert declared_frames(tmp_path / "a.mp4") == video_info(tmp_path / "a.mp4").frames == count

@@ -53,6 +53,24 @@ def test_a_lens_that_is_known_is_not_contradicted():
     assert not shared_lenses_differ(model, images_of(names_of(model), ()))
 
 
+def test_most_photographs_may_lack_exif_and_contradict_the_lens_of_the_few_that_have_it():
+    model = adjusted([1.0] * 4 + [1.2] * 6)
+    files = names_of(model)
+    assert shared_lenses_differ(model, images_of(files, files[4:], 1.0))
+
+
+def test_a_plane_seen_head_on_contradicts_no_lens():
+    model = adjusted([1.0] * COUNT)
+    for number in model.reg_image_ids():
+        image = model.image(number)
+        pose = image.cam_from_world().matrix()
+        for point in image.get_observation_points2D():
+            x, y, _ = pose[:, :3] @ model.point3D(point.point3D_id).xyz + pose[:, 3]
+            model.point3D(point.point3D_id).xyz = pose[:, :3].T @ ([x, y, 5.0] - pose[:, 3])
+        with np.errstate(all="ignore"):
+            assert not shared_lenses_differ(model, images_of((image.name,), (image.name,)))
+
+
 @pytest.mark.parametrize(("assumed", "differ"), [(slice(7, 10), True), (slice(0, 3), False)])
 def test_photographs_without_exif_contradict_the_lens_of_those_with_it_where_it_is_not_theirs(
     assumed, differ
