@@ -17,6 +17,7 @@ from styletrf.sfm.matching.image_pairs import Pairs
 
 _MATTERS = 0.01  # of a focal length: a larger difference bends the poses
 _CERTAIN = 5  # standard errors
+_APART = 3  # times as far as photographs with EXIF usually are from each other
 _SOME = 0.1  # of the photographs: fewer may as well be misplaced
 _FEWEST_POINTS = 30  # of a photograph, to speak of its focal length
 _ROBUST = 1.345  # standard deviations, beyond which an error counts for less (Huber)
@@ -80,8 +81,8 @@ def shared_lenses_differ(model: pycolmap.Reconstruction, images: ColmapImages) -
 
     A wrong focal length may explain nearly all matches, at poses that it has bent. Then the points
     of a photograph fit best with another focal length than those of the photographs whose EXIF
-    names one, or of most where none does: by more than 1 %, and five times its standard error. A
-    tenth of the photographs has to differ so.
+    names one, or of most where none does: by more than 1 %, than five times its standard error, and
+    than three times how far those with EXIF differ. A tenth of the photographs has to differ so.
     """
     image_of = {model.image(number).name: model.image(number) for number in model.reg_image_ids()}
     return any(_differ(model, setting, image_of) for setting in images.lenses if setting.assumed)
@@ -96,12 +97,14 @@ def _differ(
     }
     if not found:
         return False
-    known = [file for file in found if file not in setting.assumed]
-    usual = np.median([found[file][0] for file in known or found])
+    known = [found[file][0] for file in found if file not in setting.assumed]
+    usual = np.median(known or [ratio for ratio, _ in found.values()])
+    spread = np.median(np.abs(np.subtract(known, usual))) if known else 0.0
+    certain = max(_MATTERS, _APART * float(spread))
     others = [
         file
         for file, (ratio, error) in found.items()
-        if file in setting.assumed and abs(ratio - usual) > max(_MATTERS, _CERTAIN * error)
+        if file in setting.assumed and abs(ratio - usual) > max(certain, _CERTAIN * error)
     ]
     return len(others) >= max(_SOME * len(placed), 1)
 
