@@ -149,7 +149,8 @@ def test_an_arbitrary_style_needs_no_training_and_brings_the_colors_of_the_paint
     network = mini("StyleNetwork", **arbitrary)
     assert not (network / "curve.parquet").exists()
     painting = read_rgb(mini("StyleImage") / "style.png").mean(axis=(0, 1))
-    frames = [pictures(mini("StylizedFrames", **w)) for w in ({"strength": 0.0}, arbitrary)]
+    looks = {"strength": 0.0, "path": "orbit"}, arbitrary | {"path": "orbit"}
+    frames = [pictures(mini("StylizedFrames", **look)) for look in looks]
     assert len(frames[0]) == len(frames[1]) == 7
     before, after = (
         np.linalg.norm(shown.mean(axis=(1, 2)) - painting, axis=1).mean() for shown in frames
