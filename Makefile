@@ -9,6 +9,9 @@ STYLE ?= stained_glass
 CORES := $(shell getconf _NPROCESSORS_ONLN || echo 1)
 TEST_ARGS ?= -n $$(( $(CORES) + 1 )) --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
+# Hundreds of processes import the project, and without bytecode each of them would compile it again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test check lint docs stability soak install clean distclean
 
 install: $(VENV)/installed

@@ -26,7 +26,7 @@ CURVES: dict[str, list[Any]] = {
     "model.max_voxels": [112**3, 160**3, 224**3, 320**3],
     "training.field.density_ranks": [[4, 4, 4], [8, 8, 8], [16, 16, 16], [32, 32, 32]],
     "training.field.appearance_ranks": [[8, 8, 8], [16, 16, 16], [32, 32, 32], [64, 64, 64]],
-    "photographs": [0.25, 0.5, 1.0],  # share of those that are fitted to
+    "photographs": [0.25, 0.5, 1.0],  # fraction of those that are fitted to
 }
 
 

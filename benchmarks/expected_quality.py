@@ -3,7 +3,7 @@
     expected_quality.py fit horns fern fox --quality draft --to fits.jsonl
     expected_quality.py ratio fits.jsonl
 
-`fit` adds a line for each scene: the PSNR of views set aside after fits of several shares of the
+`fit` adds a line for each scene: the PSNR of views set aside after fits of several fractions of the
 iterations, and that of the views held out after the whole fit (`QualityMetrics`, from the store or
 made there). `ratio` prints the ratio of gains that tells the latter best from each pair of brief
 fits, and the errors: of all scenes, and of each with the ratio fitted to the others.
@@ -59,7 +59,7 @@ def measured(scene: str, quality: str, fractions: Sequence[float]) -> dict[str, 
 
 
 def errors(lines: Sequence[dict], fraction: float, ratio: float) -> list[float]:
-    """Returns the error in dB of each line's prediction from the fit of a share and of its half."""
+    """Returns the error in dB of each line's prediction by the fits of a fraction and its half."""
     return [
         extrapolated_psnr(
             line["brief"][str(fraction / 2)],
@@ -78,7 +78,7 @@ def best_ratio(lines: Sequence[dict], fraction: float) -> float:
 
 
 def ratios(lines: Sequence[dict]) -> Iterator[str]:
-    """Yields a line for each share, and each scene's error with the ratio of the others."""
+    """Yields a line for each fraction, and each scene's error with the ratio of the others."""
     for fraction in FRACTIONS[1:]:
         ratio = best_ratio(lines, fraction)
         others = [[other for other in lines if other is not line] for line in lines]

@@ -7,8 +7,8 @@ Each kind of `hard_photographs.MAKERS` is made from each scene (below `STYLETRF_
 and those of `places.PLACES` are rendered) and goes through all stages up to the held-out views.
 A row of Markdown is printed for each: photographs registered, held-out PSNR in dB, the fly-through,
 seconds of all stages together, and what was said. `--poses` stops after the poses. `--path` also
-makes the frames without a style, and the row has the share of their pixels that fewer than three
-photographs show, or the number of stills.
+makes the frames without a style, and the row has the percentage of their pixels that fewer than
+three photographs show, or the number of stills.
 """
 
 import argparse

@@ -82,7 +82,7 @@ class Jury:
     def _retrieved(
         self, own: str, style: PictureTraits, seen: Sequence[PictureTraits], frame: Image
     ) -> dict[str, float]:
-        """Returns by measure the share of frames whose nearest painting is their own."""
+        """Returns by measure the fraction of frames whose nearest painting is their own."""
         if not self._retrieval:
             return {}
         size = frame.shape[:2]

@@ -7,8 +7,9 @@ in `STYLETRF_DATA`.
 import tasks
 from pipeline.execution.cost_history import cost_history
 from pipeline.settings import current_store
-from tasks.planning.memory_demand import GROWTH, demand_of, predicted_bytes
+from tasks.planning.memory_demand import GROWTH, predicted_bytes
 from tasks.planning.scene_photographs import photographs_of
+from tasks.planning.stage_demands import demand_of
 
 _MIB = 1 << 20
 

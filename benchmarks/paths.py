@@ -1,7 +1,7 @@
 """What photographs support of camera paths: `paths.py --scenes horns fern --quality draft`.
 
-A row a scene and path: the share of the pixels that fewer than three fitted photographs see, and
-the largest share of a frame, for the default path as TrajectoryFrames has it and for every named
+A row a scene and path: the fraction of the pixels that fewer than three fitted photographs see, and
+the largest fraction of a frame, for the default path as TrajectoryFrames has it and for every named
 one; and for the photographs held out, at their own places. Fields that are missing are fitted.
 """
 

@@ -11,7 +11,7 @@ patches without their mean colors (texture), Gram matrices of EfficientNet-Lite0
 the content ratio, and the sharpness over the priors' and over the unstylized frames'; see
 docs/metrics.md. The row `color map` is of the
 unstylized frames with the painting's histogram of colors, which paints nothing. `--retrieval` adds
-the share of frames whose nearest painting is their own, among all under `STYLETRF_DATA` and the
+the fraction of frames whose nearest painting is their own, among all under `STYLETRF_DATA` and the
 embedded ones. `frames` measures PNG or EXR files in folders, paired by name; `table` and `sheet`
 have the tasks make the fields that are missing, and render the frames they look at themselves.
 With `--json` rows are JSON and have the distances, too.

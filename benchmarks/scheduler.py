@@ -184,7 +184,7 @@ def main() -> None:
     parser.add_argument("--partition", type=int, default=0, help="cells of one grid; 0: all")
     parser.add_argument("--styles", type=int, default=100, help="a scene")
     parser.add_argument("--workers", type=int, default=50)
-    parser.add_argument("--crews", type=int, default=1, help="luigids, each with a share of them")
+    parser.add_argument("--crews", type=int, default=1, help="luigids, each with a part of them")
     parser.add_argument("--most-done", type=int, default=1 << 30, help="stop after so many tasks")
     options = parser.parse_args()
     heads = [

@@ -28,7 +28,8 @@ from truth import agreement
 
 from styletrf.capture.capture_file import Capture, Photograph, write_capture
 from styletrf.files.images import write_png
-from styletrf.files.video import timed_frames, write_video
+from styletrf.files.video import write_video
+from styletrf.files.video_frames import timed_frames
 from styletrf.geometry.camera_table import read_cameras, write_cameras
 from styletrf.geometry.cameras import Camera
 from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses

@@ -81,7 +81,7 @@ class Shown:
         a: The look of which there is 1 - fraction_b, and the only one to the right of the split.
         b: The other one.
         fraction_b: How much of it there is, where nothing is split.
-        split: The share of the width that is to the left of the split; -1 without one.
+        split: The fraction of the width that is to the left of the split; -1 without one.
     """
 
     a: int

@@ -239,7 +239,7 @@ class ArtifactTask(luigi.Task):
         return self._lineage
 
     def forget(self) -> None:
-        """Forgets the records, so that the store is asked again."""
+        """Forgets the records, so that the store is read again."""
         self._records.clear()
         self._lineage = None
 

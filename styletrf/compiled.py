@@ -1,9 +1,9 @@
 """Functions that numba compiles, and the folder in which their compiled code is kept.
 
-numba keeps the code of a function while the function's own file stays the same. But a function of
-another file may be compiled into it, and a constant from there too, so that what is kept may be
-stale. Here the folder is named by all files of the function's package, the version of numba and
-the processor. Where one of them changes, another folder begins, and everything is compiled again.
+numba keeps the code of a function while the function's own file stays the same. But functions and
+constants of other files may be compiled into it, so that the kept code may be stale. Here the
+folder is named by all files of the function's package, the version of numba and the processor.
+Where one of them changes, another folder begins, and everything is compiled again.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ KEPT_FOLDERS = 8
 
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Returns the decorator `numba.njit(**options)` whose compiled code is kept, and never stale.
+    """Returns the decorator `numba.njit(**options)`, whose compiled code is kept and never stale.
 
     What a function calls or reads of the project has to lie in its own package.
     """
@@ -52,7 +52,7 @@ def folder_of_code(package: Path) -> Path:
 
 
 def _is_usable(folder: Path) -> bool:
-    """Whether it can be written to; it is made where there is none, and is now the newest."""
+    """Returns whether a folder can be written to; it is made if missing, and is now the newest."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
@@ -69,7 +69,7 @@ def _parents(package: Path) -> Iterator[Path]:
 
 
 def _digest(package: Path) -> str:
-    """Over all that compiled code depends on; numba itself distinguishes features of processors."""
+    """Returns a digest of all that compiled code depends on; numba checks the processor itself."""
     made_by = f"{numba.__version__} {llvmlite.binding.get_host_cpu_name()}\n"
     hasher = hashlib.sha256(made_by.encode())
     for path in sorted(package.glob("*.py")):

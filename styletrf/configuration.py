@@ -33,7 +33,7 @@ def require_at_least(least: int, config: Any, *names: str) -> None:
     """Refuses a configuration whose numbers by these names are too small.
 
     Raises:
-        ValueError: One is.
+        ValueError: A number is too small.
     """
     for name in names:
         if not getattr(config, name) >= least:
@@ -98,7 +98,7 @@ def _of_type(hint: Any, value: Any) -> Any:
 
 
 def _of_one_type(hints: Sequence[Any], value: Any) -> Any:
-    """Returns a value as the first of some types has it that it is of."""
+    """Returns a value as the first of some types that it is of."""
     for hint in hints:
         with suppress(TypeError):
             return _of_type(hint, value)

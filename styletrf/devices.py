@@ -1,4 +1,4 @@
-"""Which device computes."""
+"""The device that computes."""
 
 import time
 from functools import cache
@@ -27,7 +27,7 @@ def device_named(name: str) -> torch.device:
 
 @cache
 def is_faster_in_bfloat16(device: torch.device) -> bool:
-    """Tells whether convolutions take less time in bfloat16 than in float32 on a device.
+    """Returns whether convolutions take less time in bfloat16 than in float32 on a device.
 
     A processor's features do not decide this: with AVX512-BF16 alone, some processors need half of
     float32's time and others nearly twice as much. So the CPU computes one small convolution in

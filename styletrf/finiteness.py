@@ -38,8 +38,8 @@ def parameter_stages(
 ) -> Iterator[Named]:
     """Yields what earlier iterations left: mean gradients and their squares, then parameters.
 
-    A gradient above 1e19 has an infinite square, by which Adam divides: its parameter would stay as
-    it is for ever.
+    A gradient above 1e19 has an infinite square, by which Adam divides: its parameter would never
+    change again.
     """
     state = {} if optimizer is None else optimizer.state
     for kind, moment in (("gradient", "exp_avg"), ("squared gradient", "exp_avg_sq")):

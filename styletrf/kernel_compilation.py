@@ -20,7 +20,7 @@ def compile_field_kernels() -> None:
     cpu = torch.device("cpu")
     trainer = field_trainer(cpu)
     trainer.step()
-    with torch.no_grad():  # as the occupancy asks for density
+    with torch.no_grad():  # as the occupancy evaluates density
         kernels_for(cpu).density(trainer.field.density.factors, torch.zeros(1, 3))
 
 

@@ -8,8 +8,8 @@ class Progress(Protocol):
     """Called with the work done so far, the whole of it, and the quality reached (psnr, loss)."""
 
     def __call__(self, done: int, total: int, **quality: float) -> None:
-        """Report `done` of `total` units of work; both may restart for a further phase."""
+        """Reports `done` of `total` units of work; both may restart for a further phase."""
 
 
 def silent(done: int, total: int, **quality: float) -> None:
-    """Report nothing."""
+    """Reports nothing."""

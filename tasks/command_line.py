@@ -30,7 +30,7 @@ from tasks.summary.grid_summary import finish_command
 from tasks.summary.lineage import write_lineages
 
 LIBRARIES = ("torch", "numba", "cv2", "av", "PIL.Image", "luigi", "jsonschema")
-"""What most stages import, and what takes longest."""
+"""The libraries that most stages import, and that take longest."""
 _log = logging.getLogger("pipeline")
 
 
@@ -41,7 +41,7 @@ def begin(root: luigi.Task) -> None:
         root: The task of the command.
 
     Raises:
-        SystemExit: With what is wrong with the command; or, after a plan, with status 0.
+        SystemExit: With the error of the command; or, after a plan, with status 0.
     """
     try:
         if isinstance(root, StylizedTrajectory | Grid) and (root.plan or root.json):
@@ -59,7 +59,7 @@ def begin(root: luigi.Task) -> None:
 
 
 def end(root: luigi.Task) -> int | None:
-    """Shows what is there, whoever made it, and prints where it is, or why it is not.
+    """Links the results, whoever made them, and prints where they are, or why they are missing.
 
     Args:
         root: The task of the command.

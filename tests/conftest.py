@@ -14,6 +14,8 @@ from pipeline.execution.environment import openmp_wait_settings
 
 # Before torch is imported: beside any other busy thread, tests would take a hundred times as long.
 os.environ.update(openmp_wait_settings(os.environ))
+# Workers inherit it: a thread of OpenBLAS spins while it waits for others, and these have no core.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 pytest_plugins = ["durations", "stability"]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from styletrf.files.video import video_info
+from styletrf.files.video_frames import video_info
 from styletrf.trajectory.support_config import SupportConfig
 
 ROOT = Path(__file__).parents[1]

@@ -47,14 +47,14 @@ class CpuAllocation:
 def allocate(
     max_cores: int, expected_bytes: int | None, on_wait: Callable[[str], object]
 ) -> Iterator[CpuAllocation]:
-    """Holds a share of this host: cores, and the expected memory.
+    """Holds a part of this host: cores, and the expected memory.
 
     It waits for one core and for the memory, in the order of the requests.
 
     Args:
         max_cores: How many cores to take, if enough are free.
-        expected_bytes: The memory of the build. If it is unknown, the build gets the same share
-            of memory as of cores.
+        expected_bytes: The memory of the build. If it is unknown, the build gets the same
+            fraction of the memory as of the cores.
         on_wait: Called with the resource that the build waits for, if it waits.
 
     Raises:
@@ -72,14 +72,14 @@ def allocate(
 def allocate_alone(
     max_cores: int, expected_bytes: int | None, on_wait: Callable[[str], object]
 ) -> Iterator[CpuAllocation]:
-    """Holds a share of this host for a command that runs one build at a time.
+    """Holds a part of this host for a command that runs one build at a time.
 
     While no other build holds a core, the build uses all, and leases `max_cores`, so that the next
     one finds the others free. Beside other builds it is bound to as many of the free ones. It waits
     for no core: if none is free, or a quota says how many it may use, it uses all. It waits for the
-    memory it expects. If that is unknown, it leases what is free of the same share as of cores.
-    Where the folder of leases cannot be used, it shares nothing, and a warning says so. The
-    arguments are those of `allocate`.
+    memory it expects. If that is unknown, it leases the same fraction of the memory as of the
+    cores, as far as this is free. Where the folder of leases cannot be used, it shares nothing, and
+    a warning says so. The arguments are those of `allocate`.
     """
     n_parts = _memory_parts(max_cores, expected_bytes)
     with contextlib.ExitStack() as stack:

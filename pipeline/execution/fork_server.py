@@ -1,17 +1,13 @@
-"""A process that has imported the libraries, and forks the builds and the validation of a command.
+"""The server of a command, which has imported the libraries and forks its builds and validation.
 
 Torch, numba and OpenCV take two seconds to import, as long as many stages take. A fork takes
-milliseconds. The server imports libraries, and of the project only the imports of this file, so
-that a build imports the present code of the stages. It computes nothing, so it has no threads.
+milliseconds. The process of the server is in `pipeline.execution.forking_process`.
 """
 
 import contextlib
 import errno
-import gc
-import importlib
 import json
 import os
-import select
 import signal
 import socket
 import subprocess
@@ -20,15 +16,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from functools import cached_property
 from pathlib import Path
-from typing import IO, Any, final
+from typing import IO, final
 
 from pipeline.code.interpreters import interpreter_command
 from pipeline.execution.environment import build_environment
+from pipeline.execution.forking_process import FORKED, LARGEST_REQUEST_BYTES
 
-_LARGEST_REQUEST_BYTES = 2**17
-_MOST_DESCRIPTORS = 253  # the limit of Linux
-_FORKED = "forked\n"
-"""The line that a command reads before the status, when its process has started."""
 _of_command: ContextVar["ForkServer | None"] = ContextVar("fork_server", default=None)
 
 
@@ -41,10 +34,11 @@ class ForkServer:
 
     @cached_property
     def _process(self) -> "tuple[socket.socket, subprocess.Popen[bytes]]":
+        command = [sys.executable, "-P", "-m", "pipeline.execution.forking_process"]
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "pipeline.execution.fork_server", *self._libraries],
+                [*command, *self._libraries],
                 stdin=theirs.fileno(),
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
@@ -75,7 +69,7 @@ class ForkServer:
         """
         path = [*filter(None, sys.path)]
         request = json.dumps([function, [*arguments], dict(environment), path, str(Path.cwd())])
-        if len(message := request.encode()) > _LARGEST_REQUEST_BYTES:
+        if len(message := request.encode()) > LARGEST_REQUEST_BYTES:
             raise OSError(errno.EMSGSIZE, os.strerror(errno.EMSGSIZE))
         reading, writing = os.pipe()
         try:
@@ -86,7 +80,7 @@ class ForkServer:
         finally:
             os.close(writing)
         statuses = os.fdopen(reading)
-        if statuses.readline() != _FORKED:
+        if statuses.readline() != FORKED:
             statuses.close()
             raise OSError(errno.ECHILD, os.strerror(errno.ECHILD))
         return ForkedProcess(statuses)
@@ -118,9 +112,10 @@ def fork_server(libraries: Sequence[str]) -> Iterator[None]:
     """Provides a process that has imported the libraries and forks the builds of this context.
 
     Without libraries each build starts an interpreter. So it does on systems other than Linux,
-    where forks of large libraries are not safe.
+    where forks of large libraries are not safe. Within the context of another server, that server
+    forks the builds.
     """
-    if not libraries or sys.platform != "linux":
+    if not libraries or sys.platform != "linux" or current_fork_server():
         yield
         return
     server = ForkServer(libraries)
@@ -196,87 +191,3 @@ def start_process(
         env=environment,
         start_new_session=own_session,
     )
-
-
-def main() -> int:
-    """Serves until the command ends. A child calls its function instead."""
-    for name in sys.argv[1:]:
-        with contextlib.suppress(Exception):  # the build that needs the library reports it
-            importlib.import_module(name)
-    gc.freeze()  # a collection in a child copies no memory
-    request = _child_of(socket.socket(fileno=os.dup(0)))
-    return 0 if request is None else _call(*request)
-
-
-def _child_of(requests: socket.socket) -> tuple[list[Any], list[int]] | None:
-    """Forks a child for each request.
-
-    Returns:
-        In a child: its request and its descriptors. In the server, when the command has ended:
-        None.
-    """
-    woken, waking = os.pipe()
-    os.set_blocking(waking, False)
-    signal.set_wakeup_fd(waking)
-    signal.signal(signal.SIGCHLD, lambda _signal, _frame: None)
-    statuses: dict[int, int] = {}
-    while True:
-        ready, _, _ = select.select([requests.fileno(), woken], [], [])
-        if woken in ready:
-            os.read(woken, 4096)
-            _send_statuses(statuses)
-        if requests.fileno() not in ready:
-            continue
-        message, (status, *descriptors), _, _ = _receive(requests)
-        if not message:
-            return None
-        try:
-            pid = os.fork()
-        except OSError:  # the command starts an interpreter instead
-            for descriptor in (status, *descriptors):
-                os.close(descriptor)
-            continue
-        if pid == 0:
-            signal.set_wakeup_fd(-1)
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            for descriptor in (requests.detach(), woken, waking, status, *statuses.values()):
-                os.close(descriptor)
-            return json.loads(message), descriptors
-        statuses[pid] = status
-        with contextlib.suppress(BrokenPipeError):
-            os.write(status, _FORKED.encode())
-        for descriptor in descriptors:
-            os.close(descriptor)
-
-
-def _receive(requests: socket.socket) -> tuple[bytes, list[int], int, Any]:
-    received = socket.recv_fds(requests, _LARGEST_REQUEST_BYTES, _MOST_DESCRIPTORS)
-    return received if received[0] else (b"", [-1], 0, None)
-
-
-def _send_statuses(statuses: dict[int, int]) -> None:
-    """Sends the status of each child that has ended."""
-    for pid in list(statuses):
-        ended, status = os.waitpid(pid, os.WNOHANG)
-        if ended:
-            with os.fdopen(statuses.pop(pid), "w") as file, contextlib.suppress(BrokenPipeError):
-                file.write(str(os.waitstatus_to_exitcode(status)))
-
-
-def _call(request: list[Any], descriptors: list[int]) -> int:
-    """Turns a child into a new interpreter for the request, and calls its function."""
-    function, arguments, environment, path, folder = request
-    os.setsid()
-    os.chdir(folder)
-    for number, descriptor in enumerate(descriptors[:3]):
-        os.dup2(descriptor, number)
-        os.close(descriptor)
-    os.environ.clear()
-    os.environ.update(environment)
-    sys.path[:] = path
-    module, _, name = function.partition(":")
-    return int(getattr(importlib.import_module(module), name)(*arguments))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -52,7 +52,7 @@ class GcDecision:
 def collect(
     store: Store, *, keep_last: int = 3, grace_hours: float = 24.0, delete: bool = False
 ) -> list[GcDecision]:
-    """Finds the garbage and, if asked to, deletes it. Other processes may use the store.
+    """Finds the garbage, and deletes it on request. Other processes may use the store.
 
     Args:
         store: The store. Its `gc.lock` is held until the garbage is in `trash/`.

@@ -12,9 +12,9 @@ _LOGGER = logging.getLogger(__name__)
 class Photograph:
     """One photograph of a capture; `width` and `height` are those of its upright pixels.
 
-    A frame of a video knows its `clip`, how many cuts lie before it there (`shot`), and its time in
-    seconds since the clip's first frame. A view cut from a panorama knows the panorama's name and
-    its direction there (see `styletrf.capture.panorama.panorama_views`).
+    A frame of a video has its `clip`, the number of cuts before it there (`shot`), and its time in
+    seconds since the clip's first frame. A view cut from a panorama has the panorama's name and its
+    direction there (see `styletrf.capture.panorama.panorama_views`).
     """
 
     name: str

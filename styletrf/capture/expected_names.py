@@ -31,13 +31,13 @@ class ExpectedNames:
 def expected_names(found: Path, config: CaptureConfig, asked: Set[str]) -> ExpectedNames:
     """Returns the names that the capture of a scene will give.
 
-    Only those asked for are certain, so that not all photographs have to be read: others may be
-    damaged, and left out then. Of videos these are the names that frames may get, and views that
-    are cut from them: how many frames differ is not known before they are chosen.
+    Only the names in `asked` are certain, so that not all photographs have to be read: others may
+    be damaged, and are left out then. For videos these are the names that frames may get, and views
+    that are cut from them: the number of frames that differ is not known before they are chosen.
 
     Args:
-        found: What `find_scene` returned.
-        config: Of the capture.
+        found: The folder or video that `find_scene` returned.
+        config: The settings of the capture.
         asked: Names that may be among them.
 
     Raises:

@@ -29,7 +29,7 @@ def without(folder: Path, files: Sequence[Path], leave_out: Sequence[str]) -> li
     """Returns the photographs that are not left out.
 
     Args:
-        folder: Of the photographs, below which paths are.
+        folder: The folder of the photographs, to which paths are relative.
         files: All of them.
         leave_out: See `left_out`. Names and paths are with the suffix or without.
 

@@ -32,11 +32,11 @@ class FoundMasks:
 
 
 def find_masks(photographs: Path, files: Sequence[Path]) -> FoundMasks:
-    """Returns the masks that there are.
+    """Returns the masks of photographs, and those that fit none.
 
     Args:
         photographs: The folder of the photographs.
-        files: All photographs of the scene, those too that are not used.
+        files: All photographs of the scene, also those that are not used.
 
     Raises:
         InputError: The name of a mask is not in UTF-8.
@@ -97,7 +97,7 @@ def _in_own_folders(
 def _in_other_folders(
     masked: Mapping[Path, Path], names: Mapping[Path, Sequence[Path]]
 ) -> dict[Path, Path]:
-    """Returns the masks that one photograph alone has the name of, and no folder says otherwise."""
+    """Returns the masks whose name only one photograph has, unless a folder says otherwise."""
     folders = {of_file[0].parent for of_file in names.values()}
     masks = _only_ones((name.name, mask) for mask, name in masked.items())
     files = _only_ones((name.name, file) for file, of_file in names.items() for name in of_file)
@@ -111,7 +111,7 @@ def _in_other_folders(
 
 
 def _only_ones(pairs: Iterable[tuple[str, Path]]) -> dict[str, Path]:
-    """Returns the files by their names, of the names that one file alone has."""
+    """Returns by their names the files whose name no other file has."""
     named = set(pairs)
     times = Counter(name for name, _ in named)
     return {name: file for name, file in named if times[name] == 1}
@@ -123,7 +123,7 @@ def _mask_names(place: Path) -> list[Path]:
 
 
 def _masked(place: Path) -> Path | None:
-    """Returns which of these names a mask has; None where it is no PNG."""
+    """Returns the one of these names that a mask has; None where it is not a PNG."""
     return _with_lower_suffix(place.with_suffix("")) if place.suffix.lower() == _PNG else None
 
 

@@ -1,4 +1,4 @@
-"""Masks of photographs: which of their pixels count, where people walk through or a hand holds.
+"""Masks of photographs: which of their pixels count, for example where people walk through.
 
 A mask is a PNG as large as its upright photograph, black where the photograph does not count.
 """
@@ -34,14 +34,14 @@ def mask_of_view(images: Path, name: str) -> Bool[np.ndarray, "height width"] | 
 
     Args:
         images: The folder of the views, beside which that of their masks lies.
-        name: Of the view.
+        name: The name of the view.
     """
     mask = images.parent / MASKS / f"{name}.png"
     return read_mask(mask) if mask.exists() else None
 
 
 def require_mask_of(path: Path, width: int, height: int) -> None:
-    """Refuses what is no mask of a photograph of that size.
+    """Refuses a file that is not a mask of a photograph of that size.
 
     Raises:
         InputError: It is no image, of another size, or black all over.

@@ -33,7 +33,7 @@ def photograph_names(stored: Sequence[str]) -> list[str]:
 
 
 def distinct(names: Sequence[str]) -> list[str]:
-    """Returns the names; where an earlier one is the same, with a number behind the stem."""
+    """Returns the names; a name that an earlier one has gets a number behind its stem."""
     taken, seen, found = {name.casefold() for name in names}, set[str](), []
     for name in names:
         own = _numbered(name, taken) if name.casefold() in seen else name
@@ -52,7 +52,7 @@ def require_own_names(photographs: Mapping[Path, Photograph], panoramas: Set[Pat
     """Refuses a photograph that has the name of a view that is cut from a panorama.
 
     Args:
-        photographs: By their files.
+        photographs: The photographs by their files.
         panoramas: Those of the files that are cut.
 
     Raises:

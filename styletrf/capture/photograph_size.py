@@ -16,7 +16,7 @@ def first_size(files: Sequence[Path]) -> tuple[int, int]:
     """Returns width and height of the first photograph that can be read.
 
     Raises:
-        InputError: None of them can be read; it is that of the first.
+        InputError: None of them can be read; it is the error of the first.
     """
     errors = []
     for file in files:
@@ -30,7 +30,7 @@ def first_size(files: Sequence[Path]) -> tuple[int, int]:
 def photograph_size(path: Path) -> tuple[int, int]:
     """Returns width and height in pixels of a photograph as `read_photograph` returns it.
 
-    Of a JPEG, and of a PNG that no EXIF may turn, the header is read and nothing else.
+    For a JPEG, and for a PNG that no EXIF may turn, only the header is read.
 
     Raises:
         InputError: As `read_photograph`; not all damage is found.

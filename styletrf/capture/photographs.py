@@ -34,7 +34,8 @@ PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
         ".webp",
     ]
 )
-"""What OpenCV decodes faithfully, and what phones write. (OpenCV's AVIF loses 10 and 12 bits.)"""
+"""Formats that OpenCV decodes faithfully, and those of phones. (OpenCV's AVIF loses 10 and 12
+bits.)"""
 
 FOREIGN_SUFFIXES = frozenset(
     [
@@ -123,7 +124,7 @@ def require_readable_name(name: str) -> None:
     """Refuses the name of a file that is not in UTF-8: no text can hold it.
 
     Raises:
-        InputError: The name is such a one.
+        InputError: The name is not in UTF-8.
     """
     try:
         name.encode()
@@ -156,7 +157,7 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
     """Returns a photograph's upright RGB pixels: EXIF orientation applied, gray made RGB.
 
     16 bits are rounded to 8. Transparent pixels are composited on white, as the published
-    synthetic scenes want it; the orientation tag of an image with transparency is not heeded.
+    synthetic scenes want it; the orientation tag of an image with transparency is ignored.
 
     Raises:
         InputError: The file cannot be read, is no image, or is cut short or damaged.
@@ -223,7 +224,7 @@ def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 
 
 @contextmanager
 def _captured_stderr() -> Iterator[list[str]]:
-    """Collects what C libraries write to standard error, once the block is left.
+    """Collects the lines that C libraries write to standard error, once the block is left.
 
     libjpeg replaces missing data by gray and reports it only on standard error. What other threads
     write there meanwhile follows later.

@@ -42,8 +42,8 @@ def find_scene(data_root: Path, name: str) -> Path:
     Raises:
         InputError: The name is not one of a plain folder, several videos beside each other or
             beside a folder of them share it, a video has masks, which would not count, the folder
-            holds no photograph, or there is no such scene; lists the scenes that exist and, for a
-            well-known public one, says where to get it.
+            holds no photograph, or there is no such scene; it lists the scenes that exist and, for
+            a well-known public one, says where to get it.
     """
     _check_name("scene", name)
     scenes = data_root / "scenes"
@@ -130,7 +130,7 @@ def skipped_photographs(data_root: Path, name: str) -> list[Path]:
 
 
 def scene_files(found: Path) -> list[Path]:
-    """Returns all files that what `find_scene` found may be read from: photographs, masks, poses.
+    """Returns all files of a scene that `find_scene` found: photographs, masks and poses.
 
     Raises:
         InputError: There are too few photographs, or poses name one outside the scene's folder.
@@ -174,7 +174,7 @@ def first_style(data_root: Path) -> str:
     """Returns the name of the first style image by name.
 
     Raises:
-        InputError: There is none.
+        InputError: There is no style.
     """
     files = (path for path in (data_root / "styles").glob("[!.]*") if path.is_file())
     images = sorted(_of_suffix(files, PHOTOGRAPH_SUFFIXES))
@@ -184,7 +184,7 @@ def first_style(data_root: Path) -> str:
 
 
 def find_content(data_root: Path, name: str) -> Path | None:
-    """Returns the photographs that a style network is to learn on; None is the embedded set.
+    """Returns the photographs that a style network is to be trained on; None is the embedded set.
 
     Args:
         data_root: The folder of `content/`.

@@ -43,7 +43,7 @@ class ViewImages:
         return len(self.pixels)
 
     def drawn(self, count: int, generator: torch.Generator) -> Int64[Tensor, " rays"]:
-        """Returns so many pixels that count, drawn with replacement, on the images' device.
+        """Returns `count` pixels that count, drawn with replacement, on the images' device.
 
         Args:
             count: Of the pixels.
@@ -54,7 +54,7 @@ class ViewImages:
         return index if self.counted is None else self.counted[index]
 
     def spread(self, first: int, count: int) -> Int64[Tensor, " rays"]:
-        """Returns pixels that count, spread evenly over all views, on the images' device.
+        """Returns `count` pixels that count, spread evenly over all views, on the images' device.
 
         They are the members `first` to `first + count - 1` of a Weyl sequence: the k-th is pixel
         k s mod n of the n that count, s being next to n / golden ratio and coprime to n. So any n

@@ -57,7 +57,7 @@ def held_out_names(
     its margins show, with the others.
 
     Args:
-        cameras: Of all views.
+        cameras: The cameras of all views.
         given: The views whose poses came with them, by their names.
         panoramas: The names of the panoramas that views were cut from, by the names of the views.
     """
@@ -103,7 +103,8 @@ def split_sources(sources: Sequence[Hashable]) -> tuple[list[int], list[int]]:
 def split_views(n_views: int) -> tuple[list[int], list[int]]:
     """Returns the indices of the training views and of the views held out.
 
-    Every eighth from the first on is held out; of fewer than twelve, the one in the middle alone.
+    Every eighth view from the first on is held out; of fewer than twelve, only the one in the
+    middle.
     """
     is_few = n_views < FEW_VIEWS
     held_out = [n_views // 2][:n_views] if is_few else list(range(0, n_views, HOLD_OUT_EVERY))

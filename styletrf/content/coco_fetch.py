@@ -42,7 +42,7 @@ def coco_source(
         pause: How to wait.
 
     Raises:
-        InputError: The file is no such JSON.
+        InputError: The file is not a JSON of this kind.
         NetworkError: While reading: the network or the server fails.
         InputError: While reading: an image is larger than `LARGEST_BYTES`, so that its rest is not
             fetched.
@@ -76,7 +76,7 @@ def _read(
 
 
 def _fetch(address: str, pause: Callable[[float], None]) -> bytes:
-    """The decodable image at an address; empty bytes where the server has none."""
+    """Returns the decodable image at an address; empty bytes where the server has none."""
     problem, damaged = "", False
     for attempt in range(_ATTEMPTS):
         if attempt:
@@ -104,7 +104,7 @@ def _fetch(address: str, pause: Callable[[float], None]) -> bytes:
 
 
 def _download(address: str) -> bytes:
-    """The bytes at an address, of which no more are read than an image may have."""
+    """Returns the bytes at an address; reads no more of them than an image may have."""
     content = bytearray()
     with urllib.request.urlopen(address, timeout=_TIMEOUT_S) as response:  # noqa: S310 only http(s)
         while chunk := response.read(_CHUNK_BYTES):

@@ -47,7 +47,7 @@ def content_batches(
         encoded: From `read_content`.
         batch: Crops in a batch.
         size_px: Side of a crop.
-        seed: Of the order, the crops and the mirroring.
+        seed: Decides the order, the crops and the mirroring.
         start: The number of the first batch.
     """
     make = partial(_batch, encoded, batch, size_px, seed)
@@ -64,7 +64,7 @@ def _batch(
 
 
 def _index(n_images: int, seed: int, position: int) -> int:
-    """The image at a position of the endless sequence of shuffled epochs."""
+    """Returns the index of the image at a position of the endless sequence of shuffled epochs."""
     epoch, place = divmod(position, n_images)
     return int(np.random.default_rng([seed, epoch, 1]).permutation(n_images)[place])
 

@@ -13,7 +13,7 @@ def content_source(path: Path, cache: Callable[[], Path]) -> ContentSource:
 
     Args:
         path: The source.
-        cache: Tells an existing folder, where images fetched by an annotations file are kept.
+        cache: Returns an existing folder, where images fetched by an annotations file are kept.
 
     Raises:
         InputError: The path is none of these.

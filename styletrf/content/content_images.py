@@ -1,4 +1,4 @@
-"""The content photographs a style network learns on, as Parquet shards of small JPEGs.
+"""The content photographs that a style network is trained on, as Parquet shards of small JPEGs.
 
 Columns: id (the name in the source), width, height, encoded (JPEG bytes). Rows stand in a random
 order that the seed fixes.

@@ -72,7 +72,7 @@ def embedded_source(photographs: Sequence[Path], n_procedural: int, seed: int) -
     Args:
         photographs: Files, of distinct names.
         n_procedural: How many images to make; the k-th depends on `seed` and k alone.
-        seed: Of the procedural images.
+        seed: Decides the procedural images.
     """
     readers: dict[str, Callable[[], bytes]] = {
         f"procedural-{k:05d}": partial(_procedural_png, seed, k) for k in range(n_procedural)

@@ -1,8 +1,8 @@
 """Images that were never photographed but have the statistics that photographs share.
 
 Amplitude spectra that fall as 1/f (Field 1987) and occlusion by objects of every size, as in the
-dead leaves model (Lee, Mumford and Huang 2001). A style network learns from them what edges,
-textures and smooth shading are to become, where no photographs are at hand.
+dead leaves model (Lee, Mumford and Huang 2001). A style network learns from them how to paint
+edges, textures and smooth shading, where no photographs are at hand.
 """
 
 import cv2
@@ -47,7 +47,7 @@ def spectral_noise(
 def _texture(
     generator: np.random.Generator, noises: Float[np.ndarray, "noises height width"]
 ) -> Float[np.ndarray, "height width 3"]:
-    """A color, its shading along a line, and one of the noises along a direction of color."""
+    """Returns a color, shaded along a line, with one of the noises along a direction of color."""
     _, height, width = noises.shape
     base = generator.uniform(0.05, 0.95) + generator.normal(0, _SATURATION, 3)
     axis = generator.normal(0, 1, 3)
@@ -62,7 +62,7 @@ def _texture(
 def _leaf(
     generator: np.random.Generator, height: int, width: int, radius: float
 ) -> UInt8[np.ndarray, "height width"]:
-    """The coverage, of 255, of an ellipse or a polygon of about this radius, anti-aliased."""
+    """Returns the coverage, of 255, of an anti-aliased ellipse or polygon of about this radius."""
     mask = np.zeros((height, width), dtype=np.uint8)
     center = generator.uniform((0, 0), (width, height))
     corners = int(generator.choice([3, 4, 5, 64]))
@@ -77,6 +77,6 @@ def _leaf(
 
 
 def _extent(marked: UInt8[np.ndarray, " n"]) -> slice:
-    """From the first to the last element that is not zero."""
+    """Returns the slice from the first to the last element that is not zero."""
     places = np.flatnonzero(marked)
     return slice(int(places[0]), int(places[-1]) + 1) if places.size else slice(0, 0)

@@ -9,7 +9,7 @@ Learning curves are commonly taken to be power laws (Hestness et al. 2017), whos
 fall so. On horns, fern and lego at `draft`, whole fits of twice the iterations gained 0.40 to 0.84
 of what the doubling before had (`benchmarks/history.md`, "Time against accuracy", before fields had
 averaged parameters); r lies between.
-How far off predictions are has still to be measured: `benchmarks/expected_quality.py`.
+`benchmarks/expected_quality.py` measures how far off predictions are, which is still to be done.
 """
 
 import math
@@ -63,7 +63,7 @@ def extrapolated_psnr(
         half_db: The PSNR after half of its iterations.
         brief_db: The PSNR after all of them.
         doublings: At least 0; need not be whole.
-        ratio: Of one gain to that before it, in (0, 1).
+        ratio: The ratio of one gain to that before it, in (0, 1).
     """
     gains: float = ratio * (1 - ratio**doublings) / (1 - ratio)  # in units of the last gain
     return brief_db + gains * (brief_db - half_db)
@@ -78,16 +78,17 @@ def expected_psnr(
 ) -> float | None:
     """Returns the PSNR in dB that a fit of these photographs will have on other views.
 
-    Every eighth of the photographs, or one of fewer than twelve, is set aside for it; views of one
-    panorama count as one. Views held out have no part in it. None where fewer than two photographs
-    or panoramas, which have no parallax, are left to fit to, or masks leave nothing of the others.
+    Every eighth of the photographs, or one of fewer than twelve, is set aside for the measurement;
+    views of one panorama count as one. Views held out have no part in it. None where fewer than two
+    photographs or panoramas, which have no parallax, are left to fit to, or masks leave nothing of
+    the others.
 
     Args:
-        photographs: To fit to.
-        model: Of the scene.
-        config: Of the whole fit.
-        kernels: Of the device.
-        device: To fit on.
+        photographs: The photographs to fit to.
+        model: The model of the scene.
+        config: The settings of the whole fit.
+        kernels: The kernels for the device.
+        device: The device to fit on.
     """
     fits = brief_fits(photographs, model, config, kernels, device)
     if not fits:

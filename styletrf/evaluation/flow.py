@@ -30,7 +30,7 @@ class FlowEstimator:
     """Estimates the optical flow between frames by one method; made once, for many frames."""
 
     def __init__(self, method: Method = "dis", device: torch.device | str = "cpu") -> None:
-        """Makes ready the estimator.
+        """Prepares the estimator.
 
         Args:
             method: `dis` (Kroeger et al. 2016, medium preset), `farneback` (Farneback 2003) or
@@ -39,7 +39,7 @@ class FlowEstimator:
             device: Where `raft` computes; the others compute on the CPU.
 
         Raises:
-            InputError: What the method needs is not at hand.
+            InputError: A package or the weights of the method are missing.
         """
         self.method: Final = method
         self._estimate = raft_estimator(device) if method == "raft" else _of_luminance(method)
@@ -48,8 +48,8 @@ class FlowEstimator:
         """Returns the displacement (x, y) in pixels from each pixel of `a` to its place in `b`.
 
         Args:
-            a: The frame the flow is defined on, in [0, 1].
-            b: The frame it leads to.
+            a: The frame that the flow is defined on, in [0, 1].
+            b: The frame that it leads to.
 
         Raises:
             InputError: The frames are smaller than 12 pixels.
@@ -110,7 +110,7 @@ def agreement(flow_a_to_b: Flow, flow_b_to_a: Flow) -> Mask:
 
     A pixel p is kept where its way there, w = flow_a_to_b(p), and back, v = flow_b_to_a(p + w),
     cancel: |w + v|^2 < 0.01 (|w|^2 + |v|^2) + 0.5 (Sundaram et al. 2010, equation 5), and p + w is
-    inside the image. What moved behind something else fails this.
+    inside the image. Pixels that moved behind something else fail this.
     """
     back, inside = warp_to_a(flow_b_to_a, flow_a_to_b)
     residual = np.square(flow_a_to_b + back).sum(axis=-1)

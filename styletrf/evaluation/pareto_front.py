@@ -1,4 +1,4 @@
-"""Finds the combinations that no other beats, and those that answer common questions."""
+"""Finds the Pareto front of the combinations, and the points on it that answer common questions."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -36,8 +36,8 @@ def pareto_front(
     """Returns the points that none beats in time and shortfall, the fastest first.
 
     Args:
-        points: What `combinations` made of the measurements.
-        measurements: Their repeats show how large the noise is.
+        points: The points that `combinations` returned for the measurements.
+        measurements: The measurements, whose repeats show how large the noise is.
     """
     kept: list[Combination] = []
     for point in sorted(points, key=lambda p: (p.seconds, p.shortfall_db)):
@@ -54,7 +54,7 @@ def pareto_front(
 def _is_close(
     a: Combination, b: Combination, measurements: Sequence[Measurement], spread: Spread
 ) -> bool:
-    """Whether two standard deviations of the difference cover it, in time or in shortfall.
+    """Returns whether two standard deviations of the difference cover it, in time or in shortfall.
 
     Stages that both share took the very same time, so only those that differ count.
     """

@@ -19,10 +19,10 @@ Grams = Mapping[str, Float[Tensor, "1 _ _"]]
 
 @final
 class PerceptualFeatures:
-    """Looks at pictures through VGG16, at the size at which they are compared."""
+    """Computes features of pictures by VGG16, at the size at which they are compared."""
 
     def __init__(self, vgg: VGG16, long_side_px: int) -> None:
-        """Looks with `vgg` at pictures whose longer side is reduced to at most `long_side_px`."""
+        """Takes pictures by `vgg`, their longer side reduced to at most `long_side_px`."""
         self._vgg, self._long_side_px = vgg, long_side_px
 
     @property
@@ -36,7 +36,7 @@ class PerceptualFeatures:
 
     @torch.inference_mode()
     def features_of(self, images: Sequence[Image]) -> list[Features]:
-        """Returns the features of pictures of one size, looked at together."""
+        """Returns the features of pictures of one size, computed together."""
         height, width = images[0].shape[:2]
         short_px = self._long_side_px * min(height, width) // max(height, width)
         tensors = torch.from_numpy(np.stack(images).astype(np.float32)).to(self.device).clamp(0, 1)
@@ -44,6 +44,10 @@ class PerceptualFeatures:
         fast = small.contiguous(memory_format=torch.channels_last)
         found = self._vgg.features(fast, STYLE_LAYERS)
         return [{n: f[k : k + 1] for n, f in found.items()} for k in range(len(images))]
+
+    def distance(self, a: Image, b: Image) -> float:
+        """Returns the perceptual distance of two pictures of one size."""
+        return perceptual_distance(self.features(a), self.features(b))
 
 
 @torch.inference_mode()
@@ -94,7 +98,7 @@ def masked_distances(
 
 @torch.inference_mode()
 def grams(features: Features) -> Grams:
-    """Returns the Gram matrix of each layer: what there is of a style, wherever it is."""
+    """Returns the Gram matrix of each layer, which describes a style wherever it is."""
     return {layer: gram_matrix(features[layer]) for layer in STYLE_LAYERS}
 
 
@@ -102,7 +106,8 @@ def grams(features: Features) -> Grams:
 def style_distance(found: Grams, painting: Grams) -> float:
     """Returns the mean over layers of |G - G_s| / |G_s|, `G` and `G_s` the Gram matrices.
 
-    0 for the painting itself, about 1 and more for pictures that have nothing of it.
+    The distance is 0 for the painting itself, about 1 and more for pictures that have nothing of
+    it.
     """
     ratios = []
     for layer, target in painting.items():

@@ -15,7 +15,7 @@ from styletrf.errors import InputError
 from styletrf.evaluation.exposed_image import psnr_exposed
 from styletrf.evaluation.lpips_distance import lpips_metric
 from styletrf.evaluation.metrics import Image, mean_squared_error, psnr, ssim
-from styletrf.evaluation.perceptual_distance import PerceptualFeatures, perceptual_distance
+from styletrf.evaluation.perceptual_distance import PerceptualFeatures
 from styletrf.field.rendering import RenderConfig, Rendering
 from styletrf.files.images import from_integers, write_rgb
 from styletrf.finiteness import require_finite
@@ -25,7 +25,7 @@ from styletrf.style.perceptual.vgg import REDUCTION, load_vgg
 
 _LOGGER = logging.getLogger(__name__)
 ImageMetric = Callable[[Image, Image], float]
-"""What an image is worth against its reference."""
+"""A measure of an image against its reference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class QualityConfig:
     """Settings of the rendering and measuring of views.
 
     Attributes:
-        render: The render.
+        render: The settings of the render.
         long_side_px: The longer side of the views compared; 0 for the scene's working size. Values
             compare at one size only.
         perceptual_px: The longer side at which views go through the perceptual network.
@@ -64,11 +64,11 @@ def requested_metrics(
         InputError: The weights cannot be read; or LPIPS is required and not installed.
     """
     perception = PerceptualFeatures(load_vgg(weights, device), config.perceptual_px)
-
-    def perceptual(image: Image, reference: Image) -> float:
-        return perceptual_distance(perception.features(image), perception.features(reference))
-
-    metrics: dict[str, ImageMetric] = {"psnr": psnr, "ssim": ssim, "perceptual": perceptual}
+    metrics: dict[str, ImageMetric] = {
+        "psnr": psnr,
+        "ssim": ssim,
+        "perceptual": perception.distance,
+    }
     return metrics | ({"lpips": lpips_metric(device)} if config.lpips else {})
 
 
@@ -86,7 +86,8 @@ def measure_quality(
 
     Raises:
         InputError: There is no view.
-        NotFiniteError: A render or a figure is not, but for the infinite PSNR of equal pictures.
+        NotFiniteError: A render or a figure is not finite, but for the infinite PSNR of equal
+            pictures.
     """
     if not cameras:
         problem = "are covered by their masks, or there are none: nothing can be measured"

@@ -25,16 +25,18 @@ Flow = Float[np.ndarray, "height width 2"]
 
 
 def raft_estimator(
-    device: torch.device | str = "cpu", folder: Path | None = None
+    device: torch.device | str = "cpu", folder: Path | None = None, updates: int = 12
 ) -> Callable[[Image, Image], Flow]:
     """Returns a function that estimates the flow (x, y) in pixels between two frames in [0, 1].
 
     Args:
-        device: Where to compute.
-        folder: Where the weights lie; by default the `checkpoints` of torch's hub folder.
+        device: The device that computes.
+        folder: The folder of the weights; by default the `checkpoints` of torch's hub folder.
+        updates: How often the network refines the flow; 12 is torchvision's default.
 
     Raises:
-        InputError: torchvision is not installed, or its weights are not there, or not the ones.
+        InputError: torchvision is not installed, or its weights are missing or not the published
+            ones.
     """
     folder = folder or Path(torch.hub.get_dir(), "checkpoints")
     network = _network(folder / RAFT).to(device)
@@ -42,7 +44,7 @@ def raft_estimator(
     @torch.inference_mode()
     def estimate(a: Image, b: Image) -> Flow:
         height, width = a.shape[:2]
-        flow: Tensor = network(_padded(a).to(device), _padded(b).to(device))[-1][0]
+        flow: Tensor = network(*(_padded(i).to(device) for i in (a, b)), updates)[-1][0]
         return flow[:, :height, :width].permute(1, 2, 0).contiguous().cpu().numpy()
 
     return estimate
@@ -68,7 +70,7 @@ def _loaded(network: torch.nn.Module, path: Path) -> torch.nn.Module:
 
 
 def _padded(image: Image) -> Float[Tensor, "1 3 _ _"]:
-    """The frame in [-1, 1], its last row and column repeated to a size that RAFT takes."""
+    """Returns the frame in [-1, 1], its last row and column repeated to a size that RAFT takes."""
     tensor = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32)).permute(2, 0, 1)[None]
     right, below = (max(-(-n // _STRIDE) * _STRIDE, _LEAST_PX) - n for n in image.shape[1::-1])
     return functional.pad(2 * tensor.clamp(0, 1) - 1, (0, right, 0, below), mode="replicate")

@@ -10,7 +10,7 @@ def sharpness(image: Image) -> float:
     """Returns the standard deviation of the Laplacian of luminance over that of luminance.
 
     Luminance is 0.299 R + 0.587 G + 0.114 B, the Laplacian that of the four neighbors. Scaling and
-    shifting the levels do not change it; it lies in [0, 8], and is 0 where nothing varies.
+    shifting the levels do not change the ratio; it lies in [0, 8], and is 0 where nothing varies.
     """
     luminance = cv2.cvtColor(image.astype(np.float32), cv2.COLOR_RGB2GRAY).astype(np.float64)
     contrast = luminance.std()

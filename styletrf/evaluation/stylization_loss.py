@@ -1,7 +1,7 @@
 """One number for how well stylized frames keep the painting's style and the scene's objects.
 
-It is the loss that style networks are trained for (Johnson et al. 2016), measured on what comes out
-in the end: whichever stage gives something away, it shows here.
+The number is the loss that style networks are trained for (Johnson et al. 2016), measured on the
+final frames: a loss of quality in any stage shows here.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +29,7 @@ class StylizationLossConfig:
     """Settings of the measurement, the same for all settings of the stages before.
 
     Attributes:
-        frames: How many, spread over the trajectory.
+        frames: How many are measured, spread over the trajectory.
         style_px: The shorter side to which the painting is reduced.
         loss: The weights of the terms.
     """
@@ -45,7 +45,7 @@ class StylizationLossConfig:
 
 @dataclass(frozen=True, slots=True)
 class StylizationLoss:
-    """Of one frame: the terms as weighted, and their sum."""
+    """The weighted terms of the loss of one frame, and their sum."""
 
     view: str
     style: float
@@ -69,11 +69,11 @@ def measure_stylization(
         frames: Gives the unstylized and the stylized frame of a view, in [0, 1].
         painting: The style image, in [0, 1].
         vgg: The perceptual network.
-        config: What is looked at.
+        config: Which frames are measured, and how.
         progress: Called after every frame.
 
     Raises:
-        NotFiniteError: A frame or a term of its loss is not.
+        NotFiniteError: A frame or a term of its loss is not finite.
     """
     grams = style_grams(vgg, shrunk(_tensor(painting, vgg)[0].permute(1, 2, 0), config.style_px))
     chosen = evenly_spread(range(len(views)), config.frames)

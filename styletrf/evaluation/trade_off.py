@@ -29,18 +29,19 @@ class Measurement:
 
     Attributes:
         part: The side.
-        name: What is changed, in words; empty for the quality as it is, also for its repeats.
+        name: The change in words; empty for the unchanged quality, also for its repeats.
         tuning: The settings changed.
-        quality_db: Of the scene: PSNR of views held out. Of the style: the mean of `loss_db` and
-            `resemblance_db`.
-        seconds: By stage.
-        other_cpu_share: Of the cores' time, what other work took meanwhile; None if not known.
+        quality_db: For the scene, the PSNR of held-out views. For the style, the mean of `loss_db`
+            and `resemblance_db`.
+        seconds: The seconds by stage.
+        other_cpu_share: The fraction of the cores' time that other work took meanwhile; None if
+            unknown.
         peak_memory_bytes: Of the stage that takes most.
-        model_bytes: Of what is kept to render from, by stage.
-        loss_db: Of the style: -10 log10 of the style and content loss of the stylized frames.
-        resemblance_db: Of the style: -10 log10 of how far the stylized frames are from the
+        model_bytes: The bytes of the artifacts that frames are rendered from, by stage.
+        loss_db: For the style, -10 log10 of the style and content loss of the stylized frames.
+        resemblance_db: For the style, -10 log10 of how far the stylized frames are from the
             painting, over the unstylized ones, by measures that no training used.
-        consistency_ratio: Of the style: the error of neighboring stylized frames, warped along the
+        consistency_ratio: For the style, the error of neighboring stylized frames, warped along the
             depth, over the floor of that measure.
         stylizer: What paints the priors; empty if the variant leaves it as it is.
     """
@@ -64,17 +65,17 @@ class Combination:
     """A variant of the scene with one of the style.
 
     Attributes:
-        scene: The name of the one.
-        style: The name of the other.
+        scene: The name of the scene's variant.
+        style: The name of the style's variant.
         tuning: The settings of both.
-        shortfall_db: By how much it falls short of the best, on the side where that is more.
-        psnr_db: Of the field.
-        style_db: Of the style.
-        seconds: From photographs and painting to the result.
+        shortfall_db: The shortfall from the best, on the side where that is more.
+        psnr_db: The PSNR of the field.
+        style_db: The quality of the style.
+        seconds: The seconds from photographs and painting to the result.
         seconds_spread: One standard deviation, by the repeats; None without them.
-        other_cpu_share: As of the measurement that was disturbed more; None if not known of one.
+        other_cpu_share: That of the measurement that was disturbed more; None if one is unknown.
         peak_memory_bytes: Of the stage that takes most.
-        model_bytes: Of all that is kept to render from.
+        model_bytes: The bytes of all artifacts that frames are rendered from.
         stage_seconds: The seconds by stage, where they are known.
         consistency_ratio: That of the style's measurement; None if it was not measured.
         stylizer: What paints the priors; empty if it stays as it is.

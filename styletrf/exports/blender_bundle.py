@@ -33,10 +33,10 @@ def write_blender_bundle(
     """Writes `cameras.json` and `import_scene.py` beside the meshes.
 
     Args:
-        folder: To be filled.
+        folder: The folder to fill.
         photographed: The photographs' cameras, in the world.
         path: The fly-through, in the world.
-        frames_per_second: Of the fly-through.
+        frames_per_second: The rate of the fly-through.
     """
     values = {
         "photographs": [_in_blender(camera) for camera in photographed],

@@ -17,9 +17,9 @@ def write_transforms(path: Path, cameras: Sequence[Camera], folder: str, suffix:
     """Writes the file of instant-ngp and nerfstudio: a lens and a pose for each frame.
 
     Args:
-        path: Where to.
-        cameras: In the world.
-        folder: Of the images, seen from the file.
+        path: The file to write.
+        cameras: The cameras, in the world.
+        folder: The folder of the images, seen from the file.
         suffix: Of the images' names.
     """
     frames = [
@@ -31,11 +31,11 @@ def write_transforms(path: Path, cameras: Sequence[Camera], folder: str, suffix:
 
 
 def write_colmap_text(folder: Path, cameras: Sequence[Camera], suffix: str) -> None:
-    """Writes `cameras.txt`, `images.txt`, `points3D.txt` and what COLMAP writes beside them.
+    """Writes `cameras.txt`, `images.txt`, `points3D.txt` and COLMAP's files beside them.
 
     Args:
-        folder: To be filled.
-        cameras: In the world; each gets a lens of its own.
+        folder: The folder to fill.
+        cameras: The cameras, in the world; each gets a lens of its own.
         suffix: Of the images' names.
     """
     model = pycolmap.Reconstruction()

@@ -23,7 +23,7 @@ _MOST_PIXELS, _MOST_POINTS = 8_000_000, 4_000_000
 _FEWEST_VIEWS, _MOST_VIEWS = 24, 48
 
 Look = tuple[str, Callable[[], RadianceField]]
-"""A name, and what loads the field that looks so."""
+"""The name of a look, and the function that loads its field."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,8 @@ class SurfacePoints:
     """Points that pixels of some views see.
 
     Attributes:
-        positions: In the world of the cameras.
-        footprints: How wide a pixel is there, in the world's unit.
+        positions: The positions in the world of the cameras.
+        footprints: The width of a pixel there, in the world's unit.
     """
 
     positions: Float[np.ndarray, "points 3"]
@@ -50,8 +50,8 @@ class ExportViews:
         model: Of the scene.
         field: With the photographs' appearance.
         cameras: Photographs not held out and places of the fly-through.
-        renders: Of the field.
-        device: Where pictures are rendered.
+        renders: The renders of the field.
+        device: The device that renders pictures.
     """
 
     model: SceneModel
@@ -61,7 +61,7 @@ class ExportViews:
     device: torch.device
 
     def pictures(self, field: RadianceField, progress: Progress = silent) -> Iterator[np.ndarray]:
-        """Yields what the cameras see of a field: 3 colors in [0, 1] for each pixel."""
+        """Yields the cameras' pictures of a field: 3 colors in [0, 1] for each pixel."""
         if field is self.field:
             yield from (render.color.numpy() for render in self.renders)
             return
@@ -73,7 +73,7 @@ class ExportViews:
         """Returns the surface points of all views, in the normalized world.
 
         Raises:
-            InputError: There is none.
+            InputError: There is no such point.
         """
         points = surface_points(self.cameras, self.renders)
         if not len(points):
@@ -103,7 +103,7 @@ def export_views(
         field: With the photographs' appearance.
         photographed: The cameras of photographs that are not held out, in the normalized world.
         path: The fly-through, in the normalized world.
-        device: Where pictures are rendered.
+        device: The device that renders pictures.
         progress: Called after every picture.
     """
     side = max(photographed[0].width, photographed[0].height)

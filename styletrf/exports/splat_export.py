@@ -35,8 +35,8 @@ class HeldOut:
     """Photographs to measure by.
 
     Attributes:
-        cameras: In the normalized world.
-        photographs: What they show; pixels of alpha 0 do not count.
+        cameras: The cameras, in the normalized world.
+        photographs: The photographs; pixels of alpha 0 do not count.
     """
 
     cameras: Sequence[Camera]
@@ -60,14 +60,14 @@ def export_splats(
     Args:
         out: The folder to fill.
         file_format: `ply` or `spz`.
-        views: That splats are fitted to.
-        looks: Names, and what loads the fields; that of the photographs first.
-        held_out: To measure by.
-        most: Splats.
+        views: The views that splats are fitted to.
+        looks: The names of looks and the loaders of their fields; that of the photographs first.
+        held_out: The photographs to measure by.
+        most: The most splats.
         progress: Called after every picture of a look, and after every iteration of the fit.
 
     Returns:
-        How many splats there are, the background, and what each look loses, in dB.
+        The number of splats, the background, and the loss of each look in dB.
 
     Raises:
         InputError: There is no surface at all.

@@ -1,8 +1,8 @@
 """Splats fitted to pictures of a field by gradient descent (Kerbl et al. 2023).
 
-They begin on the field's surfaces, so a few hundred pictures suffice, and none has to be added or
-removed. All looks are fitted at once: they share centers, extents and opacities, and differ in the
-colors.
+Splats begin on the field's surfaces, so a few hundred pictures suffice, and no splat has to be
+added or removed. All looks are fitted at once: they share centers, extents and opacities, and
+differ in the colors.
 """
 
 from collections.abc import Sequence
@@ -27,15 +27,15 @@ class SplatFitConfig:
     """Settings of the fit of splats by Adam.
 
     Attributes:
-        iterations: Each of one camera.
-        opacity: All splats' in the beginning.
-        center_rate: In mean deviations of the splat.
-        scale_rate: Of the logarithm.
-        rotation_rate: Of unit quaternions.
-        opacity_rate: Of the logit.
-        color_rate: Of colors in [0, 1].
+        iterations: The number of iterations, each of one camera.
+        opacity: The opacity of all splats in the beginning.
+        center_rate: The rate of centers, in mean deviations of the splat.
+        scale_rate: The rate of the logarithms of scales.
+        rotation_rate: The rate of unit quaternions.
+        opacity_rate: The rate of the logits of opacities.
+        color_rate: The rate of colors in [0, 1].
         last_rate: The fraction of the rates at the end, to which they fall exponentially.
-        seed: Of the order of the cameras.
+        seed: Decides the order of the cameras.
     """
 
     iterations: int = 300
@@ -54,8 +54,8 @@ class Pictures:
     """Pictures of a scene by its cameras, the colors of all looks side by side.
 
     Attributes:
-        cameras: In the splats' world.
-        colors: What each sees, in [0, 1].
+        cameras: The cameras, in the splats' world.
+        colors: The colors that each sees, in [0, 1].
         background: The colors behind everything.
     """
 
@@ -73,9 +73,9 @@ def fitted_splats(
     """Returns splats that look like pictures, and their colors in [0, 1].
 
     Args:
-        splats: From which the fit begins; their opacities do not matter.
-        pictures: To come close to.
-        config: How.
+        splats: The splats from which the fit begins; their opacities do not matter.
+        pictures: The pictures to fit to.
+        config: The settings of the fit.
         progress: Called after every iteration.
     """
     size = splats.scales.mean(1, keepdim=True)
@@ -130,7 +130,7 @@ def mean_colors(splats: SplatTensors, pictures: Pictures) -> Colors:
 
 
 def _order(cameras: int, config: SplatFitConfig) -> list[int]:
-    """Returns cameras by chance, each about as often as the others."""
+    """Returns cameras in random order, each about as often as the others."""
     generator = torch.Generator().manual_seed(config.seed)
     rounds = -(-config.iterations // cameras)
     orders = [torch.randperm(cameras, generator=generator) for _ in range(rounds)]

@@ -61,8 +61,8 @@ def composite(
         opacities: `n`.
         colors: `n channels`.
         background: `channels`.
-        width: Of the picture in pixels.
-        height: Likewise.
+        width: The width of the picture in pixels.
+        height: Its height in pixels.
         least_left: A pixel takes no further splats once less is left.
     """
     channels = colors.shape[1]

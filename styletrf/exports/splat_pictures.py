@@ -1,4 +1,4 @@
-"""Pictures of splats, differentiable in all that a splat has."""
+"""Pictures of splats, differentiable in all parameters of a splat."""
 
 from typing import Any
 
@@ -23,9 +23,9 @@ def splat_picture(
     """Returns a camera's picture of splats; differentiable in splats and colors, on the CPU.
 
     Args:
-        splats: In the camera's world.
-        colors: Of each.
-        camera: Whose picture it is.
+        splats: The splats, in the camera's world.
+        colors: The colors of each.
+        camera: The camera of the picture.
         background: The color behind everything.
         least_left: A pixel takes no further splats once less of its light is left.
     """
@@ -70,7 +70,7 @@ class _Composited(torch.autograd.Function):
         ctx: Any, order: Tensor, at: Tensor, conics: Tensor, reaches: Tensor, rows: Tensor,
         opacities: Tensor, colors: Tensor, background: Tensor, frame: tuple[int, int, float],
     ) -> Tensor:  # fmt: skip
-        """Returns the picture, pixel by pixel, and keeps what its gradient needs."""
+        """Returns the picture, pixel by pixel, and keeps the tensors that its gradient needs."""
         tensors = (order, at, conics, reaches, rows, opacities, colors)
         arrays = [each.detach().contiguous().numpy() for each in tensors]
         width, height, least_left = frame

@@ -29,10 +29,10 @@ def placed_splats(
     defined where points are few.
 
     Args:
-        points: That they are to show, in the world.
+        points: The points that they are to show, in the world.
         points_grid: The same in coordinates of the field's grid.
-        resolution: Of the field's lattice, which voxels have the proportions of.
-        most: Splats.
+        resolution: The resolution of the field's lattice, whose proportions voxels have.
+        most: The most splats.
     """
     voxel = voxels_of(points_grid, resolution, most)
     counts = np.bincount(voxel).astype(np.float64)

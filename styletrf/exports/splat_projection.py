@@ -25,8 +25,8 @@ class ProjectedSplats:
     Attributes:
         centers_px: x and y of the centers.
         covariances_px2: xx, xy, yy of the covariances.
-        depth: Along the camera's axis.
-        is_ahead: Which splats are; the other values of those behind mean nothing.
+        depth: The depth along the camera's axis.
+        is_ahead: Which splats are ahead; the other values of those behind mean nothing.
     """
 
     centers_px: Float[Tensor, "splats 2"]
@@ -39,8 +39,8 @@ def projected_splats(splats: SplatTensors, camera: Camera) -> ProjectedSplats:
     """Returns splats in a camera's picture; differentiable in all but `is_ahead`.
 
     Args:
-        splats: In the camera's world.
-        camera: Whose picture it is.
+        splats: The splats, in the camera's world.
+        camera: The camera of the picture.
     """
     world_from_camera = splats.centers.new_tensor(camera.world_from_camera)
     rotation, center = world_from_camera[:, :3], world_from_camera[:, 3]

@@ -30,12 +30,12 @@ def export_points(
 
     Args:
         out: The folder to fill.
-        views: Whose pixels give the points.
-        looks: Names, and what loads the fields.
+        views: The views whose pixels give the points.
+        looks: The names of looks and the loaders of their fields.
         progress: Called after every look.
 
     Returns:
-        How many points there are, and on how much of the pictures there is a surface.
+        The number of points, and the fraction of the pictures that shows a surface.
 
     Raises:
         InputError: There is no surface at all.
@@ -57,12 +57,12 @@ def export_mesh(
 
     Args:
         out: The folder to fill.
-        views: Whose depths are fused.
-        looks: Names, and what loads the fields.
+        views: The views whose depths are fused.
+        looks: The names of looks and the loaders of their fields.
         progress: Called after every look.
 
     Returns:
-        How large the mesh is, and on how much of the pictures there is a surface.
+        The size of the mesh, and the fraction of the pictures that shows a surface.
 
     Raises:
         InputError: There is no surface at all.

@@ -59,11 +59,11 @@ def surface_mesh(
     """Returns the mesh of the median depths.
 
     Args:
-        cameras: Of the renders.
-        renders: With depths.
-        to_world: From coordinates of the grid, [-1, 1]^3, to the cameras' world; NaN where no point
-            of the world is mapped.
-        resolution: Of the lattice.
+        cameras: The cameras of the renders.
+        renders: The renders, with depths.
+        to_world: The map from coordinates of the grid, [-1, 1]^3, to the cameras' world; NaN where
+            no point of the world is mapped.
+        resolution: The resolution of the lattice.
 
     Raises:
         InputError: No two lattice points lie on different sides of a surface.
@@ -142,7 +142,7 @@ def _fused(
 
 
 def _inner(known: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
-    """Returns the known points whose 26 neighbors are known, too: no surface is the unknown's."""
+    """Returns the known points whose 26 neighbors are known, too: the unknown has no surface."""
     inner = known.copy()
     for axis in range(3):
         before, found = np.moveaxis(inner.copy(), axis, 0), np.moveaxis(inner, axis, 0)
@@ -159,7 +159,7 @@ def _is_mirrored(points_world: Float[np.ndarray, "x y z 3"]) -> bool:
 
 
 def _cell_lengths(points_world: Float[np.ndarray, "x y z 3"]) -> Float[np.ndarray, "x y z"]:
-    """Returns how long each cell is in the world, along its longest side."""
+    """Returns the length of each cell in the world, along its longest side."""
     lengths = [np.linalg.norm(np.gradient(points_world, axis=axis), axis=-1) for axis in range(3)]
     longest: Float[np.ndarray, "x y z"] = np.max(lengths, axis=0)
     return longest

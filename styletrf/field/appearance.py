@@ -83,7 +83,7 @@ class Appearance(ColorModel):
         return [self.background, *self.shading.parameters()]
 
     def weight_powers(self, positions: Tensor) -> float:  # noqa: ARG002
-        """See `ColorModel.weight_powers`: it is the same everywhere."""
+        """See `ColorModel.weight_powers`; the power is the same everywhere."""
         return self.weight_power
 
     def components(self, positions: Tensor, kernels: Kernels) -> Tensor:

@@ -1,9 +1,9 @@
 """Makes a finished field smaller: crops empty margins, and cuts ranks of the density.
 
 Both go on while the loss on a fixed sample of the photographs' pixels rises by no more than a given
-share. For an axis pair the density's components are the sum of plane_c (u, v) line_c (w), a matrix
-of uv x w in two factors. Its singular value decomposition turns them into as many components of
-which each holds the most that is left (Eckart and Young 1936): the last hardly count. They go in
+fraction. For an axis pair the density's components are the sum of plane_c (u, v) line_c (w), a
+matrix of uv x w in two factors. Its singular value decomposition turns them into as many components
+of which each holds the most that is left (Eckart and Young 1936): the last hardly count. They go in
 fours, which the kernels read at a time. The appearance's are distinguished by the basis, and stay.
 """
 
@@ -42,9 +42,9 @@ def compress(field: RadianceField, loss_of: LossOf, most_rise: float) -> Compres
     """Makes the field smaller in place and returns by how much.
 
     Args:
-        field: With a settled occupancy.
-        loss_of: Of a field.
-        most_rise: Of the loss, as a fraction of what it is.
+        field: The field, whose occupancy is settled.
+        loss_of: Returns the loss of a field.
+        most_rise: The most that the loss may rise, as a fraction of it.
     """
     before, parameters_before = loss_of(field), _parameters(field)
     crop_to_occupied(field)

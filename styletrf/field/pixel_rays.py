@@ -14,9 +14,9 @@ def pixel_rays(
     """Returns the segments through pixels, and their colors in [0, 1].
 
     Args:
-        rays: Of the views' cameras.
-        images: Of the views.
-        pixels: By their numbers, see `styletrf.capture.view_images`.
+        rays: The rays of the views' cameras.
+        images: The images of the views.
+        pixels: The pixels by their numbers, see `styletrf.capture.view_images`.
     """
     view, centers = images.places(pixels)
     return rays.segments(view, centers), images.pixels[pixels].float() / 255

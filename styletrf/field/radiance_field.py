@@ -45,7 +45,7 @@ class Density(nn.Module):
         self.shift, self.scale = config.density_shift, config.density_scale
 
     def march(self, termination: float, sparsification: Sparsification | None = None) -> March:
-        """Returns how rays are to be traced through this density."""
+        """Returns the settings by which rays are traced through this density."""
         return March(self.occupancy, self.shift, self.scale, termination, sparsification)
 
 
@@ -86,9 +86,9 @@ def refine_appearance(
 
     Args:
         field: The field; its density stays as it is.
-        scale: Of the lattice, times the present one.
-        shading: Where it is another one than the field's, its weights are new.
-        generator: Draws these.
+        scale: The factor of the lattice's resolution.
+        shading: The kind of shading; where it is not the field's, its weights are new.
+        generator: Draws these weights.
     """
     old = field.appearance
     resolution = [max(2, round(scale * side)) for side in old.factors.resolution]

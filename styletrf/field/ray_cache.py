@@ -36,8 +36,8 @@ class RayBatch:
     ) -> tuple[Float[Tensor, "rays 3"], Float[Tensor, " rays"]]:
         """Returns the colors of the rays, and the variance of the color along each ray.
 
-        That is sum_s w_s |c_s - m|^2 with m = sum_s w_s c_s / opacity, the mean color of the
-        samples; the background is none of it. Differentiable in the samples' colors.
+        The variance is sum_s w_s |c_s - m|^2 with m = sum_s w_s c_s / opacity, the mean color of
+        the samples; the background has no part in it. Differentiable in the samples' colors.
         """
         colors = self._colors(appearance, kernels)
         with torch.no_grad():  # at the mean the variance is stationary: its gradient is whole
@@ -65,7 +65,7 @@ class RayBatch:
         """Returns the rays with one sample each, drawn by the weights, that has the ray's opacity.
 
         The expected error of an opaque ray is then the mean error of its samples, by their weights.
-        Rays without samples stay without.
+        Rays without samples stay without any.
 
         Args:
             generator: On the CPU.
@@ -146,14 +146,14 @@ def march_once(
     """Returns the cache of the rays through pixels, until it is full.
 
     Args:
-        field: Whose density is marched through.
-        rays: Through the pixels of the images.
-        images: Of which the rays should have the colors.
+        field: The field whose density is marched through.
+        rays: The rays through the pixels of the images.
+        images: The images whose colors the rays should have.
         draws: The pixels by their numbers.
         kernels: The backend to compute with.
         min_weight: Samples lighter than this are not kept.
         termination: See `RenderConfig`.
-        cache_bytes: After which no further rays are marched.
+        cache_bytes: The size after which no further rays are marched.
         generator: Jitters the samples within their steps; without it they lie in the middle.
     """
     march = field.density.march(termination)

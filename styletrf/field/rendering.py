@@ -2,7 +2,7 @@
 
 color = sum_i w_i c_i + (1 - sum_i w_i) background,   opacity = sum_i w_i
 
-An appearance may ask for sharper weights in the color than those:
+An appearance may require sharper weights in the color than those:
 `styletrf.field.weight_sharpening`.
 """
 

@@ -17,7 +17,7 @@ ShadingKind = Literal["network", "plain"]
 
 
 class Shading(nn.Module, ABC):
-    """Decodes colors; `basis` is what the components meet first."""
+    """Decodes colors; `basis` is the first layer for the components."""
 
     basis: nn.Linear
 
@@ -32,9 +32,9 @@ class Shading(nn.Module, ABC):
         """Returns the colors of samples in [0, 1], differentiable in components and parameters.
 
         Args:
-            components: Of each sample.
-            view_directions: Of each ray, unit vectors.
-            ray: Of each sample, ascending.
+            components: The components of each sample.
+            view_directions: The view direction of each ray, a unit vector.
+            ray: The ray of each sample, ascending.
             kernels: The backend to compute with.
         """
 
@@ -63,7 +63,7 @@ class ColorNetwork(Shading):
         """See `Shading.decode`.
 
         Basis and first layer are both linear, so their matrices are multiplied beforehand, and the
-        share of the view direction is computed once a ray.
+        term of the view direction is computed once a ray.
         """
         n_features = self.basis.out_features
         of_components = self.hidden.weight[:, :n_features] @ self.basis.weight
@@ -82,7 +82,7 @@ class ColorNetwork(Shading):
 
 
 class DiffuseColor(Shading):
-    """The same color from everywhere."""
+    """A color that is the same from everywhere."""
 
     def __init__(self, components: int, generator: torch.Generator | None) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Rays from pixels of cameras through the grid the field lives in, as chains of straight pieces.
+"""Rays from pixels of cameras through the grid of the field, as chains of straight pieces.
 
 Each piece is clipped to [-1, 1]^3 and to its map's part of the world (`styletrf.geometry.space`) in
 homogeneous coordinates, where both are linear in the depth Z.
@@ -24,7 +24,7 @@ class ViewRays:
     `start + Z * slope @ (x, y, 1)`.
 
     Raises:
-        NotFiniteError: A camera or a map is not; its rays would count as such that miss.
+        NotFiniteError: A camera or a map is not finite; its rays would count as missing the grid.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class ViewRays:
 
 
 def _unprojection(camera: Camera) -> Float[np.ndarray, "3 3"]:
-    """Camera direction with z = 1 from homogeneous pixels."""
+    """Returns the matrix from homogeneous pixels to camera directions with z = 1."""
     return np.array(
         [
             [1 / camera.fx, 0, -camera.cx / camera.fx],
@@ -99,7 +99,8 @@ def _clip(
 ) -> tuple[Float[Tensor, "rays maps"], Float[Tensor, "rays maps"]]:
     """Returns the depths between which a map holds the ray; near >= far where it never does.
 
-    It does where w + x_i >= 0 and w - x_i >= 0 for each axis i, and w >= w' of every other map.
+    A map holds a point where w + x_i >= 0 and w - x_i >= 0 for each axis i, and w >= w' of every
+    other map.
     """
     a, b = _inequalities(start), _inequalities(slope)
     root = -a / torch.where(b == 0, 1.0, b)
@@ -144,7 +145,7 @@ def _by_fraction(
 ) -> tuple[
     Float[Tensor, "rays pieces 3"], Float[Tensor, "rays pieces 3"], Float[Tensor, "rays pieces"]
 ]:
-    """Returns the lines by the share of the whole length instead of each by its own, and its ends.
+    """Returns the lines by the fraction of the ray's length instead of each line's, and their ends.
 
     All directions are then of the ray's whole length: short pieces lose no precision.
     """

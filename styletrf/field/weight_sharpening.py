@@ -21,11 +21,11 @@ from styletrf.field.kernels import Kernels, Samples
 def sharpened(
     samples: Samples, power: float | Float[Tensor, " samples"], kernels: Kernels
 ) -> Samples:
-    """Returns the samples with the weights w' of the above; differentiable in the weights.
+    """Returns the samples with the weights w' from above; differentiable in the weights.
 
     Args:
-        samples: With weights of at least 0.
-        power: At least 1, of all samples or of each.
+        samples: The samples, with weights of at least 0.
+        power: The power of all samples or of each, at least 1.
         kernels: The backend to compute with.
     """
     if isinstance(power, float) and power == 1:

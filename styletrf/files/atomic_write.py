@@ -1,4 +1,4 @@
-"""A file appears under its name only when it is whole."""
+"""Writes files that appear under their names only when they are whole."""
 
 import os
 from collections.abc import Iterator
@@ -10,8 +10,8 @@ from pathlib import Path
 def atomic_write(path: Path) -> Iterator[Path]:
     """Yields a temporary path beside `path`, of the same suffix, to write to.
 
-    It takes the name `path` when the block ends, and is removed when the block raises; what stood
-    under `path` before stays until then.
+    It takes the name `path` when the block ends, and is removed when the block raises; an earlier
+    file at `path` stays until then.
     """
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:

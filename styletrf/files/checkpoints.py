@@ -1,4 +1,4 @@
-"""One checkpoint file that a killed training goes on from: whole, or absent.
+"""One checkpoint file from which a killed training continues: whole, or absent.
 
 Tensors and a JSON of plain numbers lie in one safetensors file, replaced by rename.
 """
@@ -21,7 +21,7 @@ _LOGGER = logging.getLogger(__name__)
 
 
 def save_checkpoint(folder: Path, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> None:
-    """Replaces the folder's checkpoint; `state` holds what JSON can."""
+    """Replaces the folder's checkpoint; `state` holds values that JSON can."""
     folder.mkdir(parents=True, exist_ok=True)
     contiguous = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
     with atomic_write(folder / _NAME) as partial:
@@ -33,7 +33,7 @@ def load_checkpoint(
 ) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
     """Returns the folder's checkpoint, or None where there is none that can be read.
 
-    One that cannot be read is named in a warning.
+    A warning names a checkpoint that cannot be read.
     """
     path = folder / _NAME
     if not path.exists():

@@ -19,7 +19,7 @@ def require_sha256(
     """Refuses bytes whose SHA-256 does not start with `expected`.
 
     Raises:
-        InputError: It names both.
+        InputError: They do not match; the error names both digests.
     """
     found = sha256_of(content)
     if not found.startswith(expected):

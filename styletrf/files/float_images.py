@@ -21,9 +21,9 @@ class FloatImage:
     """One rendered view; float32 in memory, whichever precision the file has.
 
     Attributes:
-        color: sRGB-encoded, nominally in [0, 1], nothing clipped.
+        color: The sRGB-encoded color, nominally in [0, 1], nothing clipped.
         opacity: 0 where the ray passed through, 1 where it was stopped.
-        depth: Along the camera's axis; +inf where nothing was hit.
+        depth: The depth along the camera's axis; +inf where nothing was hit.
     """
 
     color: Float[np.ndarray, "height width 3"]

@@ -31,7 +31,7 @@ def heif_pixels(encoded: bytes) -> UInt8[np.ndarray, "height width channels"] | 
 
 
 def heif_focal_px(path: Path, long_side: int) -> float | None:
-    """Returns the focal length that EXIF names for 35 mm film, in pixels of an image so large.
+    """Returns the focal length that EXIF names for 35 mm film, in pixels of an image of this size.
 
     Film and photograph are compared by their diagonals (CIPA DCG-001).
     """

@@ -18,12 +18,13 @@ def read_onnx_weights(content: bytes, subject: str) -> dict[str, Float[np.ndarra
     """Returns the constants of an ONNX graph that are float32, or are dequantized to it.
 
     A quantized weight is `(x - zero_point) * scale`, one scale for all of it or one for each slice
-    along `axis` (ONNX operator DequantizeLinear, version 13). It has the name of the node's output,
-    without the suffix `_dequant`: layers share initializers of equal value, and outputs are unique.
+    along `axis` (ONNX operator DequantizeLinear, version 13). The weight has the name of the node's
+    output, without the suffix `_dequant`: layers share initializers of equal value, and outputs are
+    unique.
 
     Args:
         content: The bytes of the file.
-        subject: What an error calls the file.
+        subject: The name of the file in errors.
 
     Raises:
         InputError: The bytes are no ONNX graph, or a quantized weight does not fit its scale.

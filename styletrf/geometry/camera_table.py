@@ -43,7 +43,7 @@ def write_cameras(
     Those whose names are in `held_out` are for measuring only.
 
     Raises:
-        NotFiniteError: A pose or a lens is not.
+        NotFiniteError: A pose or a lens is not finite.
     """
     require_finite("cameras", f"in {path.name}", map(camera_numbers, cameras))
     rows = [{**_row(camera), "held_out": camera.name in held_out} for camera in cameras]

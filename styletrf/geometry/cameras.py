@@ -93,8 +93,16 @@ def directions_camera(
     return np.column_stack([on_plane, np.ones(len(pixels))])
 
 
+def directions_of_all_pixels(camera: Camera) -> Float[np.ndarray, "pixels 3"]:
+    """Returns the directions of all pixels in the camera's frame, row by row, with z = 1."""
+    directions = np.ones((camera.height, camera.width, 3))
+    directions[..., 0] = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    directions[..., 1] = ((np.arange(camera.height) + 0.5 - camera.cy) / camera.fy)[:, None]
+    return directions.reshape(-1, 3)
+
+
 def finite_depth(depth: np.ndarray) -> np.ndarray:
-    """Returns depths with `FAR` for what is infinitely far, in double precision."""
+    """Returns depths with `FAR` in place of infinity, in double precision."""
     return np.where(np.isfinite(depth), depth, FAR).astype(np.float64)
 
 
@@ -139,7 +147,7 @@ def depth_behind(
     Float[np.ndarray, "points 2"], Float[np.ndarray, " points"], Float[np.ndarray, " points"],
     Bool[np.ndarray, " points"],
 ]:  # fmt: skip
-    """Returns what `in_view` does, and before the last what `depth` is at the points' pixels.
+    """Returns the results of `in_view`, and before the last the `depth` at the points' pixels.
 
     Where a point is out of view, the depth found means nothing.
     """

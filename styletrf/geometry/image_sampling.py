@@ -1,4 +1,4 @@
-"""Images between their pixels."""
+"""Samples images between their pixels."""
 
 import cv2
 import numpy as np
@@ -15,9 +15,9 @@ def sample_at(
     """Returns the image at points, in their shape; beyond its border it has the border's values.
 
     Args:
-        image: With at most four channels, or without an axis of them.
-        points_px: x and y, where the center of the first pixel is (0, 0).
-        interpolation: OpenCV's number for it.
+        image: The image, with at most four channels, or without an axis of them.
+        points_px: The points (x, y), where the center of the first pixel is (0, 0).
+        interpolation: OpenCV's number of the interpolation.
     """
     flat = points_px.reshape(-1, 2)
     grid = np.zeros((2, len(flat) // _WIDEST + 1, _WIDEST), dtype=np.float32)

@@ -30,7 +30,7 @@ def with_focal(camera: Camera, focal: float) -> Camera:
 
 
 def at_size(camera: Camera, long_side_px: int, fov_deg: float) -> Camera:
-    """Returns the camera with images that are so long and see so wide; 0 leaves either alone."""
+    """Returns the camera with images of a length and an angle of view; 0 leaves either as it is."""
     if long_side_px:
         scale = long_side_px / max(camera.width, camera.height)
         width, height = (max(1, round(side * scale)) for side in (camera.width, camera.height))

@@ -27,11 +27,11 @@ Pixels = Float[np.ndarray, "points 2"]
 def parallax_fraction(points: SparsePoints, cameras: Sequence[Camera]) -> float:
     """Returns the fraction of the common points of pairs that fits no homography between them.
 
-    From 0, where there is none, to 1; 0 where no two share thirty points.
+    The fraction is 0 where there is no parallax, and where no two share thirty points.
 
     Args:
-        points: With their tracks; the pixels are undistorted.
-        cameras: In the order in which `points` counts images.
+        points: The points with their tracks; the pixels are undistorted.
+        cameras: The cameras, in the order in which `points` counts images.
     """
     shared = list(_shared(points, len(cameras)))
     longest = max(max(camera.width, camera.height) for camera in cameras)

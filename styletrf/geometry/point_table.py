@@ -33,7 +33,7 @@ class SparsePoints:
 
     @property
     def track_length(self) -> Int[np.ndarray, " points"]:
-        """In how many images each point was seen."""
+        """The number of images in which each point was seen."""
         return np.bincount(self.observed_point, minlength=len(self.xyz_world))
 
     def of_images(self, images: Sequence[int]) -> "SparsePoints":

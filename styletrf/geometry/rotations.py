@@ -1,7 +1,7 @@
 """Rotations as unit quaternions `w x y z`: to matrices and back, and the arc between two.
 
 `q` and `-q` are the same rotation; `aligned` chooses the signs along a sequence so that neighbors
-are less than half a turn apart, which is what interpolation needs.
+are less than half a turn apart, as interpolation requires.
 """
 
 import numpy as np
@@ -53,7 +53,7 @@ def aligned(quaternions: Quaternions) -> Quaternions:
 def slerp(a: Quaternions, b: Quaternions, fraction: Float[np.ndarray, "n 1"]) -> Quaternions:
     """Returns the quaternions at fractions of the arcs from `a` to `b` (Shoemake 1985).
 
-    Shares outside of [0, 1] go on beyond the ends. The arc is the one of the quaternions as they
+    Fractions outside of [0, 1] go on beyond the ends. The arc is the one of the quaternions as they
     are given, not of the nearest signs: a spline would jump where these change.
     """
     half = np.linalg.norm(b - a, axis=1, keepdims=True) / 2

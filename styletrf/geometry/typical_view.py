@@ -1,4 +1,4 @@
-"""The lens and shape of picture that renders of a scene have: those of most of its photographs."""
+"""The lens and the shape of the renders of a scene: those of most of its photographs."""
 
 from collections.abc import Sequence
 
@@ -10,10 +10,10 @@ _ONE_SHAPE = 1.02  # ratio of aspects, up to which pictures are of one shape
 
 
 def typical_view(cameras: Sequence[Camera]) -> Camera:
-    """Returns the camera of a photograph like most, at the longest side of all photographs.
+    """Returns the camera of a typical photograph, at the longest side of all photographs.
 
-    It is landscape or portrait as most photographs are, and landscape in a tie. It has their median
-    aspect and, of those with that aspect, the median focal length for its size.
+    The camera is landscape or portrait as most photographs are, and landscape in a tie. It has
+    their median aspect and, of those with that aspect, the median focal length for its size.
     """
     landscape = [camera for camera in cameras if camera.width >= camera.height]
     portrait = [camera for camera in cameras if camera.width < camera.height]

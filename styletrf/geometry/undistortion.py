@@ -1,11 +1,11 @@
-"""From a lens that bends lines to a pinhole camera of the same size, without blank pixels."""
+"""Replaces a lens that bends lines by a pinhole camera of the same size, without blank pixels."""
 
 import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from styletrf.colmap import pycolmap
-from styletrf.geometry.cameras import Camera, directions_camera, pixel_centers
+from styletrf.geometry.cameras import Camera, directions_of_all_pixels
 
 _INSIDE_PX = 0.01
 _WIDEST_SLOPE = 2.0  # half an image's width over its focal length: 127 degrees
@@ -16,8 +16,9 @@ def pinhole_for(lens: pycolmap.Camera, name: str, world_from_camera: np.ndarray)
 
     Its focal lengths are those of the lens times the smallest zoom at which every edge of the
     image lies within the undistorted edge of the photograph, so that no pixel is left blank. The
-    model of a wide lens may fold back within the photograph, or show what is behind it: then it is
-    the smallest zoom at which the image's edges lie before the fold, 127 degrees apart at most.
+    model of a wide lens may fold back within the photograph, or show directions behind the camera:
+    then the zoom is the smallest at which the image's edges lie before the fold, 127 degrees apart
+    at most.
     """
     zoom = _edge_zoom(lens)
     if not _is_filled(lens, zoom):
@@ -77,7 +78,7 @@ def undistorted_image(
     image: UInt8[np.ndarray, "height width 3"], lens: pycolmap.Camera, pinhole: Camera
 ) -> UInt8[np.ndarray, "height width 3"]:
     """Returns the photograph as the pinhole camera sees it (bicubic)."""
-    rays = directions_camera(pinhole, pixel_centers(pinhole.width, pinhole.height))
+    rays = directions_of_all_pixels(pinhole)
     sources = lens.img_from_cam(rays).reshape(pinhole.height, pinhole.width, 2) - 0.5
     x, y = np.moveaxis(sources.astype(np.float32), -1, 0)
     warped = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -87,7 +88,7 @@ def undistorted_image(
 def undistorted_pixels(
     pixels: Float[np.ndarray, "pixels 2"], lens: pycolmap.Camera, pinhole: Camera
 ) -> Float[np.ndarray, "pixels 2"]:
-    """Returns where the pinhole camera sees what the lens shows at `pixels`."""
+    """Returns the pixels of the pinhole camera for the lens's `pixels`."""
     on_plane = lens.cam_from_img(pixels)
     return np.asarray(on_plane * (pinhole.fx, pinhole.fy) + (pinhole.cx, pinhole.cy))
 

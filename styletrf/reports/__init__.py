@@ -1,5 +1,5 @@
 """Self-contained pages: of one fly-through, one scene, a grid, a trade-off.
 
-Enters: what was measured and made. Leaves: HTML with all its files inside.
+Enters: results and their measures. Leaves: HTML with all its files inside.
 Begin with `report`; the frame of every page is in `page`.
 """

@@ -17,13 +17,13 @@ class Curve:
     """A quantity against the iterations of training, or against something else.
 
     Attributes:
-        title: What was trained or measured.
-        quantity: What is drawn, with its unit: `PSNR, dB`.
-        at: Where, ascending, one for each value.
-        values: Drawn where finite.
-        floor: What the values would be at best, at the same places; none where not known.
-        along: What `at` counts.
-        note: What the reader has to know of it; none if empty.
+        title: The name of the trained or measured thing.
+        quantity: The quantity that is drawn, with its unit: `PSNR, dB`.
+        at: The places of the values, ascending.
+        values: The values, drawn where finite.
+        floor: The best possible values at the same places; none where not known.
+        along: The quantity that `at` counts.
+        note: A note for the reader; none if empty.
     """
 
     title: str

@@ -14,10 +14,10 @@ class Expectation:
 
     Attributes:
         field: The cost of the fit, timed on this scene.
-        job_seconds: Of all stages, one after the other.
-        peak_memory_bytes: Of the stage that takes most.
-        output_bytes: Of all artifacts on disk.
-        psnr_db: Of views that the field does not see; None where nothing is known of it.
+        job_seconds: The seconds of all stages, one after the other.
+        peak_memory_bytes: The peak memory of the stage that takes most.
+        output_bytes: The bytes of all artifacts on disk.
+        psnr_db: The PSNR of views that the field does not see; None where it is unknown.
         is_tried: Whether the field was timed and fitted briefly; else its cost is predicted, too.
     """
 

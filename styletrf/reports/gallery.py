@@ -24,7 +24,7 @@ def write_gallery(
     """Writes the page with a tile for every cell; equal cells give equal bytes.
 
     Args:
-        path: Where to.
+        path: The file to write.
         cells: Each scene and style at most once.
         pages: The pages of scenes: by scene, the title of each and its file in `SCENE/`.
     """

@@ -15,7 +15,7 @@ OUTCOME_LABELS = {
     "late": "Not begun in time",
     "not begun": "Not made yet",
 }
-"""What the page says of a result that was requested and not made, by the outcome."""
+"""The text for a result that was requested and not made, by the outcome."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A value in words; `beside` is what to compare it with, such as its floor."""
+    """A value in words; `beside` is a value to compare it with, such as its floor."""
 
     value: str
     beside: str = ""

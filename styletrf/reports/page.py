@@ -16,9 +16,9 @@ def write_page(
     """Writes the page; the title is escaped, the sections are HTML, empty ones left out.
 
     Args:
-        path: Where to; a page that stands there stays until the new one is whole.
-        title: What the browser's tab says.
-        sections: What the page shows.
+        path: The file to write; an earlier page stays until the new one is whole.
+        title: The title in the browser's tab.
+        sections: The sections of the page.
         style: CSS besides that of all pages.
         script: JavaScript, run when all sections are there.
     """

@@ -1,4 +1,4 @@
-"""The page that goes with a stylized trajectory: what was made, how well, how, and at what cost.
+"""The report of a stylized trajectory: the results, their quality, their parameters and costs.
 
 `report.html` needs nothing beside it: videos, images, charts, styles and script are inside, so that
 it can be mailed. The only link that leads out is to the viewer beside it, where there is one.
@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from styletrf.files.video import video_info
+from styletrf.files.video_frames import video_info
 from styletrf.reports.comparison import SCRIPT, STYLE, Comparison, comparison
 from styletrf.reports.curve_chart import Curve, curve_svg
 from styletrf.reports.embedding import embedded_bytes, embedded_image, embedded_video
@@ -65,8 +65,8 @@ def write_report(path: Path, content: ReportContent) -> None:
     """Writes the page; the same content gives the same bytes, and all text is escaped.
 
     Raises:
-        InputError: A file of the content is no video or image, whichever it should be.
-        OSError: It cannot be read.
+        InputError: A file of the content is not the video or image that it should be.
+        OSError: A file cannot be read.
     """
     videos, style_image = _comparison(content), _image(content.style_image, _STYLE_PX)
     priors = [_image(prior, _PRIOR_PX) for prior in content.priors]

@@ -13,7 +13,7 @@ from styletrf.reports.page import section
 STYLE = Path(__file__).with_name("report_viewer.css").read_text(encoding="utf-8")
 SCRIPT = Path(__file__).with_name("report_viewer.js").read_text(encoding="utf-8")
 LINK = '<p><a href="#walk">Walk around in it</a></p>'
-"""Leads to the part."""
+"""The link to the section."""
 
 
 def viewer_part(style: str, command: str) -> str:

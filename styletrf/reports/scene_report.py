@@ -1,4 +1,4 @@
-"""The page to read before hours are spent on a scene: what the photographs show, and what to do."""
+"""The page to read before hours are spent on a scene: a survey of the photographs, and advice."""
 
 import html
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ SPARSE = 0.2  # of the cells with points seen by fewer than 3 views, from which 
 class SceneReportContent:
     """Everything the page shows; `expected` by quality, `evidence` as `scene.json` has it.
 
-    `doubts` speak against the poses; `machine` says where `expected` holds.
+    `doubts` speak against the poses; `machine` is the one for which `expected` holds.
     """
 
     scene: str

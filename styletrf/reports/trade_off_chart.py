@@ -102,7 +102,7 @@ class _Axes:
         return _TOP + shortfall_db / (self._ticks[-1] or 1.0) * (_HEIGHT - _TOP - _BOTTOM)
 
     def lines(self) -> list[str]:
-        """The grid and its words."""
+        """Returns the grid and its labels."""
         across = [
             f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
             f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{-t or 0:g}</text>'
@@ -120,7 +120,7 @@ class _Axes:
 
 
 def _round_seconds(first: float, last: float) -> list[float]:
-    """Times that read well, at most about eight between the two."""
+    """Returns round times, at most about eight between the two."""
     steps = [60, 90, 120, 180, 240, 300, 420, 600, 900, 1200, 1800, 2700, 3600, 5400, 7200]
     small = [0.1 * s for s in steps[:1]] + [10, 15, 20, 30, 45]
     large = [3600 * h for h in (3, 4, 6, 8, 12, 24, 48, 96)]

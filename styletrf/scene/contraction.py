@@ -1,4 +1,4 @@
-"""Unbounded space in a grid: a box as it is, and all that lies beyond it drawn in.
+"""Unbounded space in a grid: an inner box unchanged, and everything beyond it contracted.
 
 Piecewise projective contraction (MERF, Reiser et al. 2023, section 4.1), made of projective maps so
 that rays stay straight within each part. With y the coordinates in which the inner box is
@@ -40,7 +40,7 @@ def contraction(reach: float) -> Float[np.ndarray, "7 4 4"]:
     """Returns the maps to the grid from coordinates in which the inner box is [-1, 1]^3.
 
     Args:
-        reach: Where the grid ends, in halves of the inner box, more than 1.
+        reach: The end of the grid, in halves of the inner box, more than 1.
     """
     b = (1 - INNER) / (1 - 1 / reach)
     maps = [np.diag([INNER, INNER, INNER, 1.0])]
@@ -56,8 +56,8 @@ def contraction(reach: float) -> Float[np.ndarray, "7 4 4"]:
 def octaves_lost(scene: UprightCapture, voxels: int) -> dict[str, float]:
     """Returns by how much a lattice of so many voxels is coarser than the photographs, per space.
 
-    The mean, over all points that a view may see, of log2 of the lattice's spacing there over the
-    pixel's footprint, where it is coarser; a point outside the box counts as LOST.
+    This is the mean, over all points that a view may see, of log2 of the lattice's spacing there
+    over the pixel's footprint, where it is coarser; a point outside the box counts as LOST.
     """
     box, inner = whole_box(scene), inner_box(scene)
     return {"box": _lost(scene, box, voxels), "unbounded": _lost_around(scene, inner, voxels)}
@@ -66,8 +66,8 @@ def octaves_lost(scene: UprightCapture, voxels: int) -> dict[str, float]:
 def inner_box(scene: UprightCapture) -> Extent:
     """Returns the box with the finest voxels, none of its sides too short.
 
-    It holds most points and the cameras. Where cameras look inward, it holds their subject instead:
-    they stand farther out than what they show. A wall that stands in a face of the box would be cut
+    The box holds most points and the cameras. Where cameras look inward, it holds their subject
+    instead, which is nearer than they are. A wall that stands in a face of the box would be cut
     between two parts of the grid: hence the margin about the points.
     """
     held, points = np.stack([view.center_world for view in scene.views]), scene.points
@@ -81,12 +81,12 @@ def inner_box(scene: UprightCapture) -> Extent:
 
 
 def _subject(scene: UprightCapture) -> tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "n 3"]]:
-    """Returns what views that look inward show: two corners of a cube, and points.
+    """Returns the subject of views that look inward: two corners of a cube, and points.
 
     The points are those no farther from the focus than the cameras, or at least the nearest: houses
     behind a statue would make its voxels as large as the statue. Where most points lie beyond, the
     subject may have few itself, as a smooth one has: there the cube about the focus fills the
-    shorter side of the pictures. Elsewhere it is the focus alone.
+    shorter side of the pictures. Elsewhere the cube is the focus alone.
     """
     focus, view = looked_at(scene)[0], typical_view(scene.views)
     centers = np.stack([each.center_world for each in scene.views])

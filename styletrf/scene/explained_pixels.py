@@ -4,7 +4,7 @@ Each photograph is cut into tiles. A box explains a tile that shows more points 
 outside it, or shows none while a tile beside it does. It also explains flat tiles of the one color
 that those of all photographs have in the median, as the white around a cut-out object: behind a box
 there is one color. Textured ground, clouds and rooms without points are neither, and need a space
-that reaches to them. Masked pixels do not count: a tile counts as much as is left of it.
+that reaches to them. Masked pixels do not count: a tile counts by the pixels that are left of it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -36,12 +36,12 @@ def explained_pixels(
     """Returns the fraction of the pixels of all photographs that the box explains, from 0 to 1.
 
     The box is the one that the scene would get, `styletrf.scene.box.whole_box`. Where no pixel
-    counts, none speaks against it, and the share is 1.
+    counts, none speaks against it, and the fraction is 1.
 
     Args:
-        images: Of the cameras, RGB in [0, 1], at their size.
-        cameras: In the order in which `points` counts images.
-        points: With their tracks.
+        images: The images of the cameras, RGB in [0, 1], at their size.
+        cameras: The cameras, in the order in which `points` counts images.
+        points: The points with their tracks.
         masks: Which pixels count, in the order of the images; None where all of an image do.
 
     Raises:
@@ -94,7 +94,7 @@ def _shows(
 
 @dataclass(frozen=True, slots=True)
 class _Tiles:
-    """Of each tile: the mean color, the largest deviation of a channel, the share that counts."""
+    """For each tile: the mean color, the largest deviation of a channel, the counted fraction."""
 
     color: Float[np.ndarray, "rows columns 3"]
     deviation: Float[np.ndarray, "rows columns"]

@@ -1,6 +1,6 @@
 """Decides whether the exposures of photographs differ so much that each needs its own.
 
-The points are parted into two halves, and the exposures are estimated from each half alone. An
+The points are divided into two halves, and the exposures are estimated from each half alone. An
 exposure changes both halves alike; noise, and shading that depends on the view, change each its own
 way. So with d the change of a log color in a view,
 
@@ -12,8 +12,8 @@ of the three principal axes: sheen on a table is in both halves of some of these
 and those that agree least count.
 Photographs of different sizes come from different cameras, which rarely expose alike. Less
 agreement is needed there.
-From d the mean of the views that share the most points is taken: what changes slowly along the way,
-as the sheen of surfaces does, a field shows by colors that depend on the view (decision 20).
+From d the mean of the views that share the most points is subtracted: a field shows slow changes
+along the way, such as the sheen of surfaces, by colors that depend on the view (decision 20).
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,8 +41,8 @@ _LEVELS = 0.1, 0.5, 0.9  # quantiles of the brightness at which changes are comp
 class ExposureEvidence:
     """The spread of log colors that the halves agree on, and that of what they do not agree on.
 
-    `exposures` are those by all points together, by the photograph's name. `several_cameras` says
-    whether the photographs have different sizes.
+    `exposures` are those estimated from all points together, by the photograph's name.
+    `several_cameras` says whether the photographs have different sizes.
     """
 
     spread: float
@@ -67,9 +67,9 @@ def exposure_evidence(
     """Returns the evidence in the tracks of the points.
 
     Args:
-        points: With their tracks, of the views that a field is fitted to.
-        log_color: At each observation; NaN where saturated.
-        cameras: In the order in which `points` counts images.
+        points: The points with their tracks, of the views that a field is fitted to.
+        log_color: The log color of each observation; NaN where saturated.
+        cameras: The cameras, in the order in which `points` counts images.
     """
     views = len(cameras)
     named = _named(cameras, estimate_exposures(points, log_color, views))

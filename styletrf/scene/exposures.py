@@ -7,8 +7,8 @@ A photograph shows a color c of the scene as
 channel by channel: a straight line in the logarithms, log_gain its value at a middle gray. Exposure
 and white balance are gains, tone curves are powers. The lines of all views and the log colors of
 all points are fitted together to what the views observe of the points, by least absolute residuals:
-observations that highlights or occlusion spoil do not shift them. What is common to all views can
-be said of the points as well, so the median of the views is the identity.
+observations that highlights or occlusion spoil do not shift them. A change common to all views
+could be one of the points as well, so the median of the views is the identity.
 """
 
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class Exposures:
     def log_change(
         self, log_color: Float[np.ndarray, " levels"]
     ) -> Float[np.ndarray, "views channels levels"]:
-        """Returns the addend of each view to the logarithm of a color, of encoded values."""
+        """Returns the term that each view adds to the logarithm of a color, of encoded values."""
         slope = self.power[..., None] - 1
         return np.asarray(self.log_gain[..., None] + slope * (log_color - np.log(MIDDLE)))
 
@@ -70,10 +70,11 @@ def estimate_exposures(
     """Returns each view's exposure, of which the median over the views is the identity.
 
     Args:
-        points: With their tracks.
-        log_color: At each observation, a natural logarithm of encoded values; NaN does not count.
-        views: How many there are; one that shares too few points gets the identity.
-        powers: Whether they are estimated as well; else they are 1.
+        points: The points with their tracks.
+        log_color: The natural logarithm of the encoded values of each observation; NaN does not
+            count.
+        views: The number of views; one that shares too few points gets the identity.
+        powers: Whether powers are estimated as well; else they are 1.
     """
     fitted = [_fitted(points, values, views, powers=powers) for values in log_color.T]
     return Exposures(*(np.stack(part, axis=1) for part in zip(*fitted, strict=True)))

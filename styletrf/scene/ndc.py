@@ -1,6 +1,6 @@
 """NDC: the frustum that holds all views of a forward-facing capture, from near to infinity.
 
-All in units of the near points' depth, along the mean view.
+All lengths are in units of the near points' depth, along the mean view.
 """
 
 from collections.abc import Sequence
@@ -99,7 +99,7 @@ def place_in_ndc(
 def _normalized_from_world(
     cameras: Sequence[Camera], points_world: Float[np.ndarray, "points 3"]
 ) -> Float[np.ndarray, "4 4"]:
-    """Z along the mean view, y the mean down, the near points' depth (less a tenth) the unit."""
+    """Returns a similarity: z the mean view, y the mean down, unit the near depth less a tenth."""
     frame = facing_frame(cameras)
     depths = transformed(frame, points_world)[:, 2]
     ahead = depths[depths > 0]
@@ -155,7 +155,7 @@ def _tangent_bounds(views: Sequence[Camera]) -> tuple[Plane, Plane]:
 
 
 def _frustum(lower: Plane, upper: Plane, near: float, far: float) -> Float[np.ndarray, "4 4"]:
-    """The projective map of an off-center frustum along +z to [-1, 1]^3, near at -1."""
+    """Returns the projective map of an off-center frustum along +z to [-1, 1]^3, near at -1."""
     matrix = np.zeros((4, 4))
     for axis in range(2):
         matrix[axis, axis] = 2 / (upper[axis] - lower[axis])

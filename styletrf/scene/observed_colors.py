@@ -27,7 +27,8 @@ class ObservedColors:
         """The logarithms; NaN where they say little about the light.
 
         That is where a channel is too dark or saturated, and in the half of the observations with
-        the greater contrast about them: how much of it a pixel mixes in depends on the distance.
+        the greater contrast about them: the distance decides how much of the contrast a pixel mixes
+        in.
         """
         is_known = (self.color > _DARKEST) & (self.color < _BRIGHTEST)
         relative = self.contrast / np.maximum(self.color.mean(axis=1), _DARKEST)
@@ -41,8 +42,8 @@ def observed_colors(
     """Returns the colors of images at the points, blurred to a few pixels.
 
     Args:
-        images: RGB in [0, 1], in the order in which `points` counts them.
-        points: With their tracks.
+        images: The images, RGB in [0, 1], in the order in which `points` counts them.
+        points: The points with their tracks.
     """
     n = len(points.observed_point)
     color, contrast = np.zeros((n, 3)), np.zeros(n)

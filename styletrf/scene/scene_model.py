@@ -94,26 +94,26 @@ def decide_scene_model(
 ) -> SceneModel:
     """Returns the model of a scene.
 
-    Forward-facing (NDC) when one frustum holds all views without being much wider than one, and
-    the near points lie in front of every camera. Otherwise a box around the points; but unbounded
-    space around an inner box where the box explains too little of the photographs, or where the
-    unbounded lattice is as near to what they resolve.
-    Colors do not depend on the view if `dependence` shows that they need not; photographs have
-    exposures of their own if `exposure` shows that they differ.
+    The space is NDC (forward-facing) when one frustum holds all views without being much wider than
+    one, and the near points lie in front of every camera. Otherwise it is a box around the points;
+    but unbounded space around an inner box where the box explains too little of the photographs, or
+    where the unbounded lattice is as near to their resolution. Colors do not depend on the view if
+    `dependence` shows that they need not; photographs have exposures of their own if `exposure`
+    shows that they differ.
 
     Args:
-        cameras: Of the photographs.
+        cameras: The cameras of the photographs.
         points_world: Sparse points.
-        config: What the photographs do not decide.
-        dependence: Of the colors on the view, where that was looked at.
+        config: The settings that the photographs do not decide.
+        dependence: The dependence of colors on the view, where it was measured.
         explained: The fraction of the pixels that a box explains, see
             `styletrf.scene.explained_pixels`.
-        exposure: How the photographs are exposed, where that was looked at.
+        exposure: The exposures of the photographs, where they were estimated.
 
     Raises:
         InputError: There are too few points to see where the scene is, or the space that is set
             cannot hold it.
-        NotFiniteError: A point, a camera or the model is not.
+        NotFiniteError: A point, a camera or the model is not finite.
     """
     named = [("sparse points", points_world), *map(camera_numbers, cameras)]
     require_finite("scene model", "as it was given", named)
@@ -207,7 +207,7 @@ def read_scene_model(path: Path) -> SceneModel:
     """Returns the model in `scene.json`.
 
     Raises:
-        InputError: It is not finite.
+        InputError: The model is not finite.
     """
     values = json.loads(path.read_text())
     space = values.pop("space")

@@ -71,9 +71,9 @@ def survey_scene(
 
     Args:
         images: The registered photographs, in the order of the table, at the size of its cameras.
-        points: With their tracks.
+        points: The points with their tracks.
         points_grid: The points in grid coordinates.
-        space: Of the model.
+        space: The space of the model.
         normalized: The photographs' cameras in the normalized world.
     """
     light = np.full(len(points.observed_point), np.nan)
@@ -121,7 +121,7 @@ def _off_exposure(exposure: Float[np.ndarray, " views"]) -> Bool[np.ndarray, " v
 
 
 def _deviation(values: Float[np.ndarray, " values"]) -> float:
-    """Returns the standard deviation of the many, whatever the few (1.48 median deviations)."""
+    """Returns a standard deviation that outliers do not change (1.48 median deviations)."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 

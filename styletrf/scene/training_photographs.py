@@ -1,10 +1,10 @@
 """The photographs that a scene is fitted to: all but those held out to measure by.
 
 The scene model and the field read a scene through this file alone. So no photograph held out has a
-part in what is decided or fitted: not by its pixels, its mask, its camera, or what it observes of
-the points. Cameras and points themselves were solved from all photographs together, as is the
-custom. The points' mean colors (`SparsePoints.rgb`) come from all photographs, too; they are only
-drawn in reports.
+part in any decision or fit: not by its pixels, its mask, its camera, or its observations of the
+points. Cameras and points themselves were solved from all photographs together, as is the custom.
+The points' mean colors (`SparsePoints.rgb`) come from all photographs, too; they are only drawn in
+reports.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,9 +32,9 @@ class TrainingPhotographs:
     """The photographs that a scene is fitted to, with their cameras and points.
 
     Attributes:
-        folder: Of the undistorted images, `NAME.png`; masks lie beside it.
-        cameras: Of the photographs, in the world of the structure from motion.
-        points: All sparse points, with what these photographs alone observe of them; observations
+        folder: The folder of the undistorted images, `NAME.png`; masks lie beside it.
+        cameras: The cameras of the photographs, in the world of the structure from motion.
+        points: All sparse points, with the observations by these photographs alone; observations
             count the cameras in their order.
     """
 
@@ -55,7 +55,7 @@ def read_training_photographs(poses: Path) -> TrainingPhotographs:
     """Returns the photographs to fit to, of a folder that `solve_camera_poses` wrote.
 
     Raises:
-        InputError: All photographs are held out, or what is known of them is not finite.
+        InputError: All photographs are held out, or a camera or a point is not finite.
     """
     table = poses / "cameras.parquet"
     cameras, rows = read_cameras(table), read_fitted_rows(table)

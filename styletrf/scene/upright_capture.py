@@ -104,9 +104,9 @@ def placed(
 
     Args:
         scene: The capture.
-        inner: What a grid's middle holds.
-        kind: Of the space.
-        grid_from_inner: Its maps from coordinates in which the inner box is [-1, 1]^3.
+        inner: The box that the middle of a grid holds.
+        kind: The kind of the space.
+        grid_from_inner: The maps of the space from coordinates in which the inner box is [-1, 1]^3.
         inner_fraction: The fraction of the grid along each axis that the inner box takes.
         oversampling: Wanted lattice points per pixel, of the size of `footprint`.
         footprint: The size of a pixel in the inner box.

@@ -1,8 +1,8 @@
 """Decides by the tracks of points whether the colors of a scene depend on the view.
 
-A point on a matte surface keeps its color when one walks around it: what differs between two
-photographs is the neighborhood that a pixel mixes in. So the difference of a point's colors is
-measured in units of the contrast about it,
+A point on a matte surface keeps its color when one walks around it: only the neighborhood that a
+pixel mixes in differs between two photographs. So the difference of a point's colors is measured in
+units of the contrast about it,
 
     difference_ij = |c_i - c_j| / sqrt(floor^2 + contrast^2),
 
@@ -30,9 +30,10 @@ _FLOOR = 0.01
 
 @dataclass(frozen=True, slots=True)
 class ViewDependence:
-    """The share of the points seen from sides at least SIDES_DEG apart that look different there.
+    """How many points look different from different sides.
 
-    `points` is how many were seen so.
+    `share` is their fraction of the points that were seen from sides at least SIDES_DEG apart, and
+    `points` the number of these.
     """
 
     share: float
@@ -50,9 +51,9 @@ def view_dependence(
     """Returns the view dependence of the tracks.
 
     Args:
-        observed: At the observations of the points.
-        points: With their tracks.
-        cameras: In the order in which `points` counts images.
+        observed: The colors at the observations of the points.
+        points: The points with their tracks.
+        cameras: The cameras, in the order in which `points` counts images.
     """
     exposures = estimate_exposures(points, observed.log_color, len(cameras))
     color = exposures.evened(observed.color, points.observed_image)

@@ -2,8 +2,8 @@
 
 Features are OpenCV's, matches are exact; geometry and reconstruction are COLMAP's (Schönberger and
 Frahm 2016; its global mapper: Pan et al. 2024), with one lens for all photographs of a size, clip
-and focal length; of poses that came with them only the points are sought. What comes out is
-undistorted: pinhole cameras and the images they would have taken.
+and focal length. Where poses came with them, only the points are sought. The results are
+undistorted: pinhole cameras and the images that they would have taken.
 """
 
 import json
@@ -51,11 +51,11 @@ class CameraPosesConfig:
     """Settings of the search for camera poses.
 
     Args:
-        poses: Those that came with the photographs are adjusted where these say so (`auto`), stay
-            as they are (`given`), or are left aside (`solved`).
+        poses: Poses that came with the photographs are adjusted where these say so (`auto`), stay
+            as they are (`given`), or are ignored (`solved`).
         max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
-        max_features: SIFT features kept of one photograph, the largest.
-        video_features: SIFT features kept of one frame of a video.
+        max_features: The most SIFT features of one photograph, of which the largest are kept.
+        video_features: The same of one frame of a video.
         tracks: How many of them decide where a photograph is; the others add points.
         exhaustive_up_to: Up to so many photographs, all pairs are matched.
         preemptive_up_to: Up to so many, each is matched with those that share the most matches of
@@ -64,13 +64,13 @@ class CameraPosesConfig:
         neighbors: How many others each photograph is matched with: those that share the most
             matches; or, in a sequence, its successors and as many that look most like it; or else
             twice as many that look most like it.
-        video_neighbors: The same of frames of videos, which are an even travel apart.
+        video_neighbors: The same for frames of videos, which are an even travel apart.
         camera_model: COLMAP's name of the lens model.
         lenses: `one` for all photographs of a size, one for `each`, or (`auto`) one for those of a
             clip, or of a size and of a focal length by their EXIF.
-        least_explained: The command stops where poses that were solved explain a smaller share of
-            what the photographs share; 0 for never.
-        seed: Of RANSAC and the mappers.
+        least_explained: The command stops where poses that were solved explain a smaller fraction
+            of what the photographs share; 0 for never.
+        seed: Decides the samples of RANSAC and of the mappers.
     """
 
     poses: Literal["auto", "given", "solved"] = "auto"
@@ -90,7 +90,7 @@ class CameraPosesConfig:
     def __post_init__(self) -> None:
         if not 0 <= self.least_explained <= 1:
             raise ValueError(
-                f"least_explained is a share from 0 to 1, not {self.least_explained:g}"
+                f"least_explained is a fraction from 0 to 1, not {self.least_explained:g}"
             )
 
 
@@ -110,13 +110,14 @@ def solve_camera_poses(
     nothing.
 
     Args:
-        capture_dir: What `capture_photographs` wrote.
-        out_dir: Where to write.
+        capture_dir: The folder that `capture_photographs` wrote.
+        out_dir: The folder to write to.
         config: See `CameraPosesConfig`.
         progress: Called phase by phase: photographs read, described, pairs matched, photographs
             placed, undistorted.
-        log_dir: Where COLMAP's messages go; to standard error where it is None.
-        scratch_dir: Where COLMAP works; in the system's temporary folder where it is None.
+        log_dir: The folder for COLMAP's messages, which go to standard error where it is None.
+        scratch_dir: The folder in which COLMAP works; the system's temporary folder where it is
+            None.
 
     Raises:
         InputError: The photographs do not overlap, fewer than three can be placed, or the poses

@@ -1,4 +1,4 @@
-"""Images, cameras and features in a database of COLMAP's."""
+"""Images, cameras and features in a COLMAP database."""
 
 import os
 from collections.abc import Iterator
@@ -44,8 +44,8 @@ def extract_stronger_features(
 ) -> None:
     """Fills the database as `extract_features` does, with COLMAP's own features.
 
-    They take many times as long: twice as many, fainter ones too, their shape estimated up to an
-    affinity and described at several sizes (Dong and Soatto 2015).
+    These take many times as long: they are twice as many, with fainter ones, their shape estimated
+    up to an affinity and described at several sizes (Dong and Soatto 2015).
     """
     options = pycolmap.FeatureExtractionOptions(use_gpu=False)
     options.sift.max_num_features = 2 * max_features
@@ -115,7 +115,7 @@ def _described(images: ColmapImages, max_features: int) -> Iterator[Features]:
 
 
 def _read_gray(path: Path) -> Gray:
-    """Reads a PNG that this program wrote, so that it needs no check for damage: in [0, 255]."""
+    """Returns the levels in [0, 255] of a PNG that this program wrote, unchecked for damage."""
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
         raise OSError(f"{path} is no image")
@@ -125,7 +125,7 @@ def _read_gray(path: Path) -> Gray:
 def _register(database: Path, images: ColmapImages, camera_model: str) -> None:
     """Gives images and cameras their numbers, in order, ties views, and sets focal priors.
 
-    The threads in which COLMAP describes images would number them as they come, and what follows
+    The threads in which COLMAP describes images would number them as they come, and later choices
     (which matches RANSAC samples first, which pair begins) would differ from run to run.
     """
     pycolmap.Database.open(database).close()

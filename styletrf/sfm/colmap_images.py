@@ -1,5 +1,6 @@
-"""The photographs as COLMAP is given them: upright PNGs, named by their position."""
+"""The photographs as COLMAP reads them: upright PNGs, named by their position."""
 
+import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,15 +18,17 @@ from styletrf.capture.photographs import read_photograph
 from styletrf.colmap import pycolmap
 from styletrf.files.heif_images import HEIF_SUFFIXES, heif_focal_px
 from styletrf.files.images import write_png
+from styletrf.prefetch import prefetch
 from styletrf.progress import Progress
 from styletrf.sfm.lens_settings import Lenses, LensSetting, lens_settings
 
 Image = UInt8[np.ndarray, "height width 3"]
+_THREADS = 4  # of which each holds a whole photograph
 
 
 @dataclass(frozen=True, slots=True)
 class ColmapImages:
-    """A folder of PNGs, the longest side of them all, and with which lens each was taken.
+    """A folder of PNGs, the longest side of them all, and the lens that took each.
 
     Where some have masks, these are in a folder of their own. `panoramas` are the files that are
     views of one panorama, for each.
@@ -57,7 +60,7 @@ def prepare_images(
     lenses: Lenses,
     progress: Progress,
 ) -> ColmapImages:
-    """Writes the photographs of a capture into `folder`, upright and at most so large.
+    """Writes the photographs of a capture into `folder`, upright and at most this large.
 
     Lens settings are those of `lens_settings`. Masks go into a folder beside, black and white alone
     and named, as COLMAP reads them.
@@ -67,30 +70,55 @@ def prepare_images(
     masks.mkdir()
     total = len(capture.photographs)
     files = tuple(f"{index:06d}.png" for index in range(total))
-    focals_px, long_side = [], 0
-    for index, (photograph, file) in enumerate(zip(capture.photographs, files, strict=True)):
-        progress(index, total)
-        path = capture_dir / "images" / photograph.file
-        image = _at_most(read_photograph(path), max_long_side)
-        is_written = photograph.clip is not None or photograph.panorama is not None
-        if is_written and image.shape[1] == photograph.width:
-            copyfile(path, folder / file)  # a frame or a view is an upright PNG already
-        else:
-            write_png(folder / file, image, compression=1)
-        mask = capture_dir / MASKS / f"{photograph.name}.png"
+
+    def prepare(index: int) -> "_Prepared":
+        photograph = capture.photographs[index]
+        mask, file = capture_dir / MASKS / f"{photograph.name}.png", files[index]
         if mask.exists():
-            counts = counted_pixels(_at_most(read_photograph(mask), max_long_side))
-            black_and_white = np.dstack([np.uint8(255) * counts] * 3)
-            write_png(masks / f"{file}.png", black_and_white, compression=1)
-        long_side = max(long_side, *image.shape[:2])
-        is_view = photograph.panorama is not None
-        known_px = view_focal_px(image.shape[1]) if is_view else None
-        focals_px.append(known_px or _focal_from_exif(path, max(image.shape)))
+            _write_mask(mask, masks / f"{file}.png", max_long_side)
+        path = capture_dir / "images" / photograph.file
+        return _prepared(photograph, path, folder / file, max_long_side)
+
+    done: list[_Prepared] = []
+    threads = min(_THREADS, os.cpu_count() or 1)
+    for one in prefetch(prepare, range(total), threads=threads, ahead=2 * threads):
+        progress(len(done), total)
+        done.append(one)
     progress(total, total)
+    focals_px, long_side = [one.focal_px for one in done], max(one.long_side for one in done)
     settings = lens_settings(files, capture.photographs, focals_px, lenses)
     some_masks = masks if any(masks.iterdir()) else None
     panoramas = _views_of_panoramas(files, capture.photographs)
     return ColmapImages(folder, files, long_side, settings, some_masks, panoramas)
+
+
+@dataclass(frozen=True, slots=True)
+class _Prepared:
+    """The longer side of an image that was written, and its focal length if that is known."""
+
+    long_side: int
+    focal_px: float | None
+
+
+def _prepared(photograph: Photograph, source: Path, target: Path, max_long_side: int) -> _Prepared:
+    """Writes a photograph as a PNG of at most this size."""
+    image = _at_most(read_photograph(source), max_long_side)
+    height, width = image.shape[:2]
+    is_written = photograph.clip is not None or photograph.panorama is not None
+    if is_written and width == photograph.width:
+        copyfile(source, target)  # a frame or a view is an upright PNG already
+    else:
+        write_png(target, image, compression=1)
+    if photograph.panorama is not None:
+        return _Prepared(max(height, width), view_focal_px(width))
+    focal_px = None if is_written else _focal_from_exif(source, max(height, width))
+    return _Prepared(max(height, width), focal_px)
+
+
+def _write_mask(source: Path, target: Path, max_long_side: int) -> None:
+    """Writes a mask as COLMAP reads it: black and white alone."""
+    counts = counted_pixels(_at_most(read_photograph(source), max_long_side))
+    write_png(target, np.dstack([np.uint8(255) * counts] * 3), compression=1)
 
 
 def _views_of_panoramas(
@@ -116,9 +144,9 @@ def _at_most(
 
 
 def _focal_from_exif(path: Path, long_side: int) -> float | None:
-    """Returns the focal length that EXIF names, in pixels of an image so large.
+    """Returns the focal length that EXIF names, in pixels of an image of this size.
 
-    It is asked of the user's own files: the upright copies carry none.
+    EXIF is read from the user's own files: the upright copies have none.
     """
     with suppress(ValueError):  # COLMAP reads fewer formats than OpenCV, and need not here
         lens = pycolmap.infer_camera_from_image(path)

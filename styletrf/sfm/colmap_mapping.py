@@ -139,11 +139,11 @@ def map_globally(
 ) -> list[pycolmap.Reconstruction]:
     """Returns the models that COLMAP's global mapper finds, the largest first.
 
-    It solves all rotations, then all positions, then adjusts the bundle: fast, and stable where
-    the photographs overlap well. It reports no progress. One thread, since several add up
-    in an order that differs from run to run. Points count that at least `fewest_views` share. With
-    `tracks`, only so many of an image decide where it is; the points of the others are added in the
-    end.
+    The mapper solves all rotations, then all positions, then adjusts the bundle: it is fast, and
+    stable where the photographs overlap well. It reports no progress. It runs in one thread, since
+    several add up in an order that differs from run to run. Points count that at least
+    `fewest_views` share. With `tracks`, only so many features of an image decide its pose; the
+    points of the others are added in the end.
     """
     options = pycolmap.GlobalPipelineOptions(random_seed=seed, num_threads=1)
     options.mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
@@ -179,9 +179,9 @@ def map_incrementally(
 ) -> list[pycolmap.Reconstruction]:
     """Returns the models that COLMAP's incremental mapper finds, the largest first.
 
-    It adds one photograph after another: slower, and less choosy about overlap. One thread, too.
-    Where it is `eager`, it may begin with a pair of a quarter of the usual angle, and places a
-    photograph by half the usual matches.
+    The mapper adds one photograph after another: it is slower, and needs less overlap. It runs in
+    one thread, too. Where it is `eager`, it may begin with a pair of a quarter of the usual angle,
+    and places a photograph by half the usual matches.
     """
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3, num_threads=1)
     options.triangulation.ignore_two_view_tracks = fewest_views > 2

@@ -1,4 +1,4 @@
-"""Views of one panorama tied together: one center, known rotations between them.
+"""Ties the views of one panorama together: one center, known rotations between them.
 
 For COLMAP these are the cameras of a rig, and each panorama is a frame of it: one pose to be found
 instead of five.

@@ -1,6 +1,6 @@
 """Sparse points of photographs whose poses are known: described, matched and triangulated.
 
-What COLMAP would have to find out about the poses is skipped. They may be adjusted, see
+COLMAP's search for the poses is skipped. They may be adjusted, see
 `styletrf.sfm.pose_adjustment`.
 """
 
@@ -44,12 +44,12 @@ def map_known_poses(
     """Returns the model of images at the given poses, or near them.
 
     Args:
-        database: COLMAP's, to be filled.
-        images: In the order of `views`.
-        views: Where each was taken from, and with which lens.
-        source: Where the poses are from, for messages.
+        database: The COLMAP database to fill.
+        images: The images, in the order of `views`.
+        views: The pose and the lens of each.
+        source: The source of the poses, for messages.
         max_features: SIFT features kept of one image.
-        seed: Of the verification of matches.
+        seed: Decides the samples of the verification of matches.
         progress: Called for the images described, then for the pairs matched.
         may_adjust: Whether poses and lenses may become better ones than those given.
 
@@ -98,7 +98,8 @@ def _require_fitting(model: pycolmap.Reconstruction, database: Path, source: str
 def neighboring_pairs(views: Sequence[GivenView]) -> Pairs:
     """Returns pairs i < j of views that may show the same: all, or each with its nearest.
 
-    Of those that look the same way within 60 degrees, the nearest 20 by their centers.
+    A view's nearest are the 20 with the nearest centers, of those that look the same way within 60
+    degrees.
     """
     if len(views) <= 2 * NEIGHBORS:
         return all_pairs(len(views))
@@ -175,7 +176,8 @@ def _with_lens(camera: pycolmap.Camera, lens: Lens) -> pycolmap.Camera:
 def _turn(camera: pycolmap.Camera) -> None:
     """Turns a lens by a quarter, about its center: which way is not known.
 
-    It is given for photographs in landscape format, and took one in portrait format, or vice versa.
+    The lens is given for photographs in landscape format, and took one in portrait format, or vice
+    versa.
     """
     camera.width, camera.height = camera.height, camera.width
     params = list(camera.params)

@@ -1,4 +1,4 @@
-"""Which photographs share a lens setting: a focal length and a distortion."""
+"""Groups photographs by lens settings: a focal length and a distortion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,8 +41,8 @@ def lens_settings(
     length.
 
     Args:
-        files: Of the photographs, as COLMAP has them.
-        photographs: In the same order.
+        files: The files of the photographs, as COLMAP has them.
+        photographs: The photographs, in the same order.
         focals_px: Their focal lengths, None where they are not known.
         lenses: See `CameraPosesConfig`.
     """
@@ -59,7 +59,7 @@ def lens_settings(
 
 
 def _kind(photograph: Photograph, lenses: Lenses) -> tuple[str, int, int, str]:
-    """Returns what photographs that share a lens setting have in common."""
+    """Returns the key that photographs with one lens setting have in common."""
     direction, width, height = photograph.direction or "", photograph.width, photograph.height
     clip = photograph.clip if lenses == "auto" and not direction else None
     return direction, width, height, clip or ""

@@ -26,10 +26,10 @@ BETTER_PHOTOGRAPHS = (
 class SfmResult:
     """The models of one mapper, the largest first, and how they came to be.
 
-    `explained` is the share of the verified matches between placed photographs whose two features
-    are one point of the largest model. A model fooled by things that repeat (a wallpaper) leaves
-    many unexplained, however small its reprojection error. Where it `has_own_lenses`, photographs
-    whose lens was assumed to be one had each its own.
+    `explained` is the fraction of the verified matches between placed photographs whose two
+    features are one point of the largest model. A model fooled by things that repeat (a wallpaper)
+    leaves many unexplained, however small its reprojection error. Where it `has_own_lenses`, each
+    photograph whose lens was assumed to be that of others had its own.
     """
 
     models: Sequence[pycolmap.Reconstruction]
@@ -54,8 +54,9 @@ class SfmResult:
     def quality(self) -> tuple[float, float]:
         """The larger of two is the better mapping.
 
-        Of two that explain enough, the one that places more photographs; one that explains less
-        counts for so many photographs fewer. At equality the one that explains more.
+        Of two that explain enough, it is the one that places more photographs; a mapping that
+        explains less counts for so many photographs fewer. At equality it is the one that explains
+        more.
         """
         return self.registered * min(self.explained, ENOUGH_EXPLAINED), self.explained
 
@@ -69,7 +70,7 @@ def require_enough(mapping: SfmResult, photographs: Sequence[Photograph]) -> Non
     """Refuses a mapping of fewer than three photographs; views of one panorama are one.
 
     Raises:
-        InputError: There are fewer.
+        InputError: Fewer were placed.
     """
     count = mapping.registered_photographs
     if count < FEWEST_PHOTOGRAPHS:

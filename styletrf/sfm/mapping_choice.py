@@ -1,4 +1,4 @@
-"""Which pairs to match and which mapper to believe, decided from the photographs themselves."""
+"""Decides from the photographs which pairs to match and which mapper to believe."""
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -51,15 +51,15 @@ class MappingTask:
     """Photographs to be mapped, whose features `database` holds.
 
     Attributes:
-        database: COLMAP's.
+        database: The COLMAP database.
         images: The photographs as COLMAP has them.
-        photographs: What is known of them, in the same order.
+        photographs: The same with what the capture knows of them, in the same order.
         exhaustive_up_to: Up to so many photographs, all pairs are matched.
         preemptive_up_to: Up to so many, each is matched with those that share the most matches of
             a few features with it; beyond, along a sequence where their names read like one, else
             with those that look most like it.
         neighbors: How many others each photograph is matched with.
-        seed: Of everything random.
+        seed: Decides everything random.
         progress: Called for each phase.
         tracks: The global mapper looks at so many of an image only; None for all.
         describe_stronger: Fills another database with features that take longer, and match where
@@ -111,11 +111,11 @@ def _first(task: MappingTask, best: SfmResult | None) -> SfmResult:  # noqa: ARG
 
 
 def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
-    """Where pairs were chosen: more of them with the photographs that this left without a place.
+    """Matches more pairs of the photographs left out, where pairs were chosen.
 
-    All of their pairs where these are few, else twice as many as before: a capture of which most
-    photographs are left out must not take a multiple of the time. Nothing where no two photographs
-    that share the most matches show the same: others are assumed not to.
+    These are all of their pairs where these are few, else twice as many as before: a capture of
+    which most photographs are left out must not take a multiple of the time. Returns None where no
+    two photographs that share the most matches show the same: others are assumed not to.
     """
     if best is None or best.matcher == "exhaustive":
         return None
@@ -133,9 +133,9 @@ def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
 
 
 def _points_of_two(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
-    """Where the points of three photographs or more explain too little of the matches.
+    """Counts points of two photographs, where those of three or more explain too little.
 
-    Both mappers, since the global one, fooled by a wallpaper, explains more this way, too.
+    Both mappers are tried, since the global one, fooled by a wallpaper, explains more so, too.
     """
     if best is None or is_explained(best) or not best.verified_pairs:
         return None
@@ -145,11 +145,11 @@ def _points_of_two(task: MappingTask, best: SfmResult | None) -> SfmResult | Non
 def _own_lenses(
     task: MappingTask, best: SfmResult | None, *, is_contradicted: bool
 ) -> SfmResult | None:
-    """Where photographs share a lens of which nothing is known: each has one, here and later.
+    """Gives each photograph a lens of its own, here and later, where a shared one is only assumed.
 
     So photographs of several cameras are mapped whose files lost their EXIF, whether or not the
-    placed ones contradict a shared lens. It comes before points of two photographs count, since
-    these hide a wrong lens: poses bend until they agree.
+    placed ones contradict a shared lens. This attempt comes before points of two photographs count,
+    since these hide a wrong lens: poses bend until they agree.
     """
     is_assumed = any(setting.assumed for setting in task.images.lenses)
     if best is None or not best.verified_pairs or not is_assumed or best.has_own_lenses:
@@ -161,7 +161,7 @@ def _own_lenses(
 
 
 def _incrementally(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
-    """Where enough is explained, but photographs are left out that share something with others."""
+    """Maps incrementally, where enough is explained but photographs are left out."""
     if best is None or not is_explained(best):
         return None
     has_panoramas = bool(task.images.panoramas)  # whose views are placed by their common matches
@@ -187,8 +187,8 @@ def _guided(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
 def _stronger(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """Describes and matches the photographs once more, in a database of their own.
 
-    Not where no two show the same: it would take minutes to say so again. Nor where photographs are
-    many: it would take a quarter of an hour.
+    Returns None where no two show the same, which would take minutes to find again, and where
+    photographs are many, which would take a quarter of an hour.
     """
     if task.describe_stronger is None or best is None or not best.verified_pairs:
         return None
@@ -217,7 +217,7 @@ def _globally(task: MappingTask, matcher: str, pairs: Pairs) -> SfmResult:
 
 
 def _mapped(task: MappingTask, matched: SfmResult, mapper: str, fewest_views: int) -> SfmResult:
-    """Returns what a mapper makes of the matches; models that share photographs are joined."""
+    """Returns the models that a mapper finds; those that share photographs are joined."""
     if matched.has_own_lenses:
         task = _with_own_lenses(task)
     of = task.database, task.images, task.seed, task.progress

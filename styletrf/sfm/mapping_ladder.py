@@ -1,4 +1,4 @@
-"""Ways to map photographs, tried one after the other for as long as too little is explained."""
+"""Attempts to map photographs, one after the other for as long as too little is explained."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from styletrf.sfm.mapping import SfmResult, is_explained
 
 _LOGGER = logging.getLogger(__name__)
-# A share placed with which a capture does: below it a warning is due, and time well spent.
+# Placing this fraction of the photographs is enough; below it a warning and more time are due.
 ENOUGH_PLACED = 0.8
 
 
 @dataclass(frozen=True, slots=True)
 class MappingAttempt:
-    """One way to map.
+    """One way to map photographs.
 
     Attributes:
-        name: In words, for the reason.
+        name: The name in words, for the reason.
         attempt: Maps, given the best mapping so far; returns None where it has nothing to try.
         skip_if_placed: Skips this attempt if at least this fraction of the photographs already has
             a camera and the matches are explained; infinite where the attempt decides itself.

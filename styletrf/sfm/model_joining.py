@@ -1,4 +1,4 @@
-"""Several models of one place joined where they share photographs.
+"""Joins several models of one place that share photographs.
 
 Each is brought into the largest model's frame by the similarity with which the photographs that
 both hold agree (as hierarchical mapping does; Bhowmick et al. 2014). Then all points are
@@ -20,7 +20,7 @@ _LARGEST_ERROR_PX, _LEAST_ANGLE_DEG = 4.0, 1.5  # of a point, as COLMAP's mapper
 def joined(database: Path, mapping: SfmResult, fewest_views: int, seed: int) -> SfmResult:
     """Returns the mapping with the models that share photographs with the first joined to it.
 
-    Where none does, or none agrees with the first, it is the mapping as it was; also where there
+    Returns the mapping unchanged where none does, or none agrees with the first; also where there
     are panoramas, whose views would come apart.
     """
     if len(mapping.models) < 2 or _has_panoramas(mapping.models[0]):

@@ -28,7 +28,7 @@ def supported(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
 def supported_images(model: pycolmap.Reconstruction) -> set[int]:
     """Returns the connected images: those that resection would place one after the other.
 
-    It begins with the two that share most points of three images or more. Each next image sees most
+    The first are the two that share most points of three images or more. Each next image sees most
     of the points that two images before it see, at least 15.
     """
     frame_of = {i: model.image(i).frame_id for i in model.reg_image_ids()}
@@ -57,7 +57,7 @@ def _seen_by_three(
     Args:
         model: The reconstruction.
         columns: The positions of the images' frames.
-        count: Of the frames.
+        count: The number of frames.
     """
     points = model.points3D.values()
     sees = np.zeros((len(points), count), dtype=bool)

@@ -1,4 +1,4 @@
-"""A lens for each photograph, where nothing says that several share one."""
+"""Gives each photograph a lens of its own, where nothing says that several share one."""
 
 from collections.abc import Mapping, Set
 from contextlib import closing
@@ -41,9 +41,9 @@ def with_own_lenses(images: ColmapImages) -> ColmapImages:
 def give_own_lenses(database: Path, images: ColmapImages) -> Pairs:
     """Gives the image of each lens setting of one image a camera of its own in the database.
 
-    It begins as the one that the image shared, of which nothing is known where the setting knows no
-    focal length. Returns the pairs whose geometry was deleted, since a focal length of others
-    decided it: they have to be verified again.
+    The camera begins as the one that the image shared, of which nothing is known where the setting
+    has no focal length. Returns the pairs whose geometry was deleted, since a focal length of
+    others decided it: they have to be verified again.
     """
     alone = {setting.files[0]: setting for setting in images.lenses if len(setting.files) == 1}
     unknown = set()
@@ -131,7 +131,7 @@ def _best_focal(
 ) -> tuple[float, float] | None:
     """Returns the logarithm of the best focal length over that of the lens, and its error.
 
-    One Gauss-Newton step with robust errors, of points in the camera's frame.
+    Takes one Gauss-Newton step with robust errors, of points in the camera's frame.
     """
     slopes = np.stack(_pixel_slopes(lens, points), axis=-1).reshape(-1, 7)
     errors = (pixels - lens.img_from_cam(points)).reshape(-1)

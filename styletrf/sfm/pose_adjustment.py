@@ -1,4 +1,4 @@
-"""Poses that came with photographs, adjusted to them where the photographs ask for it.
+"""Adjusts poses that came with photographs, where the photographs show that they are off.
 
 Poses and lenses are adjusted by the reprojections of every other point (bundle adjustment; Triggs
 et al. 1999). The remaining points take no part and judge: the adjusted poses are used where these
@@ -26,7 +26,7 @@ _SAME_FOCAL = 1e-3  # by which the two focal lengths of a pinhole may differ, as
 
 @dataclass(frozen=True, slots=True)
 class AdjustedPoses:
-    """The model at the poses that are used, and why it is at these."""
+    """The model at the poses that are used, and the reason for these poses."""
 
     model: pycolmap.Reconstruction
     reason: str
@@ -43,9 +43,9 @@ def triangulated(
 
     Args:
         posed: The images' poses and lenses.
-        database: COLMAP's, with verified matches.
-        folder: Of the images.
-        seed: Of COLMAP's sampling.
+        database: The COLMAP database, with verified matches.
+        folder: The folder of the images.
+        seed: Decides COLMAP's sampling.
         largest_error_px: By which a point may miss where it is seen.
     """
     rough = largest_error_px / _LARGEST_ERROR_PX
@@ -69,10 +69,10 @@ def adjusted_poses(
 
     Args:
         given: The model at the given poses, see `triangulated`.
-        database: COLMAP's, with verified matches.
-        folder: Of the images.
-        long_side: Of the images, in pixels.
-        seed: Of COLMAP's sampling.
+        database: The COLMAP database, with verified matches.
+        folder: The folder of the images.
+        long_side: The longer side of the images, in pixels.
+        seed: Decides COLMAP's sampling.
     """
     reasons, start = ["the poses came with the photographs"], given
     explained = explained_fraction(database, [given])
@@ -168,7 +168,7 @@ def _error_px(model: pycolmap.Reconstruction, points: Sequence[int]) -> float:
 
 
 def _similarity(target: pycolmap.Reconstruction, model: pycolmap.Reconstruction) -> pycolmap.Sim3d:
-    """Returns the similarity that brings a model's cameras nearest to the same of a target.
+    """Returns the similarity that brings a model's cameras nearest to those of a target.
 
     Each counts by its center and by points along its axes, so that cameras on a line do as well.
     """

@@ -87,8 +87,8 @@ def poses_report(
 
     Args:
         images: The photographs as COLMAP saw them.
-        names: Of all photographs.
-        mapping: What was found.
+        names: The names of all photographs.
+        mapping: The mapping that was found.
         placed: Those that have a camera.
         flat: The fraction of flat pairs; 0 of poses that were given.
         has_parallax: Whether there is parallax between the photographs.

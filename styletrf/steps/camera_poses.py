@@ -18,8 +18,8 @@ def solve_poses(
     Args:
         inputs: `capture`.
         out: The folder to fill.
-        settings: Of `CameraPosesConfig`.
-        run: COLMAP's messages lie beside its log.
+        settings: Those of `CameraPosesConfig`.
+        run: The run, beside whose log COLMAP writes its messages.
     """
     config, scratch = configured(CameraPosesConfig, settings), run.work / "colmap"
     shutil.rmtree(scratch, ignore_errors=True)  # a killed run may have left files

@@ -46,7 +46,7 @@ class PathSource:
     Attributes:
         inputs: The folders of the step.
         photographed: The photographs' cameras in the normalized world, at the size of the renders.
-        model: Of the scene.
+        model: The model of the scene.
         device_name: `auto`, `cpu` or `cuda`.
     """
 
@@ -70,7 +70,7 @@ def render_path(
     Args:
         inputs: `field`, `poses`, `model`; or the shards to join.
         out: The folder to fill.
-        config: Of path and renders.
+        config: The settings of the path and of the renders.
         run: Its progress is the number of frames.
         choose: Returns the cameras of the whole path.
     """

@@ -22,7 +22,7 @@ def render_priors(
     Args:
         inputs: `field`, `poses`, `model` and `trajectory`; or the shards to join.
         out: The folder to fill.
-        settings: Of `PriorsConfig`.
+        settings: Those of `PriorsConfig`.
         run: Its progress is the number of renders.
     """
     config = configured(PriorsConfig, settings)

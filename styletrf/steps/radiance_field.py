@@ -31,7 +31,7 @@ def fit_field(
     Args:
         inputs: `poses` and `model`.
         out: The folder to fill.
-        settings: Of `FieldTrainingConfig`.
+        settings: Those of `FieldTrainingConfig`.
         run: Its progress is the iteration and the PSNR.
     """
     device = device_named(run.device_name)

@@ -17,7 +17,7 @@ from styletrf.exports.export_views import ExportViews, Look, export_views
 from styletrf.exports.splat_export import MOST_SPLATS, HeldOut, export_splats
 from styletrf.exports.surface_export import export_mesh, export_points
 from styletrf.field.radiance_field import load_field, load_stylized_field
-from styletrf.files.video import video_info
+from styletrf.files.video_frames import video_info
 from styletrf.geometry.camera_table import read_cameras, read_split
 from styletrf.geometry.cameras import moved
 from styletrf.scene.scene_model import SceneModel, read_scene_model

@@ -18,7 +18,7 @@ def decide_model(
     Args:
         inputs: `poses`.
         out: The folder to fill.
-        settings: Of `SceneModelConfig`.
+        settings: Those of `SceneModelConfig`.
         run: Not used.
     """
     photographs = read_training_photographs(inputs["poses"])

@@ -1,4 +1,4 @@
-"""The report of a scene: a survey of its photographs, and what a fly-through of it will take."""
+"""The report of a scene: a survey of its photographs, and the expected cost of a fly-through."""
 
 import math
 from bisect import bisect_left
@@ -39,12 +39,12 @@ class PlannedJob:
     """The cost of a whole fly-through at a quality, and the settings of two of its stages.
 
     Attributes:
-        seconds: Of all stages but the field, one after the other.
-        field_seconds: Of the field, as predicted.
-        peak_memory_bytes: Of the stage that takes most.
-        output_bytes: Of all artifacts on disk.
-        model: Settings of `SceneModelConfig`.
-        field: Settings of `FieldTrainingConfig`.
+        seconds: The seconds of all stages but the field, one after the other.
+        field_seconds: The predicted seconds of the field.
+        peak_memory_bytes: The peak memory of the stage that takes most.
+        output_bytes: The bytes of all artifacts on disk.
+        model: The settings of `SceneModelConfig`.
+        field: The settings of `FieldTrainingConfig`.
         is_tried: Whether the field is timed, and fitted briefly to predict its PSNR.
     """
 
@@ -75,8 +75,8 @@ def report_scene(
         settings: Empty.
         run: Its progress is the number of qualities.
         scene: Its name, for the page.
-        jobs: By quality; the field of each that is tried is fitted briefly, twice.
-        machine: What it is, for the page.
+        jobs: The jobs by quality; the field of each that is tried is fitted briefly, twice.
+        machine: The description of the machine, for the page.
     """
     expected = _expectations(inputs, jobs, run)
     content = _content(inputs, scene, expected, machine)
@@ -173,7 +173,7 @@ def _described(model: SceneModel) -> dict[str, object]:
 def neighbors(unregistered: list[str], registered: list[str]) -> dict[str, tuple[str, str]]:
     """Returns the photographs with a camera before and after each that has none, by name.
 
-    Before the first and after the last it is these twice.
+    Before the first and after the last, that neighbor is given twice.
     """
     ordered, result = sorted(registered, key=natural_order), {}
     for name in unregistered:

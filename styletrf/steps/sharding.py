@@ -13,12 +13,12 @@ def shard_of(items: Sequence[Item], shard: str, argument: str = "--shard") -> Se
     """Returns a shard of a sequence: neighbors. The sizes of shards differ by one at most.
 
     Args:
-        items: All of them.
+        items: All items.
         shard: Such as `2/5`; empty for all.
         argument: The argument of a command that names the shard.
 
     Raises:
-        InputError: It is not such as 2/5.
+        InputError: The shard is not of the form 2/5.
     """
     if not shard:
         return items

@@ -8,7 +8,8 @@ import torch
 
 from styletrf.configuration import configured
 from styletrf.devices import device_named
-from styletrf.evaluation.consistency.frame_pairs import PairPlan, planned_pairs
+from styletrf.evaluation.consistency.frame_pairs import planned_pairs
+from styletrf.evaluation.consistency.pair_plan import PairPlan
 from styletrf.files.images import read_rgb
 from styletrf.files.tables import read_summary, write_curve
 from styletrf.geometry.camera_table import read_cameras
@@ -39,10 +40,10 @@ def train_network(
         inputs: `style`, `content`, `perceptual`; `transfer` for a warm start; `renders` of the
             scene, if the temporal loss uses them.
         out: The folder to fill.
-        settings: Of `StyleTrainingConfig`.
+        settings: Those of `StyleTrainingConfig`.
         run: Its progress is the iteration and the loss.
-        factors: Of the size of the strokes, and of the weight of the content.
-        measured: The settings of `PairPlan` whose pairs are measured, and kept out.
+        factors: The factors of the size of the strokes and of the weight of the content.
+        measured: The settings of the `PairPlan` whose pairs are measured, and so not trained on.
     """
     config = with_style_parameters(configured(StyleTrainingConfig, settings), *factors)
     device = device_named(run.device_name)

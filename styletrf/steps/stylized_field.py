@@ -39,10 +39,10 @@ def stylize_field(
         inputs: `field`, `model`, `priors`, `stylized`; `poses` for s1; `style` and `perceptual` for
             a loss on renders, and `transfer` where it is of distributions.
         out: The folder to fill.
-        settings: Of `StylizationConfig`.
+        settings: Those of `StylizationConfig`.
         run: Its progress is the iteration and the loss.
-        factors: Stroke scale and content weight.
-        strategy: Adapt the appearance (s3), adapt the whole field (s2), or fit a new one (s1).
+        factors: The stroke scale and the content weight.
+        strategy: `s3` adapts the appearance, `s2` the whole field; `s1` fits a new one.
         match: The loss.
     """
     config = configured(StylizationConfig, settings).with_style_parameters(*factors)

@@ -16,7 +16,7 @@ from styletrf.field.radiance_field import RadianceField, load_field, load_styliz
 from styletrf.field.rendering import RenderConfig
 from styletrf.files.float_images import write_float_image
 from styletrf.files.images import read_rgb
-from styletrf.files.video import video_info
+from styletrf.files.video_frames import video_info
 from styletrf.geometry.camera_table import read_cameras, write_cameras
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
@@ -50,8 +50,8 @@ class Blend:
     """Which styles are blended where.
 
     Attributes:
-        strength: Weight of all styles against the photographs' appearance, in [0, 1].
-        weights: Of other styles; the main style has the rest.
+        strength: The weight of all styles against the photographs' appearance, in [0, 1].
+        weights: The weights of other styles; the main style has the rest.
         region: A box or a mask on a prior, to which the style is confined; empty for everywhere.
     """
 
@@ -81,7 +81,7 @@ def render_stylized(
             and `style` for frames that are stylized independently; `blend NAME` of other styles;
             `priors` for a mask; or `trajectory` and the shards to join.
         out: The folder to fill.
-        settings: Of `RenderConfig`.
+        settings: Those of `RenderConfig`.
         run: Its progress is the number of frames.
         blend: Which styles are blended where.
         writes_depths: Whether the depth of the frames is written beside them.
@@ -115,9 +115,9 @@ def stylized_frames(
     """Yields the frames that cameras of the trajectory see, in RGB.
 
     Args:
-        inputs: As of `render_stylized`.
+        inputs: Those of `render_stylized`.
         cameras: Some of the trajectory's.
-        settings: Of `RenderConfig`.
+        settings: Those of `RenderConfig`.
         blend: Which styles are blended where.
         device_name: `auto`, `cpu` or `cuda`.
         progress: Called with the number of frames.

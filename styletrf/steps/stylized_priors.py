@@ -53,11 +53,11 @@ def stylize_priors(
             round on also `before`, the field of the previous round, with `field` and `model`; or
             `priors`, `style` and the shards to join.
         out: The folder to fill.
-        settings: Of `GatysConfig`, where pixels are optimized.
+        settings: Those of `GatysConfig`, where pixels are optimized.
         run: Its progress is the number of views.
         colors: The source of the colors.
-        factors: Stroke scale and content weight of an optimization of pixels (Gatys et al.), which
-            starts from the network's pictures unless its settings say otherwise; empty for a
+        factors: The stroke scale and content weight of an optimization of pixels (Gatys et al.),
+            which starts from the network's pictures unless its settings say otherwise; empty for a
             network alone.
 
     Raises:

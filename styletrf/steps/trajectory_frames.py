@@ -34,7 +34,7 @@ def render_trajectory(
     Args:
         inputs: `field`, `poses` and `model`; or the shards to join.
         out: The folder to fill.
-        settings: Of `FramesConfig`.
+        settings: Those of `FramesConfig`.
         run: Its progress is the number of frames.
         path: `auto`, the name of a path, or a file.
         path_name: Its name in `support.json`.

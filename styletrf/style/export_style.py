@@ -33,7 +33,7 @@ def to_onnx(network: PaintingNetwork, path: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Converts what StyleNetwork left; the suffix decides the format."""
+    """Converts the result of StyleNetwork; the suffix decides the format."""
     parser = argparse.ArgumentParser(
         prog="python -m styletrf.style.export_style", description=__doc__
     )

@@ -1,4 +1,4 @@
-"""Painting one view by optimizing its pixels (Gatys, Ecker and Bethge, CVPR 2016).
+"""Paints one view by optimizing its pixels (Gatys, Ecker and Bethge, CVPR 2016).
 
 The paper's comparison for the feed-forward network: slower by two orders, and every view finds its
 own optimum, so neighbors disagree.
@@ -52,13 +52,13 @@ def paint_by_optimization(
         vgg: The perceptual network.
         content: RGB in [0, 1].
         style: RGB in [0, 1].
-        config: How.
+        config: The settings of the optimization.
         progress: Called with the iteration and the loss.
         begin: The view as a network paints it, for the start `network`.
 
     Raises:
         ValueError: The start is `network`, and `begin` is missing.
-        NotFiniteError: The loss stopped being finite, or an image that it comes of is not.
+        NotFiniteError: The loss stopped being finite, or one of its images is not finite.
     """
     grams = style_grams(vgg, shrunk(style, config.style_px))
     plain = content.permute(2, 0, 1)[None]

@@ -37,7 +37,7 @@ def from_fast_neural_style(path: Path) -> StyleNetwork:
     example never used them. Nothing in the file is run.
 
     Raises:
-        InputError: It is no such file.
+        InputError: The file is not of this kind.
     """
     try:
         loaded = torch.load(path, map_location="cpu", weights_only=True)

@@ -1,8 +1,8 @@
-"""Residual networks from images to images at a quarter of their size: what both have in common.
+"""The common parts of both residual networks from images to images, at a quarter of their size.
 
 Johnson's network (`styletrf.style.style_network`) and that of arbitrary style transfer
 (`styletrf.style.transfer.network`) differ in their layers, not in how an image is brought to whole
-quarters, how a block adds to what it gets, and how first weights are drawn.
+quarters, how a block adds to its input, and how first weights are drawn.
 """
 
 from typing import cast
@@ -19,7 +19,7 @@ _REDUCTION = 4
 
 
 class ResidualBlock(nn.Module):
-    """Adds to its input what the layers make of it."""
+    """Adds the output of the layers to their input."""
 
     def __init__(self, *layers: nn.Module) -> None:
         super().__init__()

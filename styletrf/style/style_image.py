@@ -1,4 +1,4 @@
-"""The painting: read as a photograph is, and checked."""
+"""Reads the painting as photographs are read, and checks it."""
 
 import logging
 from pathlib import Path
@@ -15,7 +15,7 @@ _LOGGER = logging.getLogger(__name__)
 
 SMALLEST_SIDE_PX = 64
 LONGEST_PROPORTION = 8
-"""Of a painting longer than this times its shorter side the middle is used, in that proportion."""
+"""Only the middle of a painting is used that is longer than this times its shorter side."""
 
 _FLAT_DEVIATION = 0.01  # on [0, 1]: under three levels of 255
 

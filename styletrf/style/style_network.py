@@ -50,8 +50,8 @@ class StyleNetwork(nn.Module):
         """Builds the network.
 
         Args:
-            config: Its size.
-            generator: Draws the initial weights (variance 1 / fan-in); otherwise torch's own way.
+            config: The size of the network.
+            generator: Draws the initial weights (variance 1 / fan-in); without it torch draws them.
         """
         super().__init__()
         self.config = config
@@ -105,7 +105,7 @@ def _block(n_in: int, n_out: int, *, kernel: int = 3, stride: int = 1) -> list[n
 
 
 PaintingNetwork = StyleNetwork | TransferNetwork
-"""What paints in one style: Johnson's network, or that of arbitrary style transfer."""
+"""A network that paints in one style: Johnson's, or that of arbitrary style transfer."""
 
 
 def stylize(
@@ -121,7 +121,8 @@ def stylize(
         image: RGB in [0, 1], at least 16x16.
 
     Raises:
-        NotFiniteError: What was painted is not; it names the image, or a parameter, if that is not.
+        NotFiniteError: The painted image is not finite; the error names it, or a parameter that is
+            not.
     """
     fast = is_faster_in_bfloat16(image.device)
     with torch.inference_mode(), torch.autocast(image.device.type, torch.bfloat16, enabled=fast):

@@ -1,4 +1,4 @@
-"""Adapting a field's appearance to stylized views, its density frozen (StyleTRF section 4.3).
+"""Adapts a field's appearance to stylized views, its density frozen (StyleTRF section 4.3).
 
 With the density frozen the samples and weights of a ray never change, so a ray is marched once and
 only the samples that carry its weight are kept; an iteration then costs an appearance look-up and
@@ -41,7 +41,7 @@ from styletrf.progress import Progress, silent
 from styletrf.psnr import bounded_psnr
 
 PARTS = ("factors", "basis", "network", "background")
-"""What an appearance consists of."""
+"""The parts of an appearance."""
 
 _CURVE_EVERY = 20  # iterations
 
@@ -96,12 +96,12 @@ def adapt_appearance(
 
     Args:
         field: The field.
-        cameras: Of the views.
+        cameras: The cameras of the views.
         stylized: The views.
-        space: Of the scene.
-        config: How to adapt.
+        space: The space of the scene.
+        config: The settings of the adaptation.
         kernels: The backend to compute with.
-        progress: Is given the iteration and the loss.
+        progress: Called with the iteration and the loss.
         pixels: Those to learn from, by their numbers; all of them where not given.
 
     Returns:
@@ -138,12 +138,12 @@ def fit_appearance(
     """Fits the appearance to batches of rays, in place, and returns the curve.
 
     Args:
-        appearance: What is fitted.
+        appearance: The appearance to fit.
         batches: One for each iteration.
-        config: How.
+        config: The settings of the adaptation.
         kernels: The backend to compute with.
-        progress: Is given the iteration and the loss.
-        started: From when the seconds of the curve count; by default from now.
+        progress: Called with the iteration and the loss.
+        started: The time from which the seconds of the curve count; by default now.
 
     Raises:
         NotFiniteError: Something stopped being finite; it names what did first.

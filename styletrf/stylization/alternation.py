@@ -26,9 +26,9 @@ def blend_with_previous_round(
 
     Args:
         unstylized: The prior renders.
-        cameras: Theirs.
+        cameras: The cameras of the renders.
         inputs: Folders: `field`, `before` (of the round before) and `model`.
-        device: Where to render.
+        device: The device that renders.
     """
     renders = rendered(
         load_stylized_field(inputs["field"], inputs["before"]),

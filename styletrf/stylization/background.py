@@ -1,7 +1,7 @@
-"""Objects cut out of their background: the painter sees them on their own mean color.
+"""Shows a painter objects that are cut out of their background on their own mean color.
 
 A network normalizes a view by the statistics of all of it. Where much of the view is white because
-nothing is there, the object is what differs from white, and is painted nearly black.
+nothing is there, only the object differs from white, and is painted nearly black.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,7 @@ Image = Float[np.ndarray, "height width 3"]
 Color = Float[np.ndarray, " 3"]
 
 _LEAST_FRACTION = 0.01
-"""Of the pixels of all views, that have to be empty for the views to have such a background."""
+"""The fraction of the pixels of all views that have to be empty for such a background."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +25,8 @@ class EmptyBackground:
     """The one color of empty pixels, and the mean color of the others.
 
     Attributes:
-        shown: Of rays that hit nothing.
-        mean: Of all else, by opacity.
+        shown: The color of rays that hit nothing.
+        mean: The mean color of all else, weighted by opacity.
     """
 
     shown: Color

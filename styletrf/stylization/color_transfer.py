@@ -10,13 +10,13 @@ from jaxtyping import Float
 Image = Float[np.ndarray, "_ _ 3"]
 Colors = Literal["style", "photograph", "luminance"]
 ColorMap = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
-"""A matrix, and what is added after it."""
+"""A matrix, and the offset that is added after it."""
 
 MOST_GAIN = 8.0
-"""Of the map along any axis of color: a painting in grays cannot be given hues by noise."""
+"""The most gain of the map along any axis of color: noise must not give a gray painting hues."""
 
 MOST_GAIN_TO_PAINTING = 1.5
-"""Of the map to the painting's colors, which corrects a network and must not paint in its place."""
+"""The most gain of the map to the painting's colors, which must not paint in a network's place."""
 
 
 def in_colors(
@@ -27,14 +27,13 @@ def in_colors(
     `style` moves all of them by the one linear map that gives them the painting's mean and
     covariance (as Zhang et al., ECCV 2022, section 4.3), as far as `MOST_GAIN_TO_PAINTING` allows;
     `photograph` likewise gives them the unstylized views'; `luminance` keeps of the painting the
-    lightness alone (CIE L*a*b*). What a map of colors alone does is the same in every view, so
-    consistency stays.
+    lightness alone (CIE L*a*b*). A map of colors is the same in every view, so consistency stays.
 
     Args:
         painted: RGB in [0, 1].
         unstylized: The same views before.
         painting: The style image.
-        colors: Whose.
+        colors: The source of the colors.
     """
     if colors == "luminance":
         return [_with_lightness_of(p, q) for p, q in zip(unstylized, painted, strict=True)]

@@ -1,9 +1,9 @@
 """A loss of renders whose content weight falls as far as a level of lost content permits.
 
-At one weight of the content term much of the scene is left under some paintings: broad soft forms
-cost little content, hard lines cost much. So the weight falls while a render keeps more than it
-has to, and rises again to where it began, as the multiplier of the constraint x <= log(1 + level)
-does (dual ascent, in its logarithm), x the term that each render has:
+At one weight of the content term some paintings leave much of the scene: broad soft forms cost
+little content, hard lines cost much. So the weight falls while a render keeps more than it has to,
+and rises again to where it began, as the multiplier of the constraint x <= log(1 + level) does
+(dual ascent, in its logarithm), x the term that each render has:
 
     weight <- weight exp(rate (x - log(1 + level))),
 
@@ -24,7 +24,7 @@ _MAX_LOG_STEP = 1.0  # an iteration multiplies the weight by e at most
 
 @dataclass(frozen=True, slots=True)
 class ContentConstraintConfig:
-    """To which level the content may be lost, and how fast its weight follows (0: not at all).
+    """The level to which content may be lost, and how fast its weight follows (0: not at all).
 
     The term is log(1 + d / t), `d` the mean squared difference between the features of a render and
     of the unstylized one, `t` the mean square of the latter's; the level is one of d / t.
@@ -55,7 +55,7 @@ class TermsOfLoss(Protocol):
 
 
 class ConstrainedContentLoss:
-    """The sum of the terms of a loss; to be called once for each iteration, since calls count.
+    """The sum of the terms of a loss; it is called once for each iteration, since calls count.
 
     The weight stays where the loss has no content term, or one that is not relative.
     """
@@ -66,14 +66,14 @@ class ConstrainedContentLoss:
         """Begins with the weight of the loss.
 
         Args:
-            terms: Of the loss.
+            terms: The terms of the loss.
             loss: The weights in these terms.
             config: The level, and how fast the weight follows.
         """
         self._terms, self._initial_weight, self._config = terms, loss.content_weight, config
         self._follows = loss.relative and loss.content_weight > 0
         self.factor = 1.0
-        """Of the weight that it began with."""
+        """The weight as a multiple of the weight that it began with."""
 
     def content_features(self, unstylized: Tensor) -> Tensor:
         """Returns the features that a render should share with the unstylized one."""

@@ -1,4 +1,4 @@
-"""The strategies that the paper compares with: fit the whole field, or a new one (section 5).
+"""The strategies that the paper compares with: they fit the whole field, or a new one (section 5).
 
 S2 goes on fitting a field to the stylized views, density and all; S1 fits a new one to them alone.
 The views disagree about where the strokes are, and a free density invents shapes that explain it.
@@ -26,7 +26,7 @@ def fit_new_field(
 ) -> tuple[RadianceField, list[AdaptationCurvePoint]]:
     """Returns a field fitted to the stylized views alone (S1), and its curve.
 
-    It has all of its iterations: painted views disagree, so that one set aside says little.
+    The fit has all of its iterations: painted views disagree, so that one set aside says little.
     """
     whole = replace(config, early_gain_db=0.0)
     field, curve = train_field(stylized, volume, whole, kernels, progress)

@@ -1,4 +1,4 @@
-"""Adapting an appearance to a loss of renders, by deferred back-propagation.
+"""Adapts an appearance to a loss of renders, by deferred back-propagation.
 
 As in ARF (Zhang et al., ECCV 2022, section 4.2): a part of a view is rendered without gradients,
 the loss of that picture gives each pixel's gradient, and the part is rendered again tile by tile to
@@ -7,7 +7,7 @@ whole; of one with a longer side than `window_px` a window is, drawn again for e
 
 A picture fixes only the sum along each ray, as in `styletrf.stylization.adaptation`. So the loss
 also has the variance of the color along the rays: it keeps strokes on their surface, and frames
-steady.
+consistent.
 """
 
 import math
@@ -90,16 +90,16 @@ def adapt_to_image_loss(
 
     Args:
         field: The field; its density is only read.
-        cameras: Of the views.
+        cameras: The cameras of the views.
         views: The unstylized views, and the painted ones, which the curve compares with.
-        space: Of the scene.
-        image_loss: Of a render and the content features of the unstylized view.
-        config: How long.
-        adaptation: Rates, parts and the cache.
+        space: The space of the scene.
+        image_loss: The loss of a render and the content features of the unstylized view.
+        config: The iterations and rates.
+        adaptation: The rates, the parts and the cache.
         kernels: The backend to compute with.
         progress: Called with the iteration and the loss.
-        background: Of views that show an object on nothing: the loss sees it on its mean color, as
-            what painted the views did.
+        background: The background of views that show an object on nothing: the loss sees it on its
+            mean color, as the painter of the views did.
 
     Returns:
         The curve.
@@ -147,7 +147,7 @@ def _at_rate(adaptation: AdaptationConfig, rate: float) -> AdaptationConfig:
 
 
 def _order_of_views(n_views: int, iterations: int, seed: int) -> list[int]:
-    """Every view once in a new order, again and again."""
+    """Yields every view once in a new order, again and again."""
     order, rounds = torch.Generator().manual_seed(seed), 1 + iterations // n_views
     orders = torch.cat([torch.randperm(n_views, generator=order) for _ in range(rounds)])
     return [int(view) for view in orders[:iterations]]

@@ -1,4 +1,4 @@
-"""Several appearances of one density, mixed where their samples are.
+"""Mixes several appearances of one density at their samples.
 
     color(x, d) = sum_k fraction_k(x) color_k(x, d),   sum_k fraction_k(x) = 1
 
@@ -35,16 +35,16 @@ class MixedAppearance(ColorModel):
         region: Region | None = None,
         space: Space | None = None,
     ) -> None:
-        """Mixes.
+        """Combines the appearances.
 
         Args:
-            appearances: On one grid.
-            fractions: Of each, not negative; they sum to 1.
-            region: Where the fractions hold; None is everywhere.
-            space: Of the grid, by which positions are found in the world; for a region.
+            appearances: The appearances, on one grid.
+            fractions: The fraction of each, not negative; they sum to 1.
+            region: The region in which the fractions hold; None is everywhere.
+            space: The space of the grid, by which positions are found in the world; for a region.
 
         Raises:
-            ValueError: They are not such fractions, or a region comes without its space.
+            ValueError: The fractions are invalid, or a region comes without its space.
         """
         super().__init__()
         if (

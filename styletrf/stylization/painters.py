@@ -37,11 +37,11 @@ def optimizing_painter(
     """Returns a function that stylizes an image by optimizing its pixels.
 
     Args:
-        weights: Of the perceptual network.
+        weights: The weights of the perceptual network.
         style: The painting.
-        config: How; with the start `network` that must be given.
-        device: Where to compute.
-        network: Paints what an optimization starts from.
+        config: The settings; with the start `network`, `network` must be given.
+        device: The device that computes.
+        network: Paints the picture that an optimization starts from.
     """
     vgg, painting = load_vgg(weights, device), torch.from_numpy(read_rgb(style)).to(device)
     paint = partial(paint_by_optimization, vgg, style=painting, config=config)
@@ -54,7 +54,7 @@ def optimizing_painter(
 
 
 def save_painted(path: Path, views: Sequence[Image]) -> None:
-    """Writes painted views as they are, without rounding."""
+    """Writes painted views without rounding."""
     save_file({f"{k:06d}": np.ascontiguousarray(view) for k, view in enumerate(views)}, path)
 
 
@@ -74,7 +74,7 @@ def each_painted(
     """Yields the views painted, one at a time.
 
     Raises:
-        NotFiniteError: One of them is not; it names the view.
+        NotFiniteError: A view is not finite; the error names it.
     """
     for k, view in enumerate(views):
         try:

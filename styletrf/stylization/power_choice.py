@@ -28,9 +28,9 @@ class PowerChoiceConfig:
 
     Attributes:
         powers: In ascending order, each at least 1.
-        sharpness: Share of the priors' that is enough.
-        views: At how many of the priors' cameras.
-        render: How they are rendered.
+        sharpness: The fraction of the priors' sharpness that is enough.
+        views: The number of the priors' cameras that renders are compared at.
+        render: The settings of these renders.
     """
 
     powers: tuple[float, ...] = (1.0, 1.5, 2.0)
@@ -58,10 +58,10 @@ def choose_weight_power(
 
     Args:
         radiance: The field, fitted to the painted views; only its power changes.
-        cameras: Of the painted views.
+        cameras: The cameras of the painted views.
         painted: The views.
-        space: Of the scene.
-        config: What is tried.
+        space: The space of the scene.
+        config: The powers to try.
     """
     chosen = evenly_spread(range(len(cameras)), config.views)
     wanted = np.mean([sharpness(painted[k].cpu().numpy() / np.float32(255)) for k in chosen])

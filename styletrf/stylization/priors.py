@@ -36,8 +36,8 @@ _PLACES = 20_000  # of those that the trajectory sees
 class PriorsConfig:
     """Candidates (`trajectory`), how many of them are needed, and how they are rendered.
 
-    Viewpoints are `spread` over what the fly-through goes around, or lie on its own `path`, as the
-    publication's lie on a spiral. A `long_side_px` of 0 is the scene's working size.
+    Viewpoints are `spread` over the volume that the fly-through encloses, or lie on its own `path`,
+    as the publication's lie on a spiral. A `long_side_px` of 0 is the scene's working size.
     """
 
     long_side_px: int = 0
@@ -70,20 +70,20 @@ def needed_views(
     config: PriorsConfig,
     device: torch.device,
 ) -> list[Camera]:
-    """Returns the candidates that cover what the renders of a trajectory show.
+    """Returns the candidates that cover the places that the renders of a trajectory show.
 
     Where they show too little of it, as of a path that goes elsewhere than they do, views along the
     trajectory are candidates, too. Then views of both kinds are added until at least one shows
     nearly every place that any shows, such as a strip at the edge of frames.
 
     Args:
-        candidates: Viewpoints in the normalized world; of the size of the first are those along the
-            trajectory, where these are wanted.
-        trajectory: What `write_float_frames` wrote.
+        candidates: Viewpoints in the normalized world; views along the trajectory, where these are
+            wanted, have the size of the first.
+        trajectory: The folder that `write_float_frames` wrote.
         radiance: The field, whose depth decides what a candidate shows.
-        space: Of the field.
-        config: Which viewpoints, and how well they are to cover it.
-        device: Where to render.
+        space: The space of the field.
+        config: The viewpoints, and how well they have to cover the trajectory.
+        device: The device that renders.
     """
     cameras, coverage = read_cameras(trajectory / "cameras.parquet"), config.coverage
     places = _places_along(cameras, trajectory)
@@ -145,5 +145,5 @@ def _places_along(cameras: Sequence[Camera], trajectory: Path) -> Float[np.ndarr
 
 
 def views_along(path: Sequence[Camera], size: Camera, count: int) -> list[Camera]:
-    """Returns at most `count` views evenly along a path, of the size of a camera."""
+    """Returns at most `count` views, spread evenly along a path, of the size of a camera."""
     return [resized(view, size.width, size.height) for view in evenly_spread(path, count)]

@@ -22,7 +22,7 @@ class Region(ABC):
 
     @abstractmethod
     def inside(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
-        """Returns 1 for points inside, 0 for points outside, between at a soft border."""
+        """Returns 1 for points inside, 0 for points outside, values between at a soft border."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +47,9 @@ class Masked(Region):
     """The surfaces that a view shows within its mask, and not what hides behind them.
 
     Attributes:
-        camera: Of the view.
-        mask: From 0 to 1.
-        depth: Along the camera's axis, infinite where nothing is hit.
+        camera: The camera of the view.
+        mask: The weights of its pixels, from 0 to 1.
+        depth: The depth along the camera's axis, infinite where nothing is hit.
         thickness: A point belongs to a surface up to this fraction of its depth behind it.
     """
 
@@ -59,7 +59,7 @@ class Masked(Region):
     thickness: float = 0.05
 
     def inside(self, points_world: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
-        """See `Region.inside`; what the view does not show is outside."""
+        """See `Region.inside`; points that the view does not show are outside."""
         somewhere = np.isfinite(points_world).all(axis=1)
         pixels, depth, surface, shown = depth_behind(
             self.camera,
@@ -76,7 +76,7 @@ def masked_on(renders: Path, view: str, mask: Path) -> Masked:
     """Returns the region that an image shows white over one of the renders in a folder.
 
     Args:
-        renders: What `write_float_frames` wrote.
+        renders: The folder that `write_float_frames` wrote.
         view: The name of one of them.
         mask: An image of any size and the view's proportions.
 

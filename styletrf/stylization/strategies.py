@@ -189,7 +189,7 @@ def _lattice_scale(job: Stylization, config: StylizationConfig) -> float:
 
 
 def _learnt_pixels(job: Stylization, config: StylizationConfig) -> Tensor | None:
-    """Returns the pixels, counted through all priors, that their surface learns from."""
+    """Returns the pixels, numbered through all priors, that their surface learns from."""
     if not config.single_owner:
         return None
     masks = owned_pixels(job.cameras, job.depths, config.ownership)

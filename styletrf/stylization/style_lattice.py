@@ -23,10 +23,11 @@ class StyleLatticeConfig:
     """The lattice points for each pixel of the priors, and what the lattice may grow to.
 
     Attributes:
-        points_per_px: Along a line of the image, at the depth of what a prior shows.
+        points_per_px: The lattice points per pixel along a line of a prior, at the depth that it
+            shows.
         share: The largest fraction of the places looked at that may have fewer.
-        min_scale: Of the style's lattice, times that of the field's, however far cameras are.
-        max_scale: The same, however near they are.
+        min_scale: The least scale of the style's lattice over the field's, however far cameras are.
+        max_scale: The greatest scale, however near they are.
         most_points_per_px: The scale is reduced, but not below 1, where a pixel would have more.
     """
 
@@ -55,15 +56,15 @@ def lattice_scale(
 ) -> float:
     """Returns how many times finer than `resolution` the lattice of a style is.
 
-    It is between the scales of `config`, and the smaller one where no prior shows anything. Where
-    pixels would have more points than `most_points_per_px`, it is reduced, but not below 1.
+    The scale lies between those of `config`, and is the smaller one where no prior shows anything.
+    Where pixels would have more points than `most_points_per_px`, it is reduced, but not below 1.
 
     Args:
-        space: Of the part of the grid that the lattice fills (`Space.within`).
-        resolution: Lattice points along the axes of that part.
-        cameras: Of the priors, in the normalized world.
-        depths: Theirs along the cameras' axes; infinite where nothing is hit.
-        config: What is wanted.
+        space: The space of the part of the grid that the lattice fills (`Space.within`).
+        resolution: The lattice points along the axes of that part.
+        cameras: The cameras of the priors, in the normalized world.
+        depths: The priors' depths along the cameras' axes; infinite where nothing is hit.
+        config: The wanted density and the bounds.
     """
     views = zip(cameras, depths, strict=True)
     found = np.concatenate([points_per_pixel(space, resolution, *view) for view in views])
@@ -82,9 +83,9 @@ def points_per_pixel(
 ) -> Float[np.ndarray, " places"]:
     """Returns the lattice points in the width of a pixel, for every eighth pixel each way.
 
-    The smallest singular value of the derivative of the lattice coordinates by the position in the
-    image, on a plane across the view at the depth of the pixel: along the direction in which the
-    lattice is coarsest. On a slanted surface there are more. Pixels of infinite depth, in which
+    This is the smallest singular value of the derivative of the lattice coordinates by the position
+    in the image, on a plane across the view at the depth of the pixel: along the direction in which
+    the lattice is coarsest. On a slanted surface there are more. Pixels of infinite depth, in which
     nothing is hit, are left out.
     """
     rows, columns = np.indices(depth.shape)

@@ -4,10 +4,10 @@ Priors are stylized one by one, and their strokes disagree. An appearance fitted
 averages the strokes away. As in texturing a mesh from photographs (Lempitsky and Ivanov 2007), each
 point of the surface learns from one view only: the first, in farthest-first order, that shows it.
 
-A view shows what another view's pixel p shows if p, moved there by its own depth and back by the
+A view shows the point of another view's pixel p if p, moved there by its own depth and back by the
 depth found there, returns to the neighborhood of p (the usual test of multi-view stereo, but with a
-wider tolerance: where density is spread along the rays, its depth depends on the view, and
-owners that alternate there leave speckles). What is hidden there lies far from what hides it, and
+wider tolerance: where density is spread along the rays, its depth depends on the view, and owners
+that alternate there leave speckles). A hidden point lies far from the surface that hides it, and
 does not return.
 """
 
@@ -33,10 +33,10 @@ Mask = Bool[np.ndarray, "height width"]
 
 @dataclass(frozen=True, slots=True)
 class OwnershipConfig:
-    """When two pixels show the same, and which regions are too small to own anything."""
+    """When two pixels show the same, and which regions are too small to own pixels."""
 
     tolerance: float = 0.016  # of the longer side, between a pixel and its return
-    smallest: float = 1e-3  # share of a view's pixels that a connected region needs
+    smallest: float = 1e-3  # fraction of a view's pixels that a connected region needs
 
     def __post_init__(self) -> None:
         if self.tolerance <= 0 or not 0 <= self.smallest < 1:
@@ -67,9 +67,9 @@ def owned_pixels(
     but for regions smaller than `smallest`.
 
     Args:
-        cameras: Of the views.
-        depths: Along the cameras' z axes; infinite where nothing is hit.
-        config: Tolerances.
+        cameras: The cameras of the views.
+        depths: The depths along the cameras' z axes; infinite where nothing is hit.
+        config: The tolerances.
     """
     masks: list[Mask] = [np.zeros(depth.shape, dtype=bool) for depth in depths]
     done: list[int] = []
@@ -91,11 +91,11 @@ def is_shown(
     pixels: Int64[np.ndarray, " pixels"],
     tolerance_px: float,
 ) -> Bool[np.ndarray, " pixels"]:
-    """Returns which pixels of the first view show what the second view shows, too.
+    """Returns which pixels of the first view show points that the second view shows, too.
 
     Args:
-        cameras: First and second.
-        depths: Theirs.
+        cameras: The first and the second camera.
+        depths: The depths of both views.
         pixels: Indices into the first view, row by row.
         tolerance_px: How far from itself a pixel may return.
     """

@@ -22,7 +22,7 @@ from styletrf.stylization.background import EmptyBackground
 
 @runtime_checkable
 class ImageLoss(Protocol):
-    """A loss of renders, `1 3 height width`, beside what they are to show."""
+    """A loss of renders, `1 3 height width`, against the content that they are to show."""
 
     def content_features(self, unstylized: Tensor) -> Tensor:
         """Returns the features of an unstylized render that the loss compares with."""
@@ -48,7 +48,7 @@ class Window:
 def drawn_window(
     painted: UInt8[Tensor, "height width 3"], side_px: int, generator: torch.Generator
 ) -> Window:
-    """Returns a window at a random place; a view that is smaller is taken whole."""
+    """Returns a window at a random place; the whole view if that is smaller."""
     spans = []
     for whole in painted.shape[:2]:
         side = min(whole, side_px)

@@ -18,7 +18,7 @@ Places = Float[np.ndarray, " places"]
 Blend = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 TURN = 0.5
-"""The way in the normalized world that counts as much as a turn by one radian.
+"""The distance in the normalized world that counts as much as a turn by one radian.
 
 The center of the camera moves at an even speed, and more slowly where the camera would turn faster
 than that: a turn on the spot takes time, too.
@@ -29,7 +29,7 @@ _CLOSEST = 1e-3  # of the widest interval between knots
 
 @dataclass(frozen=True, slots=True)
 class Poses:
-    """Cameras of a path: centers, unit quaternions `w x y z` and focal lengths.
+    """The cameras of a path: centers, unit quaternions `w x y z` and focal lengths.
 
     Quaternions turn the camera's axes into the world's. Focal lengths are in units of the longer
     side of an image.
@@ -104,12 +104,13 @@ class CameraCurve:
 def curve_through(
     keys: Poses, *, closed: bool = False, times_s: Places | None = None
 ) -> CameraCurve:
-    """Returns the curve through key frames; a single one is a curve that stays there.
+    """Returns the curve through key frames; the curve of a single one stays there.
 
     Args:
         keys: The poses, one or more.
-        closed: Whether it returns to the first one.
-        times_s: Of an open curve, ascending: they become its parameters.
+        closed: Whether the curve returns to the first one.
+        times_s: The times of the key frames of an open curve, ascending: they become its
+            parameters.
     """
     if len(keys) == 1:
         keys = _chosen(keys, np.array([0, 0]))
@@ -133,7 +134,7 @@ def curve_through(
 def eased(time: Places, easing: float) -> Places:
     """Returns the fraction of the way at fractions of the time, both from 0 to 1.
 
-    The speed rises evenly during the first half of the share `easing` of the time, falls evenly
+    The speed rises evenly during the first half of the fraction `easing` of the time, falls evenly
     during the last half of it, and is constant between.
     """
     ramp = easing / 2

@@ -17,7 +17,7 @@ from styletrf.trajectory.trajectory_config import TrajectoryConfig
 class TimedPath:
     """Key frames in the normalized world, and when the camera is at each.
 
-    Without `times_s` it goes at an even speed.
+    Without `times_s` the camera moves at an even speed.
     """
 
     poses: Poses
@@ -41,10 +41,10 @@ def frames_along(
     the one after it would be the first again.
 
     Args:
-        path: Where it goes.
-        photograph: What the frames have the shape of.
-        config: Length, speed, easing and angle of view.
-        frames_per_second: Of the video.
+        path: The path of the camera.
+        photograph: The camera whose shape the frames have.
+        config: The length, speed, easing and angle of view.
+        frames_per_second: The rate of the video.
     """
     times = np.array(path.times_s)
     curve = curve_through(path.poses, closed=path.closed, times_s=times if len(times) else None)

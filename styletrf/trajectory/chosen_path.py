@@ -1,4 +1,4 @@
-"""The frames' cameras along the default path, one chosen by its name, or one given in a file."""
+"""The cameras of the frames along the default path, a path chosen by its name, or one in a file."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -31,7 +31,7 @@ def default_path(
     Args:
         cameras: The photographs', in the normalized world.
         model: Of the scene.
-        config: Length, spread, angle of view, and the limit.
+        config: The length, spread, angle of view, and the limit.
         measure: Returns the support of a path.
         has_parallax: Whether there is parallax between the photographs.
     """
@@ -58,10 +58,10 @@ def chosen_path(
     """Returns the cameras of the frames, of the usual size and shape of the photographs.
 
     Args:
-        path: Its name, or where its file is.
+        path: Its name, or the path of its file.
         cameras: The photographs', in the normalized world.
         model: Of the scene.
-        config: Length, speed, easing, angle of view and so on.
+        config: The length, speed, easing, angle of view and so on.
         are_given: Whether the poses of the photographs came with them.
 
     Raises:

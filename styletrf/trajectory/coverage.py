@@ -1,7 +1,7 @@
-"""Chooses a few views that show all that the trajectory will, by the field's own depth.
+"""Chooses a few views that show all places that the trajectory will, by the field's own depth.
 
-What no prior shows keeps the photographs' colors, or what the factors make up; a second and a
-third prior of the same place average out what the painter does differently from view to view.
+Places that no prior shows keep the photographs' colors, or arbitrary ones of the factors; a second
+and a third prior of the same place average out the painter's differences from view to view.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ Depth = Float[np.ndarray, "height width"]
 
 @dataclass(frozen=True, slots=True)
 class CoverageConfig:
-    """Settings of how well views cover the places that a path sees."""
+    """Settings of the cover of the places that a path sees."""
 
     count: int = 0  # of views; 0: as many as the cover needs
     times: int = 3  # a place is covered that so many views show
@@ -68,12 +68,12 @@ def shown(
     """Returns which places a view shows: inside of it, and at a depth that it has there.
 
     Args:
-        camera: Of the view.
-        depth: Of the view; infinite where it hits nothing.
-        places: In the camera's world.
-        tolerance: Of the depth, as a fraction of it.
+        camera: The camera of the view.
+        depth: The depth of the view; infinite where it hits nothing.
+        places: The places, in the camera's world.
+        tolerance: The tolerance of the depth, as a fraction of it.
         reach_px: A place counts as shown if its depth lies within the range of depths up to so many
-            pixels from it, so that the edges of what hides it hide nothing more.
+            pixels from it, so that the edges of a surface that hides it hide nothing more.
     """
     around = np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)
     _, depth_there, nearest, inside = depth_behind(camera, cv2.erode(depth, around), places)
@@ -88,8 +88,8 @@ def shown(
 def covering(seen: Bool[np.ndarray, "views places"], config: CoverageConfig) -> list[int]:
     """Returns the chosen views: each next one shows most of the places not covered yet.
 
-    Greedy set cover: each place should be visible in `times` views, or in all candidates that
-    see it if there are fewer. A `count` above 0 selects exactly so many views.
+    This is a greedy set cover: each place should be visible in `times` views, or in all candidates
+    that see it if there are fewer. A `count` above 0 selects exactly so many views.
     """
     if not config.count:
         return sorted(_covering(seen, [], config.times, config.share, len(seen)) or [0])
@@ -118,7 +118,10 @@ def _covering(
     share: float,
     most: int,
 ) -> list[int]:
-    """Returns the chosen views and at most `most` in all that show a share `times` times."""
+    """Returns the chosen views and others, until the fraction `share` is shown `times` times.
+
+    They are at most `most`.
+    """
     views = list(chosen)
     wanted = np.minimum(seen.sum(axis=0), times)
     missing = np.maximum(wanted - seen[views].sum(axis=0), 0)

@@ -1,4 +1,4 @@
-"""Renders of a field along a path: float images with depth, or pictures and a video."""
+"""Renders a field along a path: float images with depth, or pictures and a video."""
 
 import shutil
 from collections.abc import Iterator, Sequence
@@ -37,7 +37,7 @@ from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 @dataclass(frozen=True, slots=True)
 class FramesConfig:
-    """Which path is rendered, and how; `long_side_px` 0 is the scene's working size."""
+    """The path that is rendered, and how; `long_side_px` 0 is the scene's working size."""
 
     long_side_px: int = 0
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
@@ -66,8 +66,8 @@ def rendered(
     """Yields the render of each camera, on the CPU; an `appearance` replaces the field's own.
 
     Raises:
-        NotFiniteError: One is not; it names the view, and the camera or the parameter if that is
-            not. Infinite depth is where nothing is hit.
+        NotFiniteError: A render is not finite; the error names the view, and the camera or the
+            parameter if that is not. Infinite depth is where nothing is hit.
     """
     if not cameras:
         return
@@ -102,9 +102,9 @@ def write_float_frames(
     """Writes `frames/NAME.exr` (R G B A half, Z float, the surface depth) and `cameras.parquet`.
 
     Args:
-        folder: To be filled.
-        cameras: Of the renders.
-        renders: One a camera.
+        folder: The folder to fill.
+        cameras: The cameras of the renders.
+        renders: One render for each camera.
         path: The cameras of the table, of which those of the renders are a part; else the same.
     """
     (folder / "frames").mkdir()
@@ -132,7 +132,7 @@ def join_float_frames(parts: Sequence[Path], folder: Path) -> None:
 
 
 def join_pictures(parts: Sequence[Path], folder: Path) -> None:
-    """Copies the `frames/` of all parts, and what other folders they have."""
+    """Copies the `frames/` of all parts, and their other folders."""
     for file in chain.from_iterable(part.glob("*/*") for part in parts):
         (folder / file.parent.name).mkdir(exist_ok=True)
         shutil.copyfile(file, folder / file.parent.name / file.name)
@@ -141,7 +141,7 @@ def join_pictures(parts: Sequence[Path], folder: Path) -> None:
 def float_images(folder: Path, cameras: Sequence[Camera] | None = None) -> Iterator[FloatImage]:
     """Yields the frames that `write_float_frames` wrote, in order.
 
-    Of some cameras alone, where these are given.
+    Where some cameras are given, only their frames.
     """
     for camera in read_cameras(folder / "cameras.parquet") if cameras is None else cameras:
         yield read_float_image(folder / "frames" / f"{camera.name}.exr")

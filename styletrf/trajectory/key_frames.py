@@ -1,11 +1,11 @@
-"""Key frames of a camera path, as a viewer or a person writes them: `docs/paths.md`.
+"""Key frames of a camera path, as the viewer or a user writes them: `docs/paths.md`.
 
     {"key_frames": [{"photograph": "IMG_0007"},
                     {"position": [x, y, z], "look_at": [x, y, z], "fov_deg": 60},
                     {"position": [x, y, z], "orientation": [w, x, y, z]}],
      "closed": false, "easing": 0.2}
 
-Coordinates are those of the capture's world, the one of `cameras.parquet`.
+Coordinates are those of the capture's world, which is that of `cameras.parquet`.
 """
 
 import json
@@ -31,7 +31,7 @@ Kind = TypeVar("Kind")
 
 @dataclass(frozen=True, slots=True)
 class KeyFrame:
-    """A place of the camera: that of a photograph, or a position with a direction.
+    """A pose of the camera: that of a photograph, or a position with a direction.
 
     `orientation` is a quaternion `w x y z` that turns the camera's axes (x right, y down, z ahead)
     into the world's. `fov_deg` is the angle of view along the longer side of the frame, None for

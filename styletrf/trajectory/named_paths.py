@@ -47,10 +47,10 @@ def named_path(
       views look all around, the way looks ahead.
 
     Args:
-        name: Of the path.
+        name: The name of the path.
         cameras: The photographs', in the normalized world.
-        model: Its focus, and how the photographers looked.
-        config: Its spread, turns and stabilization.
+        model: The model of the scene: its focus, and how the photographers looked.
+        config: The spread, turns and stabilization of the path.
     """
     fractions = np.arange(_KEYS) / _KEYS
     if name == "photographs":

@@ -37,7 +37,7 @@ def read_path(path: Path) -> KeyFrames:
     """Returns the key frames in a file, or in the folder of a COLMAP model.
 
     Raises:
-        InputError: It is none of the formats; names the file, and the entry at fault.
+        InputError: The file has none of the formats; the error names it, and the entry at fault.
     """
     if path.is_dir():
         return _of_views(path, colmap_views(path, path), timed=False)
@@ -62,9 +62,10 @@ def placed_key_frames(
     """Returns the poses of key frames in the normalized world.
 
     Args:
-        keys: What `read_path` returned.
+        keys: The key frames that `read_path` returned.
         cameras: The photographs', in the normalized world.
-        model: How the normalized world lies in the capture's.
+        model: The model of the scene, with the similarity between the normalized world and the
+            capture's.
         are_given: Whether the poses of the photographs came with them.
 
     Raises:
@@ -80,11 +81,12 @@ def require_common_world(keys: KeyFrames, *, are_given: bool) -> None:
     """Refuses cameras of another world than the photographs'.
 
     Args:
-        keys: That may be in the world of the poses that came with the photographs.
-        are_given: Whether any did.
+        keys: Key frames that may be in the world of the poses that came with the photographs.
+        are_given: Whether poses came with the photographs.
 
     Raises:
-        InputError: None did, so that nothing says where in the scene the cameras are.
+        InputError: No poses came with them, so that nothing says where in the scene the cameras
+            are.
     """
     if keys.of_given_poses and not are_given:
         raise InputError(
@@ -99,11 +101,11 @@ def require_photographs(keys: KeyFrames, names: Sequence[str]) -> None:
     """Refuses key frames at photographs that a scene does not have.
 
     Args:
-        keys: That may name photographs, with the suffixes of their files or without.
-        names: Of the scene's photographs.
+        keys: Key frames that may name photographs, with the suffixes of their files or without.
+        names: The names of the scene's photographs.
 
     Raises:
-        InputError: One is missing; lists some that are there.
+        InputError: A photograph is missing; the error lists some that exist.
     """
     for k, frame in enumerate(keys.frames):
         if frame.photograph and not {frame.photograph, Path(frame.photograph).stem} & set(names):

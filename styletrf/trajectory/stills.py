@@ -1,4 +1,4 @@
-"""Stills: the photographs' own views one after another, where a fly-through is not possible.
+"""Stills: the photographs' own views one after another, where no fly-through is possible.
 
 A fly-through needs depth, which photographs from one spot or of a flat wall do not show, and
 photographs that support what it sees.
@@ -26,7 +26,7 @@ class Still:
 
 
 def cuts_of(support: Mapping[str, Any]) -> list[int]:
-    """Returns the frames at which another still begins, from what `support.json` says of a path."""
+    """Returns the frames at which another still begins, by the `support.json` of a path."""
     return [still["first_frame"] for still in support["stills"][1:]]
 
 
@@ -40,9 +40,9 @@ def stills(
     photograph of another shape is cropped, and left out where less than 70 % of it would remain.
 
     Args:
-        cameras: The photographs'.
-        n_frames: How many frames there are, at least one.
-        frames_per_second: Of the video.
+        cameras: The cameras of the photographs.
+        n_frames: The number of frames, at least one.
+        frames_per_second: The rate of the video.
     """
     typical = typical_view(cameras)
     cropped = [_cropped(camera, typical) for camera in cameras]

@@ -1,10 +1,10 @@
 """Measures how well photographs support a path: the fraction of pixels that too few of them show.
 
-A field is free where few photographs constrain it. A pixel of a frame is unsupported if fewer than
-three photographs see the surface there: the point behind it, by the field's own depth, has to lie
-within the photograph and not behind another surface, again by the field's depth. Where the field
-has nothing but its background, a photograph that shows something else there sees none of it: so the
-flat border of a field that ends before the photographs do is unsupported.
+A field is arbitrary where few photographs constrain it. A pixel of a frame is unsupported if fewer
+than three photographs see the surface there: the point behind it, by the field's own depth, has to
+lie within the photograph and not behind another surface, again by the field's depth. Where the
+field has nothing but its background, a photograph that shows something else there sees none of it:
+so the flat border of a field that ends before the photographs do is unsupported.
 """
 
 from collections.abc import Sequence
@@ -64,10 +64,11 @@ class SupportMeter:
     Args:
         photographs: Those that the field was fitted to, in the normalized world.
         radiance: The field.
-        space: Of the field.
-        config: How to measure.
-        device: Where to render depth.
-        folder: Of the photographs; where it is None, the background is taken to be what they show.
+        space: The space of the field.
+        config: The settings of the measurement.
+        device: The device that renders depth.
+        folder: The folder of the photographs; where it is None, their background counts as that of
+            the field.
     """
 
     def __init__(
@@ -93,7 +94,7 @@ class SupportMeter:
         return Support(fractions)
 
     def _compare_with(self, folder: Path) -> None:
-        """Takes out what the photographs show otherwise than as background."""
+        """Sets the depths to 0 where the photographs show something that the field lacks."""
         background = self._field[0].appearance.background_color().detach().cpu().numpy()
         for k, (camera, depth) in enumerate(zip(self._photographs, self._depths, strict=True)):
             if not np.isfinite(depth).all():
@@ -109,13 +110,13 @@ class SupportMeter:
 def without_misses(depth: Depth, photograph: Image, background: Float[np.ndarray, " 3"]) -> Depth:
     """Returns the depth with 0 where nothing is hit, but the photograph shows something.
 
-    It does where a third of the pixels about one are of nothing in the field, and of another color
-    than `background` in the photograph. Masked pixels have none.
+    The photograph shows something where a third of the pixels about one hit nothing in the field,
+    and have another color than `background` in the photograph. Masked pixels have none.
 
     Args:
-        depth: Of the field; infinite where nothing is hit.
-        photograph: At the same size.
-        background: RGB in [0, 1].
+        depth: The depth of the field; infinite where nothing is hit.
+        photograph: The photograph, at the same size.
+        background: The color of the background, RGB in [0, 1].
     """
     empty = ~np.isfinite(depth)
     pixels = photograph.numpy()
@@ -132,14 +133,14 @@ def photographs_seeing(
     depths: Sequence[Depth],
     config: SupportConfig,
 ) -> Int[np.ndarray, " pixels"]:
-    """Returns how many photographs see what each pixel of a camera does, row by row.
+    """Returns how many photographs see the point that each pixel of a camera shows, row by row.
 
     Args:
-        camera: Of the pixels.
+        camera: The camera of the pixels.
         depth: Its depth Z; infinite where nothing is hit.
-        photographs: Cameras.
-        depths: Theirs; 0 where they show what the field lacks.
-        config: Which surfaces are the same.
+        photographs: The cameras of the photographs.
+        depths: The depths of the photographs; 0 where they show something that the field lacks.
+        config: The tolerances within which surfaces are the same.
     """
     pixels = pixel_centers(camera.width, camera.height)
     points = points_at_depth(camera, pixels, finite_depth(depth).reshape(-1))

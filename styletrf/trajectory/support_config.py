@@ -7,11 +7,11 @@ from dataclasses import dataclass
 class SupportConfig:
     """Settings of the measurement of support, and how much of it the default path needs.
 
-    The path is narrowed where that brings its share of unsupported pixels below
+    The path is narrowed where that brings the fraction of its pixels that are unsupported below
     `most_unsupported`. It gives way to stills where that stays at `least_for_stills` or more.
-    `depth_px` is the longer side of the depth maps, `tolerance` a share of a depth, `parallax_px`
-    a shift in these maps; surfaces that differ by no more than either are the same one. `frames`
-    are looked at of a path, spread evenly.
+    `depth_px` is the longer side of the depth maps, `tolerance` a fraction of a depth,
+    `parallax_px` a shift in these maps; surfaces that differ by no more than either are the same
+    one. `frames` is how many frames of a path are looked at, spread evenly.
     """
 
     most_unsupported: float = 0.02

@@ -1,13 +1,13 @@
 """Narrows the default path until photographs support it.
 
-Its spread is reduced step by step until less than 2 % of its pixels are seen by fewer than three of
-the photographs that the field was fitted to. Where no spread is enough, as where few photographs
-surround a scene and hardly any two show the same background, the angle of view is narrowed, step by
-step. That is worth its loss of view where it leaves out margins that no photograph shows. Gaps
-behind leaves are everywhere in a frame: there the path keeps the photographs' angle of view, and
-the widest spread that is supported nearly as well as any. What is still unsupported is a warning;
-where that is a fifth or more, stills take the path's place (`styletrf.trajectory.stills`). A path
-that the user asks for is left as it is.
+The spread of the path is reduced step by step until less than 2 % of its pixels are seen by fewer
+than three of the photographs that the field was fitted to. Where no spread is enough, as where few
+photographs surround a scene and hardly any two show the same background, the angle of view is
+narrowed, step by step. A narrower view is worth its loss where it leaves out margins that no
+photograph shows. Gaps behind leaves are everywhere in a frame: there the path keeps the
+photographs' angle of view, and the widest spread that is supported nearly as well as any. A warning
+gives the fraction that is still unsupported; where that is a fifth or more, stills take the path's
+place (`styletrf.trajectory.stills`). A path that the user requests is left as it is.
 """
 
 import logging
@@ -39,7 +39,7 @@ _NEARLY_LEAST = 1.25  # times the least fraction of unsupported pixels is nearly
 class Trial:
     """The fraction of unsupported pixels of the default path with a spread and a focal length.
 
-    `zoom` is the focal length in units of the photographs', or of what the user chose.
+    `zoom` is the focal length in units of the photographs', or of the one that the user chose.
     """
 
     spread: float
@@ -52,7 +52,7 @@ _fraction = attrgetter("unsupported")
 
 @dataclass(frozen=True, slots=True)
 class SupportedPath:
-    """A path, its support, and what was tried for it.
+    """A path, its support, and the trials for it.
 
     `chosen` is the trial that became the path. Where it is made of `stills`, `reason` says why.
     """
@@ -74,18 +74,18 @@ def supported_fly_through(
 ) -> SupportedPath:
     """Returns the default path, the widest in spread, then in view, that photographs support.
 
-    The angle of view is left alone where `config` has one. A narrower view is enough if its share
-    of unsupported pixels is below the limit, and falls at least as much as the area of the view.
-    Zooming begins at the widest spread with nearly the least share. Where no view is enough, the
-    path keeps that spread in the photographs' own view. Where that path would give way to stills,
-    it is the path with the least share.
+    The angle of view is left alone where `config` has one. A narrower view is enough if the
+    fraction of its pixels that are unsupported is below the limit, and falls at least as much as
+    the area of the view. Zooming begins at the widest spread with nearly the least fraction. Where
+    no view is enough, the path keeps that spread in the photographs' own view. Where that path
+    would give way to stills, it is the path with the least fraction.
 
     Args:
         cameras: The photographs', in the normalized world.
-        model: Of the scene.
-        config: Of the path; its spread is the largest one tried.
+        model: The model of the scene.
+        config: The settings of the path; its spread is the largest one tried.
         measure: Returns the support of a path.
-        limits: How much support a path needs.
+        limits: The support that a path needs.
     """
     tried: dict[Trial, SupportedPath] = {}
 
@@ -131,9 +131,9 @@ def _widest_nearly_best(trials: Sequence[Trial]) -> Trial:
 def write_support(file: Path, name: str, path: SupportedPath, config: SupportConfig) -> None:
     """Writes how well a path is supported, and warns where it is not.
 
-    The file has the share of the pixels (`unsupported`), that of each frame looked at, the spreads
-    and focal lengths that were tried, the trial that was chosen, and the stills that there are
-    instead, with the reason.
+    The file has the fraction of the pixels (`unsupported`), that of each frame looked at, the
+    spreads and focal lengths that were tried, the trial that was chosen, and the stills that there
+    are instead, with the reason.
     """
     support = path.support
     summary = {

@@ -1,8 +1,9 @@
 """Camera paths: a spiral where the photographers looked ahead, an orbit, or the way they went.
 
-All in the normalized world, whose y axis points down. Paths stay within what the photographs saw:
-amplitudes are shares of the spread of the given cameras. `fly_through` is the closed path of the
-video, `prior_views` the viewpoints that fill what it goes around or along.
+All paths are in the normalized world, whose y axis points down. They stay within the parts that the
+photographs saw: amplitudes are fractions of the spread of the given cameras. `fly_through` is the
+closed path of the video, `prior_views` the viewpoints that fill the volume that it goes around or
+along.
 """
 
 from collections.abc import Sequence
@@ -33,7 +34,7 @@ def fly_through(
     Args:
         cameras: The photographs' cameras in the normalized world, at the working size.
         model: Decides between spiral and orbit, and where the frames look.
-        config: Length and amplitude.
+        config: The length and the amplitude.
     """
     fractions = eased(np.arange(config.frames) / config.frames, config.easing)
     if model.looking == "ahead":
@@ -48,7 +49,7 @@ def fly_through(
 def ellipse(cameras: Sequence[Camera], fractions: Fractions, turns: float, spread: float) -> Points:
     """Returns centers on an ellipse across the views, at fractions of a closed path.
 
-    It goes around `turns` times, and once to and fro along the views.
+    The path goes around `turns` times, and once to and fro along the views.
     """
     phases = 2 * np.pi * fractions
     across = turns * phases
@@ -71,10 +72,11 @@ def orbit(
 def prior_views(
     cameras: Sequence[Camera], model: SceneModel, config: TrajectoryConfig
 ) -> list[Camera]:
-    """Returns viewpoints, no two alike, spread evenly over what the fly-through encloses.
+    """Returns viewpoints, no two alike, spread evenly over the volume within the fly-through.
 
-    Before a forward-facing scene a sunflower's seeds (Vogel 1979) over the ellipse; around another
-    evenly spaced azimuths, low and high by turns; along a walk evenly spaced places.
+    Before a forward-facing scene they lie like a sunflower's seeds (Vogel 1979) over the ellipse;
+    around another at evenly spaced azimuths, low and high by turns; along a walk at evenly spaced
+    places.
     """
     index = np.arange(config.frames)
     if model.looking == "ahead":
@@ -98,7 +100,7 @@ def look_at(
 ) -> Float[np.ndarray, "3 4"]:
     """Returns world_from_camera at `center` with z towards `target` and y near `down`.
 
-    At the target itself it looks along the world's z.
+    At the target itself the camera looks along the world's z.
     """
     distance = np.linalg.norm(target - center)
     z = (target - center) / distance if distance > 0 else np.array([0.0, 0.0, 1.0])

@@ -15,8 +15,8 @@ class TrajectoryConfig:
 
     `speed` divides the time that this takes. `turns` counts revolutions of the fly-through before a
     forward-facing scene, whole ones or it would not close; `spread` is the fraction of the
-    photographs' own spread that the path uses. `easing` is the share of the time during which the
-    camera speeds up and slows down. `fov_deg` is the angle of view along the longer side of a
+    photographs' own spread that the path uses. `easing` is the fraction of the time during which
+    the camera speeds up and slows down. `fov_deg` is the angle of view along the longer side of a
     frame, 0 for the photographs'. `stabilization` smooths the path through the photographs: the
     standard deviation of a Gaussian, in photographs.
     """
@@ -40,7 +40,7 @@ class TrajectoryConfig:
         if not 0 < self.speed < math.inf:
             raise ValueError(f"a speed is a positive factor such as 2, not {self.speed:g}")
         if not 0 <= self.easing <= 1:
-            raise ValueError(f"easing is a share of the time from 0 to 1, not {self.easing:g}")
+            raise ValueError(f"easing is a fraction of the time from 0 to 1, not {self.easing:g}")
         if self.fov_deg != 0 and not 1 <= self.fov_deg <= WIDEST_FOV_DEG:
             bounds = f"from 1 to {WIDEST_FOV_DEG:g} degrees, not {self.fov_deg:g}"
             raise ValueError(f"an angle of view is 0 (the photographs') or {bounds}")
@@ -51,8 +51,8 @@ class TrajectoryConfig:
         """Returns how many frames the path has.
 
         Args:
-            frames_per_second: Of the video.
-            own_seconds: What a path takes whose key frames have times; 0 without.
+            frames_per_second: The rate of the video.
+            own_seconds: The duration of a path whose key frames have times; 0 without.
         """
         seconds = self.seconds or own_seconds
         frames = seconds * frames_per_second if seconds else self.frames

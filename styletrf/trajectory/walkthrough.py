@@ -3,7 +3,7 @@
 A walk looks neither at one place nor away from one. The photographs are put in the order in which
 they were taken, or in that of nearest neighbors where that way is shorter; a point of the path is
 the mean of the photographs near it, weighted by a Gaussian over their number. Photographs from one
-place are one; where these look all around, as views of a panorama do, the path looks ahead.
+place count as one; where these look all around, as views of a panorama do, the path looks ahead.
 """
 
 from collections.abc import Sequence
@@ -29,8 +29,8 @@ def smoothed_walkthrough(
 ) -> tuple[Points, Points]:
     """Returns centers and unit directions of view at fractions, from 0 to 1, of the way taken.
 
-    A round is gone once. Another way is gone there and, with `back`, the same way back, so that
-    the path closes.
+    A round is followed once. Another way is followed to its end and, with `back`, back again, so
+    that the path closes.
     """
     centers, forwards = _places(cameras)
     order = _shortest_order(centers)
@@ -75,7 +75,7 @@ def _places(cameras: Sequence[Camera]) -> tuple[Centers, Centers]:
 def _directions(centers: Centers, *, closed: bool) -> Centers:
     """Returns the unit direction from each place's predecessor to its successor.
 
-    Of a single place it is the z axis.
+    For a single place it is the z axis.
     """
     if len(centers) == 1:
         return np.array([[0.0, 0.0, 1.0]])
@@ -106,7 +106,7 @@ def _length(centers: Centers) -> float:
 
 
 def is_closed(centers: Centers) -> bool:
-    """Whether the last photograph is about as near to the first as neighbors are."""
+    """Returns whether the last photograph is about as near to the first as neighbors are."""
     if len(centers) < 3:
         return False
     steps = np.linalg.norm(np.diff(centers, axis=0), axis=1)

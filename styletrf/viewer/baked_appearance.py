@@ -27,15 +27,15 @@ class BakedAppearance(ColorModel):
         slope: Float[np.ndarray, "points 3"] | None = None,
         directions: ViewDirections | None = None,
     ) -> None:
-        """Takes what is shown.
+        """Takes the values of the appearance.
 
         Args:
-            lattice: Of the points.
-            values: Colors before their sigmoid.
+            lattice: The lattice of the points.
+            values: The colors before their sigmoid.
             weight_power: See `styletrf.field.weight_sharpening`.
             background: The color behind everything, in [0, 1].
-            slope: How all channels change with the direction; see `color_refit`.
-            directions: What turns directions, and the tint, where there are slopes.
+            slope: The change of all channels with the direction; see `color_refit`.
+            directions: The axes that turn directions, and the tint, where there are slopes.
         """
         super().__init__()
         self._lattice = lattice

@@ -1,7 +1,7 @@
 """Bakes fields that share a density into values at lattice points.
 
 Raw densities and plain colors are exact there but for their quantization; colors that depend on the
-view are fitted (`color_refit`). What a picture loses by it is measured, in dB.
+view are fitted (`color_refit`). The loss of pictures by baking is measured in dB.
 """
 
 from bisect import bisect_left
@@ -38,8 +38,8 @@ from styletrf.viewer.visibility import Views
 
 _CHUNK = 1 << 17
 _FINEST_SPACINGS = tuple(8 / 2 ** (k / 4) for k in range(29))
-"""For `spacings_of`, from 8 to 1/16; the first is taken with which the worst of some pictures loses
-at most _MOST_LOSS_DB, or has _ENOUGH_DB."""
+"""Values for `spacings_of`, from 8 to 1/16; the first is taken with which the worst of some
+pictures loses at most _MOST_LOSS_DB, or has _ENOUGH_DB."""
 _MOST_LOSS_DB, _ENOUGH_DB = 0.2, 45.5
 
 
@@ -48,13 +48,13 @@ class BakedDensity:
     """Raw densities at lattice points, and where they may be more than nothing.
 
     Attributes:
-        lattice: Of the points.
-        codes: Of the raw densities.
-        distances: See `empty_distances`; of the field's own occupancy grid.
+        lattice: The lattice of the points.
+        codes: The codes of the raw densities.
+        distances: The `empty_distances` of the field's own occupancy grid.
         shift: See `Density`.
         scale: See `Density`.
         reduced_from: The points of the field's lattice, where that had too many.
-        psnr_db: Of pictures with the coarser lattice against those with the field's own.
+        psnr_db: The PSNR of pictures with the coarser lattice against those with the field's own.
     """
 
     lattice: BrickLattice
@@ -71,16 +71,16 @@ class BakedLook:
     """The colors of one appearance.
 
     Attributes:
-        name: Of the painting, or of the photographs.
-        lattice: Of the points.
-        codes: Of the colors before their sigmoid.
-        classes: Of the points, see `styletrf.viewer.point_effects`.
-        spacings: Of the codes and the slopes in each class, see `styletrf.viewer.coding`.
-        slope_codes: Of how they change with the direction; None if they do not.
-        directions: What turns directions, and the tint; None if there are no slopes.
+        name: The name of the painting, or of the photographs.
+        lattice: The lattice of the points.
+        codes: The codes of the colors before their sigmoid.
+        classes: The classes of the points, see `styletrf.viewer.point_effects`.
+        spacings: The spacings of the codes and slopes in each class, see `styletrf.viewer.coding`.
+        slope_codes: The codes of the slopes; None if colors do not change with the direction.
+        directions: The axes that turn directions, and the tint; None if there are no slopes.
         weight_power: See `styletrf.field.weight_sharpening`.
         background: The color behind everything.
-        psnr_db: Of pictures with these colors against pictures with the appearance's own.
+        psnr_db: The PSNR of pictures with these colors against those with the appearance's own.
         reduced_from: The points of the appearance's lattice, where that had too many.
     """
 
@@ -114,9 +114,9 @@ def bake_density(
     """Returns the density of a field, on a coarser lattice where its own has too many bricks.
 
     Args:
-        field: Whose density it is.
-        views: By which the loss of a coarser lattice is measured.
-        most_bricks: Of the lattice.
+        field: The field whose density it is.
+        views: The views by which the loss of a coarser lattice is measured.
+        most_bricks: The most bricks of the lattice.
     """
     density = field.density
     occupancy, own = density.occupancy.numpy(), density.factors
@@ -140,11 +140,11 @@ def bake_look(
     """Returns the colors of a field.
 
     Args:
-        name: To be shown.
-        field: Whose appearance it is.
-        views: That see it.
-        seen: Which points are to have colors.
-        refit: How colors that depend on the view are fitted.
+        name: The name to show.
+        field: The field whose appearance it is.
+        views: The views that see it.
+        seen: The points that are to have colors.
+        refit: The settings of the fit of colors that depend on the view.
     """
     appearance = field.appearance
     lattice, colors, slopes, directions = _colors(field, views, seen, refit)

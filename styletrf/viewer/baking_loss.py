@@ -1,4 +1,4 @@
-"""Measures what pictures lose by baking, with the field's own renderer."""
+"""Measures the loss of pictures by baking, with the field's own renderer."""
 
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
@@ -28,8 +28,8 @@ class BakingLoss:
     """The PSNR of pictures against a field's own, over five of the views, spread over all.
 
     Attributes:
-        mean_db: Of the mean squared error; at most 100.
-        least_db: Of the view with the greatest error; at most 100.
+        mean_db: The PSNR of the mean squared error; at most 100.
+        least_db: The PSNR of the view with the greatest error; at most 100.
     """
 
     mean_db: float
@@ -46,9 +46,9 @@ def baking_loss(
     """Returns the loss of pictures by another appearance or density.
 
     Args:
-        field: That is compared with.
-        views: Of which some are rendered, in small pictures.
-        appearance: In place of the field's.
+        field: The field that is compared with.
+        views: The views, of which some are rendered in small pictures.
+        appearance: The appearance in place of the field's.
         density: Factors in place of the field's; the occupancy is the same.
     """
     return loss_against(own_pictures(field, views), field, views, appearance, density)
@@ -56,7 +56,7 @@ def baking_loss(
 
 @torch.no_grad()
 def own_pictures(field: RadianceField, views: Views) -> list[Float[Tensor, "height width 3"]]:
-    """Returns the pictures of a field, small ones of some views."""
+    """Returns small pictures of a field from some views."""
     return list(_pictures(field, views, None))
 
 

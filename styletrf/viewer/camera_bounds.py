@@ -21,8 +21,8 @@ class CameraBounds:
     """Balls and cones that the camera stays in.
 
     Attributes:
-        guides: Center and direction of cameras, in the normalized world.
-        down: The world's, as most cameras hold it; a unit vector.
+        guides: The centers and directions of cameras, in the normalized world.
+        down: The world's down, as most cameras are held; a unit vector.
         radius: How far from a guide the camera may be.
         reach_rad: By what angle its direction may differ from that guide's.
     """

@@ -1,9 +1,8 @@
 """Codes values at lattice points as whole numbers, and these as few bytes.
 
 A value is given by its difference from the mean of its neighbors, in multiples of a spacing. The
-spacings of colors widen from class to class of what a point changes in pictures
-(`point_effects`); a point without a spacing takes the mean. The browser undoes this in
-`webpage/unpacking.js`.
+spacings of colors widen from class to class of the effects of points on pictures (`point_effects`);
+a point without a spacing takes the mean. The browser undoes this in `webpage/unpacking.js`.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +26,7 @@ LARGEST_LOGIT = 7.0
 """Beyond it colors count as black or full: 0.1 % of the brightness."""
 WIDEST_SPACING = 127
 Spacings = tuple[int, ...]
-"""Of each class, odd; 0 where a point takes the mean of its neighbors, as the class 0 does."""
+"""Odd spacings by class; 0 where a point takes the mean of its neighbors, as in class 0."""
 FINEST: Spacings = (0,) + (1,) * CLASSES
 
 
@@ -36,9 +35,9 @@ class Codes:
     """Whole numbers that stand for values: `low + step * code`.
 
     Attributes:
-        low: What 0 stands for.
-        step: From one to the next.
-        codes: Not less than 0.
+        low: The value of code 0.
+        step: The step from one code to the next.
+        codes: The codes, not less than 0.
         by_green: Whether the first and the last of three channels are stored less the second.
     """
 
@@ -75,8 +74,8 @@ def slope_codes(values: Float[np.ndarray, "points 3"], color_step: float) -> Cod
 
     Args:
         values: Along the axes of `ViewDirections`.
-        color_step: Of the colors' codes. Directions are about 1 along each axis, so an error of a
-            slope changes a picture as much as one of a color.
+        color_step: The step of the colors' codes. Directions are about 1 along each axis, so an
+            error of a slope changes a picture as much as one of a color.
     """
     step, middle = color_step / _SLOPES_FINER, MOST_OF_COLORS // 2
     codes = np.clip(np.rint(values / step), -middle, middle).astype(np.int32)
@@ -89,7 +88,8 @@ def spacings_of(finest: float) -> Spacings:
     Half the effect needs twice the spacing for the same error of pictures.
 
     Args:
-        finest: Of the class of the greatest effects, before it is rounded to an odd number.
+        finest: The spacing of the class of the greatest effects, before it is rounded to an odd
+            number.
     """
     wide = finest * 2.0 ** np.arange(CLASSES)
     odd = 2 * (wide // 2).astype(int) + 1
@@ -126,7 +126,7 @@ def shown_colors(codes: Codes, classes: Classes, spacings: Spacings) -> Codes:
 def packed_colors(codes: Codes, classes: Classes, spacings: Spacings) -> bytes:
     """Returns compressed multiples of three channels, one after another.
 
-    Of each channel there are the first codes of bricks, less the least that they can be, by
+    Each channel begins with the first codes of bricks, less the least that they can be, by
     differences; then the multiples of the other points, class by class.
     """
     of_points = np.array(spacings, np.int32)[classes]

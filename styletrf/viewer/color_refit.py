@@ -2,16 +2,16 @@
 
     color(x, d) = sigmoid(base(x) + slope(x) . t(d) + tint(d))
 
-A base for each of red, green and blue, and one slope for all three: what depends on the view is
-mostly how bright a surface looks. Both are trilinear interpolations. The tint is the same
+There is a base for each of red, green and blue, and one slope for all three: mostly the brightness
+of a surface depends on the view. Both are trilinear interpolations. The tint is the same
 everywhere: light and exposure change with the direction of a photograph. For the tint and t see
 `styletrf.viewer.view_directions`.
 
-Bases, slopes and tint are fitted by weighted least squares to pixels and samples of what cameras
-see. Bases and slopes follow simultaneous algebraic reconstruction (Andersen and Kak 1984) by
-subsets of the cameras, with the momentum of Nesterov (1983) from pass to pass. The tint takes a
-step of Gauss and Newton before the first pass and after each one.
-Points that no camera sees keep the color of the mean direction, without a slope.
+Bases, slopes and tint are fitted by weighted least squares to the pixels and samples of cameras.
+Bases and slopes follow simultaneous algebraic reconstruction (Andersen and Kak 1984) by subsets of
+the cameras, with the momentum of Nesterov (1983) from pass to pass. The tint takes a step of Gauss
+and Newton before the first pass and after each one. Points that no camera sees keep the color of
+the mean direction, without a slope.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _CHUNK = 1 << 17
 _TINT_STEP_SIZE = np.float32(0.6)
 """The part of its step that the tint takes after a pass, because points move, too."""
 _TINT_DAMPING, _LEAST_SQUARE = 1e-4, 1e-12
-"""The share that is added to the diagonal of the tint's equations, and the least value there."""
+"""The fraction added to the diagonal of the tint's equations, and the least value there."""
 _TINT_EVERY = 8
 """Every eighth ray enters these equations."""
 _FEW_PIXELS = 500.0
@@ -46,11 +46,12 @@ class RefitConfig:
     """Settings of the fit of colors.
 
     Attributes:
-        samples: Of the rays of all cameras together, at most about; time and memory grow with them.
-        passes: Over all rays.
-        subsets: Of the cameras, one after another in a pass.
-        prior: How much the color of the mean direction counts, in units of a sample's weight.
-        of_samples: How much samples count, pixels count for the rest of 1.
+        samples: About the most samples of the rays of all cameras together; time and memory grow
+            with them.
+        passes: The number of passes over all rays.
+        subsets: The number of subsets of the cameras, one after another in a pass.
+        prior: The weight of the color of the mean direction, in units of a sample's weight.
+        of_samples: The weight of samples; pixels have the rest of 1.
     """
 
     samples: int = 36_000_000
@@ -62,12 +63,12 @@ class RefitConfig:
 
 @dataclass(frozen=True, slots=True)
 class RefittedColors:
-    """Values at a lattice's points: see above.
+    """The fitted values at a lattice's points: see above.
 
     Attributes:
-        base: Red, green and blue.
-        slope: Along the axes of `directions`.
-        directions: By which the views' directions are turned, with the tint.
+        base: The base of red, green and blue.
+        slope: The slope along the axes of `directions`.
+        directions: The axes by which the views' directions are turned, with the tint.
     """
 
     base: Float[np.ndarray, "points 3"]
@@ -82,9 +83,9 @@ class _SeenColors:
     Attributes:
         low: The lowest of the points around each.
         rest: Where between them each is.
-        weights: Of the samples.
-        colors: Of the samples.
-        counts: How many samples each ray has.
+        weights: The weights of the samples.
+        colors: The colors of the samples.
+        counts: The number of samples of each ray.
         turned: The directions of the rays, see `ViewDirections`.
     """
 
@@ -108,10 +109,10 @@ def refitted_colors(
     """Returns the colors that fit those of the views best.
 
     Args:
-        field: Whose appearance is fitted.
-        views: That see it.
-        lattice: Of the points.
-        config: How.
+        field: The field whose appearance is fitted.
+        views: The views that see it.
+        lattice: The lattice of the points.
+        config: The settings of the fit.
     """
     directions = view_directions(views, field.step_length)
     base = colors_along(field, lattice, torch.from_numpy(directions.mean))

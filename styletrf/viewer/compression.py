@@ -16,7 +16,8 @@ from styletrf.viewer.lattice import SIDE
 def packed_bytes(values: UInt8[np.ndarray, "..."]) -> bytes:
     """Returns the compressed bytes of an array in its order in memory.
 
-    Of two ways the shorter: in noise, repetitions other than runs cost more than they save.
+    The shorter of two ways is taken: in noise, repetitions other than runs cost more than they
+    save.
     """
     data = np.ascontiguousarray(values).tobytes()
     return min((_deflated(data, way) for way in (zlib.Z_RLE, zlib.Z_DEFAULT_STRATEGY)), key=len)

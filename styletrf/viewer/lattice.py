@@ -18,10 +18,10 @@ MOST_BRICKS = 32**3
 
 @dataclass(frozen=True, slots=True)
 class BrickLattice:
-    """Which bricks of a lattice are stored, and in which order.
+    """The stored bricks of a lattice, in their order.
 
     Attributes:
-        resolution: Points along x, y, z; the first and the last lie on the grid's borders.
+        resolution: The points along x, y, z; the first and the last lie on the grid's borders.
         slots: The number of each brick, counted with x fastest; -1 where none is stored.
         needed: Which of the stored points matter, `bricks` x 512, x fastest.
     """
@@ -99,7 +99,8 @@ def greatest_in_cells(
 ) -> Shaped[np.ndarray, "cells_x cells_y cells_z"]:
     """Returns the greatest value of a voxel in each cell: one less than points along each axis.
 
-    Voxels fill the grid from border to border, whatever their number is to that of the points.
+    Voxels fill the grid from border to border, whatever the ratio of their number to that of the
+    points.
     """
     cells = voxels
     for axis, points in enumerate(resolution):

@@ -37,7 +37,7 @@ def interpolated(slots, low, rest, values):
         slots: Of the bricks, see `BrickLattice`.
         low: The lowest of the 8 points around each sample, `samples 3`.
         rest: Where the sample is between them, in [0, 1], `samples 3`.
-        values: Of the points, `points channels`.
+        values: The values of the points, `points channels`.
     """
     found = np.zeros((len(low), values.shape[1]), values.dtype)
     for sample in numba.prange(len(low)):
@@ -60,8 +60,8 @@ def add_squares(slots, low, rest, weights, picture, sums):
         rest: Where the sample is between them, in [0, 1], `samples 3`.
         weights: Of the samples.
         picture: Its number, from 1.
-        sums: Of each point the last picture that shows it, its sum, and the greatest sum of the
-            pictures before, `points 3`. Zeros, before the first.
+        sums: For each point, the last picture that shows it, its sum, and the greatest sum of the
+            pictures before, `points 3`. Zeros before the first.
     """
     points, corner_weights = np.empty(8, np.int64), np.empty(8, np.float32)
     for sample in range(len(weights)):
@@ -100,17 +100,17 @@ def _mean_before(shown, point):
 @no_type_check
 @compiled(parallel=True)
 def multiples(codes, spacings, most, largest):
-    """Returns the multiples of the spacings that lead from means to codes, and what they lead to.
+    """Returns the multiples of the spacings that lead from means to codes, and the resulting codes.
 
-    What multiples lead to is at most half a spacing off, or less than one at the ends, and from 0
-    to `most`; farther off where the multiple would be more than `largest`. A brick begins with its
-    first code that has a spacing, which is no multiple; it is at most `largest` from the middle.
+    The results are at most half a spacing off, or less than one at the ends, and from 0 to `most`;
+    farther off where the multiple would be more than `largest`. A brick begins with its first code
+    that has a spacing, which is no multiple; it is at most `largest` from the middle.
 
     Args:
-        codes: Of the points, `bricks 512`.
-        spacings: Of the points; 0 for one that takes the mean, `bricks 512`.
+        codes: The codes of the points, `bricks 512`.
+        spacings: The spacings of the points; 0 for one that takes the mean, `bricks 512`.
         most: The greatest code.
-        largest: Of the multiples, to either side.
+        largest: The largest multiple, to either side.
     """
     found, shown = np.zeros_like(codes), np.empty_like(codes)
     for brick in numba.prange(len(codes)):

@@ -20,7 +20,7 @@ from styletrf.viewer.lattice import BrickLattice
 from styletrf.viewer.visibility import CPU, Views, heavy_samples, of_pixels
 
 CLASSES = 6
-"""Of effects, halved from one to the next; and the class 0 of points with less or none."""
+"""Classes of effects, halved from one to the next; class 0 has points with less or none."""
 Classes = UInt8[np.ndarray, "bricks 512"]
 _RAYS = 3_000_000  # of all cameras together, about
 _GREATEST = 0.99  # quantile of the effects that counts as the greatest
@@ -33,9 +33,9 @@ def point_effects(
     """Returns the effects of a field's points; 0 where no sample is seen.
 
     Args:
-        field: Whose density and weight power count.
-        views: That see it, with those beside them.
-        lattice: Of the points.
+        field: The field whose density and weight power count.
+        views: The views that see it, with those beside them.
+        lattice: The lattice of the points.
     """
     kernels = kernels_for(CPU)
     sums = np.zeros((lattice.needed.size, 3), np.float32)

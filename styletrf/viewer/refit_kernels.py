@@ -27,7 +27,7 @@ LEAST_STEEPNESS = np.float32(0.05)  # of the sigmoid
 @no_type_check
 @compiled(inline="always", fastmath=True)
 def _show(points, corner_weights, values, direction, tint, color):
-    """Sets `color` to what a place shows along a direction."""
+    """Sets `color` to the color that a place shows along a direction."""
     color[:] = tint
     for corner in range(8):
         value = values[points[corner]]
@@ -105,17 +105,17 @@ def residuals(
     channel, `3 monomials monomials_and_one`: J J^T from its diagonal on, and the right side last.
 
     Args:
-        slots: Of the bricks, see `BrickLattice`.
+        slots: The slots of the bricks, see `BrickLattice`.
         low: The lowest of the 8 points around each sample, `samples 3`.
         rest: Where the sample is between them, in [0, 1], `samples 3`.
-        weights: Of the samples.
-        colors: Of the samples, `samples 3`.
+        weights: The weights of the samples.
+        colors: The colors of the samples, `samples 3`.
         starts: The first sample of each ray, and the number of all.
-        directions: Of the rays, turned, see `ViewDirections`, `rays 3`.
-        coefficients: c_k of the tint, see `ViewDirections`, `monomials 3`.
+        directions: The turned directions of the rays, see `ViewDirections`, `rays 3`.
+        coefficients: The c_k of the tint, see `ViewDirections`, `monomials 3`.
         every: Every n-th ray enters the equations.
-        values: Of the points: three of the base, three of the slope, `points 6`.
-        of_samples: In [0, 1].
+        values: Those of the points: three of the base, three of the slope, `points 6`.
+        of_samples: The weight of samples, in [0, 1].
         sums: Room for the sums of bands, `BANDS points 6`; the first of them is returned.
     """
     rays, longest = len(starts) - 1, (starts[1:] - starts[:-1]).max()

@@ -19,13 +19,13 @@ _SHRINK = 0.95  # at most so much of a lattice's sides, as often as it has too m
 
 @dataclass(frozen=True, slots=True)
 class SeenPoints:
-    """Which points of a lattice have colors.
+    """The points of a lattice that have colors.
 
     Attributes:
-        voxels: That views see, see `seen_voxels`.
-        most_bricks: Of each lattice.
-        of_paintings: The points of their lattices, None if there is no painting yet.
-        found: Classes by the lattice's points and the weight power, which looks share.
+        voxels: The voxels that views see, see `seen_voxels`.
+        most_bricks: The most bricks of each lattice.
+        of_paintings: The points of the paintings' lattices, None if there is no painting yet.
+        found: The classes that looks share, by the lattice's points and the weight power.
     """
 
     voxels: Bool[np.ndarray, "x y z"]
@@ -38,7 +38,7 @@ class SeenPoints:
         return lattice_within(factors, self.voxels, self.most_bricks)
 
     def lattice(self, resolution: Resolution) -> BrickLattice:
-        """Returns the lattice of so many points, or a coarser one until it has few bricks."""
+        """Returns the lattice of so many points, or a coarser one that has few enough bricks."""
         return _lattice_within(resolution, self.voxels, self.most_bricks)
 
     def finer(self, resolution: Resolution) -> Resolution:

@@ -24,7 +24,7 @@ from styletrf.viewer.visibility import CPU, Views, of_pixels
 
 _RAYS_OF_CAMERA = 1000.0
 _LEAST_SPREAD = 1e-2
-"""Of an axis, of the greatest; and of a unit direction."""
+"""The least spread of an axis, as a fraction of the greatest; and of a unit direction."""
 MONOMIALS = sorted(
     axes
     for degree in (1, 2, 3)
@@ -57,7 +57,7 @@ class ViewDirections:
         return turned.astype(np.float32)
 
     def tints(self, turned: Float[np.ndarray, "rays 3"]) -> Float[np.ndarray, "rays 3"]:
-        """Returns the addend of all colors along turned directions, before their sigmoid."""
+        """Returns the term added to all colors along turned directions, before their sigmoid."""
         inside = turned.clip(self.least, self.most)
         monomials = np.stack(
             [inside[:, axes].prod(axis=1) for axes in map(list, MONOMIALS)], axis=1
@@ -70,8 +70,8 @@ def view_directions(views: Views, step_length: float) -> ViewDirections:
     """Returns how the directions of all cameras' rays differ, with no tint.
 
     Args:
-        views: That see a field.
-        step_length: Of the field's march.
+        views: The views that see a field.
+        step_length: The step length of the field's march.
     """
     rays = ViewRays(views.cameras, views.space, step_length, CPU)
     parts = []

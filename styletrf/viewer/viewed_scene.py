@@ -1,10 +1,10 @@
-"""Reads what a viewer shows of a scene besides its fields from the artifacts of the stages."""
+"""Reads from the artifacts of the stages all that a viewer shows of a scene besides its fields."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from styletrf.files.video import video_info
+from styletrf.files.video_frames import video_info
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera
 from styletrf.reports.embedding import embedded_image
@@ -18,10 +18,10 @@ class ViewedScene:
     """Cameras, the model, and a photograph.
 
     Attributes:
-        model: Of the scene.
+        model: The model of the scene.
         photographed: The photographs' cameras, in the normalized world.
         path: The fly-through, in the normalized world.
-        frames_per_second: Of the fly-through.
+        frames_per_second: The rate of the fly-through.
         thumbnail: The photograph in the middle of all, as a `data:` URI.
     """
 

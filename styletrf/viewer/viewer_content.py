@@ -26,7 +26,7 @@ from styletrf.viewer.seen_points import Resolution, SeenPoints
 from styletrf.viewer.visibility import Views, seen_voxels
 
 RENDER = RenderConfig(termination=1e-2, min_weight=1e-2)
-"""Of the viewer: what weighs less is not seen (docs/knobs.md)."""
+"""The settings of the viewer: samples that weigh less are not seen (docs/knobs.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,16 +35,16 @@ class ViewerContent:
 
     Attributes:
         scene: Its name.
-        space: Of the field's grid, see `Space.within`.
-        step_length: Of the march.
-        render: Of which termination and least weight count.
-        density: That all looks share.
-        looks: Of the photographs first, then of the paintings.
+        space: The space of the field's grid, see `Space.within`.
+        step_length: The step length of the march.
+        render: The settings, of which termination and least weight count.
+        density: The density that all looks share.
+        looks: The look of the photographs first, then those of the paintings.
         path: The fly-through.
         bounds: Where the camera may go.
-        focus: What it turns about, in the normalized world.
-        looking: How the photographers did, see `SceneModel`.
-        world_from_normalized: Leads to the capture's world, which camera paths are in.
+        focus: The point that it turns about, in the normalized world.
+        looking: How the photographers looked, see `SceneModel`.
+        world_from_normalized: The map to the capture's world, in which camera paths are.
     """
 
     scene: str
@@ -65,8 +65,8 @@ class LookBaking:
     """The field, views and points with which all looks of a scene are baked.
 
     Attributes:
-        field: Of the photographs, whose density all share.
-        views: That see it.
+        field: The field of the photographs, whose density all share.
+        views: The views that see it.
         seen: The points that have colors.
     """
 
@@ -78,7 +78,7 @@ class LookBaking:
         """Returns the colors of a field.
 
         Raises:
-            InputError: It has a density of its own.
+            InputError: The field has a density of its own.
         """
         require_shared_density(name, field, self.field)
         return bake_look(name, field, self.views, self.seen, RefitConfig())
@@ -98,12 +98,12 @@ def viewer_content(
     Args:
         scene: Its name.
         model: Its space and focus.
-        fields: Names, and what loads the fields, one at a time: that of the photographs first,
+        fields: The names and loaders of the fields, one at a time: that of the photographs first,
             whose density all share.
         photographed: The photographs' cameras, in the normalized world.
         path: The fly-through, in the normalized world.
         progress: Called after every field.
-        most_bricks: Of each lattice.
+        most_bricks: The most bricks of each lattice.
 
     Raises:
         InputError: A field has a density of its own.
@@ -130,7 +130,7 @@ def bake_scene(
     most_bricks: int = MOST_BRICKS,
     of_paintings: Resolution | None = None,
 ) -> tuple[ViewerContent, LookBaking]:
-    """Returns the scene with the look of the photographs alone, and what bakes further looks.
+    """Returns the scene with the look of the photographs alone, and the baking of further looks.
 
     Args:
         scene: Its name.
@@ -138,7 +138,7 @@ def bake_scene(
         photographs: The name of that look, and its field.
         photographed: The photographs' cameras, in the normalized world.
         path: The fly-through, in the normalized world.
-        most_bricks: Of each lattice.
+        most_bricks: The most bricks of each lattice.
         of_paintings: The points of further looks' lattices, None if they are not known.
     """
     name, field = photographs

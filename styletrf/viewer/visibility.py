@@ -1,6 +1,6 @@
 """Finds the voxels of a field that the viewer can see: those that any supported view shows.
 
-Most of what is occupied lies behind surfaces; its colors would be most of the page.
+Most occupied voxels lie behind surfaces; their colors would be most of the page.
 """
 
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ class Views:
     """The cameras of a scene, and how pictures of it are rendered.
 
     Attributes:
-        space: Of the scene.
-        cameras: In the normalized world.
-        render: Of which termination and least weight count.
+        space: The space of the scene.
+        cameras: The cameras, in the normalized world.
+        render: The settings, of which termination and least weight count.
         radius: How far from a camera the viewer's may be.
     """
 
@@ -54,9 +54,9 @@ def seen_voxels(field: RadianceField, views: Views, rays: int = _RAYS) -> Bool[n
     The voxels are half as long as those of the field's occupancy.
 
     Args:
-        field: Whose density it is.
-        views: That see it; see `Views.beside`.
-        rays: Of all views together, about.
+        field: The field whose density it is.
+        views: The views that see it; see `Views.beside`.
+        rays: About the number of rays of all views together.
     """
     occupancy = field.density.occupancy.numpy()
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""The records that a command finds in the store. It reports no failure: a build does."""
+"""The records that a command finds in the store. This file reports no failure: a build does."""
 
 import luigi
 

@@ -22,7 +22,7 @@ class TaskOutcome:
         outcome: The outcome.
         stage: The stage that failed, was skipped or is under way: the task, or one that it needs.
             None if nothing failed or is under way.
-        reason: What that stage reports last.
+        reason: The last report of that stage.
     """
 
     outcome: Outcome

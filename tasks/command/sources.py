@@ -1,8 +1,8 @@
 """The sources of a command: stages that need no other one, and read or fetch what the user names.
 
-Most take seconds, so all run first; where one fails, the command stops, since what the other
-stages make in hours would lack it. With `--keep-going` all that does not need it is made. Under
-luigid, too: what this machine cannot read, another one may.
+Most take seconds, so all run first; where one fails, the command stops, since the results of hours
+would lack it. With `--keep-going` the command makes all stages that do not need it. Under luigid it
+does so, too: another machine may read a source that this one cannot.
 """
 
 import functools
@@ -37,9 +37,9 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
     """Stops a stage of a command of which a source failed.
 
     Args:
-        stage: That is about to run.
-        root: What the command asks for, which stops if it has a `keep_going` that was not given;
-            None where no command does.
+        stage: The stage that is about to run.
+        root: The task of the command, which stops if it has a `keep_going` that was not given; None
+            outside a command.
 
     Raises:
         TaskFailure: A source failed since the command began, and `--keep-going` was not given.
@@ -55,7 +55,7 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
 
 
 def may_stop(root: luigi.Task) -> bool:
-    """Returns whether a command stops where what it needs is not there.
+    """Returns whether a command stops where an input is missing.
 
     It does if it has a `keep_going` that was not given, and no luigid hands its stages to others.
     """

@@ -1,4 +1,4 @@
-"""This machine: how fast it computes, and facts that it keeps in files beside its store.
+"""This machine: its speed, and facts that it keeps in files beside its store.
 
 No artifact depends on them. Begin with `calibration`.
 """

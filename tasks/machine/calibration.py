@@ -1,8 +1,8 @@
 """The speed of this machine: seconds of reference workloads, measured and kept in the store.
 
 They are measured with the environment of builds, and again after 30 days. Times measured on one
-machine are multiplied by the ratio of two calibrations to be those of another. No result depends on
-them, and no key has them.
+machine are multiplied by the ratio of two calibrations to become those of another. No result
+depends on calibrations, and no key has them.
 """
 
 import functools
@@ -47,9 +47,9 @@ class Machine:
 
     Attributes:
         processor: Its name.
-        cores: How many this process may use.
-        device: What stages compute on: `cpu`, or the GPUs by their UUIDs.
-        versions: Of the libraries that compute.
+        cores: The number of cores that this process may use.
+        device: The device of stages: `cpu`, or the GPUs by their UUIDs.
+        versions: The versions of the libraries that compute.
         environment: The variables of builds for threads and memory; empty in older files.
     """
 
@@ -81,7 +81,7 @@ class Calibration:
 
     @classmethod
     def from_json(cls, fields: Mapping[str, Any]) -> "Calibration":
-        """Returns the calibration that `dataclasses.asdict` made these fields of."""
+        """Returns the calibration with the fields that `dataclasses.asdict` returned."""
         return cls(**{**fields, "machine": Machine(**fields["machine"])})
 
     def times_slower_than(self, other: "Calibration", family: str) -> float:
@@ -107,10 +107,10 @@ def this_machine(device: str = "auto") -> Machine:
 
 @functools.cache
 def calibration_of_machine(device: str = "auto") -> Calibration:
-    """Returns the calibration of this machine; measures it if the store has none of late.
+    """Returns the calibration of this machine; measures it if the store has no recent one.
 
-    That takes some ten seconds, in an interpreter of its own; where kernels of the field were never
-    compiled, half a minute more.
+    The measurement takes some ten seconds, in an interpreter of its own; where kernels of the field
+    were never compiled, half a minute more.
 
     Raises:
         subprocess.CalledProcessError: The workloads fail.

@@ -19,7 +19,7 @@ EXPORT_PACKAGES = {
     "blender": ("scikit-image", "trimesh"),
     "cameras": (),
 }
-"""What writes the files of each format of `Export`."""
+"""The packages that write the files of each format of `Export`."""
 _EXPORT_REMEDY = "Install its extra: pip install 'styletrf[export]'"
 
 
@@ -27,7 +27,7 @@ def lpips_digests() -> dict[str, str]:
     """Returns the releases of lpips and torchvision, and the digest of AlexNet's weights.
 
     Raises:
-        InputError: One of them is not at hand.
+        InputError: One of them is missing.
     """
     return _digests("LPIPS", ("lpips", "torchvision"), ALEXNET)
 
@@ -36,7 +36,7 @@ def raft_digests() -> dict[str, str]:
     """Returns the release of torchvision and the digest of RAFT's weights.
 
     Raises:
-        InputError: One of them is not at hand.
+        InputError: One of them is missing.
     """
     return _digests("flow raft", ("torchvision",), RAFT)
 

@@ -1,6 +1,6 @@
 """The disk space of the frames of a command, predicted before its first stage begins.
 
-Frames are what grows: a video of 4K for a minute takes more than all else together. Their bytes per
+Only frames grow: a video of 4K for a minute takes more than all else together. Their bytes per
 pixel are measured (horns, 504x378: `benchmarks/history.md`, "Disk, predicted and measured").
 """
 
@@ -28,8 +28,8 @@ def require_disk(
     """Rejects a command whose frames take more than the free disk space.
 
     Args:
-        demands: Of the stages that are to be made.
-        free_bytes: Of the disk of the store.
+        demands: The demands of the stages that are to be made.
+        free_bytes: The free bytes of the disk of the store.
         scenes: The photographs of each scene; other scenes are not checked.
 
     Raises:

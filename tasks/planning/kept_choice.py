@@ -1,6 +1,6 @@
-"""The settings chosen for a request, kept: the same command goes on with those it began with.
+"""The settings chosen for a request, kept: the same command continues with its first choice.
 
-What a command has made takes no time any more, so without a memory a budget would buy better
+Finished stages of a command take no more time, so without a memory a budget would buy better
 settings with every run.
 """
 
@@ -24,8 +24,8 @@ def choice_for(task: Any, request: QualityRequest, front: Front) -> Choice:
 
     Args:
         task: A `StylizedTrajectory` with the request.
-        request: Of the task.
-        front: That of the scene.
+        request: The request of the task.
+        front: The front of the scene.
 
     Raises:
         InputError: No point of the front will do.
@@ -45,7 +45,7 @@ def known_choice(task: Any, request: QualityRequest, front: Front) -> Choice | N
 
 
 def keep_choice(task: Any, front: Front, choice: Choice) -> None:
-    """Keeps what was chosen for the task from this front."""
+    """Keeps the choice for the task from this front."""
     if builds_alone():
         point = choice.point
         chosen = {"tuning": point.tuning, "stylizer": point.stylizer, "seconds": point.seconds}

@@ -1,4 +1,4 @@
-"""`--plan`: what a command would do, printed as lines or as JSON."""
+"""`--plan`: prints the plan of a command as lines or as JSON."""
 
 import json
 from dataclasses import asdict
@@ -20,7 +20,7 @@ def print_plan(root: Any, *, as_json: bool) -> None:
         as_json: Print JSON instead of lines.
 
     Raises:
-        InputError: No settings will do.
+        InputError: No settings meet the bound.
     """
     plan = plan_of(root)
     print(plan_as_json(plan) if as_json else plan_as_text(plan))  # noqa: T201  the answer

@@ -24,7 +24,7 @@ _NAMES = ("scene", "style", "content", "perceptual", "transfer", "network", "pat
 class FoundStages:
     """Which stages are in the store.
 
-    Stages of different settings share most of what is upstream; each is looked up once.
+    Stages of different settings share most upstream stages; each is looked up once.
     """
 
     def __init__(self) -> None:
@@ -64,7 +64,8 @@ def cost_model(task: Any, front: Front | None = None) -> CostModel:
 
     Args:
         task: A `StylizedTrajectory`.
-        front: Where the seconds of stages were measured, if not by the reference.
+        front: The front with the measured seconds of stages; without it, those of the reference
+            count.
     """
     reference, is_alone = reference_costs(), builds_alone()
     if front and front.calibration:

@@ -25,7 +25,7 @@ from styletrf.evaluation.resemblance.frame_resemblance import ResemblanceConfig
 from styletrf.evaluation.stylization_loss import StylizationLossConfig
 from styletrf.field.rendering import RenderConfig
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.files.video import first_frame
+from styletrf.files.video_frames import first_frame
 from styletrf.scene.scene_model import SceneModelConfig
 from styletrf.sfm.camera_poses import CameraPosesConfig
 from styletrf.style.gatys import GatysConfig

@@ -13,7 +13,7 @@ from styletrf.capture.photographs import list_photographs
 from styletrf.capture.poses.pose_formats import find_given_poses
 from styletrf.capture.user_folders import find_scene, scene_folder, scene_videos
 from styletrf.errors import InputError
-from styletrf.files.video import declared_frames, first_frame
+from styletrf.files.video_frames import declared_frames, first_frame
 from tasks.planning.memory_demand import LONGEST_PX, Photographs
 
 _VIDEO_FRAMES = 60

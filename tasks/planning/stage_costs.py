@@ -22,13 +22,8 @@ from pipeline.execution.resources import significant
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
 from tasks.machine.calibration import Calibration
-from tasks.planning.memory_demand import (
-    GROWTH,
-    Photographs,
-    demand_name,
-    demand_of,
-    predicted_bytes,
-)
+from tasks.planning.memory_demand import GROWTH, Photographs, predicted_bytes
+from tasks.planning.stage_demands import demand_name, demand_of
 from tasks.planning.stage_work import (
     START_S,
     added_seconds,
@@ -49,10 +44,10 @@ class ExpectedCost:
     """The expected cost of a stage, and the evidence for it.
 
     Attributes:
-        seconds: Of the build, with all cores of the machine.
-        cpu_seconds: Of all cores together.
-        peak_memory_bytes: Of its processes.
-        output_bytes: Of the artifact on disk.
+        seconds: The seconds of the build, with all cores of the machine.
+        cpu_seconds: The CPU seconds of all cores together.
+        peak_memory_bytes: The peak memory of its processes.
+        output_bytes: The bytes of the artifact on disk.
         evidence: Builds on this machine, or the reference.
     """
 
@@ -69,8 +64,8 @@ class ReferenceCosts:
 
     Attributes:
         scene: Its name, which is of no scene here.
-        photographs: Of that scene.
-        calibration: Of that machine, or of none if the times are to be taken as they are.
+        photographs: The photographs of that scene.
+        calibration: The calibration of that machine; None if the times are to be taken as they are.
         stages: The cost of each family.
     """
 
@@ -121,9 +116,9 @@ class CostModel:
         """Returns the expected cost of a stage.
 
         Args:
-            stage: To be built.
-            measured_s: What it took with these settings, on the machine of the reference; where
-                nothing was built here, this stands instead of the reference's seconds.
+            stage: The stage to be built.
+            measured_s: Its seconds with these settings, on the machine of the reference; where
+                nothing was built here, they replace the reference's seconds.
         """
         cost = self._by_own_builds(stage) or self._by_reference(stage, measured_s)
         return replace(cost, peak_memory_bytes=self._memory(stage) or cost.peak_memory_bytes)
@@ -159,7 +154,7 @@ class CostModel:
         return is_comparable(stage.task_family, *drivers)
 
     def _scale(self, stage: luigi.Task, earlier: luigi.Task, cost: Cost) -> tuple[float, float]:
-        """The ratio of the work, and that of what is written."""
+        """Returns the ratio of the work, and that of the written bytes."""
         here, there = self._drivers(stage), self._drivers(earlier, settings={})
         family = stage.task_family
         bytes_ratio = 1.0
@@ -183,7 +178,7 @@ class CostModel:
         return self._known_drivers[name]
 
     def _memory(self, stage: luigi.Task) -> int | None:
-        """By `tasks.planning.memory_demand`, where it knows the stage and the photographs."""
+        """Returns the predicted memory, where the stage and the photographs are known."""
         if not isinstance(stage, ConfigurableStage) or demand_name(stage) not in GROWTH:
             return None
         photographs = self._sizes.get(str(stage.param_kwargs["scene"]))
@@ -202,11 +197,11 @@ WRITTEN: dict[str, tuple[str, ...]] = {
     "StylizedPriors": ("frame_pixels",),
     "StylizedFrames": ("frames", "frame_pixels"),
 }
-"""What the bytes of an artifact are in proportion to, by stage."""
+"""The drivers to which the bytes of an artifact are proportional, by stage."""
 
 
 def _samples_here(family: str) -> list[CostSample]:
-    """The builds of this machine; those that name no host are from before hosts were noted."""
+    """Returns the builds of this machine; those without a host are from before hosts were noted."""
     ours = ("", socket.gethostname())
     return [sample for sample in cost_history(current_store(), family) if sample.host in ours]
 
@@ -216,7 +211,7 @@ def _no_samples(_family: str) -> list[CostSample]:
 
 
 def _task_of(family: str, parameters: Mapping[str, str]) -> luigi.Task | None:
-    """The task of a line; None if there are no such tasks or parameters any more."""
+    """Returns the task of a line; None if there are no such tasks or parameters any more."""
     try:
         kind = Register.get_task_cls(family)  # type: ignore[no-untyped-call]
         return kind.from_str_params(dict(parameters))  # type: ignore[no-any-return]

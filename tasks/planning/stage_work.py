@@ -7,7 +7,8 @@ A stage is taken to need a constant time to start, and beyond it seconds in prop
 where a driver is a setting or a size. The exponents are rounded from sweeps of single settings
 (`benchmarks/README.md`, "Time against accuracy"), and are 1 where a stage does the same for every
 photograph, frame or pixel. That of the pixels of features is from three captures of 20 to 62
-photographs. What is no driver is taken to leave the time as it is.
+photographs, and that of features, of which frames of videos have fewer, from clips of a minute.
+Other settings are taken to leave the time as it is.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,12 +28,14 @@ START_S = 1.5
 """Seconds of a stage in which its interpreter starts and its libraries load, where measured."""
 LONGEST_DESCRIBED = 1600
 """The default of `max_image_long_side` of `CameraPoses`, in pixels."""
+MOST_FEATURES = {"max_features": 4096, "video_features": 1536}
+"""The defaults of these settings of `CameraPoses`."""
 _OF_PRIORS = {"PriorRenders", "StylizedField", "StylizedPriors"}
 _JOINING = 0.1  # of the work of all parts, to put them together
 
 EXPONENTS: dict[str, dict[str, float]] = {
     "SceneCapture": {"copied_photographs": 1, "filmed_pixels": 1},
-    "CameraPoses": {"photographs": 1, "feature_pixels": 0.7},
+    "CameraPoses": {"photographs": 1, "feature_pixels": 0.7, "features": 0.6},
     "SceneModel": {"photographs": 1},
     "ContentImages": {"count": 1},
     "RadianceField": {
@@ -51,7 +54,7 @@ EXPONENTS: dict[str, dict[str, float]] = {
     "ConsistencyMetrics": {"pairs": 1, "frame_pixels": 1},
     "StyleMetrics": {"frame_pixels": 1},
 }  # fmt: skip
-"""By stage and driver; `field.appearance_ranks` are the sum of the list."""
+"""The exponents by stage and driver; `field.appearance_ranks` are the sum of the list."""
 
 ADDED_S: dict[str, dict[str, float]] = {"SceneCapture": {"filmed_pixels": 1.2e-8}}
 """Seconds for a unit of a driver of which the reference has none, on its machine.
@@ -61,7 +64,7 @@ Two cores decode a minute of 1920x1080 at 30 frames a second, and follow its mot
 
 
 def seconds_scaled(seconds: float, start_s: float, work: float) -> float:
-    """Returns the seconds of a stage with so many times the work; the start takes what it did."""
+    """Returns the seconds of a stage with so many times the work; its start takes the same time."""
     start = min(seconds, start_s)
     return start + work * (seconds - start)
 
@@ -86,7 +89,7 @@ def is_comparable(family: str, here: Mapping[str, float], there: Mapping[str, fl
 
 
 def _kind(driver: float | None) -> bool | None:
-    """Whether there is such work; None where that is unknown."""
+    """Returns whether there is such work; None where that is unknown."""
     return None if driver is None else driver > 0
 
 
@@ -116,7 +119,7 @@ def drivers_of(
 
 
 def _deciding(stage: PresetStage, upstream: Mapping[str, Any]) -> Iterator[ConfigurableStage]:
-    """The stages whose settings decide the work of this one, itself last."""
+    """Returns the stages whose settings decide the work of this one, itself last."""
     renders = PriorRenders if stage.task_family in _OF_PRIORS else TrajectoryFrames
     if "scene" in stage.param_kwargs:
         for kind in (SceneModel, RadianceField, renders):
@@ -135,7 +138,9 @@ def _pixels(
     frame = int(settings.get("long_side_px", 0)) or seen
     if of_prior:  # priors are no larger than the photographs; frames of the path may be
         frame = min(frame, longest)
+    features = "video_features" if photographs.filmed_pixels else "max_features"
     return {
+        "features": int(settings.get(features, MOST_FEATURES[features])),
         "photographs": photographs.count,
         "copied_photographs": 0 if photographs.filmed_pixels else photographs.count,
         "filmed_pixels": photographs.filmed_pixels,

@@ -18,7 +18,7 @@ from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from styletrf.errors import InputError
 from tasks.command.sources import may_stop, sources_of
-from tasks.planning.memory_demand import demands_of
+from tasks.planning.stage_demands import demands_of
 from tasks.stages.field import TrajectoryFrames
 from tasks.stages.scene import SceneCapture
 from tasks.stages.stage import ConfigurableStage, Stage

@@ -28,9 +28,9 @@ class Front:
 
     Attributes:
         description: Which front it is, and where it was measured.
-        quality: That around which was swept.
+        quality: The preset around which was swept.
         points: Its points, with the seconds of the machine that measured them.
-        calibration: Of that machine; None where a front does not have it.
+        calibration: The calibration of that machine; None where a front does not have it.
     """
 
     description: str
@@ -44,7 +44,7 @@ class Front:
 
 
 Timing = Callable[[Front, Combination], float]
-"""Returns the seconds that the settings of a point take here, less what is found."""
+"""Returns the seconds that the settings of a point take here, without the stages that exist."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def fronts_for(measured: Path, space: str | None) -> list[Front]:
     """Returns the fronts that may apply to a scene: one, or all while its space is unknown.
 
     Args:
-        measured: Where the scene's own front is, if it was measured.
+        measured: The file of the scene's own front, if it was measured.
         space: The kind of the scene's space; None before it is decided.
 
     Raises:
@@ -83,7 +83,7 @@ def fronts_for(measured: Path, space: str | None) -> list[Front]:
     paths = [(SHIPPED / f"{each}.json", each) for each in spaces]
     if not all(path.exists() for path, _ in paths):
         problem = f"was never measured for this scene, and none is shipped for {space} space"
-        raise InputError("the front of time and accuracy", problem, "Run TradeOff on the scene")
+        raise InputError("the front of time and quality", problem, "Run TradeOff on the scene")
     return [read_front(path, f"the shipped front for {each} space") for path, each in paths]
 
 
@@ -100,10 +100,10 @@ def read_front(path: Path, name: str) -> Front:
 
 
 def choose(request: QualityRequest, front: Front, timing: Timing) -> Choice:
-    """Returns the point of a front that is asked for: the best in time, or the fastest within.
+    """Returns the requested point of a front: the best in time, or the fastest within.
 
     Raises:
-        InputError: No point of that front will do; of a time, it names the nearest.
+        InputError: No point of that front meets the bound; of a time, it names the nearest.
     """
     if request.budget_s is None:
         good = [p for p in front.points if p.shortfall_db <= (request.within_db or 0.0)]

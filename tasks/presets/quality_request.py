@@ -1,4 +1,4 @@
-"""The user's request for time or accuracy: `--quality "within 0.5 dB"` or `--budget 5min`."""
+"""The user's request for time or quality: `--quality "within 0.5 dB"` or `--budget 5min`."""
 
 import math
 import re
@@ -44,11 +44,11 @@ def quality_request(quality: str, budget: str) -> QualityRequest | None:
     """Returns the request of `--quality` and `--budget`; None for a preset by its name.
 
     Raises:
-        InputError: The budget is not a time, or both ask for something.
+        InputError: The budget is not a time, or both have a bound.
     """
     within = _WITHIN.fullmatch(quality.strip())
     if within and budget:
-        problem = "bound both accuracy and time, of which one can be chosen"
+        problem = "bound both quality and time, of which one can be chosen"
         raise InputError(f"--quality {quality!r} --budget {budget}", problem, "Leave one out")
     if within:
         return QualityRequest(within_db=float(within[1]))

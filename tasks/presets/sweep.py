@@ -23,7 +23,7 @@ class Variant:
         part: The side.
         name: A description of the change.
         tuning: The settings of the change, by stage.
-        stylizer: What paints the priors; empty if the change leaves it as it is.
+        stylizer: The stylizer of the priors; empty if the change leaves it as it is.
     """
 
     part: Literal["scene", "style"]

@@ -35,7 +35,7 @@ class _FormatParameter(ChoiceParameter):
 class Export(SceneInStyles):
     """Files of one format for other programs: one geometry, and every style on it.
 
-    Leaves what `docs/exports.md` lists, linked from `out/SCENE/export/FORMAT/`.
+    Leaves the files that `docs/exports.md` lists, linked from `out/SCENE/export/FORMAT/`.
     """
 
     styles: Any = ListParameter(default=(), description='such as ["mosaic", "udnie"]')
@@ -52,7 +52,7 @@ class Export(SceneInStyles):
         """Rejects invalid styles, and a format whose packages are missing.
 
         Raises:
-            InputError: It says what to give, or to install, instead.
+            InputError: The error says what to give, or to install, instead.
         """
         super().validate()
         export_versions(self.format)

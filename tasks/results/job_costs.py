@@ -20,10 +20,10 @@ class JobCost:
     """The costs of a command from an empty store to its report.
 
     Attributes:
-        seconds: Of all stages, one after the other.
-        field_seconds: Of the fit among them.
-        peak_memory_bytes: Of the stage that takes most.
-        output_bytes: Of all artifacts on disk.
+        seconds: The seconds of all stages, one after the other.
+        field_seconds: The seconds of the fit among them.
+        peak_memory_bytes: The peak memory of the stage that takes most.
+        output_bytes: The bytes of all artifacts on disk.
     """
 
     seconds: float

@@ -1,4 +1,4 @@
-"""One scene in several styles on one geometry: what `Viewer` and `Export` have in common."""
+"""One scene in several styles on one geometry: the common part of `Viewer` and `Export`."""
 
 from typing import Any
 

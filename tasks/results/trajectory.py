@@ -92,10 +92,10 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             subject = f"--quality {self.quality} --budget {self.budget}"
             raise InputError(subject, "ask for settings twice", "Leave one of them out")
         if self.request and self.tuning:
-            problem = "does not go with a bound on time or accuracy, which chooses the settings"
+            problem = "does not go with a bound on time or quality, which chooses the settings"
             raise InputError(f"--tuning {dict(self.tuning)}", problem, "Leave one of them out")
         if self.request and (changed := stages_with_settings(upstream_first(self._plain()))):
-            problem = "do not go with a bound on time or accuracy, which chooses them"
+            problem = "do not go with a bound on time or quality, which chooses them"
             raise InputError(f"settings of {', '.join(changed)}", problem, "Leave one of them out")
 
     def require_reachable(self) -> None:

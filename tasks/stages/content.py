@@ -20,9 +20,9 @@ class ContentImages(ConfigurableStage):
     """Photographs for the style network to paint while it learns, as Parquet shards.
 
     `content` is a folder, a zip or an annotations file, by path or by its name in `data/content`;
-    `auto` takes what is in `data/content`, and where there is nothing, `embedded`: photographs of
-    the scene itself and as many procedural images, or 64. What an annotations file has fetched
-    stays in `data/content/.fetched`.
+    `auto` takes the one in `data/content`, and where there is none, `embedded`: photographs of the
+    scene itself and as many procedural images, or 64. Images fetched by an annotations file stay in
+    `data/content/.fetched`.
     """
 
     content = luigi.Parameter(default="auto", description="where the content images come from")
@@ -30,14 +30,14 @@ class ContentImages(ConfigurableStage):
     tools = ("opencv-contrib-python-headless",)
 
     def requires(self) -> Mapping[str, Stage]:
-        """The scene's photographs, if they are the content."""
+        """Returns the scene's photographs, if they are the content."""
         with suppress(InputError):  # which the run reports
             if self._source() is None:
                 return {"capture": self.upstream(SceneCapture)}
         return {}
 
     def external_digests(self) -> Mapping[str, str]:
-        """The digest of the source's files."""
+        """Returns the digest of the source's files."""
         from styletrf.capture.photographs import require_readable_name
 
         source = self._source()
@@ -52,7 +52,7 @@ class ContentImages(ConfigurableStage):
         )
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Reduce the images and write the shards."""
+        """Reduces the images and writes the shards."""
         from styletrf.steps.sources.content_images import gather_content
 
         source, fetched = self._source(), self.fetched

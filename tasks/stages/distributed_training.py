@@ -25,12 +25,12 @@ class TrainingRequest:
     """The request for a training, in types that JSON has: paths are strings.
 
     Attributes:
-        settings: Of `StyleTrainingConfig`.
+        settings: Those of `StyleTrainingConfig`.
         stroke_scale: See `tasks.stages.style_parameters`.
         content_weight: See `tasks.stages.style_parameters`.
-        inputs: Folders: style, content, perceptual, and renders where these are looked at.
+        inputs: The folders: style, content, perceptual, and renders where the training uses these.
         out: The folder to fill.
-        resume: That of checkpoints.
+        resume: The folder of checkpoints.
         device: `auto`, `cpu` or `cuda`.
         measured: The settings that decide which pairs of renders are measured, and kept out.
     """

@@ -11,7 +11,9 @@ from typing import Any
 
 from luigi.freezing import recursively_unfreeze
 
+from styletrf.configuration import configured
 from styletrf.errors import InputError
+from styletrf.evaluation.consistency.pair_plan import PairPlan
 from tasks.stages.stage import ConfigurableStage, PresetStage
 
 _MEASURING = "ConsistencyMetrics"
@@ -27,11 +29,12 @@ def require_tuned_pairs(stage: PresetStage) -> None:
     """Rejects pairs that a command measures and the build of a stage would not know.
 
     Raises:
-        InputError: `--ConsistencyMetrics-settings` chooses other pairs than `--tuning`.
+        InputError: `--ConsistencyMetrics-settings` chooses other pairs than `--tuning`, or one of
+            their values is invalid.
     """
     own = ConfigurableStage.settings.task_value(_MEASURING, "settings")
     measured = _of_pairs(stage.tuned(_MEASURING, stage.quality, own))
-    if measured != pair_settings(stage):
+    if configured(PairPlan, measured) != configured(PairPlan, pair_settings(stage)):
         tuning = recursively_unfreeze(stage.tuning)  # type: ignore[no-untyped-call]
         tuning[_MEASURING] = tuning.get(_MEASURING, {}) | measured
         raise InputError(

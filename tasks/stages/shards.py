@@ -25,7 +25,7 @@ class ShardedStage(ConfigurableStage):
         """Rejects an invalid shard.
 
         Raises:
-            InputError: It is not such as 2/5.
+            InputError: The shard is not of the form 2/5.
         """
         super().validate()
         shard_of([], self.shard)

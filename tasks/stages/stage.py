@@ -63,7 +63,7 @@ class Stage(StoredTask):
 
     @property
     def priority(self) -> int:  # type: ignore[override]
-        """Sources first, then the stages with the most seconds left on the way to the end."""
+        """Sources come first, then stages with the most seconds left on the way to the end."""
         command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
         if command is None:
             return 0

@@ -38,17 +38,17 @@ class StyleImage(Stage):
     tools = ("opencv-contrib-python-headless",)
 
     def identity_parameters(self) -> Mapping[str, object]:
-        """Nothing but the painting."""
+        """Returns no parameters: the painting alone decides the artifact."""
         return {}
 
     def external_digests(self) -> Mapping[str, str]:
-        """The digest of the painting."""
+        """Returns the digest of the painting."""
         from styletrf.capture.user_folders import find_style
 
         return {"style": file_digest(find_style(data_root(), self.style))}
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
-        """Read the painting whole."""
+        """Reads the painting and checks it."""
         from styletrf.capture.user_folders import find_style
         from styletrf.steps.sources.style_image import check_painting
 
@@ -88,7 +88,7 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
         return processes_for(batch, self.cards or self.gpus)
 
     def requires(self) -> Mapping[str, Stage]:
-        """The painting, the content and the perceptual network; or only a network that is given."""
+        """Returns the painting, the content and the perceptual network; or only a given network."""
         if self.network:
             return {}
         needed: dict[str, Stage] = {"style": self.upstream(StyleImage)}
@@ -109,7 +109,7 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
         return self.stylizer == "johnson" and not self.network
 
     def external_digests(self) -> Mapping[str, str]:
-        """The digest of a network that is given."""
+        """Returns the digest of a given network."""
         return cached_digests({"network": Path(self.network)}) if self.network else {}
 
     def identity_parameters(self) -> Mapping[str, object]:
@@ -122,11 +122,11 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
         }
 
     def measured_pairs(self) -> dict[str, Any]:
-        """The settings that choose the pairs of renders to measure, where it looks at renders."""
+        """The settings that choose the pairs of renders to measure, if training uses renders."""
         return pair_settings(self) if "renders" in self.requires() else {}
 
     def values(self) -> dict[str, Any]:
-        """The settings; a network that is not trained here has none."""
+        """Returns the settings; a network that is not trained here has none."""
         return super().values() if self.is_trained else {}
 
     def validate(self) -> None:
@@ -134,8 +134,8 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
 
         Raises:
             InputError: A factor is not positive, or is combined with a given network; or the loss
-                is not relative, and the perceptual network is not that of ImageNet; or the
-                training looks at renders, and not all settings of the measured pairs reach it.
+                is not relative, and the perceptual network is not that of ImageNet; or the training
+                uses renders, and not all settings of the measured pairs reach it.
         """
         super().validate()
         if self.cards:

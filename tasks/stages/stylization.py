@@ -18,7 +18,7 @@ from tasks.stages.style_parameters import FrameParameters, StyleParameters
 from tasks.stages.weights import PerceptualWeights, TransferWeights
 
 _SHARP_ENOUGH = 0.95
-"""Of the priors' sharpness, for renders that are fitted to pixels alone."""
+"""The fraction of the priors' sharpness for renders that are fitted to pixels alone."""
 
 
 class StylizedPriors(ShardedStage, StyleParameters):

@@ -20,7 +20,7 @@ class PerceptualWeights(Stage):
     tools = ("h5py",)
 
     def external_digests(self) -> Mapping[str, str]:
-        """The digest of the user's own weights, if that is what `perceptual` names."""
+        """Returns the digest of the user's own weights, if `perceptual` names them."""
         path = Path(self.perceptual)
         return cached_digests({"weights": path}) if path.is_file() else {}
 
@@ -46,7 +46,7 @@ class TransferWeights(Stage):
     tools = ("onnx",)
 
     def external_digests(self) -> Mapping[str, str]:
-        """The digests of the user's own wheel or ONNX files, if `transfer` names them."""
+        """Returns the digests of the user's own wheel or ONNX files, if `transfer` names them."""
         path = Path(self.transfer)
         found = sorted(path.glob("arbitrary_*.onnx")) if path.is_dir() else [path]
         return cached_digests({file.name: file for file in found if file.is_file()})

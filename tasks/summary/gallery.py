@@ -88,7 +88,7 @@ def _result(folder: Path) -> Cell:
 
 
 def _add_grid(cells: Cells) -> None:
-    """Adds what the latest grid did not make, unless it was made since; no grid adds nothing."""
+    """Adds the cells that the latest grid did not make, unless they were made since."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         grid = json.loads((out_root() / "grid.json").read_text())
         ended = datetime.fromisoformat(grid["ended"]).timestamp()

@@ -1,8 +1,8 @@
 """`out/SCENE/lineage.html`: all artifacts that the results of a scene were made from.
 
-It shows what the pages in `out/SCENE/` were made from, by the keys beside them, and what the
-command requested for the scene but could not make. No store is searched, so that the size of the
-store does not count.
+The page shows the artifacts of the pages in `out/SCENE/`, by the keys beside them, and those that
+the command requested for the scene but could not make. No store is searched, so that the size of
+the store does not count.
 """
 
 import logging
@@ -30,7 +30,7 @@ def write_lineages(results: Iterable[LinkedStage]) -> None:
     """Writes the lineage of every scene of some results; never raises, as nothing depends on it.
 
     Args:
-        results: What a command requested, made or not.
+        results: The results that a command requested, made or not.
     """
     scenes: dict[str, list[LinkedStage]] = {}
     for result in results:

@@ -20,7 +20,7 @@ class Label:
         meaning: One line for the report.
         form: Format of the value; "" for three significant digits.
         other: Key of the value to compare with, if any.
-        word: What the other value is, such as its floor.
+        word: The name of the other value, such as its floor.
         flickers: Whether it grows with differences between frames, which blur reduces.
     """
 

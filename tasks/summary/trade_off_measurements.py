@@ -39,10 +39,10 @@ def measurement(
     """Returns the cost and the quality of a variant on its side.
 
     Args:
-        variant: What was changed.
+        variant: The variant that was measured.
         lineage: The records of all its stages, also of the other side.
-        summary: Of QualityMetrics for the scene; of StylizationMetrics, StyleMetrics and
-            ConsistencyMetrics together for the style.
+        summary: The numbers of QualityMetrics for the scene; those of StylizationMetrics,
+            StyleMetrics and ConsistencyMetrics together for the style.
     """
     own = [r for r in lineage if _part(r) == variant.part and r.action.family not in METRIC_STAGES]
     return Measurement(

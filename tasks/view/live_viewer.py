@@ -16,7 +16,7 @@ from styletrf.viewer.webpage.packed_scene import Packed, packed_look, packed_sce
 from styletrf.viewer.webpage.viewer_page import encoded_page, viewer_page
 
 Command = Callable[[dict[str, float], float], str]
-"""Returns what renders a path by the weights of paintings, and its length in seconds."""
+"""Returns the command that renders a path, by the weights of paintings and its seconds."""
 
 
 class LiveViewer:
@@ -33,10 +33,10 @@ class LiveViewer:
         """Creates the viewer with its first looks.
 
         Args:
-            content: The scene with the look of its photographs, and more if there are.
-            thumbnails: Of these looks, as `data:` URIs.
-            frames_per_second: Of the fly-through.
-            file: Where paths are saved.
+            content: The scene with the look of its photographs, and further looks if there are any.
+            thumbnails: The thumbnails of these looks, as `data:` URIs.
+            frames_per_second: The rate of the fly-through.
+            file: The file to which paths are saved.
             command: Returns the shell command that renders a saved path.
         """
         self._content, self._scene = content, packed_scene(content, frames_per_second)
@@ -47,7 +47,7 @@ class LiveViewer:
             self.add(look, thumbnail)
 
     def add(self, look: BakedLook, thumbnail: str) -> None:
-        """Shows one more look; pages that are open ask for it."""
+        """Adds a look; pages that are open request it."""
         self._looks = (*self._looks, (look, packed_look(look, thumbnail)))
 
     def page(self) -> bytes:
@@ -58,7 +58,7 @@ class LiveViewer:
         return encoded_page(viewer_page(content, self._scene, packed, is_live=True))
 
     def state(self) -> dict[str, Any]:
-        """Returns how many looks there are, and what is under way."""
+        """Returns the number of looks, and the report on the present work."""
         return {"looks": len(self._looks), "report": self.report}
 
     def look(self, number: int) -> dict[str, Any] | None:
@@ -76,7 +76,7 @@ class LiveViewer:
                 `a` and `b` by number, and the `share` of the first.
 
         Raises:
-            InputError: It is not that; says what is wrong.
+            InputError: The request is not of this form; the error says where.
         """
         if not isinstance(request, dict) or not isinstance(request.get("path"), dict):
             raise InputError("the request", "has no path", "Load the page again")

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from styletrf.errors import InputError
 
 MOST_BYTES = 1 << 18
-"""Of what a POST may send: a path of a thousand key frames."""
+"""The most bytes of a POST: a path of a thousand key frames."""
 LOOPBACK = "127.0.0.1"
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -35,7 +35,7 @@ class Site(Protocol):
         """Returns the page, in UTF-16."""
 
     def state(self) -> dict[str, Any]:
-        """Returns how many looks there are, and what is under way."""
+        """Returns the number of looks, and the report on the present work."""
 
     def look(self, number: int) -> dict[str, Any] | None:
         """Returns a look, None if it does not exist."""
@@ -112,7 +112,7 @@ def is_own_host(header: str, host: str) -> bool:
 
     Args:
         header: The name and the port that a browser believes to speak with.
-        host: What the server listens on.
+        host: The address that the server listens on.
     """
     try:
         name = urlsplit(f"//{header}").hostname or ""
@@ -161,7 +161,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Logs nothing: requests hold the token."""
 
     def _place(self) -> str | None:
-        """Returns what is asked for below the token; None if the request is refused."""
+        """Returns the requested place below the token; None if the request is refused."""
         hosts = self.headers.get_all("Host") or []
         if len(hosts) != 1 or not is_own_host(hosts[0], self.server.host):
             self._refuse(403, "This server has another name.")

@@ -12,10 +12,10 @@ def path_command(
     """Returns the shell command of the fly-through along a path.
 
     Args:
-        file: Of the path.
+        file: The file of the path.
         seconds: Its length.
-        weights: Of the paintings that are mixed, above 0; what they lack of 1 is the photographs'.
-        arguments: The scene, the quality and all else that the fields were made with.
+        weights: The weights of the mixed paintings, above 0; the photographs have the rest of 1.
+        arguments: The scene, the quality and all other arguments that the fields were made with.
         style: The painting of a command where `weights` has none.
     """
     first, *others = weights or [style]

@@ -33,10 +33,10 @@ def best_quality(viewers: Sequence[Viewer]) -> Viewer:
     """Returns the viewer with the most styles in the store; of several the one of best quality.
 
     Args:
-        viewers: Without styles, of one scene, at one quality or at several.
+        viewers: Viewers without styles, of one scene, at one quality or at several.
 
     Raises:
-        InputError: None has a field and a fly-through; has the command that makes them.
+        InputError: None has a field and a fly-through; the error has the command that makes them.
     """
     ready = [v for v in viewers if all(task.complete() for task in v.requires().values())]
     if ready:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import luigi
 import pytest
+from commands import close_server, command_server
+from forked_modules import forks_of
 from fsspec import get_filesystem_class
 from memory import folder_in_memory
 from shared_stores import Place, Server, proxy_of
@@ -16,6 +18,19 @@ from pipeline.code.source import data_files
 from pipeline.settings import current_store
 from pipeline.shared_store.remote import open_remote
 from pipeline.store import Store
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _forked_commands() -> Iterator[None]:
+    yield
+    close_server()
+
+
+@pytest.fixture
+def forked_builds() -> Iterator[None]:
+    """Builds of this process are forked as those of its commands: not by interpreters of theirs."""
+    with forks_of(command_server()):
+        yield
 
 
 @pytest.fixture(autouse=True)

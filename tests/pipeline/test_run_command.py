@@ -8,26 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from commands import ROOT, SUPPORT, pids_of_slow
+from commands import ROOT, SUPPORT, pids_of_slow, start
 from message_words import mentions
 from store_toys import built
-
-PROGRAM = """
-import sys
-from pipeline.command import run_command
-import build_toys, store_toys
-
-def begin(task):
-    print("begin", task.task_family, flush=True)
-    if "refused" in {refusal!r}:
-        raise SystemExit("this is refused")
-
-def end(task):
-    print("end", "complete" if task.complete() else "incomplete", flush=True)
-    return {status!r}
-
-sys.exit(run_command(sys.argv[1:], begin, end))
-"""
 
 
 def run(
@@ -42,15 +25,8 @@ def run(
 def begun(
     *arguments: str, refusal: str = "", status: int | None = None, folder: Path = ROOT
 ) -> "subprocess.Popen[str]":
-    """A command in a folder."""
-    return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM.format(refusal=refusal, status=status), *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)])},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    """A command in a folder, see `surrounded_command`."""
+    return start("surrounded_command", refusal, json.dumps(status), *arguments, cwd=folder)
 
 
 def test_begin_comes_first_and_end_last():
@@ -70,7 +46,7 @@ def test_the_status_of_end_replaces_that_of_luigi():
 
 
 def test_a_command_that_begin_refuses_builds_nothing_and_has_no_end():
-    status, output, errors = run("Word", "--word", "hello", refusal="refused")
+    status, output, errors = run("Word", "--word", "hello", refusal="this is refused")
     assert (status, output.split()) == (1, ["begin", "Word"])
     assert errors == "this is refused\n"
     assert built() == []

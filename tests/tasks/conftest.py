@@ -3,16 +3,16 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, nullcontext
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from called_functions import functions_called, keep_functions
+from forked_modules import forks_of
 from memory import folder_in_memory
 from shared_results import made_once
 
-from pipeline.execution.fork_server import fork_server
+from pipeline.execution.fork_server import ForkServer
 from tasks.command_line import LIBRARIES
 
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -53,16 +53,28 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }
 
 
+FURTHER_LIBRARIES = ("OpenEXR", "onnx", "pi_heif", "pyarrow.parquet", "torch._dynamo")
+"""What many stages import, some for a second: torch's optimizers import the last one."""
+
+
 @pytest.fixture
 def tmp_path(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
     with folder_in_memory(tmp_path, request.config) as folder:
         yield folder
 
 
+@pytest.fixture(scope="session")
+def server() -> Iterator[ForkServer]:
+    """A process that has imported the libraries, which starts with the first fork."""
+    server = ForkServer([*LIBRARIES, *FURTHER_LIBRARIES])
+    yield server
+    server.close()
+
+
 @pytest.fixture(autouse=True, scope="module")
-def _forked() -> Iterator[None]:
-    """Builds are forked from a process that has imported the libraries, as those of commands."""
-    with fork_server(LIBRARIES):
+def _forked(server: ForkServer) -> Iterator[None]:
+    """Commands are forked from that process, and builds, as in a command of a user."""
+    with forks_of(server):
         yield
 
 
@@ -167,36 +179,14 @@ Graph = tuple[Callable[..., Path], Callable[..., tuple[Any, dict[str, Path]]]]
 
 
 @pytest.fixture(scope="session")
-def new_graph(
+def mini_graph(
     build: Callable[..., Path],
     mini_poses: Path,
     photographs: Path,
     perceptual_file: Path,
     transfer_folder: Path,
-) -> Callable[..., Graph]:
-    """Returns the stages on the mini scene, none of them built, in a context for each build.
-
-    `once` may return what another worker has built.
-    """
-    return partial(_graph, build, mini_poses, photographs, perceptual_file, transfer_folder)
-
-
-@pytest.fixture(scope="session")
-def mini_graph(new_graph: Callable[..., Graph]) -> Graph:
-    """The stages on the mini scene, shared by all tests of all workers."""
-    return new_graph(lambda _family: nullcontext(), made_once)
-
-
-def _graph(
-    build: Callable[..., Path],
-    mini_poses: Path,
-    photographs: Path,
-    perceptual_file: Path,
-    transfer_folder: Path,
-    around: Callable[[str], AbstractContextManager[None]],
-    once: Callable[[str, Callable[[], Path]], Path] = lambda _name, make: make(),
 ) -> Graph:
-    """Builds each stage once, when it is asked for, in the context that `around` has for it."""
+    """The stages on the mini scene, each built once for all tests of all workers, when needed."""
     import luigi
 
     import tasks
@@ -226,7 +216,7 @@ def _graph(
         if key not in made:
             stage, inputs = with_inputs(family, **controls)
             name = hashlib.sha256("".join(key).encode()).hexdigest()
-            made[key] = once(f"{family} {name}", lambda: built(stage, inputs))
+            made[key] = made_once(f"{family} {name}", lambda: built(stage, inputs))
         return made[key]
 
     def built(stage: Any, inputs: dict[str, Path]) -> Path:
@@ -235,8 +225,10 @@ def _graph(
             patch.setenv("STYLETRF_DATA", str(photographs))
             if family == "SceneReport":  # it would measure this machine
                 keep_calibration(this_machine(), reference_costs().calibration.seconds)
-            with around(family):
-                return build(stage, **inputs)
+            with functions_called() as names:
+                artifact = build(stage, **inputs)
+            keep_functions(artifact, names)
+            return artifact
 
     def with_inputs(family: str, **controls: Any) -> tuple[Any, dict[str, Path]]:
         kind: type[luigi.Task] = getattr(tasks, family)

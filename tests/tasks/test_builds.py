@@ -18,7 +18,7 @@ from styletrf.field.radiance_field import load_field
 from styletrf.files.float_images import read_float_image
 from styletrf.files.images import read_rgb, write_rgb
 from styletrf.files.tables import read_rows, read_summary, write_summary
-from styletrf.files.video import video_info
+from styletrf.files.video_frames import video_info
 from styletrf.geometry.camera_table import read_cameras, read_split, write_cameras
 from styletrf.scene.exposures import Exposure
 from styletrf.scene.scene_model import read_scene_model, write_scene_model

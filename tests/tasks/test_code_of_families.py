@@ -1,22 +1,17 @@
 """The code of the real graph: what an edit changes, and whether the closures are whole."""
 
 import ast
-import gc
-import inspect
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import CodeType, FrameType
-from typing import Any
 
 import pytest
+from called_functions import functions_called_for
 
 import tasks
 from pipeline.code.adoption import snapshot_of
@@ -276,41 +271,12 @@ BY_VALUE = {
 """What `identity_parameters` returns stands in the key itself."""
 
 
-@contextmanager
-def recording(found: set[str]) -> Iterator[None]:
-    """Adds to `found` every function of the project that is called meanwhile, in any thread."""
-    root = f"{Path(__file__).parents[2]}/"
-    ours = (f"{root}styletrf/", f"{root}tasks/")
-    seen: dict[int, CodeType] = {}  # most calls are of what was called before
-
-    def note(frame: FrameType, event: str, _value: object) -> None:
-        if event != "call" or id(code := frame.f_code) in seen:
-            return
-        seen[id(code)] = code
-        is_function = code.co_flags & inspect.CO_OPTIMIZED  # and no module's or class's body
-        if is_function and code.co_filename.startswith(ours):
-            module = code.co_filename.removeprefix(root).removesuffix(".py").replace("/", ".")
-            found.add(f"{module.removesuffix('.__init__')}:{code.co_qualname}")
-
-    gc.disable()  # it may close a generator left over from another build, which is a call
-    threading.setprofile(note)
-    sys.setprofile(note)
-    try:
-        yield
-    finally:
-        sys.setprofile(None)
-        threading.setprofile(None)
-        gc.enable()
-
-
-def test_all_that_a_build_runs_is_in_its_code(new_graph: Callable[..., Any]):
+def test_all_that_a_build_runs_is_in_its_code(mini: Callable[..., Path]):
     """Every function that Python runs while a stage builds was found without running anything."""
-    ran: dict[str, set[str]] = {}
-    mini, _ = new_graph(lambda family: recording(ran.setdefault(family, set())))
     for family in sorted(set(tasks.__all__) - COMMANDS - {"CameraPoses"}):
-        mini(family)
+        called = functions_called_for(mini(family))
         known = code_closure(getattr(tasks, family)).keys() | BY_VALUE
-        names = {re.sub(r"\.?<.*", "", name) for name in ran[family]}
+        names = {re.sub(r"\.?<.*", "", name) for name in called}
         named = {name for name in names if not name.endswith(":")}  # no lambda of a table
         assert {name for name in named if not {name, name.rpartition(".")[0]} & known} == set()
         assert any(name.startswith("styletrf") for name in names), family

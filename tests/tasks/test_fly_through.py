@@ -24,7 +24,7 @@ from pipeline.maintenance.garbage_collection import collect
 from pipeline.store import Store
 from pipeline.task import artifact
 from styletrf.files.images import write_rgb
-from styletrf.files.video import video_info
+from styletrf.files.video_frames import video_info
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.synthetic.courtyard.capture import CourtyardConfig
 from styletrf.synthetic.courtyard.folder import write_courtyard
@@ -36,30 +36,36 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 FRAMES, STRAYS = 6, 2
 SETTINGS: dict[str, dict[str, Any]] = {
-    "SceneModel": {"image_long_side": 48, "max_voxels": 32**3},
+    "SceneModel": {"image_long_side": 24, "max_voxels": 16**3},
     "RadianceField": {
-        "iterations": 60,
-        "batch": 256,
-        "initial_voxels": 16**3,
+        "iterations": 30,
+        "batch": 64,
+        "initial_voxels": 8**3,
         "upsample_at": [0.3],
-        "occupancy_every": 20,
+        "occupancy_every": 10,
+        "tv_views": 1,
+        "field.density_ranks": [2, 2, 2],
+        "field.appearance_ranks": [2, 2, 2],
+        "field.features": 4,
+        "field.hidden": 8,
     },
-    "ContentImages": {"count": 16},
+    "ContentImages": {"count": 8},
     "StyleNetwork": {
         "network.width": 4,
         "network.n_residual": 1,
-        "iterations": 8,
+        "iterations": 2,
         "identity_iterations": 0,
         "batch": 1,
         "crop_px": 32,
         "style_px": 64,
     },
-    "PriorRenders": {"trajectory.frames": 6},
+    "PriorRenders": {"trajectory.frames": 3, "coverage.count": 3},
     "TrajectoryFrames": {"trajectory.frames": FRAMES},
     "StylizedField": {
-        "adaptation.iterations": 20,
-        "adaptation.batch": 256,
-        "image.iterations": 3,
+        "adaptation.iterations": 10,
+        "adaptation.batch": 64,
+        "image.iterations": 2,
+        "weight_power.powers": [1.0],
     },
     "QualityMetrics": {"perceptual_px": 96},
     "StyleMetrics": {"frames": 2},
@@ -105,10 +111,6 @@ class Workplace:
             f"STYLETRF_{name.upper()}": str(self.root / name) for name in ("data", "store", "out")
         }
 
-    def run(self, style: str) -> Run:
-        """A command in an interpreter of its own."""
-        return self.interpreted("--module", "tasks", *self.words(*self.result(style)))
-
     def result(self, style: str) -> list[str]:
         return ["StylizedTrajectory", "--scene", "yard", "--style", style]
 
@@ -128,6 +130,7 @@ class Workplace:
         return run_of(command(*words, **self.environment()), begun)
 
     def interpreted(self, *words: str) -> Run:
+        """A command in an interpreter of its own, which starts another for its builds."""
         begun = time.monotonic()
         process = subprocess.run(
             [sys.executable, "-m", "luigi", *words],
@@ -172,7 +175,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory, perceptual_file: Path) -
 @pytest.fixture(scope="module")
 def first(workplace: Workplace) -> Run:
     """The first run, which builds everything."""
-    run = workplace.run("brush")
+    run = workplace.command(*workplace.result("brush"))
     assert run.status == 0, run.screen
     return run
 
@@ -245,7 +248,7 @@ def test_the_cameras_are_those_of_the_courtyard(workplace: Workplace, monkeypatc
 
 
 def test_the_same_again_builds_nothing(workplace: Workplace, first: Run):
-    again = workplace.run("brush")
+    again = workplace.command(*workplace.result("brush"))
     assert (again.status, again.report, again.started) == (0, first.report, [])
     assert again.seconds < 15
 
@@ -272,7 +275,7 @@ def test_another_style_builds_only_what_depends_on_it_and_comes_into_an_open_vie
     assert missing[0] == "TrajectoryFrames", "the fields are those that the viewer shows"
     given = zip(words[3::2], words[4::2], strict=True)
     along = [word for pair in given if pair[0] not in NOT_OF_FRAMES for word in pair]
-    rendered = workplace.luigi("--module", "tasks", "TrajectoryFrames", *along)
+    rendered = workplace.interpreted("--module", "tasks", "TrajectoryFrames", *along)
     assert (rendered.status, rendered.started) == (0, ["TrajectoryFrames"]), rendered.screen
     assert 12 in {video_info(file).frames for file in workplace.videos()}
     assert other.status == 0, other.screen

@@ -22,8 +22,8 @@ def clip_warnings(
     """Yields a line for each thing that is odd about a clip.
 
     Args:
-        name: Of the clip.
-        motion: What its frames show, of at least one.
+        name: The name of the clip.
+        motion: The measures of its frames, at least one.
         declared_s: How long the file says that the clip lasts.
         chosen: The indices of the frames that are taken.
     """
@@ -43,7 +43,7 @@ def clip_warnings(
 
 
 def _warnings_of_motion(name: str, motion: FrameMotion) -> Iterator[str]:
-    """Yields what the camera's motion makes worse, and how to film better."""
+    """Yields the defects that the camera's motion causes, and how to film better."""
     if times := _listed([_described(span) for span in blurs(motion)]):
         yield (
             f"{name} is blurred by motion at {times}: move more slowly, use more light or a"

@@ -1,4 +1,4 @@
-"""Which frames of videos to take for photographs: sharp ones, an even parallax apart.
+"""Chooses frames of videos as photographs: sharp ones, an even parallax apart.
 
 Frames stand at even steps along
 

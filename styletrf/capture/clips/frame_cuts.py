@@ -1,6 +1,6 @@
 """Finds the cuts of a clip: between two frames that have less in common than any around them.
 
-A frame after a cut shows little of what the frame before it shows, while the frames around follow
+A frame after a cut has little in common with the frame before it, while the frames around follow
 each other as usual. In a swing, in low light or in a show of slides frames differ as much again and
 again, in a fade they differ little by little, and after a flash the old picture comes back.
 """
@@ -25,8 +25,8 @@ def cuts(time_s: PerFrame, flow: FrameFlow, lost: Flags, change: PerFrame) -> Fl
     """Returns which frames are the first after a cut.
 
     Args:
-        time_s: Of the frames, in seconds.
-        flow: From each frame to the next.
+        time_s: The times of the frames, in seconds.
+        flow: The flow from each frame to the next.
         lost: Whether corners of earlier frames were not found again.
         change: The fraction of the colors that changed since the frame before, 0 to 1.
     """

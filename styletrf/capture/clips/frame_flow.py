@@ -1,7 +1,7 @@
 """Measures how the picture of a clip changes from each frame to the next.
 
 The dense flow (Kroeger et al. 2016) between small pictures shows how they move, how their halves
-move against each other, and what of a picture the one before does not show.
+move against each other, and which part of a picture the one before does not show.
 """
 
 from dataclasses import dataclass, fields
@@ -57,7 +57,7 @@ def small_picture(gray: Gray) -> UInt8[np.ndarray, "_ _"]:
 def flow_between(before: Gray, after: Gray) -> Float[np.ndarray, "7"]:
     """Returns the novelty, shift, tilt down and tilt right of a small picture since another.
 
-    Zeros where either is too small for flow or has no contrast.
+    Returns zeros where either picture is too small for flow or has no contrast.
     """
     deviations = [float(cv2.meanStdDev(gray)[1].item()) for gray in (before, after)]
     if min(before.shape) < _AROUND or min(deviations) < _LEAST_CONTRAST:

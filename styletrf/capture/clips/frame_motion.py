@@ -2,7 +2,8 @@
 
 From a frame on some corners are followed (Lucas and Kanade 1981), there and back, until the picture
 has moved by 3 % of its width, then others from there. Their displacement shows how the picture
-moved; what of it no homography explains is parallax, which a turning or resting camera has none of.
+moved; the part of it that no homography explains is parallax, of which a turning or resting camera
+has none.
 
 Where hardly a corner comes back to its place, the camera swung too fast, or the video was cut (see
 `frame_cuts`). Nothing moves across a cut.
@@ -19,7 +20,7 @@ from jaxtyping import Float, Int64, UInt8
 
 from styletrf.capture.clips.frame_cuts import cuts
 from styletrf.capture.clips.frame_flow import FrameFlow, flow_between, flow_of, small_picture
-from styletrf.files.video import TimedFrame
+from styletrf.files.video_frames import TimedFrame
 from styletrf.prefetch import in_background, prefetch
 
 _LONG_SIDE = 480  # at which frames are looked at
@@ -52,18 +53,18 @@ class FrameMotion:
 
     @property
     def has_parallax(self) -> bool:
-        """Whether the camera went places, rather than turned on the spot."""
+        """Whether the camera moved to other places, rather than turned on the spot."""
         return bool(self.parallax[-1] > _FRACTION_OF_PARALLAX * self.displacement[-1])
 
     @property
     def cuts_s(self) -> list[float]:
-        """The time of the first frame after each cut."""
+        """The times in seconds of the first frame after each cut."""
         return [float(time) for time in self.time_s[1:][np.diff(self.shot) > 0]]
 
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """A frame as it is looked at, and what the camera has moved until then."""
+    """A frame at the size at which it is examined, and the camera's motion up to it."""
 
     time_s: float
     sharpness: float
@@ -76,8 +77,8 @@ class _Look:
 def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
     """Returns the measures of a video's frames; holds eight of them at a time.
 
-    A thread takes the frames, which decodes them, and another one looks at each: neither needs the
-    motion before it.
+    One thread decodes the frames, and another one examines each: neither needs the motion before
+    it.
     """
     rows: list[tuple[float, ...]] = []
     reference = before = None
@@ -96,7 +97,7 @@ def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
 
 
 def _looks(frames: Iterable[TimedFrame]) -> Iterator[_Look]:
-    """Yields the frames as they are looked at; threads end with the iterator."""
+    """Yields the frames at the size at which they are examined; threads end with the iterator."""
     with closing(in_background(frames, ahead=_AHEAD)) as decoded:
         yield from prefetch(_look_at, decoded, threads=1, ahead=_AHEAD)
 

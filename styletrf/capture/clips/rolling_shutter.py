@@ -1,7 +1,7 @@
 """Detects a rolling shutter: the rows of a picture are exposed one after another.
 
-Let d(t) be how far the picture moves from a time t to one frame later. A shutter that needs a share
-r of the time between frames from the first row to the last shows, in frame k,
+Let d(t) be how far the picture moves from a time t to one frame later. A shutter that needs the
+fraction r of the time between frames from the first row to the last shows, in frame k,
 
     bottom moves more than top by   d(k + r) - d(k) = r d'(k)
 
@@ -44,7 +44,7 @@ class RollingShutter:
 
 
 def rolling_shutter(motion: FrameMotion) -> RollingShutter | None:
-    """Returns how frames lean if they clearly do, by more than the mapper takes; or else None."""
+    """Returns how frames lean, if they clearly do by more than the mapper tolerates; else None."""
     flow = motion.flow
     leaning = [
         found
@@ -85,7 +85,7 @@ def _followed(motion: FrameMotion) -> Flags:
 
 
 def _unexplained(values: Series, known: Float[np.ndarray, "frames regressors"]) -> Series:
-    """Returns what a linear combination of the regressors leaves of the values."""
+    """Returns the residuals of the values after a linear regression."""
     return np.asarray(values - known @ np.linalg.lstsq(known, values, rcond=None)[0])
 
 

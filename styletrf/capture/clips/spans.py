@@ -1,4 +1,4 @@
-"""When a clip keeps still, and when motion blurs it."""
+"""Finds when a clip keeps still, and when motion blurs it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,12 +1,10 @@
 """Videos of one scene as a capture: the frames that serve best as photographs.
 
-See `frame_choice`. Several clips share the frames by the length of the way that each goes.
+`frame_choice` chooses them. Several clips share the frames by the length of the way that each goes.
 """
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import closing
-from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -26,11 +24,11 @@ from styletrf.capture.panorama.panoramas import (
     require_all_directions,
     show_panoramas,
 )
+from styletrf.capture.photograph_file import write_photograph
 from styletrf.capture.photograph_names import distinct
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.errors import InputError
-from styletrf.files.images import write_png
-from styletrf.files.video import (
+from styletrf.files.video_frames import (
     Frame,
     TimedFrame,
     declared_duration_s,
@@ -56,11 +54,11 @@ def capture_videos(
 ) -> Capture:
     """Writes at most `count` frames of a scene's videos as `images/*.png`, and `capture.json`.
 
-    Frames of a single video are named `0001` and so on, those of several `NAME_0001`. Each knows
-    its clip, its time there and how many cuts lie before it. Frames that are panoramas are replaced
-    by views cut from them, and each view counts. Of the frames that were chosen those named by
-    `leave_out` are not written (see `styletrf.capture.left_out`); the others keep their names.
-    A warning names the photographs beside the videos that are `skipped`.
+    Frames of a single video are named `0001` and so on, those of several `NAME_0001`. Each has its
+    clip, its time there and the number of cuts before it. Frames that are panoramas are replaced by
+    views cut from them, and each view counts. Of the frames that were chosen those named by
+    `leave_out` are not written (see `styletrf.capture.left_out`); the others keep their names. A
+    warning names the photographs beside the videos that are `skipped`.
 
     Raises:
         InputError: A file is no video, the pictures keep still, there are fewer than three frames
@@ -118,7 +116,7 @@ def _chosen_of_each(motions: Sequence[FrameMotion], count: int) -> list[list[int
 
 
 def _is_panorama(video: Path, choice: Choice) -> bool:
-    """Returns whether a clip is one of panoramas, as its metadata say or its frames show.
+    """Returns whether a clip is of panoramas, by its metadata or its frames.
 
     Raises:
         InputError: It should be one, and its frames do not show all directions; or no frame can be
@@ -164,7 +162,7 @@ def _clip_names(videos: Sequence[Path]) -> list[str]:
 def _photographs(
     video: Path, clip: str, motion: FrameMotion, names: Mapping[int, str]
 ) -> Iterator[tuple[Frame, Photograph]]:
-    """Yields the frames of a clip and what is known of each before it is a file."""
+    """Yields the frames of a clip, each with its photograph, which has no file yet."""
     for index, frame in zip(sorted(names), timed_frames(video, names.keys()), strict=False):
         height, width = frame.pixels.shape[:2]
         of_clip = clip, int(motion.shot[index]), frame.time_s
@@ -175,17 +173,13 @@ def _photographs(
 def _written(
     frames: Iterator[tuple[Frame, Photograph]], out_dir: Path, *, is_panorama: bool
 ) -> Iterator[Photograph]:
-    """Writes frames, or the views cut from them, and yields what `capture.json` says of them."""
+    """Writes frames, or the views cut from them, and yields their photographs."""
 
     def write(decoded: tuple[Frame, Photograph]) -> list[Photograph]:
         frame, photograph = decoded
         if is_panorama:
             return list(cut_photographs(photograph, frame, out_dir))
-        path = out_dir / "images" / photograph.file
-        write_png(path, frame, compression=3)
-        data = path.read_bytes()
-        size, digest = len(data), hashlib.sha256(data).hexdigest()
-        return [replace(photograph, size_bytes=size, sha256=digest)]
+        return [write_photograph(out_dir, photograph, frame)]
 
     with closing(in_background(frames, ahead=_AHEAD)) as decoded:
         for kept in prefetch(write, decoded, threads=_WRITERS, ahead=_AHEAD):

@@ -1,6 +1,5 @@
 """Panoramas as photographs of a capture: the views cut from each, written as files."""
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 from styletrf.capture.capture_file import Photograph
 from styletrf.capture.masks import MASKS, counted_pixels
 from styletrf.capture.panorama.panorama_views import Image, cut_views, view_name
+from styletrf.capture.photograph_file import write_photograph
 from styletrf.files.images import write_png
 
 
@@ -16,13 +16,14 @@ def cut_photographs(
 ) -> Iterator[Photograph]:
     """Writes the views of a panorama as PNGs, their masks too, and yields them.
 
-    They are named by the panorama and their direction. One that is masked all over is left out.
+    The views are named by the panorama and their direction. A view that is masked all over is left
+    out.
 
     Args:
-        panorama: What is known of it.
-        pixels: Of the panorama.
+        panorama: The panorama as a photograph.
+        pixels: The pixels of the panorama.
         out_dir: Has `images` and, where there is a mask, `masks`.
-        mask: Of the panorama, as large; black where it does not count.
+        mask: The mask of the panorama, of the same size; black where it does not count.
     """
     masks = dict(cut_views(mask)) if mask is not None else {}
     for direction, view in cut_views(pixels):
@@ -31,17 +32,14 @@ def cut_photographs(
             if not counted_pixels(masks[direction]).any():
                 continue
             write_png(out_dir / MASKS / f"{name}.png", masks[direction], compression=1)
-        file = out_dir / "images" / f"{name}.png"
-        write_png(file, view, compression=3)
-        data = file.read_bytes()
-        yield replace(
+        height, width = view.shape[:2]
+        photograph = replace(
             panorama,
             name=name,
-            file=file.name,
-            width=view.shape[1],
-            height=view.shape[0],
-            size_bytes=len(data),
-            sha256=hashlib.sha256(data).hexdigest(),
+            file=f"{name}.png",
+            width=width,
+            height=height,
             panorama=panorama.name,
             direction=direction,
         )
+        yield write_photograph(out_dir, photograph, view)

@@ -1,11 +1,12 @@
-"""Photographs cut from an equirectangular panorama: what pinhole cameras at its place would see.
+"""Views cut from an equirectangular panorama, as pinhole cameras at its place would see them.
 
 The axes of a panorama are x right, y down, z ahead. A direction at the longitude l (to the right)
-and the angle b below the horizon is seen at the shares (l / 2 pi + 1/2, b / pi + 1/2) of its width
-and height. Four views stand around the horizon, 100 degrees wide and of the shape 4:3, and a square
-one looks up. With t = tan(50 degrees), at the angle a aside from its middle, a side view ends at an
-elevation of tangent 3/4 t cos(a), and the upper view begins at one of cos(a) / t, which is lower:
-t^2 > 4/3. So nothing is left out but what is below, where the tripod or the photographer is.
+and the angle b below the horizon is seen at the fractions (l / 2 pi + 1/2, b / pi + 1/2) of its
+width and height. Four views stand around the horizon, 100 degrees wide and of the shape 4:3, and a
+square one looks up. With t = tan(50 degrees), at the angle a aside from its middle, a side view
+ends at an elevation of tangent 3/4 t cos(a), and the upper view begins at one of cos(a) / t, which
+is lower: t^2 > 4/3. So nothing is left out but the ground below, where the tripod or the
+photographer is.
 """
 
 import math
@@ -15,7 +16,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from styletrf.geometry.cameras import Camera, directions_camera, pixel_centers
+from styletrf.geometry.cameras import Camera, directions_of_all_pixels
 
 Image = UInt8[np.ndarray, "_ _ 3"]  # each of its own size
 
@@ -82,8 +83,7 @@ def seen_in_panorama(panorama: Image, camera: Camera) -> Image:
     if scale < 1:
         size = max(2, round(width * scale)), max(1, round(height * scale))
         panorama = np.asarray(cv2.resize(panorama, size, interpolation=cv2.INTER_AREA))
-    centers = pixel_centers(camera.width, camera.height)
-    rays = directions_camera(camera, centers) @ camera.world_from_camera[:, :3].T
+    rays = directions_of_all_pixels(camera) @ camera.world_from_camera[:, :3].T
     sources = panorama_pixels(rays, panorama.shape[1], panorama.shape[0]) + _PADDING_PX - 0.5
     x, y = sources.astype(np.float32).T.reshape(2, camera.height, camera.width)
     seen = cv2.remap(_padded(panorama), x, y, cv2.INTER_CUBIC)
@@ -101,7 +101,7 @@ def panorama_pixels(
 
 
 def _padded(panorama: Image) -> Image:
-    """Returns the panorama with what lies beyond its edges: the other side, and over the poles."""
+    """Returns the panorama continued beyond its edges: by the other side, and over the poles."""
     half = panorama.shape[1] // 2
     over_top = np.roll(panorama[:_PADDING_PX][::-1], half, axis=1)
     over_bottom = np.roll(panorama[-_PADDING_PX:][::-1], half, axis=1)

@@ -1,9 +1,9 @@
-"""Which photographs are equirectangular panoramas: those that say so, and those that show it.
+"""Finds the photographs that are equirectangular panoramas, by their metadata or their pixels.
 
-A panorama is twice as wide as high. Its metadata say what it is (Google's Photo Sphere XMP). Or its
-picture shows it: the left and the right edge continue each other, and the top and the bottom row,
-each a pole, have hardly more than one color. How far a picture is from that is its `mismatch`, the
-largest of four ratios:
+A panorama is twice as wide as high. Its metadata say that it is one (Google's Photo Sphere XMP), or
+its picture shows it: the left and the right edge continue each other, and the top and the bottom
+row, each a pole, have hardly more than one color. How far a picture is from that is its `mismatch`,
+the largest of four ratios:
 
     difference of the two edges / difference of any two columns, / variation along the edges,
     variation along the top row, along the bottom row / variation along any row
@@ -72,7 +72,7 @@ def show_panoramas(mismatches: Sequence[float]) -> bool:
 
 
 def _mismatches(files: Sequence[Path], declared: Set[Path]) -> list[float]:
-    """Returns how far photographs are from panoramas; those that say that they are one are none."""
+    """Returns the mismatches of photographs; 0 for those that are declared to be panoramas."""
     return [0.0 if file in declared else panorama_mismatch(read_photograph(file)) for file in files]
 
 
@@ -84,7 +84,7 @@ def has_panorama_shape(width: int, height: int) -> bool:
 def panorama_mismatch(image: Image) -> float:
     """Returns how far a picture is from a panorama; infinite where it has no such shape.
 
-    A picture that varies by less than 4 levels in a way that would tell shows nothing.
+    It is infinite, too, where a denominator of the ratios is below 4 levels: that proves nothing.
     """
     if not has_panorama_shape(image.shape[1], image.shape[0]):
         return float("inf")
@@ -128,7 +128,7 @@ def _fraction(data: bytes) -> float:
 
 
 def require_all_directions(name: str, width: int, height: int) -> None:
-    """Refuses what has not the shape of a panorama.
+    """Refuses a picture that does not have the shape of a panorama.
 
     Raises:
         InputError: It is not twice as wide as high.

@@ -54,7 +54,7 @@ def _largest(sources: Sequence[Path], photographs: Path) -> tuple[Path, list[Giv
     """Returns the model of most photographs that are there, of those that can be read.
 
     Raises:
-        InputError: None can be read; it is that of the first.
+        InputError: None can be read; it is the error of the first.
     """
     views_of, errors = {}, []
     for source in sources:

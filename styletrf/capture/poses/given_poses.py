@@ -41,7 +41,7 @@ class GivenView:
 
 @dataclass(frozen=True, slots=True)
 class GivenPoses:
-    """Views with a pose, the file or folder that has them, and photographs it names in vain."""
+    """Views with poses, the file or folder of the poses, and missing photographs that it names."""
 
     source: Path
     views: tuple[GivenView, ...]
@@ -49,7 +49,7 @@ class GivenPoses:
 
     @property
     def files(self) -> list[Path]:
-        """The photographs, and whatever else was read."""
+        """The photographs, and all other files that were read."""
         sources = [self.source] if self.source.is_file() else sorted(self.source.iterdir())
         return [*(view.file for view in self.views), *sources]
 
@@ -76,7 +76,7 @@ def rigid(name: str, source: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]
 def require_inside(source: Path, folder: Path, place: Path) -> None:
     """Refuses a photograph, or its folder, that lies elsewhere than the scene, by links too.
 
-    What lies elsewhere is in no key, and would be copied into a store that others may share.
+    A photograph elsewhere is in no key, and would be copied into a store that others may share.
 
     Args:
         source: The file that names it.
@@ -99,7 +99,7 @@ def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
     """Returns the views whose photographs are there.
 
     Raises:
-        InputError: There are fewer than three; names what is missing.
+        InputError: There are fewer than three; it names the missing ones.
     """
     present = tuple(view for view in views if view.file.is_file())
     missing = tuple(view.file.name for view in views if not view.file.is_file())
@@ -130,7 +130,7 @@ def write_given_poses(path: Path, source: str, views: Mapping[str, GivenView]) -
 
 
 def poses_are_given(poses: Path) -> bool:
-    """Whether the poses in a folder that `solve_camera_poses` wrote came with the photographs."""
+    """Returns whether the poses that `solve_camera_poses` wrote came with the photographs."""
     report: dict[str, Any] = json.loads((poses / "poses.json").read_text())
     return str(report.get("mapper", "")).startswith(GIVEN_BY)
 

@@ -26,7 +26,7 @@ def read_llff_poses(path: Path, names: Sequence[str]) -> list[Camera]:
 
     Args:
         path: The `poses_bounds.npy`.
-        names: Of the photographs, sorted as the rows are.
+        names: The names of the photographs, sorted as the rows are.
 
     Raises:
         InputError: The file is no such table, or not of so many photographs, or not finite, or a

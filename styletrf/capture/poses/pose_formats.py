@@ -4,7 +4,7 @@
     transforms.json, or transforms_train.json and _test.json    instant-ngp, Blender
     poses_bounds.npy                                LLFF
 
-Each has a reader of its own; what comes out is the same.
+Each has a reader of its own; all return the same structure.
 """
 
 from pathlib import Path
@@ -21,6 +21,6 @@ def find_given_poses(folder: Path) -> GivenPoses | None:
     """Returns the poses that lie in the folder of a scene; of several formats the first above.
 
     Raises:
-        InputError: What is there cannot be used, or names photographs that are missing.
+        InputError: The poses cannot be used, or name photographs that are missing.
     """
     return next((given for read in _READERS if (given := read(folder))), None)

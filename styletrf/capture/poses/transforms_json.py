@@ -62,12 +62,12 @@ def transforms_photographs(folder: Path) -> list[Path]:
 
 
 def transforms_cameras(path: Path) -> list[GivenView]:
-    """Returns the views in one file by what the file itself says: no photograph is looked at.
+    """Returns the views in one file by that file alone: no photograph is read.
 
     Where it says no size, images are square.
 
     Raises:
-        InputError: The file is not of this format, or a pose is none.
+        InputError: The file is not of this format, or a matrix is no pose.
     """
     return [
         GivenView(Path(name), _lens(path, values, None), _pose(name, path, pose))

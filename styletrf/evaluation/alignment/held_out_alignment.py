@@ -1,8 +1,8 @@
-"""Views held out, measured once more with their cameras aligned to the field.
+"""Measures the held-out views once more, with their cameras aligned to the field.
 
 Cameras are a little off, and the field was never fitted to those held out. Their errors lower the
 PSNR of sharp detail although the field may show it rightly; aligned cameras show by how much. They
-are for measuring alone: no fit and no choice sees one.
+serve measuring alone: no fit and no choice sees one.
 """
 
 from collections.abc import Iterable, Sequence
@@ -31,10 +31,10 @@ def aligned_psnr(
     A camera that alignment makes worse stays where it was.
 
     Args:
-        cameras: Of the views, in the world of the renders.
-        psnr: Of the views with these cameras.
+        cameras: The cameras of the views, in the world of the renders.
+        psnr: The PSNR of the views with these cameras.
         photographs: At the cameras' sizes; pixels of alpha 0 do not count.
-        render: The field from a camera.
+        render: Renders the field from a camera.
     """
     found = []
     for camera, given, photograph in zip(cameras, psnr, photographs, strict=True):

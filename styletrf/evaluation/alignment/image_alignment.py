@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from styletrf.field.rendering import Rendering
-from styletrf.geometry.cameras import Camera, directions_camera, fitted_to, pixel_centers
+from styletrf.geometry.cameras import Camera, directions_of_all_pixels, fitted_to
 
 Image = Float[np.ndarray, "height width 3"]
 Render = Callable[[Camera], Rendering]
@@ -39,8 +39,8 @@ class Alignment:
 
     Attributes:
         camera: Moved from where the search began.
-        correlation: Of the blurred images at the last size, from -1 to 1.
-        detail: The same of what is finer than a few pixels: photographs of different things agree
+        correlation: That of the blurred images at the last size, from -1 to 1.
+        detail: The same of detail finer than a few pixels: photographs of different things agree
             in light and ground, never in detail.
     """
 
@@ -55,9 +55,9 @@ def aligned(
     """Returns the camera moved to where renders look most like the photograph.
 
     Args:
-        camera: Of the photograph, at a pose from which the search begins.
+        camera: The camera of the photograph, at a pose from which the search begins.
         photograph: RGB in [0, 1], at the camera's size.
-        render: The scene from a camera, in the camera's world.
+        render: Renders the scene from a camera, in the camera's world.
         long_sides: The image sizes to align at, coarse to fine.
     """
     found = Alignment(camera, 0.0, 0.0)
@@ -166,7 +166,7 @@ def _slopes(match: _Match, target: Image) -> Float[np.ndarray, "pixels 3 2"]:
 def _pixel_motion(match: _Match, scale: float) -> Float[np.ndarray, "pixels 2 6"]:
     """Returns d pixel / d twist of the points shown, translations in units of `scale`."""
     camera = match.camera
-    x, y, _ = directions_camera(camera, pixel_centers(camera.width, camera.height)).T
+    x, y, _ = directions_of_all_pixels(camera).T
     inverse = scale / match.depth.reshape(-1)
     zero = np.zeros_like(x)
     return np.stack(

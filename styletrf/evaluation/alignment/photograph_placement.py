@@ -1,4 +1,4 @@
-"""Photographs that structure from motion could not place, placed against the field.
+"""Places photographs against the field that structure from motion could not place.
 
 Features need texture that is sharp in two photographs. A field that is fitted shows the scene from
 anywhere, and direct alignment (`styletrf.evaluation.alignment.image_alignment`) compares whole
@@ -54,14 +54,14 @@ View = tuple[Camera, Image]
 def place_unregistered(
     path: Path, capture_dir: Path, poses_dir: Path, model: SceneModel, render: Render
 ) -> None:
-    """Looks in the field for the photographs without a camera, and writes what it found.
+    """Searches the field for the photographs without a camera, and writes the results.
 
     Args:
-        path: Of the file, see `write_placements`.
+        path: The file to write, see `write_placements`.
         capture_dir: What `capture_photographs` wrote.
         poses_dir: What `solve_camera_poses` wrote.
         model: Of the scene.
-        render: The field from a camera, in the normalized world.
+        render: Renders the field from a camera, in the normalized world.
     """
     unplaced = list(unplaced_photographs(capture_dir, poses_dir))
     known = training_views(poses_dir, model) if unplaced else []
@@ -83,17 +83,18 @@ class PhotographPlacement:
 
     @property
     def is_placed(self) -> bool:
-        """Whether the photograph shows what the field does from there."""
+        """Whether the photograph shows the same as the field does from there."""
         return self.detail >= self.needed
 
 
 def unplaced_photographs(capture_dir: Path, poses_dir: Path) -> Iterator[View]:
     """Yields the photographs without a camera, as a lens of the scene would show them.
 
-    It is the lens that took most of the placed photographs of the same shape, or of this shape
+    The lens is the one that took most of the placed photographs of the same shape, or of this shape
     turned by 90 degrees, as a camera held upright has it. Their cameras stand at the origin. Where
     no lens has their shape, nothing is known of theirs: they are left out, and a warning names
-    them. Of more than 20 others they are 20, evenly spread, and a warning says so.
+    them. If more than 20 others remain, 20 of them are yielded, evenly spread, and a warning says
+    so.
 
     Args:
         capture_dir: What `capture_photographs` wrote.
@@ -169,7 +170,7 @@ def place_photographs(
     Args:
         unplaced: The photographs, with the lens of their cameras.
         placed: Those whose cameras are known; the search begins at them.
-        render: The field from a camera.
+        render: Renders the field from a camera.
     """
     if not unplaced or not placed:
         return []

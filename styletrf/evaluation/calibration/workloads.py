@@ -2,7 +2,7 @@
 
 Each is a fixed piece of what its stages do for minutes, on images drawn from a fixed seed. The
 ratio of its seconds on two machines is the ratio that the stages of its kind are assumed to have.
-The whole takes a few seconds; kernels that were never compiled here add up to a minute, once.
+All workloads take a few seconds; kernels that were never compiled here add up to a minute, once.
 """
 
 import os
@@ -145,7 +145,7 @@ def network_steps(device: torch.device, images: int = 1) -> Callable[[], None]:
 
     Args:
         device: Where it trains.
-        images: Of a batch, which cores share.
+        images: The number of images of a batch, which cores share.
     """
     config = StyleTrainingConfig(
         batch=images, crop_px=_CROP_PX, style_px=_CROP_PX, predictor_weight=0.0, color_weight=0.0

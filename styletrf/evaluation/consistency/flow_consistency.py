@@ -20,10 +20,11 @@ class FlowErrors:
     """Two frames compared in the first one's view; errors are mean squares on [0, 1].
 
     Attributes:
-        flow: Which estimator led the way.
-        error: Of the stylized frames, over all pixels: the paper's figure.
+        flow: The estimator of the flow.
+        error: That of the stylized frames, over all pixels: the paper's figure.
         floor: The same of the unstylized frames.
-        valid_fraction: Of the pixels, those that return to themselves by way of the other frame.
+        valid_fraction: The fraction of the pixels that return to themselves by way of the other
+            frame.
         masked_error: `error` over the valid pixels; NaN where there are none.
         masked_floor: `floor` over the valid pixels; NaN where there are none.
     """
@@ -45,7 +46,7 @@ def flow_errors(
     leave the image take its nearest border pixel.
 
     Raises:
-        NotFiniteError: The flow is not.
+        NotFiniteError: The flow is not finite.
     """
     there, back = estimator(*unstylized), estimator(*unstylized[::-1])
     require_finite("consistency", f"by {estimator.method}", [("flow", there), ("flow back", back)])

@@ -1,8 +1,8 @@
 """The error of consistency along the field's depth, which is exact and the same for every style.
 
 The paths of pixels from frame to frame follow from both cameras and depths (`exact_flow`), and so
-does what is hidden in the other frame. What is measured is therefore the frames' alone, and not a
-flow estimator's.
+does what is hidden in the other frame. The measured error is therefore that of the frames alone,
+and not a flow estimator's.
 """
 
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ class GeometricErrors:
     """Two frames compared in the first one's view; all NaN but the fraction where it is zero.
 
     Attributes:
-        geometric_fraction: Of the pixels, those whose place the second frame sees.
-        geometric_error: Mean square on [0, 1] over these pixels, of the stylized frames.
+        geometric_fraction: The fraction of the pixels whose place the second frame sees.
+        geometric_error: The mean square on [0, 1] over these pixels, of the stylized frames.
         geometric_floor: The same of the unstylized frames: resampling, view-dependent color.
         normalized_error: The error in windows over the contrast there, by the scene's detail, see
             `_dissimilarity`: 0 for equal pictures, 1 for unrelated ones whatever their contrast

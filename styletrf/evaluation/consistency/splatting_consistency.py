@@ -1,24 +1,34 @@
 """The consistency protocol of papers since 2025: splat one frame along the flow to another.
 
 Stylos (ICLR 2026) and AnyStyle (arXiv 2602.04043, appendix E) move stylized frame t along its own
-flow to frame t + 1 or t + 7 by softmax splatting (Niklaus and Liu, CVPR 2020), and take the root of
-the mean squared difference. It differs from the error of `flow_consistency` in all of this: the
-flow is that of the stylized frames, which follows flicker; pixels that nothing is splatted to count
-as errors of zero, so that more disocclusion lowers the figure.
+flow to frame t + 1 or t + 7 by softmax splatting (Niklaus and Liu, CVPR 2020), and compare it with
+that frame. Both publish the same code, and this file computes the same, also where it surprises. It
+differs from the error of `flow_consistency` in all of this: the flow is that of the stylized
+frames, which follows flicker; pixels that nothing is splatted to count as errors of zero, so that
+more disocclusion lowers the figure; and so do pixels that something black is splatted to.
 """
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from styletrf.evaluation.flow import Flow, FlowEstimator, Image, warp_to_a
+from styletrf.evaluation.flow import Flow, Image, warp_to_a
 from styletrf.finiteness import require_finite
 
 GAPS = 1, 7
 FIRST_FRAMES = 16  # of the published figures
+RAFT_UPDATES = 32  # of the flow, in the published code
+_LEVELS = 255  # of a channel of 8 bits
 _SHARPNESS, _MOST = 10.0, 10.0  # of the published importance
+_LEAST_SUM = 1e-7  # that the published splatting adds to the sum of weights
+
+FlowBetween = Callable[[Image, Image], Flow]
+Distance = Callable[[Image, Image], float]
+NO_DISTANCES: Mapping[str, Distance] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,43 +36,67 @@ class SplattingErrors:
     """Frame a, splatted to frame b, compared with it on [0, 1].
 
     Attributes:
-        rmse: As published: over all pixels, those that nothing reaches counted as equal.
-        covered_rmse: Over the pixels that something reaches; 0 where there are none.
-        covered_fraction: Of the pixels, those that something reaches.
+        rmse: As published: over all pixels, those that nothing or only black reaches counted as
+            equal.
+        covered_rmse: Over the pixels that something reaches; NaN where there are none.
+        covered_fraction: The fraction of the pixels that something reaches.
         motion_px: The mean length of the flow. A denser path lowers every error, so it belongs
             beside them.
+        distances: As published, by name: of both pictures, black where `rmse` counts them as equal.
     """
 
     rmse: float
     covered_rmse: float
     covered_fraction: float
     motion_px: float
+    distances: Mapping[str, float]
 
 
-def splatting_errors(a: Image, b: Image, estimator: FlowEstimator) -> SplattingErrors:
+def splatting_errors(
+    a: Image,
+    b: Image,
+    flow_between: FlowBetween,
+    distances: Mapping[str, Distance] = NO_DISTANCES,
+) -> SplattingErrors:
     """Returns how unlike frame b and frame a moved to it are.
 
+    Args:
+        a: In [0, 1].
+        b: The same.
+        flow_between: Estimates the flow from the first of two frames to the second.
+        distances: Further measures of two pictures in [0, 1], by name.
+
     Raises:
-        NotFiniteError: The flow is not.
+        NotFiniteError: The flow is not finite.
     """
-    flow = estimator(a, b)
-    require_finite("consistency", f"by {estimator.method}", [("flow", flow)])
+    flow = flow_between(a, b)
+    require_finite("consistency", "between two frames", [("flow", flow)])
     moved, covered = splatted(a, flow, importance(a, b, flow))
-    squared = np.where(covered[..., None], moved - b, 0.0).astype(np.float64) ** 2
-    fraction = float(covered.mean())
-    mean = float(squared.mean())
-    seen = np.sqrt(mean / fraction) if fraction else 0.0
-    motion = float(np.linalg.norm(flow, axis=-1).mean())
-    return SplattingErrors(float(np.sqrt(mean)), float(seen), fraction, motion)
+    target = np.where(moved.any(axis=-1, keepdims=True), b, 0.0)
+    pictures = moved.astype(np.float32), target.astype(np.float32)
+    return SplattingErrors(
+        rmse=_rms(moved - target),
+        covered_rmse=_rms((moved - b)[covered]) if covered.any() else math.nan,
+        covered_fraction=float(covered.mean()),
+        motion_px=float(np.linalg.norm(flow, axis=-1).mean()),
+        distances={name: distance(*pictures) for name, distance in distances.items()},
+    )
+
+
+def _rms(differences: np.ndarray) -> float:
+    return float(np.sqrt(np.square(differences, dtype=np.float64).mean()))
 
 
 def importance(a: Image, b: Image, flow: Flow) -> Float[np.ndarray, "height width"]:
-    """Returns -10 |a(p) - b(p + flow(p))|, mean over the channels, at least -10.
+    """Returns -10 |a(p) - b(p + flow(p))| in levels of 8 bits, channels averaged, at least -10.
 
-    Of two pixels that are splatted to one place, that prevails which looks like it.
+    Of two pixels that are splatted to one place, the one that looks like it prevails: one level of
+    difference is as bad as more. Outside frame b all is black.
     """
-    warped, _ = warp_to_a(b, flow)
-    return np.asarray(np.maximum(-_SHARPNESS * np.abs(a - warped).mean(axis=-1), -_MOST))
+    black = ((1, 1), (1, 1), (0, 0))
+    warped = warp_to_a(np.pad(b, black), np.pad(flow, black))[0][1:-1, 1:-1]
+    levels = _LEVELS * np.abs(a - warped).mean(axis=-1, dtype=np.float64)
+    return np.asarray(np.maximum(-_SHARPNESS * levels, -_MOST))
 
 
 def splatted(
@@ -71,15 +105,16 @@ def splatted(
     """Returns the image moved along the flow, and the pixels that something reaches.
 
     I'(q) = sum_p b(q - p - flow(p)) exp(z(p)) I(p) / sum_p b(q - p - flow(p)) exp(z(p)), with the
-    bilinear kernel b and the importance z (Niklaus and Liu 2020, equation 9).
+    bilinear kernel b and the importance z (Niklaus and Liu 2020, equation 9). Their code adds 1e-7
+    to the second sum, which darkens what has little weight.
 
     Args:
         image: In [0, 1].
         flow: The displacement (x, y) in pixels.
-        importance: z. What adds to all of it changes nothing.
+        importance: z.
     """
     height, width = image.shape[:2]
-    weight = np.exp(importance - importance.max()).reshape(-1)
+    weight = np.exp(importance).reshape(-1)
     rows, columns = np.indices((height, width))
     x, y = (columns + flow[..., 0]).reshape(-1), (rows + flow[..., 1]).reshape(-1)
     left, top = np.floor(x), np.floor(y)
@@ -93,15 +128,27 @@ def splatted(
         for k in range(3):
             values = fraction * image.reshape(-1, 3)[inside, k]
             colors[:, k] += np.bincount(at, values, height * width)
-    covered = total > 0
-    colors[covered] /= total[covered, None]
-    return colors.reshape(image.shape), covered.reshape(height, width)
+    colors /= total[:, None] + _LEAST_SUM
+    return colors.reshape(image.shape), (total > 0).reshape(height, width)
+
+
+def of_levels(distance: Distance) -> Distance:
+    """Returns LPIPS as the published code computes it: of values from 0 to 255.
+
+    LPIPS is defined on [-1, 1].
+
+    Args:
+        distance: LPIPS of pictures in [0, 1], which are mapped to [-1, 1] first.
+    """
+    return lambda a, b: distance((_LEVELS * a + 1) / 2, (_LEVELS * b + 1) / 2)
 
 
 def splatting_consistency(
-    frames: Iterable[Image], estimator: FlowEstimator
+    frames: Iterable[Image],
+    flow_between: FlowBetween,
+    distances: Mapping[str, Distance] = NO_DISTANCES,
 ) -> dict[str, dict[str, float]]:
-    """Returns the mean errors by gap, over the first 16 frames and over all of them.
+    """Returns the mean errors and distances by gap, over the first 16 frames and over all of them.
 
     `gap_1` and `gap_7` of the first 16 frames are the published protocol's; `gap_1_whole` and
     `gap_7_whole` are over the whole path. Gaps that no two frames have are left out.
@@ -109,10 +156,10 @@ def splatting_consistency(
     images = list(frames)
     found: dict[str, dict[str, float]] = {}
     for gap in GAPS:
-        errors = [
-            asdict(splatting_errors(a, b, estimator))
-            for a, b in zip(images, images[gap:], strict=False)
-        ]
+        errors = []
+        for a, b in zip(images, images[gap:], strict=False):
+            figures = asdict(splatting_errors(a, b, flow_between, distances))
+            errors.append(figures | figures.pop("distances"))
         for name, some in (("", errors[: max(0, FIRST_FRAMES - gap)]), ("_whole", errors)):
             if some:
                 means = {key: float(np.mean([e[key] for e in some])) for key in some[0]}

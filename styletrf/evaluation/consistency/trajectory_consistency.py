@@ -1,4 +1,4 @@
-"""Measures how steady a stylized trajectory is, pair by pair, by three errors and their floors.
+"""Measures how consistent a stylized trajectory is, pair by pair, by three errors and their floors.
 
 The errors are along the flow of the unstylized frames as in the paper (`flow_consistency`), along
 the field's own depth (`geometric_consistency`), and in the look of frames (`perceptual_distance`).
@@ -14,7 +14,7 @@ import numpy as np
 
 from styletrf.errors import InputError
 from styletrf.evaluation.consistency.flow_consistency import FlowErrors, flow_errors
-from styletrf.evaluation.consistency.frame_pairs import Frame, Pair, PairPlan, paired, planned_pairs
+from styletrf.evaluation.consistency.frame_pairs import Frame, Pair, paired, planned_pairs
 from styletrf.evaluation.consistency.geometric_consistency import (
     Correspondence,
     GeometricErrors,
@@ -22,6 +22,7 @@ from styletrf.evaluation.consistency.geometric_consistency import (
     corresponding,
     geometric_errors,
 )
+from styletrf.evaluation.consistency.pair_plan import PairPlan
 from styletrf.evaluation.flow import FlowEstimator, Method
 from styletrf.evaluation.metrics import Image
 from styletrf.evaluation.perceptual_distance import (
@@ -112,14 +113,15 @@ def measure_consistency(
         frames: Along the trajectory, all of one size.
         n_frames: How many there are.
         painting: The style image, in [0, 1].
-        perception: What looks at them.
-        config: What is compared.
+        perception: The features of VGG16 that compare them.
+        config: Which frames are compared, and how.
         progress: Called after every pair.
         cuts: The frames at which another still begins; no pair goes across one.
 
     Raises:
         InputError: A frame differs in size, or there are too few for any of the deltas.
-        NotFiniteError: A frame is not, the flow between two, or a figure that every pair has.
+        NotFiniteError: A frame is not finite, or the flow between two, or a figure that every pair
+            has.
     """
     planned = planned_pairs(n_frames, config, cuts)
     _require_pairs(planned, n_frames, config.deltas)
@@ -175,7 +177,7 @@ class _Comparison:
         return OwnErrors(found.geometric_fraction, found.geometric_error, found.normalized_error)
 
     def _looks(self, a: Frame, warped: Correspondence) -> PerceptualErrors:
-        """Looks at the first frame and at the second one warped into it."""
+        """Compares the looks of the first frame and of the second one warped into it."""
         images = a.unstylized.color, a.stylized
         features = self._perception.features_of(images)
         others = warped.unstylized, warped.stylized

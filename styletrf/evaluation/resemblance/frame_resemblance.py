@@ -34,8 +34,8 @@ class ResemblanceConfig:
     """Settings of the comparison.
 
     Attributes:
-        frames: How many, spread over the trajectory.
-        traits: At which sizes.
+        frames: How many are compared, spread over the trajectory.
+        traits: The sizes at which they are compared.
     """
 
     frames: int = 6
@@ -57,9 +57,9 @@ class FrameResemblance:
         style_swd_texture: The same of patches without their mean colors.
         style_gram: Relative distance of Gram matrices of EfficientNet-Lite0 to the painting.
         sifid_vgg: Squared Fréchet distance of statistics of relu2_2 to the painting.
-        content_distance: Of relu4_3, to the unstylized frame.
+        content_distance: The distance of relu4_3 to the unstylized frame.
         content_distance_painting: The same of the painting and the unstylized frame.
-        sharpness: Of the frame.
+        sharpness: The sharpness of the frame.
     """
 
     view: str
@@ -95,8 +95,8 @@ def measure_resemblance(
         frames: Gives the unstylized and the stylized frame of a view, of one size, in [0, 1].
         painting: The style image, in [0, 1].
         priors: The painted views that the frames were fitted to; none where there are none.
-        meter: What looks at them.
-        config: What is looked at.
+        meter: Measures their traits.
+        config: Which frames are measured, and at which sizes.
         progress: Called after every frame.
 
     Raises:
@@ -138,8 +138,8 @@ def summary(rows: Sequence[FrameResemblance], priors: Sequence[Picture]) -> dict
     """Returns the means over frames, and ratios of them; a ratio to nothing is None.
 
     `X_ratio` is X over `X_unstylized`; `content` the content distance over the painting's;
-    `sharpness_to_priors` and `sharpness_to_unstylized` say over what. The last number is
-    `content_style_product`, see there.
+    `sharpness_to_priors` and `sharpness_to_unstylized` say over what. The last number is that of
+    `content_style_product`.
     """
     means = {name: float(np.mean([asdict(r)[name] for r in rows])) for name in _numbers(rows[0])}
     ratios = {f"{n}_ratio": _over(means[n], means[f"{n}_unstylized"]) for n in STYLE_DISTANCES}

@@ -41,12 +41,12 @@ _LEAST_SIDE_PX = 32
 
 @dataclass(frozen=True, slots=True)
 class TraitsConfig:
-    """At which sizes pictures are looked at.
+    """The sizes at which pictures are compared.
 
     Attributes:
         long_side_px: To this the longer side of frames is reduced.
         vgg_px: To this it is reduced for VGG16.
-        sliced_wasserstein: What is sampled of pixels and patches.
+        sliced_wasserstein: Settings of the samples of pixels and patches.
     """
 
     long_side_px: int = 504
@@ -63,7 +63,7 @@ class PictureTraits:
     """The traits of a picture that are compared.
 
     Attributes:
-        projections: Of its colors, patches and texture.
+        projections: Those of its colors, patches and texture.
         grams: Gram matrices of EfficientNet-Lite0, stride by stride.
         texture: Statistics of relu2_2 of VGG16.
         content: relu4_3 of VGG16, each place of length 1.
@@ -78,17 +78,17 @@ class PictureTraits:
 
 
 class TraitMeter:
-    """Looks at pictures through both networks."""
+    """Computes the traits of pictures by both networks."""
 
     def __init__(self, vgg: VGG16, efficientnet: EfficientNetLite0, config: TraitsConfig) -> None:
-        """Looks with networks that lie on one device."""
+        """Takes the two networks, which lie on one device."""
         self._vgg, self._efficientnet, self._config = vgg, efficientnet, config
 
     def of_frame(self, frame: Picture) -> PictureTraits:
         """Returns the traits of a frame in [0, 1], reduced to `long_side_px`.
 
         Raises:
-            InputError: It is smaller than 8x8 pixels.
+            InputError: The frame is smaller than 8x8 pixels.
         """
         height, width = self._size(frame)
         return self._traits(_resized(frame, height, width))
@@ -153,8 +153,8 @@ def gram_distance(a: PictureTraits, b: PictureTraits) -> float:
 def content_distance(a: PictureTraits, b: PictureTraits) -> float:
     """Returns 1 minus the mean cosine of relu4_3 over the places of two pictures of one size.
 
-    It lies in [0, 1], and is 0 for equal pictures. A place without any activation has a cosine of 0
-    with all others.
+    The distance lies in [0, 1], and is 0 for equal pictures. A place without any activation has a
+    cosine of 0 with all others.
     """
     return float(1 - (a.content * b.content).sum(dim=0).mean())
 
@@ -163,7 +163,7 @@ def content_distance(a: PictureTraits, b: PictureTraits) -> float:
 def unrelated_content_distance(a: PictureTraits, b: PictureTraits) -> float:
     """Returns 1 minus the mean cosine of relu4_3 over all pairs of a place of `a` and one of `b`.
 
-    What `content_distance` comes to where places of one picture have nothing to do with those of
+    `content_distance` has this value where places of one picture have nothing to do with those of
     the other, as those of a frame and of a painting. Their sizes may differ.
     """
     return float(1 - (a.content.mean(dim=1) * b.content.mean(dim=1)).sum())

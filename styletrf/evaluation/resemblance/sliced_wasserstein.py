@@ -37,7 +37,7 @@ class SlicedWassersteinConfig:
         patch_px: The side of a patch.
         scales: How often the picture is looked at, each time at half the size before.
         samples: The most points of a picture at a scale; of more, so many are drawn.
-        seed: Of the directions and of the draws, the same for all pictures.
+        seed: Decides the directions and the draws, the same for all pictures.
     """
 
     directions: int = 128
@@ -79,7 +79,7 @@ def sliced_wasserstein(a: Projections, b: Projections) -> float:
 
 
 def color_distance(a: PictureProjections, b: PictureProjections) -> float:
-    """Returns the distance of the colors: 0 for equal palettes in equal shares."""
+    """Returns the distance of the colors: 0 for equal palettes in equal proportions."""
     return sliced_wasserstein(a.colors, b.colors)
 
 
@@ -103,7 +103,7 @@ def picture_projections(image: Picture, config: SlicedWassersteinConfig) -> Pict
 
     Args:
         image: RGB in [0, 1]; what lies beyond is clipped.
-        config: What is sampled.
+        config: Settings of the samples.
 
     Raises:
         InputError: The picture itself is smaller than a patch.

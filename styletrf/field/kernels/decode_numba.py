@@ -21,7 +21,7 @@ from styletrf.field.kernels.vm_numba import BANDS, FAST
 def _hidden(components, i0, i1, of_view, r0, r1, matrix, out, k, width):
     """Writes relu(components[i] @ matrix + of_view[r]) of two samples to out[k] and out[k + 1].
 
-    Two at a time, that an entry of the matrix is fetched half as often.
+    Two at a time, so that an entry of the matrix is fetched half as often.
     """
     n = matrix.shape[0]
     for j in range(width):
@@ -69,11 +69,12 @@ def decode_forward(components, of_view, ray, matrix, output, bias):
 
     Args:
         components: `n inputs`.
-        of_view: What the view direction of each ray adds to the hidden layer, `rays hidden`.
-        ray: Of each sample.
-        matrix: From components to the hidden layer, `inputs hidden`.
-        output: From the hidden layer to the logits, `3 hidden`.
-        bias: Of the logits.
+        of_view: The term that the view direction of each ray adds to the hidden layer, `rays
+            hidden`.
+        ray: The ray of each sample.
+        matrix: The weights from components to the hidden layer, `inputs hidden`.
+        output: The weights from the hidden layer to the logits, `3 hidden`.
+        bias: The bias of the logits.
     """
     n, width = components.shape[0], matrix.shape[1]
     colors = np.empty((n, 3), np.float32)

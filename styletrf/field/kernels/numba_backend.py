@@ -129,7 +129,7 @@ class _Decode(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, components: Tensor, of_view: Tensor, ray: Tensor, *layers: Tensor) -> Any:
-        """Keeps what the layers were given, and the colors."""
+        """Keeps the inputs of the layers, and the colors."""
         matrix, output, bias = layers
         colors = torch.from_numpy(
             decode_numba.decode_forward(*_arrays(components, of_view, ray, matrix.T, output, bias))

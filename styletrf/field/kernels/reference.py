@@ -45,7 +45,7 @@ def trace(
         weight_i = exp(-sum_{j < i} tau_j) (1 - exp(-tau_i))        (Max 1995)
 
     and a ray ends after the sample that brings its transmittance below `march.termination`. Where
-    the factors are NaN the weights are, and the ray goes on.
+    the factors are NaN, the weights are NaN, and the ray goes on.
     """
     steps = torch.arange(int(segments.n_steps.max()) if len(segments) else 0)
     steps = steps.to(segments.origins.device)
@@ -111,7 +111,7 @@ def decode(
     """Returns the colors of samples in [0, 1], differentiable in all but `ray`.
 
     sigmoid(output @ relu(matrix @ components + of_view[ray]) + bias); samples are in the order of
-    their rays, and `of_view` is what the view direction of a ray adds to the hidden layer.
+    their rays, and `of_view` is the term that the view direction of a ray adds to the hidden layer.
     """
     hidden = torch.relu(components @ matrix.T + of_view.index_select(0, ray))
     return torch.sigmoid(hidden @ output.T + bias)
@@ -127,7 +127,7 @@ def _occupied(march: March, positions: Float[Tensor, "*batch 3"]) -> Tensor:
 def _interpolate(
     plane: Float[Tensor, "v u c"], x: Float[Tensor, " samples"], y: Float[Tensor, " samples"]
 ) -> Float[Tensor, "samples c"]:
-    """Bilinear, clamped at the border, lattice points on the border (align_corners)."""
+    """Interpolates bilinearly, clamped at the border, with lattice points on it (align_corners)."""
     grid = torch.stack([x, y], dim=-1)
     is_nan = torch.isnan(grid)  # which grid_sample takes for -1, and its gradient out of bounds
     image = plane.permute(2, 0, 1)[None]

@@ -111,7 +111,7 @@ class Samples:
     ) -> Float[Tensor, " some"]:
         """Returns, of each sample, the float64 sum of the values of its ray's samples before it.
 
-        Of the samples `at` some indices alone, where these are given.
+        The sums are those of the samples `at` some indices alone, where these are given.
         """
         sums = values.double().cumsum(0)
         sums = torch.cat([sums.new_zeros(1), sums])
@@ -120,7 +120,8 @@ class Samples:
     def reached(self, sums: Float[Tensor, " rays"]) -> Int64[Tensor, " rays"]:
         """Returns the sample at which each ray's weights have summed to so much, above 0.
 
-        The index behind the ray's last sample where they never do. Summed in float64.
+        Where they never do, the index is the one after the ray's last sample. The sums are in
+        float64.
         """
         total = self.weights.double().cumsum(0)
         total = torch.cat([total.new_zeros(1), total])

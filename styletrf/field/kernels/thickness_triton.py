@@ -1,6 +1,6 @@
 """From raw density to optical thickness and opacity on a GPU, accurate for thin fog.
 
-Triton has neither log1p nor expm1 that its interpreter knows, and its exp and log are the card's
+Triton has neither log1p nor expm1 that its interpreter knows, and its exp and log are the GPU's
 approximations: where a difference would cancel, a series is summed instead.
 """
 

@@ -89,16 +89,16 @@ def trace_forward(
     another: so threads need not wait for each other, and little memory is touched.
 
     Args:
-        origins: Of the pieces in grid coordinates, `rays pieces 3`, see `RaySegments`.
-        directions: Likewise.
-        ends: Of the pieces, `rays pieces`.
+        origins: The origins of the pieces in grid coordinates, `rays pieces 3`, see `RaySegments`.
+        directions: The directions of the pieces, likewise.
+        ends: The ends of the pieces, `rays pieces`.
         thickness: See `RaySegments.step_thickness`.
         n_steps: Steps of each ray.
         jitter: Where in each step its sample lies, in [0, 1), one number a ray.
         occupancy: `x y z`, non-zero where density may be.
         planes: Density factors.
         lines: Density factors.
-        shift: Of the raw density; tau = thickness * softplus(raw + shift).
+        shift: Added to the raw density; tau = thickness * softplus(raw + shift).
         termination: Transmittance at which a ray ends.
     """
     n_rays = origins.shape[0]

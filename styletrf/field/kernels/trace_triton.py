@@ -3,7 +3,7 @@
 A program, one warp, takes one ray: its lanes take STEPS consecutive steps at a time, which read
 neighboring cells, and no ray waits for another. Three passes keep the memory to the occupied
 samples: `_count` finds how many steps of each ray are occupied, `_march` evaluates the density up
-to termination and writes what is kept into the room so counted, `_pack` closes the gaps. With
+to termination and writes the kept samples into the room so counted, `_pack` closes the gaps. With
 optical thickness tau = density x length,
 
     weight_i = T_i (1 - exp(-tau_i)),   T_i = exp(-sum_{j < i} tau_j)     (Max 1995, eq. 9)

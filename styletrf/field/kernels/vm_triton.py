@@ -146,7 +146,7 @@ def _features(
 @no_type_check
 @triton.jit
 def _scatter(target, points, weights, values, live, RANK: tl.constexpr):
-    """Adds the values, shared out by weight, to the lattice points of a factor's gradient."""
+    """Adds the values, divided by weight, to the lattice points of a factor's gradient."""
     channel, mask = channel_tile(live, RANK)
     touched = mask & (values != 0)
     for k in tl.static_range(len(points)):

@@ -1,4 +1,4 @@
-"""The state of a fit as a checkpoint that a killed one goes on from, to the same parameters."""
+"""The state of a fit as a checkpoint, from which a killed fit continues to the same parameters."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -69,7 +69,7 @@ def save_fit(folder: Path, trainer: "FieldTrainer") -> None:
 
 
 def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
-    """Goes on from the checkpoint in `folder`, if there is one."""
+    """Restores the checkpoint in `folder`, if there is one."""
     checkpoint = load_checkpoint(folder, trainer.images.device)
     if checkpoint is None:
         return

@@ -47,7 +47,7 @@ class FieldTrainingConfig:
 
     def __post_init__(self) -> None:
         if not all(0 < fraction < 1 for fraction in self.upsample_at):
-            raise ValueError(f"upsample_at is {self.upsample_at}, not shares of the iterations")
+            raise ValueError(f"upsample_at is {self.upsample_at}, not fractions of the iterations")
         if not 0 <= self.average_share <= 1:
             raise ValueError(f"average_share is {self.average_share}, not between 0 and 1")
         if not (self.steps_per_voxel > 0 and self.ndc_step > 0):

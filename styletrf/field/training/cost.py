@@ -1,4 +1,4 @@
-"""Predicts what a fit costs on this machine from a few of its iterations at the final size.
+"""Predicts the cost of a fit on this machine from a few of its iterations at the final size.
 
 The occupancy that a fit finds is not known yet; the sparse points stand for it, with the voxels
 about them.

@@ -1,4 +1,4 @@
-"""Finds what stopped being finite first, when a fit breaks down.
+"""Finds the tensor that stopped being finite first, when a fit breaks down.
 
 A running fit looks at its loss only. Once that is not finite, the stages are gone through in the
 order in which they cause each other; Adam's moments contain past gradients.
@@ -24,7 +24,7 @@ def iteration_stages(
     samples: Samples,
     color: Float[Tensor, "rays 3"],
 ) -> Iterator[tuple[str, Tensor]]:
-    """Yields what one iteration computes, in its order; density and features are computed again."""
+    """Yields the tensors of an iteration, in order; density and features are computed again."""
     for name in ("origins", "directions", "lengths", "view_directions"):
         yield f"{name} of rays", getattr(segments, name)
     yield "density", kernels.density(field.density.factors, samples.positions)
@@ -37,7 +37,7 @@ def iteration_stages(
 def batch_stages(
     appearance: Appearance, kernels: Kernels, batch: RayBatch
 ) -> Iterator[tuple[str, Tensor]]:
-    """Yields what a batch of cached rays holds, and what an appearance makes of it."""
+    """Yields the tensors of a batch of cached rays, and those an appearance computes of it."""
     yield "positions of samples", batch.samples.positions
     yield "weights of samples", batch.samples.weights
     yield "opacity of rays", batch.opacity

@@ -2,7 +2,8 @@
 
     sum_ij w_i w_j |s_i - s_j| + 1/3 sum_i w_i^2 step
 
-It falls when the weights of a ray gather at one place: fog and doubled surfaces pay.
+The distortion falls when the weights of a ray gather at one place: fog and doubled surfaces raise
+it.
 """
 
 from jaxtyping import Float
@@ -14,7 +15,7 @@ from styletrf.field.kernels import RaySegments, Samples
 def distortion(samples: Samples, segments: RaySegments) -> Float[Tensor, ""]:
     """Returns the mean distortion of the rays, in segment lengths, differentiable in the weights.
 
-    Linear in the number of samples: with s ascending along a ray, the double sum is
+    The time is linear in the number of samples: with s ascending along a ray, the double sum is
     2 sum_i w_i (s_i W_i - S_i), W_i and S_i the sums of w and w s before sample i.
     """
     weights, s = samples.weights.double(), samples.s.double()

@@ -18,10 +18,12 @@ class TrainingViews:
     """The views that a field is fitted to.
 
     Attributes:
-        cameras: In the normalized world.
-        images: Of the cameras, in their order; read once.
-        depths: At which the rays of some pixels end (`styletrf.field.training.observed_depths`).
-        exposures: Of the views, where these differ (`styletrf.field.training.view_exposures`).
+        cameras: Their cameras, in the normalized world.
+        images: The images of the cameras, in their order; read once.
+        depths: The depths at which the rays of some pixels end
+            (`styletrf.field.training.observed_depths`).
+        exposures: The exposures of the views, where these differ
+            (`styletrf.field.training.view_exposures`).
     """
 
     cameras: Sequence[Camera]
@@ -35,7 +37,7 @@ class FieldVolume:
     """The volume that a field fills.
 
     Attributes:
-        space: From the normalized world to the grid.
+        space: The map from the normalized world to the grid.
         resolution: The final number of lattice points along each axis.
         free: The cells of the grid that get no density (`styletrf.scene.free_space`).
     """

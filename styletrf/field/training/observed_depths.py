@@ -35,7 +35,7 @@ from styletrf.scene.scene_model import SceneModel
 from styletrf.scene.stereo.stereo_depths import Image, Mask, StereoDepth, stereo_depths
 
 SPARSE_WINDOW, DENSE_WINDOW = 0.1, 0.05  # of a pixel's depth, on either side
-UNEXPLAINED = 0.05  # share of the rays that may end anywhere
+UNEXPLAINED = 0.05  # fraction of the rays that may end anywhere
 MANY = 16  # photographs
 
 
@@ -52,7 +52,7 @@ class ObservedDepths:
         return len(self.view)
 
     def drawn(self, count: int, generator: torch.Generator) -> "ObservedDepths":
-        """Returns so many observations, drawn with replacement."""
+        """Returns `count` observations, drawn with replacement."""
         index = torch.randint(len(self), (count,), generator=generator).to(self.view.device)
         return replace(
             self, view=self.view[index], pixel=self.pixel[index], depth=self.depth[index]
@@ -74,10 +74,10 @@ def observed_depths(
     """Returns the depths of points, and of few photographs those of stereo, at the working size.
 
     Args:
-        model: Of the scene, in whose normalized world the depths are.
-        cameras: Of the world, in the order in which `points` counts images.
-        points: With their tracks.
-        images: Of the cameras, RGB in [0, 1], at any size.
+        model: The model of the scene, in whose normalized world the depths are.
+        cameras: The cameras in the world, in the order in which `points` counts images.
+        points: The points with their tracks.
+        images: The images of the cameras, RGB in [0, 1], at any size.
         masks: Which pixels count, at the images' size; None where all of an image do.
     """
     normalized, are_few = model.normalized(cameras), len(cameras) < MANY
@@ -122,7 +122,7 @@ def depth_loss(
     """Returns the mean loss of rays with depths, differentiable in the samples' weights.
 
     Args:
-        samples: Along the rays.
+        samples: The samples along the rays.
         segments: The rays.
         depths: Where each ray ends, in the order of the rays.
     """

@@ -7,7 +7,7 @@ from styletrf.field.training.config import FieldTrainingConfig
 
 
 def optimizer_of(field: RadianceField, config: FieldTrainingConfig) -> torch.optim.Adam:
-    """Returns an optimizer of all of a field, with rates for its factors and for its network."""
+    """Returns an optimizer of a whole field, with rates for its factors and for its network."""
     factors = [*field.density.factors.parameters(), *field.appearance.factors.parameters()]
     groups = [
         {"params": factors, "initial_rate": config.factor_rate},

@@ -15,8 +15,8 @@ class ParameterAverage:
     """The running mean of a module's parameters, by their names.
 
     Attributes:
-        count: How many values it is of.
-        mean: Of each parameter; empty before the first value.
+        count: The number of averaged values.
+        mean: The mean of each parameter; empty before the first value.
     """
 
     def __init__(self, window: float) -> None:
@@ -26,7 +26,7 @@ class ParameterAverage:
 
     @torch.no_grad()
     def add(self, module: nn.Module) -> None:
-        """Takes in the present values of the module's parameters."""
+        """Adds the present values of the module's parameters to the mean."""
         self.count += 1
         fraction = max(1 / self.count, self._least_fraction)
         for name, value in module.named_parameters():

@@ -14,13 +14,14 @@ def add_regularization_gradient(
 ) -> None:
     """Adds the gradients of L1 and, decaying with the iterations, total variation.
 
-    Every `config.tv_every` iterations, as many times as strong.
+    They are added every `config.tv_every` iterations, as many times as strong.
 
     Args:
-        field: Whose factors have gradients.
+        field: The field whose factors have gradients.
         config: The weights.
-        iteration: From 0 on.
-        n_views: Of how many photographs; where they are few, smoothness fills what few see.
+        iteration: The number of the iteration, from 0 on.
+        n_views: The number of photographs; where they are few, smoothness fills the parts that few
+            see.
     """
     every = config.tv_every
     if iteration % every:

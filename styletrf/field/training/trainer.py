@@ -4,7 +4,7 @@ Rays are made from pixels and never stored. No pixel comes twice before every ot
 in an order that spreads each batch over all views (`styletrf.capture.view_images`). The grid grows
 geometrically from `initial_voxels` to the scene's resolution, at the fractions of the iterations in
 `upsample_at`. The learning rates restart each time. The occupancy grid is recomputed from the
-density regularly. What is kept is the mean of the last parameters
+density regularly. The finished field has the mean of the last parameters
 (`styletrf.field.training.parameter_average`).
 """
 
@@ -145,7 +145,7 @@ class FieldTrainer:
         return pixels
 
     def _decide_end(self) -> None:
-        """Measures the validation views, twice, and moves the end by what they gained."""
+        """Measures the validation views, twice, and moves the end of the fit by their gain."""
         views, state = self.validation, self.state
         if views is None or state.iteration not in (views.before, views.after):
             return

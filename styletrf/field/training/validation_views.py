@@ -33,8 +33,8 @@ _PIXELS = 1 << 14  # to measure by
 class ValidationViews:
     """Views that are not fitted to at first, pixels of theirs, and the iterations that matter.
 
-    `before` and `after` are those at which PSNR is measured; `early` is where a fit ends that did
-    not improve it in between, and `late` where one ends that improved it fast.
+    `before` and `after` are those at which PSNR is measured; `early` is the end of a fit that did
+    not improve it in between, and `late` that of one that improved it fast.
     """
 
     views: Bool[Tensor, " views"]
@@ -61,7 +61,7 @@ def validation_views(
 ) -> ValidationViews | None:
     """Returns every tenth view; None where they, their pixels or the iterations are too few.
 
-    Views of one panorama count as one: each shows what the margins of the others do.
+    Views of one panorama count as one: each shows the same as the margins of the others.
     """
     fractions = [max((0.0, *config.upsample_at)) + k * _SPACING for k in (1, 2, 3)]
     before, after, early = (round(fraction * config.iterations) for fraction in fractions)

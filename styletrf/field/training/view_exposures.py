@@ -1,7 +1,7 @@
 """The exposures of the views that a field is fitted to, so that the field has the middle one.
 
 The field's colors are shown as each photograph was exposed (`styletrf.scene.exposures`), and
-compared there: what is saturated in a photograph says only that the color is at least so bright.
+compared there: a saturated pixel of a photograph says only that the color is at least so bright.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,8 +36,8 @@ class ViewExposures:
         Differentiable in the color.
 
         Args:
-            color: Of the field, in [0, 1].
-            view: Whose exposure it is to have.
+            color: The colors of the field, in [0, 1].
+            view: The view whose exposure each is to have.
             photographed: The photographs' colors in [0, 1].
         """
         scaled = color.clamp(min=_DARKEST) / MIDDLE

@@ -15,14 +15,14 @@ class Artifact:
         name: Its key, or another name of its own.
         family: The stage that makes it.
         label: The stage with its parameters.
-        state: What became of it; "removed" ones were made, and are in the store no longer.
+        state: The state of the artifact; "removed" ones were made, and are in the store no longer.
         inputs: The names of those that it was made from, or waits for.
         painting: The style that it is of; "" for what paintings share.
-        made: When its build began, as ISO 8601; "" if it was not made.
-        seconds: How long its build took.
-        size_bytes: How large it is.
+        made: The time when its build began, as ISO 8601; "" if it was not made.
+        seconds: The duration of its build.
+        size_bytes: Its size on disk.
         host: The machine that built it.
-        reason: Why it failed.
+        reason: The reason why it failed.
         page: Its page, relative to the lineage's; "" if it has none.
     """
 
@@ -41,7 +41,7 @@ class Artifact:
 
 
 def upstream_first(artifacts: Iterable[Artifact]) -> list[Artifact]:
-    """Returns them so that each follows its inputs; by family and name where these leave a choice.
+    """Returns the artifacts so that each follows its inputs; by family and name in a tie.
 
     Inputs that are not among them are passed over.
     """

@@ -1,6 +1,7 @@
 """The layout of a graph of artifacts: a row a step, a group of columns a painting.
 
-Rows: each artifact stands directly above what needs it first (the longest path downwards counts).
+Rows: each artifact stands directly above the first one that needs it (the longest path downwards
+    counts).
 Groups: what paintings share stands in the first one.
 Lines: an input that an input of the same artifact was made from is left out (transitive
 reduction). A line over several rows passes through points of its own in the rows between, so that
@@ -14,7 +15,7 @@ from typing import TypeAlias
 from styletrf.reports.lineage.artifact import Artifact, names_of_ancestors, upstream_first
 
 Point: TypeAlias = tuple[str, int]
-"""What a line passes: the artifact that it comes from, and the row."""
+"""A point of a line: the artifact that it comes from, and the row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +34,9 @@ class Layout:
     Attributes:
         groups: From left to right.
         places: Column and row of each artifact.
-        lines: From an artifact to another: their names, and the places in the rows between.
-        rows: How many there are.
+        lines: The lines from an artifact to another: their names, and the places in the rows
+            between.
+        rows: The number of rows.
     """
 
     groups: Sequence[Group]
@@ -66,7 +68,7 @@ def layout(artifacts: Sequence[Artifact]) -> Layout:
 
 
 def _reduced(ordered: Sequence[Artifact]) -> dict[str, list[str]]:
-    """The inputs of each that none of its other inputs was made from."""
+    """Returns the inputs of each that none of its other inputs was made from."""
     above = names_of_ancestors(ordered)
     reduced = {}
     for each in ordered:
@@ -77,7 +79,7 @@ def _reduced(ordered: Sequence[Artifact]) -> dict[str, list[str]]:
 
 
 def _rows(ordered: Sequence[Artifact], inputs: Mapping[str, Sequence[str]]) -> dict[str, int]:
-    """The row of each: from above the first possible, then moved down to what needs it first."""
+    """Returns each row: the first possible from above, moved down to the first that needs it."""
     rows: dict[str, int] = {}
     for each in ordered:
         rows[each.name] = max((rows[name] + 1 for name in inputs[each.name]), default=0)
@@ -107,7 +109,7 @@ def _columns(
     inputs: Mapping[str, Sequence[str]],
     group_of: Mapping[str, str],
 ) -> dict[Point, int]:
-    """The column of each point in its group: the free one nearest to what is above it."""
+    """Returns each point's column in its group: the free one nearest to the points above it."""
     columns: dict[Point, int] = {}
     taken: set[tuple[str, int, int]] = set()
     for row in sorted({row for _, row in points}):

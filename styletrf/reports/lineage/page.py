@@ -20,7 +20,7 @@ def write_lineage_page(path: Path, scene: str, artifacts: Sequence[Artifact]) ->
     Args:
         path: Where to.
         scene: Its name.
-        artifacts: What was made for the scene, and what was requested; inputs by their names.
+        artifacts: The artifacts that were made or requested for the scene; inputs by their names.
     """
     ordered = sorted(upstream_first(artifacts), key=lambda each: each.painting)
     sections = [_header(scene, ordered), _graph(ordered), section("Artifacts", _table(ordered))]
@@ -85,7 +85,7 @@ def _line(
 
 
 def _corner(place: tuple[int, int]) -> tuple[int, int]:
-    """The middle of a card's upper side."""
+    """Returns the middle of a card's upper side."""
     return _COLUMN_PX * place[0] + _COLUMN_PX // 2, _TOP_PX + _ROW_PX * place[1]
 
 
@@ -133,7 +133,7 @@ def _size(each: Artifact) -> str:
 
 
 def _time(each: Artifact, kind: str) -> str:
-    """The date in UTC; the script makes an age of it, where it is to be one."""
+    """Returns the date in UTC, of which the script makes an age where one is shown."""
     if not each.made:
         return ""
     moment = html.escape(each.made)

@@ -25,8 +25,8 @@ def neighbors(cameras: Sequence[Camera], points: SparsePoints) -> list[list[int]
     """Returns up to four other photographs for each, the best first; none where none share points.
 
     Args:
-        cameras: In the world of the points, in the order in which these count images.
-        points: With their tracks.
+        cameras: The cameras in the world of the points, in the order in which these count images.
+        points: The points with their tracks.
     """
     centers = np.stack([camera.center_world for camera in cameras])
     return [_neighbors_of(k, centers, points) for k in range(len(cameras))]

@@ -33,8 +33,8 @@ class GrayView:
     """A photograph to compare.
 
     Attributes:
-        camera: Of the photograph.
-        gray: In [0, 1].
+        camera: The camera of the photograph.
+        gray: Its gray levels in [0, 1].
         counts: Which of its pixels count.
     """
 
@@ -48,8 +48,8 @@ class SweptDepth:
     """The best plane of each pixel.
 
     Attributes:
-        depth: Along the camera's axis.
-        score: Of the best plane, from -1 to 1; -1 where it is the first or the last.
+        depth: The depth along the camera's axis.
+        score: The score of the best plane, from -1 to 1; -1 where it is the first or the last.
     """
 
     depth: Gray
@@ -62,10 +62,10 @@ def swept_depth(
     """Returns the depths that explain a photograph best.
 
     Args:
-        view: Whose depths they are.
+        view: The photograph.
         others: Its neighbors; at least one.
-        nearest: Of the planes, as a depth above 0.
-        farthest: Of the planes.
+        nearest: The depth of the nearest plane, above 0.
+        farthest: The depth of the farthest plane.
     """
     inverse = np.linspace(1 / farthest, 1 / nearest, PLANES)
     own = _moments(view.gray)

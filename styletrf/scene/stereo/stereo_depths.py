@@ -34,11 +34,11 @@ Mask = Bool[np.ndarray, "_ _"]
 
 @dataclass(frozen=True, slots=True)
 class StereoDepth:
-    """Depths of a photograph, at a small size.
+    """The depths of a photograph, at a small size.
 
     Attributes:
-        camera: At that size, in the normalized world.
-        depth: Along the camera's axis; infinite where it is unknown.
+        camera: The camera at that size, in the normalized world.
+        depth: The depth along the camera's axis; infinite where it is unknown.
     """
 
     camera: Camera
@@ -55,10 +55,10 @@ def stereo_depths(
     """Returns the depths of all photographs, in the normalized world.
 
     Args:
-        model: Of the scene.
-        cameras: Of the world, in the order in which `points` counts images.
-        points: With their tracks.
-        images: Of the cameras, RGB in [0, 1], at any size.
+        model: The model of the scene.
+        cameras: The cameras in the world, in the order in which `points` counts images.
+        points: The points with their tracks.
+        images: The images of the cameras, RGB in [0, 1], at any size.
         masks: Which pixels count, at the images' size; None where all of an image do.
     """
     views = list(map(_small, model.normalized(cameras), images, masks))

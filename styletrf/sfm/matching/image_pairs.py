@@ -1,4 +1,4 @@
-"""Which pairs of photographs to look for matches in."""
+"""Pairs of photographs in which to look for matches."""
 
 import re
 from collections import Counter
@@ -48,8 +48,9 @@ def all_pairs(count: int) -> Pairs:
 def sequence_pairs(count: int, overlap: int) -> Pairs:
     """Returns pairs of indices i < j for photographs taken one after another.
 
-    Each with its `overlap` successors and with those 2, 4, 8 ... further on: about
-    count (overlap + log2 count) in all. Where the path comes back to a place is left to be found.
+    Each photograph is paired with its `overlap` successors and with those 2, 4, 8 ... further on:
+    about count (overlap + log2 count) pairs in all. These pairs do not show where the path comes
+    back to a place.
     """
     near = {*range(1, overlap + 1), *(2**k for k in range(count.bit_length()))}
     return sorted((i, i + step) for step in near for i in range(count - step))

@@ -1,4 +1,4 @@
-"""Which features of two photographs are each other's nearest: exact, and the same in every run.
+"""Matches features of two photographs that are each other's nearest: exactly, and reproducibly.
 
 COLMAP's own matcher on the CPU builds approximate indices in several threads at once, which
 disturb each other: one matching in some hundred comes out different (pycolmap 4.2.1).
@@ -10,7 +10,7 @@ from typing import no_type_check
 import numpy as np
 import torch
 from jaxtyping import Float32, Int32, Int64
-from numba import prange
+from numba import get_num_threads, prange
 
 from styletrf.compiled import compiled
 from styletrf.sfm.matching.sift_features import DESCRIPTOR_LENGTH, Descriptors
@@ -20,8 +20,8 @@ Matches = Int64[np.ndarray, "_ 2"]
 MAX_RATIO = 0.8
 MAX_ANGLE_RAD = 0.7
 _NO_NANS = {"nnan", "nsz"}  # so that comparisons become vector instructions
-_ROWS = 128  # of similarities that are computed at once: 16 MiB of them, with 4,096 features each
-_TOGETHER = 8  # photographs whose descriptors make one matrix
+_ROWS = 1024  # of similarities with one photograph: 16 MiB of them, with 4,096 features each
+_MOST_TOGETHER = 8  # photographs whose descriptors make one matrix, one for each thread
 
 
 def mutual_matches(first: Descriptors, others: Sequence[Descriptors]) -> list[Matches]:
@@ -34,14 +34,15 @@ def mutual_matches(first: Descriptors, others: Sequence[Descriptors]) -> list[Ma
     TF32, too, so no lower precision of matrix products does.)
 
     Args:
-        first: SIFT descriptors, of length 512 but for rounding.
+        first: SIFT descriptors of the first, of length 512 but for rounding.
         others: Those of other photographs; any may have none.
 
     Returns:
-        Of each of the others, pairs of indices (of a feature of the first, of one of its own), in
+        For each of the others, pairs of indices (of a feature of the first, of one of its own), in
         ascending order.
     """
-    groups = [others[k : k + _TOGETHER] for k in range(0, len(others), _TOGETHER)]
+    together = min(max(2, get_num_threads()), _MOST_TOGETHER)
+    groups = [others[k : k + together] for k in range(0, len(others), together)]
     return [matches for group in groups for matches in _matches_of(first, group)]
 
 
@@ -51,9 +52,10 @@ def _matches_of(first: Descriptors, others: Sequence[Descriptors]) -> list[Match
     if len(first) and ends[-1]:
         left = torch.from_numpy(first.astype(np.float32))
         right = torch.from_numpy(np.concatenate(others).astype(np.float32)).T
-        buffer = left.new_empty(_ROWS, int(ends[-1]))
-        for start in range(0, len(first), _ROWS):
-            block = left[start : start + _ROWS]
+        rows = _ROWS // len(others)
+        buffer = left.new_empty(rows, int(ends[-1]))
+        for start in range(0, len(first), rows):
+            block = left[start : start + rows]
             similarities = torch.mm(block, right, out=buffer[: len(block)])
             _keep_nearest(similarities.numpy(), start, ends, of_first, of_others)
     chosen, own = _distinct(of_first), _distinct(of_others)[0]
@@ -65,7 +67,7 @@ _Nearest = tuple[
     Float32[np.ndarray, "parts features"],
     Int32[np.ndarray, "parts features"],
 ]
-"""Of each feature in each part: the highest similarity, the second, and whose the highest is."""
+"""For each feature in each part: the two highest similarities, and the index of the first."""
 
 
 def _nearest(parts: int, features: int) -> _Nearest:

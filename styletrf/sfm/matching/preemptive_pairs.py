@@ -1,9 +1,9 @@
-"""Which photographs of a set show the same, by the matches of a few features (Wu 2013).
+"""Finds photographs that show the same by the matches of a few features (Wu 2013).
 
 "Towards linear-time incremental structure from motion": the largest features of a photograph are
 few, and found again in others. So the pairs of which many match are found in a fraction of the time
-that all features take. Pairs that only seem to match, as on a wallpaper, rank behind them. (Wu asks
-for a number of matches; here the neighbors with the most count.)
+that all features take. Pairs that only seem to match, as on a wallpaper, rank behind them. (Wu
+requires a number of matches; here the neighbors with the most count.)
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from styletrf.sfm.matching.mutual_matches import mutual_matches
 from styletrf.sfm.matching.sift_features import Descriptors
 
 N_LARGEST = 512
-"""How many features of a photograph stand for all."""
+"""The number of features of a photograph that stand for all."""
 
 
 def preemptive_pairs(

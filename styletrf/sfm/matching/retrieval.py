@@ -2,8 +2,8 @@
 
 Each photograph becomes one vector of locally aggregated descriptors (VLAD, Jégou et al. 2010): its
 SIFT descriptors' differences from the nearest of a few visual words, summed a word, rooted and
-normalized (Delhumeau et al. 2013). The words are found in the set itself, so that no vocabulary
-need be had from elsewhere. Neighbors in cosine are worth matching.
+normalized (Delhumeau et al. 2013). The words are found in the set itself, so that no other
+vocabulary is needed. Neighbors in cosine are worth matching.
 """
 
 from collections.abc import Callable
@@ -29,10 +29,10 @@ def similar_pairs(
     """Returns pairs i < j of photographs, each with as many `neighbors` as are most like it.
 
     Args:
-        count: Of the photographs.
-        descriptors_of: The SIFT descriptors of one, asked for twice.
-        neighbors: Of each; it may be a neighbor of more.
-        seed: Of the choice of samples, and of the words.
+        count: The number of photographs.
+        descriptors_of: Returns the SIFT descriptors of one; called twice for each.
+        neighbors: The number for each; it may be a neighbor of more.
+        seed: Decides the choice of samples, and the words.
         but: Pairs that are left out, for others that are less alike.
     """
     words = _words(count, descriptors_of, seed)
@@ -53,7 +53,7 @@ def similar_pairs(
 
 
 def _rooted(descriptors: Descriptors) -> Float[np.ndarray, "features 128"]:
-    """Returns the roots of the descriptors' shares, which have length 1.
+    """Returns the roots of the descriptors divided by their sums, which have length 1.
 
     The descriptors are roots already (RootSIFT); a second root dampens their largest bins further.
     """

@@ -36,7 +36,7 @@ def sift_features(gray: Gray, max_features: int, mask: Gray | None = None) -> Fe
     """Returns the largest features of a photograph, which begin at half a pixel's size.
 
     Args:
-        gray: In [0, 255].
+        gray: The photograph in gray, in [0, 255].
         max_features: How many to return at most.
         mask: Features are sought where it is not 0; None for everywhere.
     """

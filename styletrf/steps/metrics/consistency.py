@@ -28,7 +28,7 @@ def measure_temporal_consistency(
     Args:
         inputs: `unstylized`, `stylized`, `style` and `perceptual`.
         out: The folder to fill.
-        settings: Of `ConsistencyConfig`.
+        settings: Those of `ConsistencyConfig`.
         run: Its progress is the number of pairs.
     """
     config = configured(ConsistencyConfig, settings)

@@ -34,7 +34,7 @@ def measure_field(
     Args:
         inputs: `capture`, `field`, `perceptual`, `poses` and `model`.
         out: The folder to fill.
-        settings: Of `QualityConfig`.
+        settings: Those of `QualityConfig`.
         run: Its progress is the number of views.
     """
     model = read_scene_model(inputs["model"] / "scene.json")

@@ -27,7 +27,7 @@ def measure_frame_resemblance(
     Args:
         inputs: `unstylized`, `stylized`, `style`, `perceptual`, and `priors` if there are any.
         out: The folder to fill.
-        settings: Of `ResemblanceConfig`.
+        settings: Those of `ResemblanceConfig`.
         run: Its progress is the number of frames.
     """
     config, device = configured(ResemblanceConfig, settings), device_named(run.device_name)

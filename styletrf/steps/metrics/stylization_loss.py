@@ -22,7 +22,7 @@ def measure_style_and_content(
     Args:
         inputs: `unstylized`, `stylized`, `style` and `perceptual`.
         out: The folder to fill.
-        settings: Of `StylizationLossConfig`.
+        settings: Those of `StylizationLossConfig`.
         run: Its progress is the number of frames.
     """
     rows, means = measure_stylization(

@@ -1,4 +1,4 @@
-"""The steps that read what a user gives: photographs, content, a painting, published weights.
+"""The steps that read the user's input: photographs, content, a painting, published weights.
 
 Enters: files and folders of the user. Leaves: checked copies, from which all other steps begin.
 """

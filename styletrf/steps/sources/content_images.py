@@ -27,11 +27,11 @@ def gather_content(
     Args:
         inputs: `capture` if there is no source.
         out: The folder to fill.
-        settings: Of `ContentConfig`.
+        settings: Those of `ContentConfig`.
         run: Its progress is the number of images.
         source: A folder, a zip or an annotations file; None for the photographs of the scene and
             as many procedural images, or 64.
-        fetched: Returns the folder for what an annotations file fetches, from that file and from
+        fetched: Returns the folder for the images of an annotations file, from that file and from
             the folder of the run, which it may use.
 
     Raises:

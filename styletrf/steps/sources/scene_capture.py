@@ -31,7 +31,7 @@ def capture_scene(
     Args:
         inputs: Empty.
         out: The folder to fill.
-        settings: Of `CaptureConfig`.
+        settings: Those of `CaptureConfig`.
         run: Its progress is the number of photographs or frames.
         data: The user's folder, which contains `scenes/`.
         scene: A folder or a video in `scenes/`.

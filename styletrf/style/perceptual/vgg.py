@@ -31,7 +31,7 @@ CONVOLUTIONS: dict[str, tuple[int, int]] = {
 """Input and output channels of every 3x3 convolution; a pooling precedes each later block."""
 
 LAYERS: tuple[str, ...] = tuple(name.replace("conv", "relu") for name in CONVOLUTIONS)
-"""The layers one may ask for, from shallow to deep."""
+"""The available layers, from shallow to deep."""
 
 REDUCTION = 8
 """Side of the square of pixels behind one element of relu4_3's grid."""

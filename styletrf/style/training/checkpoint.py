@@ -1,4 +1,4 @@
-"""The state of a style training as a checkpoint that a killed one goes on from."""
+"""The state of a style training as a checkpoint, from which a killed training continues."""
 
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
@@ -71,8 +71,8 @@ def write_checkpoint(folder: Path, training: Training) -> None:
 def read_checkpoint(folder: Path, training: Training) -> None:
     """Puts the state of a checkpoint into a new training.
 
-    Leaves it as it is where there is no checkpoint, or one that is damaged, of another network or
-    of an earlier version: the training then starts over, and a warning says why.
+    The training stays as it is where there is no checkpoint, or one that is damaged, of another
+    network or of an earlier version: the training then starts over, and a warning says why.
     """
     checkpoint = load_checkpoint(folder, torch.device("cpu"))
     if checkpoint is None:

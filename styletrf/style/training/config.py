@@ -16,9 +16,9 @@ from styletrf.style.training.temporal_loss import TemporalLossConfig
 class StyleTrainingConfig:
     """Settings of the training of a style network.
 
-    With `warm_start` it begins as the network of arbitrary style transfer for the painting: at
-    first only the normalizations learn, then all weights, and `color_weight` holds the colors that
-    it began with. Without, Johnson's network begins from random weights.
+    With `warm_start` the training begins with the network of arbitrary style transfer for the
+    painting: at first only the normalizations learn, then all weights, and `color_weight` holds the
+    colors that it began with. Without, Johnson's network begins from random weights.
     """
 
     network: StyleNetworkConfig = field(default_factory=StyleNetworkConfig)  # without a warm start

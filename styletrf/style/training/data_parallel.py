@@ -1,8 +1,8 @@
 """Training by several processes, a GPU each, or several threads, a core each.
 
-Each computes a shard of the batch, and all step. The gradient is the mean over the shards. A loss
-that is no mean over images, as the relative ones, is thereby the mean of the shards' losses, which
-is not quite that of the whole batch.
+Each computes a shard of the batch, and all take the same step. The gradient is the mean over the
+shards. A loss that is no mean over images, such as the relative ones, is thereby the mean of the
+shards' losses, which is not quite that of the whole batch.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, slots=True)
 class Ranks:
-    """Which of how many processes this one is; alone, it has all of everything."""
+    """The number of this process among how many; alone, it has the whole batch."""
 
     rank: int = 0
     count: int = 1
@@ -75,7 +75,7 @@ def map_on_cores(compute: Callable[[Part], Result], parts: Sequence[Part]) -> li
 
 @contextlib.contextmanager
 def _threads_each(count: int) -> Iterator[None]:
-    """Each thread that computes has so many threads of torch."""
+    """Gives each thread that computes `count` threads of torch."""
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:

@@ -23,7 +23,8 @@ def training_pairs(
     """Returns the first renders of the pairs to train on, by how many renders they are apart.
 
     These are all pairs up to five renders apart but for those `measured`, by their indices in
-    ascending order: what is trained on is not measured on. A distance without a pair is left out.
+    ascending order: no pair serves both training and measuring. A distance without a pair is left
+    out.
     """
     firsts = {
         apart: [k for k in range(n_renders - apart) if (k, k + apart) not in measured]
@@ -47,10 +48,11 @@ class RenderPairs:
         """Opens the renders along a path.
 
         Args:
-            folder: What `write_float_frames` wrote.
-            batch: Pairs at a time.
-            crop_px: Side of the square window that both show; less where the renders are smaller.
-            seed: Of the choice.
+            folder: The folder that `write_float_frames` wrote.
+            batch: The number of pairs at a time.
+            crop_px: The side of the square window that both show; less where the renders are
+                smaller.
+            seed: Decides the choice.
             measured: The pairs that are kept out, see `training_pairs`.
 
         Raises:

@@ -1,4 +1,4 @@
-"""One iteration of a style training: what is painted, how far off it is, and Adam's step."""
+"""One iteration of a style training: the painted images, their loss, and Adam's step."""
 
 import copy
 import math
@@ -33,7 +33,7 @@ _COLOR_BLOCK_PX = 8
 
 
 class StyleStep:
-    """An iteration, with what stays the same through all: the statistics of one painting."""
+    """An iteration, with the statistics of one painting that stay the same through all."""
 
     def __init__(
         self,
@@ -44,15 +44,17 @@ class StyleStep:
         predictor: StylePredictor | None = None,
         ranks: Ranks | None = None,
     ) -> None:
-        """Looks at the painting.
+        """Computes the statistics of the painting.
 
         Args:
-            config: How to train.
+            config: The settings of the training.
             vgg: The perceptual network, in float32; its device is where the training runs.
             style: RGB in [0, 1].
-            initial: What the training began from, whose colors `config.color_weight` holds.
-            predictor: Looks at the style beside the perceptual network, `config.predictor_weight`.
-            ranks: Who shares each batch.
+            initial: The network that the training began from, whose colors `config.color_weight`
+                holds.
+            predictor: Compares the style beside the perceptual network, by
+                `config.predictor_weight`.
+            ranks: The processes that share each batch.
         """
         self._ranks = ranks or Ranks()
         self._device = vgg.mean.device
@@ -77,7 +79,8 @@ class StyleStep:
         """Takes iteration `k` and returns the terms of its loss.
 
         Raises:
-            InputError: A term is no longer finite; it names what else is not, if anything.
+            InputError: A term is no longer finite; it names the first cause that is not, if there
+                is one.
         """
         network = training.network
         content = self._jittered(k, self._shard(content))
@@ -132,7 +135,8 @@ class StyleStep:
     def _parts(self, content: Tensor | ContentPair) -> Sequence[Tensor | ContentPair]:
         """Returns the images of a batch one by one on the CPU; a GPU computes them at once.
 
-        The loss is the mean of the images' losses on either, so the number of cores is none of it.
+        The loss is the mean of the images' losses on either, so the number of cores does not change
+        it.
         """
         if self._device.type != "cpu":
             return [content]
@@ -164,7 +168,7 @@ class StyleStep:
             )
 
     def _causes(self, training: Training, content: Tensor | ContentPair) -> Iterator[Named]:
-        """Yields what a loss comes of: the batch, the style, and what past steps left."""
+        """Yields the causes of a loss: the batch, the style, and the results of past steps."""
         images = [content] if isinstance(content, Tensor) else [content.first, content.second]
         yield from (("a content image", image) for image in images)
         yield from self._style_loss.targets()

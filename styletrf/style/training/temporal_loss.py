@@ -1,7 +1,7 @@
 """The temporal loss: a term of the style training for stability under small camera motion.
 
-Of two images that show the same, and of which it is known where each pixel of the first is in the
-second, the painted versions should show the same, too:
+Where two images show the same, and the place of each pixel of the first in the second is known, the
+painted versions should show the same, too:
 
     loss = mean over valid pixels p of (f(a)(p) - f(b)(p + flow(p)))^2 / variance of f(a)
 
@@ -30,7 +30,7 @@ class TemporalLossConfig:
     every: int = 2  # iterations between looks at it; the weight counts as many times
     shift_px: float = 4.0  # a photograph is moved by at most this along each axis
     noise: float = 0.02  # standard deviation, of [0, 1]
-    renders: float = 0.0  # of these, the share that looks at renders of the scene
+    renders: float = 0.0  # of these, the fraction that looks at renders of the scene
 
     def __post_init__(self) -> None:
         if self.every < 1 or not 0 <= self.renders <= 1:
@@ -39,12 +39,12 @@ class TemporalLossConfig:
 
 @dataclass(frozen=True, slots=True)
 class ContentPair:
-    """Content, and the same seen again.
+    """Two images of the same content.
 
     Attributes:
         first: RGB in [0, 1].
-        second: The same things a little moved.
-        flow_px: From each pixel of the first to its place in the second, x and y.
+        second: The same content, a little moved.
+        flow_px: The displacement (x, y) from each pixel of the first to its place in the second.
         valid: Where the flow can be trusted.
     """
 
@@ -77,7 +77,7 @@ def temporal_loss(
 ) -> Float[Tensor, ""]:
     """Returns how much of the first's variance the pair differs by; 0 where nothing is valid.
 
-    Differentiable in both. Of a picture without contrast the variance counts as 1e-3.
+    Differentiable in both. The variance counts as at least 1e-3, as for a picture without contrast.
     """
     there, inside = warp_along(second, pair.flow_px)
     valid = (pair.valid & inside)[:, None]
@@ -93,7 +93,7 @@ def warp_along(
 ) -> tuple[Float[Tensor, "batch channels height width"], Bool[Tensor, "batch height width"]]:
     """Returns the color at p + flow(p) for each pixel p, bilinear, and where that is inside.
 
-    Differentiable in the images. What lies outside is the nearest border pixel.
+    Differentiable in the images. Outside, the color is that of the nearest border pixel.
     """
     height, width = images.shape[-2:]
     y, x = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")

@@ -58,7 +58,7 @@ def train_style_network(
     """Returns the trained network and the loss of every iteration.
 
     Args:
-        config: How to train.
+        config: The settings of the training.
         vgg: The perceptual network, in float32; its device is where the training runs.
         style: The painting, RGB in [0, 1].
         content_folder: Shards from `write_content_images`.
@@ -66,12 +66,13 @@ def train_style_network(
             found there is continued.
         initial: A network that paints already, of which a copy is trained; without it, Johnson's
             network begins from random weights.
-        predictor: Looks at styles beside the perceptual network; see `predictor_features`.
-        pairs: From the number of an iteration to pairs of renders of the scene, which the share
-            `temporal_loss.renders` of the iterations with a temporal loss take, not photographs.
+        predictor: Compares styles beside the perceptual network; see `predictor_features`.
+        pairs: Returns pairs of renders of the scene for the number of an iteration. The fraction
+            `temporal_loss.renders` of the iterations with a temporal loss takes them and not
+            photographs.
         progress: Called with the iteration and the loss.
         checkpoint_s: Seconds between checkpoints.
-        ranks: Who shares each batch; the first of them reports, and writes checkpoints.
+        ranks: The processes that share each batch; the first reports, and writes checkpoints.
 
     Raises:
         InputError: A term of the loss is no longer finite, or there are no content images.
@@ -111,7 +112,7 @@ def _save(folder: Path, training: Training) -> None:
 
 
 def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[bytes]) -> None:
-    """Logs what this painting is likely to give."""
+    """Logs warnings about a painting that is likely to stylize poorly."""
     few = content_batches(encoded, batch=8, size_px=config.crop_px, seed=config.seed)
     with closing(few):
         content = next(few).to(vgg.mean.device)
@@ -121,7 +122,7 @@ def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[
 
 
 def _is_paired(k: int, config: TemporalLossConfig) -> bool:
-    """Whether iteration `k` looks at renders: a share, spread evenly, of those that look at all."""
+    """Returns whether iteration `k` takes renders: a fraction of those with a temporal loss."""
     look, rest = divmod(k, config.every)
     return rest == 0 and int((look + 1) * config.renders) > int(look * config.renders)
 

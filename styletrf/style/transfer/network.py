@@ -46,8 +46,8 @@ class TransferNetwork(nn.Module):
         """Builds the network.
 
         Args:
-            config: Its size.
-            generator: Draws the initial weights (variance 1 / fan-in); otherwise torch's own way.
+            config: The size of the network.
+            generator: Draws the initial weights (variance 1 / fan-in); without it torch draws them.
         """
         super().__init__()
         self.config = config
@@ -100,7 +100,7 @@ class TransferNetwork(nn.Module):
 
 
 class StyleConditioning(nn.Module):
-    """From the embedding of a painting to all scales and shifts of a transfer network."""
+    """Maps the embedding of a painting to all scales and shifts of a transfer network."""
 
     def __init__(self, config: TransferNetworkConfig) -> None:
         super().__init__()
@@ -127,7 +127,8 @@ def conditioned(
     Args:
         network: Gives the shared parameters, and stays as it is.
         conditioning: Made for a network of this size.
-        embedding: Of a painting; see `styletrf.style.transfer.style_predictor.style_embedding`.
+        embedding: The embedding of a painting; see
+            `styletrf.style.transfer.style_predictor.style_embedding`.
     """
     copy = deepcopy(network)
     parameters = copy.style_parameters()
@@ -144,14 +145,14 @@ def _residual(channels: int) -> ResidualBlock:
 
 
 def _contracting(n_in: int, n_out: int, *, kernel: int = 3) -> list[nn.Module]:
-    """A convolution whose batch normalization became its bias and part of its weights."""
+    """Returns a convolution whose batch normalization became its bias and part of its weights."""
     stride = 1 if kernel == 9 else 2
     convolution = nn.Conv2d(n_in, n_out, kernel, stride)
     return [nn.ReflectionPad2d(kernel // 2), convolution, nn.ReLU()]
 
 
 def _normalized(n_in: int, n_out: int, *, kernel: int = 3) -> list[nn.Module]:
-    """A convolution without a bias, which the normalization that follows would take away."""
+    """Returns a convolution without a bias, which the normalization after it would cancel."""
     return [
         nn.ReflectionPad2d(kernel // 2),
         nn.Conv2d(n_in, n_out, kernel, bias=False),

@@ -88,7 +88,7 @@ def style_embedding(
     """Returns the embedding of a painting of any size, without gradient and in float32.
 
     Args:
-        predictor: With its weights, on the device of the painting.
+        predictor: The network with its weights, on the device of the painting.
         painting: RGB in [0, 1]. It is resized to 256x256, antialiased, whatever its proportions.
     """
     with torch.no_grad():

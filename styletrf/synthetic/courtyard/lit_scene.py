@@ -54,7 +54,7 @@ def lit_parts(parts: Sequence[Part]) -> Surfaces:
 
 
 def _vertex_light(parts: Sequence[Part], tree: Hierarchy) -> Float[np.ndarray, "vertices 3"]:
-    """Returns light at all vertices; one, where a panel's texture has it already."""
+    """Returns the light at all vertices; 1 where a panel's texture has it already."""
     return np.concatenate(
         [
             np.ones_like(part.mesh.vertices) if part.panel_size else _light_at(part, tree)

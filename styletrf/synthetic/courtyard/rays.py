@@ -20,6 +20,7 @@ EPSILON = 1e-9
 
 # No kernel meets a NaN, and infinities are kept; sums may be reordered.
 kernel = compiled(nogil=True, error_model="numpy", fastmath={"nnan", "nsz", "arcp", "contract"})
+exact = compiled(nogil=True)  # of the hierarchy, the same on every processor
 
 
 @no_type_check
@@ -42,52 +43,69 @@ def build_hierarchy(
 ) -> tuple[Hierarchy, Int[np.ndarray, " triangles"]]:
     """Returns the hierarchy, split by surface area, and its order of the triangles."""
     corners = vertices[triangles]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    order = np.arange(len(triangles))
-    nodes: list[tuple[int, int]] = [(0, len(order))]
-    boxes, links = [], []
-    for start, stop in nodes:  # grows while it is read
-        members = order[start:stop]
-        boxes.append(np.concatenate([low[members].min(axis=0), high[members].max(axis=0)]))
-        cut = _best_cut(low[members], high[members])
-        if cut is None:
-            links.append((start, stop - start))
-            continue
-        ranks, left = cut
-        order[start:stop] = members[ranks]
-        links.append((len(nodes), 0))
-        nodes += [(start, start + left), (start + left, stop)]
+    order, boxes, links = _built(corners.min(axis=1), corners.max(axis=1))
     c = corners[order]
     facets = np.concatenate([c[:, 0], c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]], axis=1)
-    return Hierarchy(np.array(boxes), np.array(links), facets), order
+    return Hierarchy(boxes, links, facets), order
 
 
-def _best_cut(
-    low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
-) -> tuple[Int[np.ndarray, " n"], int] | None:
-    """Returns the order of the members and how many go left, or None where a leaf is cheaper."""
+@no_type_check
+@exact
+def _built(low, high):
+    """Returns the order of the triangles, and the bounds and links of the nodes."""
     n = len(low)
+    order, starts, stops = np.arange(n), np.zeros(2 * n, np.int64), np.full(2 * n, n)
+    boxes, links = np.empty((2 * n, 6)), np.zeros((2 * n, 2), np.int64)
+    node, nodes = 0, 1
+    while node < nodes:
+        start, stop = starts[node], stops[node]
+        members = order[start:stop].copy()
+        for axis in range(3):
+            boxes[node, axis] = low[members, axis].min()
+            boxes[node, axis + 3] = high[members, axis].max()
+        ranks, left = _best_cut(low[members], high[members])
+        if left == 0:
+            links[node] = start, stop - start
+        else:
+            order[start:stop] = members[ranks]
+            links[node, 0] = nodes
+            starts[nodes], stops[nodes] = start, start + left
+            starts[nodes + 1], stops[nodes + 1] = start + left, stop
+            nodes += 2
+        node += 1
+    return order, boxes[:nodes].copy(), links[:nodes].copy()
+
+
+@no_type_check
+@exact
+def _best_cut(low, high):
+    """Returns the order of the members and how many go left, 0 where a leaf is cheaper."""
+    n = len(low)
+    least, left, best = np.inf, 0, np.arange(n)
     if n <= _TRIANGLES_PER_LEAF:
-        return None
-    best: tuple[float, Int[np.ndarray, " n"], int] | None = None
+        return best, left
     for axis in range(3):
-        ranks = np.argsort(low[:, axis] + high[:, axis], kind="stable")
-        left = _areas(low[ranks], high[ranks])
-        right = _areas(low[ranks[::-1]], high[ranks[::-1]])[::-1]
-        size = np.arange(1, n)
-        cost = left[:-1] * size + right[1:] * (n - size)
-        at = int(np.argmin(cost))
-        if best is None or cost[at] < best[0]:
-            best = float(cost[at]), ranks, at + 1
-    return None if best is None else best[1:]
+        ranks = np.argsort(low[:, axis] + high[:, axis], kind="mergesort")
+        of_left = _areas(low[ranks], high[ranks])
+        of_right = _areas(low[ranks[::-1]], high[ranks[::-1]])[::-1]
+        for size in range(1, n):
+            cost = of_left[size - 1] * size + of_right[size] * (n - size)
+            if cost < least:
+                least, left, best = cost, size, ranks
+    return best, left
 
 
-def _areas(
-    low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, " n"]:
+@no_type_check
+@exact
+def _areas(low, high):
     """Returns the surface of the boxes around the first 1, 2, ... n members."""
-    x, y, z = (np.maximum.accumulate(high) - np.minimum.accumulate(low)).T
-    return np.asarray(x * y + y * z + z * x)
+    areas = np.empty(len(low))
+    first, last = low[0].copy(), high[0].copy()
+    for i in range(len(low)):
+        first, last = np.minimum(first, low[i]), np.maximum(last, high[i])
+        x, y, z = last - first
+        areas[i] = x * y + y * z + z * x
+    return areas
 
 
 @no_type_check

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from jaxtyping import Float, Int
 
 from styletrf.synthetic.paintings.canvas import (
     FINE,
@@ -17,6 +18,9 @@ from styletrf.synthetic.paintings.canvas import (
     rgb,
 )
 
+Starts = Int[np.ndarray, "strokes 2"]
+Lines = Float[np.ndarray, "strokes points 2"]
+
 
 def brush(seed: int = 0) -> Painting:
     """Returns a field under a turning evening sky, in thick strokes that follow the forms."""
@@ -26,11 +30,11 @@ def brush(seed: int = 0) -> Painting:
     picture = _evening(x, y, rng)
     canvas = picture * 0.8
     for width, count in ((34, 1500), (22, 3400), (13, 6000)):
-        for px, py in rng.uniform(0, FINE - 1, (count, 2)).astype(int).tolist():
-            color = np.clip(
-                picture[py, px] * rng.uniform(0.75, 1.25) + rng.normal(0, 0.05, 3), 0, 1
-            )
-            _stroke(canvas, _flow_line(px, py, turn, 5.5 * width), width, color, rng)
+        starts = rng.uniform(0, FINE - 1, (count, 2)).astype(int)
+        lines = _flow_lines(starts, turn, 5.5 * width)
+        for (px, py), line, normal in zip(starts.tolist(), lines, _normals(lines), strict=True):
+            color = picture[py, px] * rng.uniform(0.75, 1.25) + rng.normal(0, 0.05, 3)
+            _stroke(canvas, line, normal, width, color.clip(0, 1), rng)
     return finished(canvas)
 
 
@@ -74,39 +78,46 @@ def _evening(x: Field, y: Field, rng: np.random.Generator) -> Canvas:
     return np.where(ridge[..., None], land, sky)
 
 
-def _flow_line(px: int, py: int, turn: Field, length: float) -> Points:
-    """Returns a line of the given length through a point, along the directions."""
+def _flow_lines(starts: Starts, turn: Field, length: float) -> Lines:
+    """Returns a line of the given length through each start, along the directions."""
     halves = []
     for sign in (-1, 1):
-        at, half = np.array([px, py], dtype=np.float64), []
+        at, half = starts.astype(np.float64), []
         for _ in range(5):
-            column, row = np.clip(at.astype(int), 0, FINE - 1)
+            column, row = np.clip(at.astype(int), 0, FINE - 1).T
             angle = turn[row, column]
-            at = at + sign * length / 10 * np.array([np.cos(angle), np.sin(angle)])
+            at = at + sign * length / 10 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
             half.append(at)
         halves.append(half)
-    return np.array([*halves[0][::-1], [px, py], *halves[1]])
+    return np.stack([*halves[0][::-1], starts, *halves[1]], axis=1)
+
+
+def _normals(lines: Lines) -> Lines:
+    """Returns the direction across each line at its points."""
+    normals = np.gradient(lines, axis=1)[..., ::-1] * [-1, 1]
+    return np.asarray(normals / (np.linalg.norm(normals, axis=2, keepdims=True) + 1e-9))
 
 
 def _stroke(
-    canvas: Canvas, line: Points, width: float | int, color: Color, rng: np.random.Generator
+    canvas: Canvas,
+    line: Points,
+    normal: Points,
+    width: float | int,
+    color: Color,
+    rng: np.random.Generator,
 ) -> None:
     """Draws one stroke of several bristles, lit on one edge and shaded on the other."""
-    normal = np.gradient(line, axis=0)[:, ::-1] * [-1, 1]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-9
     bristles = max(4, round(width / 4))
+    side, breadth = np.sign(normal.sum()), round(width / bristles) + 2
     for position in np.linspace(-0.5, 0.5, bristles):
-        relief = 1 + 0.3 * position * np.sign(normal.sum()) + rng.normal(0, 0.09)
-        ends = rng.integers(0, 2, 2)
-        points = (line + position * width * normal)[ends[0] : len(line) - ends[1]]
-        fixed = np.round(points * 16).astype(np.int32)[:, None]
-        shade = tuple(np.clip(color * relief, 0, 1).tolist())
-        breadth = round(width / bristles) + 2
+        relief = 1 + 0.3 * position * side + rng.normal(0, 0.09)
+        first, left_out = rng.integers(0, 2, 2).tolist()
+        points = (line + position * width * normal)[first : len(line) - left_out]
         cv2.polylines(
             canvas,
-            [fixed],
+            [(points * 16).round().astype(np.int32)[:, None]],
             isClosed=False,
-            color=shade,
+            color=(color * relief).clip(0, 1).tolist(),
             thickness=breadth,
             lineType=cv2.LINE_AA,
             shift=4,

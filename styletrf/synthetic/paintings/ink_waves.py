@@ -45,10 +45,13 @@ def _wave(
 ) -> None:  # fmt: skip
     """Paints one row of waves over what is behind it: foam, outline, lines below the crest."""
     count, phase = rng.integers(3, 6), rng.uniform(0, 1)
+    rough = 0.004 * noise(50, rng)
+    first = max(0, int(FINE * (base - height - rough.max())) - 2)  # no crest reaches the rows above
+    x, y, rough, canvas = (each[first:] for each in (x, y, rough, canvas))
     turns = count * (x + 0.045 * np.sin(2 * np.pi * (1.3 * x + phase))) + phase
     curl = turns + 0.16 * np.sin(2 * np.pi * turns) * np.clip((base - y) / height + 0.6, 0, 1)
     crest = np.abs(np.sin(np.pi * curl)) ** 1.35
-    below = y - (base - height * crest) + 0.004 * noise(50, rng)
+    below = y - (base - height * crest) + rough
     depth = np.clip(below / (2.6 * height), 0, 1)
     lines = 0.5 + 0.5 * np.cos(2 * np.pi * below / 0.0165)
     width = 0.42 + 0.3 * np.sin(np.pi * curl) ** 2 - 0.25 * depth

@@ -18,7 +18,7 @@ from styletrf.viewer.webpage.block_text import block_text
 
 _MOST_PIXELS_WIDE = 1600
 _MOST_BYTES = 512_000_000
-"""Of the textures of looks that a page keeps in the graphics card's memory."""
+"""The most bytes of the textures of looks that a page keeps in the graphics card's memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Packed:
     """A part of the data that the script reads.
 
     Attributes:
-        values: As JSON.
+        values: The values, as JSON.
         blocks: The data that it names: compressed, as text of `block_text`.
     """
 
@@ -98,14 +98,14 @@ def packed_look(look: BakedLook, thumbnail: str) -> Packed:
 
 
 def _values(look: BakedLook, codes: Codes, blocks: dict[str, str]) -> dict[str, Any]:
-    """Returns values that a texture of 8 bits holds, by what its 0 and 255 stand for."""
+    """Returns values that a texture of 8 bits holds, by the values of its 0 and 255."""
     packed = packed_colors(codes, look.classes, look.spacings)
     bounds = {"low": codes.low, "high": codes.low + 255 * codes.step, "byGreen": codes.by_green}
     return {"values": _block(packed, blocks), **bounds}
 
 
 def _directions(directions: ViewDirections | None, blocks: dict[str, str]) -> str | None:
-    """Returns the block with what turns directions, and the tint; axes row by row."""
+    """Returns the block with the axes of directions, row by row, and the tint."""
     if directions is None:
         return None
     names = ("mean", "axes", "least", "most", "tint")  # as OF_DIRECTIONS of unpacking.js

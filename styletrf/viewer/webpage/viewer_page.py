@@ -44,10 +44,10 @@ def write_viewer(
     """Writes the page as one file.
 
     Args:
-        path: Where to.
-        content: What it shows.
-        thumbnails: Of the looks, as `data:` URIs.
-        frames_per_second: Of the fly-through.
+        path: The file to write.
+        content: The content of the page.
+        thumbnails: The thumbnails of the looks, as `data:` URIs.
+        frames_per_second: The rate of the fly-through.
         fetched: Whether the shader weighs the eight points around a sample itself, instead of the
             graphics card's filter.
     """
@@ -64,10 +64,10 @@ def viewer_page(
     """Returns the page; names are escaped, and only its own script may run.
 
     Args:
-        content: What it shows, for its title and what it says of itself.
+        content: The content of the page, for its title and its description.
         scene: All but the looks.
-        looks: Of the photographs and the paintings.
-        is_live: Whether it asks the server that it comes from for more looks, and for nothing else.
+        looks: The looks of the photographs and the paintings.
+        is_live: Whether the page requests more looks from its server, and nothing else.
     """
     values = scene.values | {"looks": [look.values for look in looks], "isLive": is_live}
     blocks = {name: block for part in (scene, *looks) for name, block in part.blocks.items()}
@@ -94,8 +94,8 @@ def viewer_page(
 def encoded_page(page: str) -> bytes:
     """Returns a page as bytes in UTF-16, for its data.
 
-    The mark at their beginning outranks what a server and the page say of letters. Saved again in
-    UTF-8, the page is what it says.
+    The mark at their beginning outranks the encodings that a server and the page declare. Saved
+    again in UTF-8, the page has the encoding that it declares.
     """
     return codecs.BOM_UTF16_LE + page.encode("utf-16-le")
 

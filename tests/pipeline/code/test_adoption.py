@@ -3,11 +3,10 @@
 import json
 import re
 import textwrap
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from forked_modules import libraries_imported, output_of
+from commands import finish, start
 from message_words import mentions
 
 from pipeline.code import adoption
@@ -78,7 +77,7 @@ class Town:
             (folder / name).write_text(textwrap.dedent(text))
 
     def run(self, *arguments: str) -> tuple[int, str]:
-        return output_of(self.folder, *arguments)
+        return finish(start(*arguments, cwd=self.folder))
 
     def built(self, *task: str) -> list[str]:
         """The families that Luigi builds for the task."""
@@ -100,12 +99,6 @@ class Town:
 
     def snapshot(self) -> dict:
         return json.loads((self.folder / "town.json").read_text())
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _forked() -> Iterator[None]:
-    with libraries_imported():
-        yield
 
 
 @pytest.fixture

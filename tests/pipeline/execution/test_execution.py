@@ -20,6 +20,8 @@ from pipeline.errors import StoreError, TaskFailure, describe_error, is_disk_ful
 from pipeline.settings import current_store
 from pipeline.task import artifact
 
+pytestmark = pytest.mark.usefixtures("forked_builds")
+
 
 def failure_of(task: luigi.Task) -> TaskFailure:
     with pytest.raises(TaskFailure) as failure:
@@ -36,14 +38,6 @@ def impatient():
     luigi.configuration.get_config().set("store", "retry_seconds", "0.1")
     yield
     luigi.configuration.get_config().remove_option("store", "retry_seconds")
-
-
-def test_a_fresh_interpreter_builds():
-    Word("a").run()
-    assert (artifact(Word("a")) / "word.txt").read_text() == "a"
-    record = Word("a").record()
-    assert 0 < record.provenance["seconds"] < 30
-    assert 5e6 < record.provenance["peak_memory_bytes"] < 1e9
 
 
 def test_threads_of_a_build_sleep_soon_where_others_compute(monkeypatch):

@@ -15,15 +15,17 @@ from pathlib import Path
 import psutil
 import pytest
 from build_toys import MEBIBYTE, UNREACHABLE
-from commands import are_gone, pids_of_slow
+from commands import are_gone, command_server, pids_of_slow
+from forked_modules import forks_of
 from message_words import mentions
-from store_toys import NO_WORD
+from store_toys import NO_WORD, Word
 
 from pipeline.code.interpreters import interpreter_environment
 from pipeline.console.progress import ProgressBar
 from pipeline.execution.executors import EXECUTORS, Job, Report
 from pipeline.execution.fork_server import current_fork_server, fork_server
 from pipeline.locks import try_lock
+from pipeline.task import artifact
 
 
 @pytest.fixture
@@ -51,7 +53,7 @@ every_executor = pytest.mark.parametrize("executor", sorted(EXECUTORS))
 @pytest.fixture(params=["fresh", "forked"])
 def _fresh_or_forked(request: pytest.FixtureRequest) -> Iterator[None]:
     """Processes of builds are interpreters of their own, or forks of one that has libraries."""
-    with fork_server(["wave"] if request.param == "forked" else []):
+    with forks_of(command_server()) if request.param == "forked" else contextlib.nullcontext():
         yield
 
 
@@ -66,6 +68,14 @@ def test_success(executor, job):
     assert (Path(job.out) / "whole.txt").exists()
     assert 0 < report.seconds < 30
     assert 5 * MEBIBYTE < report.peak_memory_bytes < 2**40
+
+
+def test_a_fresh_interpreter_builds():
+    Word("a").run()
+    assert (artifact(Word("a")) / "word.txt").read_text() == "a"
+    record = Word("a").record()
+    assert 0 < record.provenance["seconds"] < 30
+    assert 5e6 < record.provenance["peak_memory_bytes"] < 1e9
 
 
 def test_the_end_of_a_build_is_noticed_at_once(job):

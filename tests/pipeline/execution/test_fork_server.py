@@ -1,12 +1,14 @@
 """A question to a function in a process that a server has forked, or in a new interpreter."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
+from pathlib import Path
 
 import psutil
 import pytest
 
-from pipeline.execution.fork_server import fork_server, output_of
+from pipeline.execution.fork_server import current_fork_server, fork_server, output_of
 
 
 @pytest.mark.parametrize("libraries", [[], ["imported_toy"]])
@@ -73,3 +75,13 @@ def test_processes_that_end_in_any_order_keep_their_own_results():
         ]
         found = [answer.result().partition(" ")[2] for answer in answers]
     assert found == questions
+
+
+def test_a_server_outlives_a_worker_that_waited_for_one_of_its_processes():
+    """It ended when it sent the status, and with it the builds of the other workers."""
+    with fork_server(["imported_toy"]), Path(os.devnull).open("r+") as nothing:
+        server = current_fork_server()
+        streams = (nothing.fileno(),) * 3
+        server.start("imported_toy:end", (), os.environ, streams)._statuses.close()
+        assert server.start("imported_toy:end", (), os.environ, streams).wait() == 3
+        assert output_of("imported_toy:repeat", "what?") == "server what?"

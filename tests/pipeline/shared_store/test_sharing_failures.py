@@ -58,8 +58,8 @@ def test_a_push_killed_anywhere_is_finished_by_the_next(shared, tmp_path):
 
     def three(store: Store) -> None:
         make(store, "a")
-        make(store, "b", "same", files=40)
-        make(store, "c", "same", files=40)
+        make(store, "b", "same", files=4)
+        make(store, "c", "same", files=4)
 
     def partly(store: Store) -> None:
         make(store, "a") if is_s3 else three(store)

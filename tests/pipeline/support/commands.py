@@ -1,41 +1,52 @@
 """Commands in processes of their own, and the processes that they leave."""
 
+import functools
 import io
 import os
 import subprocess
-import sys
 import time
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import psutil
+from forked_modules import ForkedModule
 
+from pipeline.execution.fork_server import ForkServer
 from pipeline.maintenance.command_line import main
 
 SUPPORT = Path(__file__).parent
 ROOT = SUPPORT.parents[2]
 
 
+@functools.cache
+def command_server() -> ForkServer:
+    """What forks the commands, until `close_server`."""
+    return ForkServer(["asyncio", "dateutil.parser", "jsonschema", "requests", "tenacity", "tqdm"])
+
+
+def close_server() -> None:
+    command_server().close()
+    command_server.cache_clear()
+
+
 def start(
     *arguments: str, cwd: Path = ROOT, stderr: int = subprocess.PIPE
 ) -> subprocess.Popen[str]:
+    """`python -m` with these words, forked by `command_server`."""
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)]),
     }
-    return subprocess.Popen(
-        [sys.executable, "-m", *arguments],
-        cwd=cwd,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=stderr,
-        text=True,
-    )
+    return ForkedModule(command_server(), arguments, cwd=cwd, env=environment, stderr=stderr)
 
 
 def luigi(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
     """Exit status and screen of `luigi --module toys ...`."""
-    process = start("luigi", "--module", "toys", *arguments, cwd=cwd)
+    return finish(start("luigi", "--module", "toys", *arguments, cwd=cwd))
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
+    """Exit status and screen of a process, when it has ended."""
     screen = "".join(process.communicate(timeout=60))
     return process.returncode, screen
 

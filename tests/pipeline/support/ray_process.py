@@ -8,6 +8,12 @@ from pathlib import Path
 import psutil
 
 HERE = Path(__file__).parent
+SETTINGS = {
+    # A worker starts with its job. Each takes seconds, and a node would start one for each core.
+    "RAY_enable_worker_prestart": "0",
+    "RAY_prestart_worker_first_driver": "0",
+    "RAY_USAGE_STATS_ENABLED": "0",
+}
 
 
 class RayCluster:
@@ -16,7 +22,7 @@ class RayCluster:
     def __init__(self, **environment: str) -> None:
         self.process = subprocess.Popen(
             [sys.executable, HERE / "ray_cluster.py"],
-            env=os.environ | environment,
+            env=os.environ | SETTINGS | environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

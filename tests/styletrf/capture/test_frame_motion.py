@@ -21,17 +21,17 @@ def flat(motion):
 
 
 def test_a_walk_has_parallax_and_a_turn_has_none():
-    walk, turn = motion_of(walked(wall(0), 40)), motion_of(turned(wall(0), 40))
+    walk, turn = motion_of(walked(wall(0), 20)), motion_of(turned(wall(0), 20))
     assert walk.has_parallax
     assert not turn.has_parallax
-    assert turn.displacement[-1] == pytest.approx(39 * 2 / WIDTH, rel=0.05)
+    assert turn.displacement[-1] == pytest.approx(19 * 2 / WIDTH, rel=0.05)
     assert walk.cuts_s == turn.cuts_s == []
 
 
 def test_a_cut_is_where_it_is_and_moves_nothing():
-    parts = walked(wall(0), 20), walked(wall(1, (1.0, 0.8, 0.6)), 20)
+    parts = walked(wall(0), 10), walked(wall(1, (1.0, 0.8, 0.6)), 10)
     motion = motion_of([*parts[0], *parts[1]])
-    assert motion.cuts_s == [2.0]
+    assert motion.cuts_s == [1.0]
     apart = [motion_of(part) for part in parts]
     np.testing.assert_allclose(flat(motion), flat(joined_motion(apart)), atol=1e-9)
     np.testing.assert_array_equal(motion.shot, joined_motion(apart).shot)
@@ -56,26 +56,26 @@ def test_the_same_scene_in_other_light_is_no_cut():
 
 def test_a_rest_is_found_from_its_beginning_to_its_end():
     """Held by a hand: the picture trembles by a pixel."""
-    walk = walked(wall(0), 80)
-    trembling = [np.roll(walk[40], k % 2, axis=1) for k in range(50)]
-    (rest,) = rests(motion_of([*walk[:40], *trembling, *walk[40:]]))
-    assert rest.start_s == pytest.approx(4.0, abs=0.5)
-    assert rest.end_s == pytest.approx(9.0, abs=0.5)
-    assert rests(motion_of(turned(wall(0), 80))) == []
+    walk = walked(wall(0), 40)
+    trembling = [np.roll(walk[20], k % 2, axis=1) for k in range(30)]
+    (rest,) = rests(motion_of([*walk[:20], *trembling, *walk[20:]]))
+    assert rest.start_s == pytest.approx(2.0, abs=0.5)
+    assert rest.end_s == pytest.approx(5.0, abs=0.5)
+    assert rests(motion_of(turned(wall(0), 40))) == []
 
 
-@pytest.mark.parametrize(("blurred", "count"), [(range(30, 42), 1), (range(30, 31), 0)])
+@pytest.mark.parametrize(("blurred", "count"), [(range(20, 32), 1), (range(20, 21), 0)])
 def test_blur_is_found_where_no_sharp_frame_is_near(blurred, count):
     """The camera swings, and what passes is smeared along."""
-    starts = np.cumsum([6 if k in blurred else 2 for k in range(80)])
+    starts = np.cumsum([6 if k in blurred else 2 for k in range(52)])
     frames = [contrasted(wall(0)[:, x : x + WIDTH]) for x in starts]
     for k in blurred:
         frames[k] = cv2.blur(frames[k], (15, 1))
     found = blurs(motion_of(frames))
     assert len(found) == count
     for span in found:
-        assert span.start_s == pytest.approx(3.0, abs=0.25)
-        assert span.end_s == pytest.approx(4.2, abs=0.25)
+        assert span.start_s == pytest.approx(2.0, abs=0.25)
+        assert span.end_s == pytest.approx(3.2, abs=0.25)
 
 
 def test_a_walk_has_no_warning_and_a_file_that_breaks_off_has_one():

@@ -155,7 +155,7 @@ def test_photographs_without_a_pose_and_poses_without_a_photograph_are_named(giv
     kind, folder, _, _ = given
     warnings = read_capture(folder / "capture").warnings
     if kind is instant_ngp:
-        assert any("missing: 8.png" in warning for warning in warnings)
+        assert any(f"missing: {VIEWS}.png" in warning for warning in warnings)
         assert any("has no poses of: extra.png" in warning for warning in warnings)
     else:
         assert warnings == ()

@@ -14,7 +14,7 @@ from styletrf.evaluation.metrics import psnr
 from styletrf.evaluation.quality import measure_quality, views_that_count
 from styletrf.field.rendering import Rendering
 from styletrf.files.images import read_rgb
-from styletrf.files.published_weights import ALEXNET
+from styletrf.files.published_weights import ALEXNET, VGG16
 
 
 def test_each_metric_has_a_column_and_a_mean(tmp_path):
@@ -36,11 +36,12 @@ def test_each_metric_has_a_column_and_a_mean(tmp_path):
     assert read_rgb(tmp_path / f"{scene.cameras[0].name}.png").shape == (height, 2 * width, 3)
 
 
-def test_lpips_that_is_not_at_hand_is_said(monkeypatch):
+@pytest.mark.parametrize(("network", "weights"), [("alex", ALEXNET), ("vgg", VGG16)])
+def test_lpips_that_is_not_at_hand_is_said(monkeypatch, network, weights):
     monkeypatch.setattr(torch.hub, "get_dir", lambda: "/nowhere")
     with pytest.raises(InputError) as caught:
-        lpips_metric(torch.device("cpu"))
-    assert caught.value.subject in ("LPIPS", f"/nowhere/checkpoints/{ALEXNET}")
+        lpips_metric(torch.device("cpu"), network)
+    assert caught.value.subject in ("LPIPS", f"/nowhere/checkpoints/{weights}")
 
 
 def test_lpips_is_zero_between_equals_and_grows_with_noise():

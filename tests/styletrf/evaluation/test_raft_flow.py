@@ -30,14 +30,15 @@ def test_the_network_sees_frames_in_its_range_and_size(monkeypatch, size):
     seen = []
 
     class Network(torch.nn.Module):
-        def forward(self, a, b):
+        def forward(self, a, b, updates):
             seen.extend([a, b])
+            assert updates == 32
             return [torch.zeros(1, 2, *a.shape[2:]), torch.cat([a[:, :1], b[:, 1:2]], dim=1)]
 
     monkeypatch.setattr(raft_flow, "_network", lambda path: Network())
     random = np.random.default_rng(0)
     a, b = (random.random((*size, 3)).astype(np.float32) for _ in "ab")
-    flow = raft_flow.raft_estimator()(a, b)
+    flow = raft_flow.raft_estimator(updates=32)(a, b)
     assert flow.shape == (*size, 2)
     assert flow[..., 0] == pytest.approx(2 * a[..., 0] - 1)
     assert flow[..., 1] == pytest.approx(2 * b[..., 1] - 1)

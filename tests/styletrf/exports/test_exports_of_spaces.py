@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from ball_views import camera as camera_around
 from expected_errors import rejects
 from tiny_scene import KINDS, tiny_scene
 
+from styletrf.exports import splat_export
 from styletrf.exports.export_views import ExportViews, Look, export_views
 from styletrf.exports.splat_export import HeldOut, export_splats
 from styletrf.exports.splat_files import read_splats
@@ -116,9 +117,13 @@ def test_an_export_notes_where_pictures_have_no_definite_surface(tmp_path: Path)
     assert "no definite" not in definite["note"]
 
 
-def test_what_masks_leave_out_of_photographs_does_not_count_against_splats(tmp_path: Path):
+def test_what_masks_leave_out_of_photographs_does_not_count_against_splats(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     """A passer-by who is masked was measured."""
     pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
+    brief = partial(splat_export.SplatFitConfig, iterations=10)
+    monkeypatch.setattr(splat_export, "SplatFitConfig", brief)
     views = views_of("box")
     photograph = photographed(views.renders[0].color)
     counts = torch.full((*photograph.shape[:2], 1), 255, dtype=torch.uint8)

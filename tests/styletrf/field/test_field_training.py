@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from expected_errors import stops
-from mini_scene import MINI_FIT, MiniScene, fit
+from mini_scene import MINI_FIT, MiniScene, fit, fitted_plane
 
 from styletrf.evaluation.metrics import psnr
 from styletrf.field.field_config import FieldConfig
@@ -64,7 +64,7 @@ def parameters(field: RadianceField) -> dict[str, torch.Tensor]:
 
 
 def test_the_field_shows_what_it_was_shown(scene):
-    field = fit(scene)
+    field = fitted_plane()
     assert field.resolution == scene.model.resolution
     rays = ViewRays(scene.cameras, scene.model.space, field.step_length, CPU)
     render = render_view(field, KERNELS, rays, 2, scene.cameras[2], RenderConfig())

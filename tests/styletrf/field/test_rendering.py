@@ -7,7 +7,7 @@ import pytest
 import torch
 from kernel_cases import segments_between
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit
+from mini_scene import fit, fitted_plane
 
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import Samples, kernels_for
@@ -26,8 +26,8 @@ KERNELS = kernels_for(CPU)
 
 
 @pytest.fixture(scope="module")
-def field(scene):
-    return fit(scene, replace(CONFIG, iterations=150))
+def field():
+    return fitted_plane()
 
 
 def rendered(scene, field, config):

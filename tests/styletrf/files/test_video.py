@@ -5,13 +5,13 @@ import pytest
 from av.video.reformatter import Colorspace
 from expected_errors import rejects
 
-from styletrf.files.video import (
+from styletrf.files.video import write_video
+from styletrf.files.video_frames import (
     declared_frames,
     first_frame,
     timed_frames,
     video_frames,
     video_info,
-    write_video,
 )
 
 

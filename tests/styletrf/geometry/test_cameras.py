@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from styletrf.geometry.camera_table import read_cameras, read_unregistered, write_cameras
 from styletrf.geometry.cameras import (
     Camera,
+    directions_camera,
+    directions_of_all_pixels,
     fitted_to,
     moved,
     pixel_centers,
@@ -36,6 +38,12 @@ def test_a_point_on_a_pixels_ray_projects_to_the_pixel(seed):
     found, found_depth = project(camera, points_at_depth(camera, pixels, depth))
     np.testing.assert_allclose(found, pixels, atol=1e-8)
     np.testing.assert_allclose(found_depth, depth)
+
+
+def test_directions_of_all_pixels_are_those_of_their_centers():
+    camera = camera_at(0)
+    of_centers = directions_camera(camera, pixel_centers(camera.width, camera.height))
+    np.testing.assert_array_equal(directions_of_all_pixels(camera), of_centers)
 
 
 def test_first_pixel_center_is_half_half():

@@ -13,7 +13,7 @@ from styletrf.capture.scene_capture import capture_photographs
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
 
-SIZES = [(WIDTH, HEIGHT) if index % 2 else (HEIGHT, WIDTH) for index in range(VIEWS)]
+SIZES = [(HEIGHT, WIDTH), (WIDTH, HEIGHT)] * 2
 """Portrait and landscape by turns; the first stands."""
 
 
@@ -86,7 +86,7 @@ def llff_with_one_size(folder, poses):
 )
 def test_photographs_that_lie_and_stand_have_the_lenses_that_are_given(write, tmp_path):
     """All had the size of the first, and COLMAP left out those of another."""
-    poses = room_poses(VIEWS)
+    poses = room_poses(VIEWS)[: len(SIZES)]
     photographed_by_turns(tmp_path, poses)
     write(tmp_path, poses)
     given = find_given_poses(tmp_path)

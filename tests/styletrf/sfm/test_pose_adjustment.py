@@ -34,7 +34,7 @@ def solved(folder, lens, given, poses="auto"):
     found.source.write_text("{}")
     capture_photographs(folder / "images", folder / "capture", given=found)
     (folder / "out").mkdir()
-    config = CameraPosesConfig(poses=poses, max_features=512)
+    config = CameraPosesConfig(poses=poses, max_features=384)
     report = solve_camera_poses(folder / "capture", folder / "out", config, log_dir=folder / "log")
     return report, read_cameras(folder / "out" / "cameras.parquet")
 

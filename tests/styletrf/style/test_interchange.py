@@ -9,7 +9,7 @@ from expected_errors import rejects
 from torch import Tensor, nn
 from torch.nn import functional
 
-from styletrf.style.export_style import to_onnx
+from styletrf.style.export_style import main, to_onnx
 from styletrf.style.interchange import from_fast_neural_style, to_fast_neural_style
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig, save_style_network
 
@@ -146,9 +146,10 @@ def test_onnx_paints_the_same_at_any_size(tmp_path, network):
 
 def test_the_command_converts_and_says_what_is_wrong(tmp_path, network):
     save_style_network(network, tmp_path)
-    command = [sys.executable, "-m", "styletrf.style.export_style"]
-    subprocess.run([*command, tmp_path, tmp_path / "n.pth"], check=True)
+    assert main([str(tmp_path), str(tmp_path / "n.pth")]) == 0
     assert from_fast_neural_style(tmp_path / "n.pth").config == SIZE
+    command = [sys.executable, "-m", "styletrf.style.export_style"]
     done = subprocess.run([*command, tmp_path / "x", "n.pth"], capture_output=True, text=True)
     assert done.returncode == 1
-    assert "cannot be read as a style network" in done.stderr
+    assert done.stderr.startswith(f"{tmp_path / 'x'}")
+    assert "Traceback" not in done.stderr

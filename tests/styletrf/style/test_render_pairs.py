@@ -7,7 +7,8 @@ from expected_errors import rejects
 from hypothesis import given
 from hypothesis import strategies as st
 
-from styletrf.evaluation.consistency.frame_pairs import PairPlan, planned_pairs
+from styletrf.evaluation.consistency.frame_pairs import planned_pairs
+from styletrf.evaluation.consistency.pair_plan import PairPlan
 from styletrf.field.rendering import Rendering
 from styletrf.geometry.cameras import Camera
 from styletrf.style.training.render_pairs import RenderPairs, training_pairs

@@ -1,4 +1,5 @@
 import copy
+from functools import cache
 from unittest.mock import patch
 
 import pytest
@@ -112,12 +113,18 @@ def paintings() -> dict[str, torch.Tensor]:
     }
 
 
+@pytest.fixture(scope="module")
+def network_for(transfer):
+    """Returns the network for a painting by its name."""
+    return cache(lambda name: transfer.network_for(paintings()[name]))
+
+
 @pytest.mark.extremes("Transfer network")
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
 @pytest.mark.parametrize("painting", paintings())
 @pytest.mark.parametrize("content", ["black", "white", "noise"])
-def test_extreme_paintings_and_contents_stay_finite(transfer, painting, content, dtype):
-    network = transfer.network_for(paintings()[painting])
+def test_extreme_paintings_and_contents_stay_finite(network_for, painting, content, dtype):
+    network = network_for(painting)
     with patch.object(style_network, "is_faster_in_bfloat16", lambda _: dtype == torch.bfloat16):
         painted = stylize(network, paintings()[content])
     assert all(parameter.isfinite().all() for parameter in network.parameters())
@@ -126,8 +133,8 @@ def test_extreme_paintings_and_contents_stay_finite(transfer, painting, content,
 
 @pytest.mark.extremes("Transfer network")
 @pytest.mark.parametrize("picture", ["black", "white", "noise"])
-def test_bfloat16_is_within_two_levels_on_average(transfer, picture, stability):
-    network, image = transfer.network_for(paintings()["noise"]), paintings()[picture]
+def test_bfloat16_is_within_two_levels_on_average(network_for, picture, stability):
+    network, image = network_for("noise"), paintings()[picture]
     with patch.object(style_network, "is_faster_in_bfloat16", lambda _: True):
         found = stylize(network, image)
     with torch.no_grad():

@@ -8,7 +8,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit
+from mini_scene import fit, fitted_plane
 
 from styletrf.capture.view_images import view_images
 from styletrf.field.kernels import kernels_for
@@ -30,8 +30,8 @@ def test_counts_of_an_adaptation_below_one_are_refused(name):
 
 
 @pytest.fixture(scope="module")
-def fitted(scene):
-    return fit(scene, replace(CONFIG, iterations=100))
+def fitted():
+    return fitted_plane()
 
 
 @pytest.fixture

@@ -1,13 +1,11 @@
 """Mixing appearances of one density mixes their renders, exactly; a region bounds the style."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from mini_scene import MINI_FIT as CONFIG
-from mini_scene import fit
+from mini_scene import fitted_plane
 
 from styletrf.field.kernels import kernels_for
 from styletrf.field.rendering import RenderConfig, render_view
@@ -23,7 +21,7 @@ KERNELS = kernels_for(CPU)
 @pytest.fixture(scope="module")
 def fields(scene):
     """A field as photographed, and the same with its colors inverted."""
-    plain, inverted = (fit(scene, replace(CONFIG, iterations=100)) for _ in "ab")
+    plain, inverted = fitted_plane(), fitted_plane()
     config = AdaptationConfig(iterations=150, batch=256)
     space = scene.model.space
     adapt_appearance(inverted, scene.cameras, 255 - scene.images, space, config, KERNELS)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from mini_scene import fit, painted_plane
+from mini_scene import fitted_plane, painted_plane
 
 from styletrf.field.rendering import RenderConfig
 from styletrf.stylization.priors import PriorsConfig, needed_views, views_along
@@ -36,7 +36,7 @@ def test_views_along_a_path_have_the_size_that_is_asked_for():
 
 def test_priors_on_the_path_stand_where_its_cameras_do(tmp_path):
     scene = painted_plane()
-    field, config = fit(scene), TrajectoryConfig(frames=8)
+    field, config = fitted_plane(), TrajectoryConfig(frames=8)
     path = fly_through(scene.cameras, scene.model, config)
     write_float_frames(
         tmp_path, path, rendered(field, scene.model.space, path, RenderConfig(), CPU)
@@ -61,7 +61,7 @@ def test_priors_on_the_path_stand_where_its_cameras_do(tmp_path):
 def test_nearly_every_place_of_a_path_is_in_a_prior_although_it_leaves_the_candidates(tmp_path):
     """The demo had a strip at the edge of its frames that no prior showed."""
     scene = painted_plane()
-    field = fit(scene)
+    field = fitted_plane()
     path = fly_through(scene.cameras, scene.model, TrajectoryConfig(frames=8, spread=1.2))
     renders = list(rendered(field, scene.model.space, path, RenderConfig(), CPU))
     write_float_frames(tmp_path, path, iter(renders))

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from styletrf.files.video import TimedFrame
+from styletrf.files.video_frames import TimedFrame
 
 HEIGHT, WIDTH = 120, 160
 

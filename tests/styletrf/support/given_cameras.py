@@ -1,9 +1,12 @@
 """Scenes with cameras that are given."""
 
+from functools import cache
+
+import numpy as np
 import pycolmap
 from made_photographs import encoded, room_view
 
-VIEWS = 8
+VIEWS = 6
 
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 260.0
@@ -22,7 +25,16 @@ def photographed(folder, lens, poses, names=None):
     names = names or [f"images/{index}.png" for index in range(len(poses))]
     for name, pose in zip(names, poses, strict=True):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(encoded(room_view(pose, lens), ".png"))
+        params = tuple(lens.params.tolist())
+        png = _png(pose.tobytes(), lens.model_name, lens.width, lens.height, params)
+        (folder / name).write_bytes(png)
+
+
+@cache
+def _png(pose, model, width, height, params):
+    """The same photograph is taken for many scenes."""
+    lens = pycolmap.Camera(model=model, width=width, height=height, params=params)
+    return encoded(room_view(np.frombuffer(pose).reshape(3, 4), lens), ".png")
 
 
 def colmap(folder, poses, *, text=False):

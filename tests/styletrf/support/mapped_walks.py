@@ -9,7 +9,7 @@ from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.lens_settings import LensSetting
 from styletrf.sfm.mapping_choice import MappingTask, reconstruct
 
-PATH, OVERLAP, POINTS = 36, 3, 1800
+PATH, OVERLAP, POINTS = 36, 3, 900
 
 
 def world(count):

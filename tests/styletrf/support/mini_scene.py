@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from shared_results import made_once
 from torch import Tensor
 
 from styletrf.field.field_config import FieldConfig
@@ -76,6 +77,11 @@ def fit(scene: MiniScene, config=MINI_FIT, kernels=KERNELS, depths=None, **more)
     """The field of the scene, by the CPU's kernels; `more` goes to `train_field`."""
     field, _ = train_field(scene.views(depths=depths), scene.volume, config, kernels, **more)
     return field
+
+
+def fitted_plane() -> RadianceField:
+    """The field of the plane by `MINI_FIT`, made once in a run; each call returns a copy."""
+    return made_once("field of the painted plane", lambda: fit(painted_plane()))
 
 
 def photographs_of(scene: MiniScene, folder: Path) -> tuple[TrainingPhotographs, SceneModel]:

@@ -97,7 +97,7 @@ def test_solids_wind_and_shade_outwards():
 
 
 def test_depth_of_one_view_is_where_another_sees_or_hides_it(cameras, depths):
-    points = surface_points(cameras[0], depths[0])[::7]
+    points = surface_points(cameras[0], depths[0])[::15]
     _, found, expected = seen_at(cameras[1], points)
     assert (found <= expected * (1 + 1e-5)).all()
     assert np.mean(found > expected * (1 - 1e-5)) > 0.8
@@ -111,7 +111,7 @@ def test_flow_is_visible_exactly_where_a_ray_from_the_other_camera_arrives(camer
     moved = pixel_centers(80, 60) + flow.reshape(-1, 2)
     np.testing.assert_allclose(moved[surface], targets, atol=1e-4)
     chosen = visible.reshape(-1)[surface]
-    _, found, expected = seen_at(cameras[1], points[chosen][::5])
+    _, found, expected = seen_at(cameras[1], points[chosen][::11])
     assert np.mean(np.abs(found / expected - 1) < 1e-5) > 0.97
     assert chosen.mean() > 0.6
     assert chosen.mean() < 0.99  # the views differ enough to hide something
@@ -184,12 +184,12 @@ def test_a_photograph_has_features_for_structure_from_motion():
 
 
 def test_the_same_seed_makes_the_same_courtyard():
-    first, again, other = (courtyard_parts(seed, glossy=True) for seed in (3, 3, 4))
+    first, again = (courtyard_parts(3, glossy=True) for _ in range(2))
+    matte = courtyard_parts(4, glossy=False)
     for a, b in zip(first, again, strict=True):
         np.testing.assert_array_equal(a.mesh.vertices, b.mesh.vertices)
         np.testing.assert_array_equal(a.texture, b.texture)
-    assert not np.array_equal(first[0].texture, other[0].texture)
-    matte = courtyard_parts(3, glossy=False)
+    assert not np.array_equal(first[0].texture, matte[0].texture)
     assert [part.glossy for part in first].count(True) == 1
     assert not any(part.glossy for part in matte)
 

@@ -45,16 +45,16 @@ def test_optical_flow_is_the_flow_of_the_surfaces():
 @pytest.mark.slow
 def test_depth_of_a_field_is_that_of_the_surfaces():
     """Fitted to all views but one, with the exact cameras; Z of that one against the truth."""
-    capture = capture_courtyard(CourtyardConfig(n_views=12, width=80, height=60))
+    capture = capture_courtyard(CourtyardConfig(n_views=10, width=64, height=48))
     points = np.concatenate(
         [surface_points(c, d) for c, d in zip(capture.cameras, capture.depths, strict=True)]
     )
     model = decide_scene_model(
-        capture.cameras, points[::43], SceneModelConfig(image_long_side=80, max_voxels=80**3)
+        capture.cameras, points[::43], SceneModelConfig(image_long_side=64, max_voxels=64**3)
     )
     cameras, cpu = model.normalized(capture.cameras), torch.device("cpu")
     images = torch.from_numpy(np.stack(capture.images))
-    config = FieldTrainingConfig(iterations=250, batch=1024, upsample_at=(0.2, 0.4, 0.6))
+    config = FieldTrainingConfig(iterations=200, batch=1024, upsample_at=(0.2, 0.4, 0.6))
     kernels, volume = kernels_for(cpu), FieldVolume(model.space, model.resolution)
     field, _ = train_field(TrainingViews(cameras[1:], images[1:]), volume, config, kernels)
     rays = ViewRays(cameras[:1], model.space, field.step_length, cpu)

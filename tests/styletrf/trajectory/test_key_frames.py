@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from styletrf.errors import InputError
+from styletrf.trajectory import path_files
 from styletrf.trajectory.key_frames import (
     WIDEST_FOV_DEG,
     KeyFrame,
@@ -118,9 +119,12 @@ def test_easing_may_be_left_out():
     assert key_frames_of(Path("p"), {"key_frames": [PLACE]}).easing == 0
 
 
-def test_an_animation_that_is_too_long_is_refused(tmp_path):
+def test_an_animation_that_is_too_long_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(path_files, "LONGEST_S", 3.0)  # ten minutes of frames take seconds to read
     frame = {"file_path": "0", "transform_matrix": np.eye(4).tolist()}
-    animation = {"camera_angle_x": 0.8, "frames": [frame] * (600 * 24 + 2)}
-    (tmp_path / "path.json").write_text(json.dumps(animation))
-    with rejects(tmp_path / "path.json", 600):
-        read_path(tmp_path / "path.json")
+    longest, too_long = (tmp_path / f"{name}.json" for name in ("longest", "too_long"))
+    for path, frames in ((longest, 3 * 24 + 1), (too_long, 3 * 24 + 2)):
+        path.write_text(json.dumps({"camera_angle_x": 0.8, "frames": [frame] * frames}))
+    assert len(read_path(longest).frames) == 3 * 24 + 1
+    with rejects(too_long, 3):
+        read_path(too_long)

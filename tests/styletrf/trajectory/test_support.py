@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from mini_scene import MINI_FIT as FIT
-from mini_scene import fit, painted_plane, photographs_of
+from mini_scene import fitted_plane, painted_plane, photographs_of
 from trajectory_captures import modeled
 
 from styletrf.field.radiance_field import RadianceField
@@ -144,7 +143,7 @@ def test_far_surfaces_that_no_parallax_tells_apart_are_the_same():
 
 @pytest.fixture(scope="module")
 def field() -> RadianceField:
-    return fit(painted_plane(), replace(FIT, iterations=150))
+    return fitted_plane()
 
 
 def meter_of(field: RadianceField, folder=None) -> SupportMeter:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from headless import needs_chromium, with_text
 from shared_browser import answer_of
-from written_viewers import written
+from written_viewers import written_small
 
 from styletrf.geometry.lenses import focal_of
 from styletrf.geometry.rotations import matrices_of
@@ -46,7 +46,7 @@ DRAWN = """
 
 
 def drawn(content, tmp_path: Path, space: str, keys: int, *, closed: bool) -> dict:
-    page = written(content(space), tmp_path / "viewer.html")
+    page = written_small(content(space), tmp_path / "viewer.html")
     with_text(page, page, "img-src", "connect-src blob:; img-src")
     words = {"KEYS": keys, "CLOSED": closed, "SECONDS": SECONDS}
     probe = DRAWN
@@ -122,7 +122,7 @@ CHANGED = """
 
 @pytest.mark.parametrize("width", [1000, 390])
 def test_key_frames_are_ordered_deleted_and_kept_in_the_address(content, tmp_path, width):
-    page = written(content("ndc"), tmp_path / "viewer.html")
+    page = written_small(content("ndc"), tmp_path / "viewer.html")
     answer = answer_of(page, CHANGED, width)
     assert answer["errors"] == []
     a, b, c = answer["begun"]

@@ -12,7 +12,7 @@ import pytest
 from headless import needs_chromium, page_text
 from served_folder import served_folder
 from shared_browser import answer_of, opened
-from written_viewers import written
+from written_viewers import written, written_small
 
 HOSTILE = "</script><script>ran=1</script>\"'><img src=x onerror=ran=2> $body & ünï"
 
@@ -62,7 +62,7 @@ USED = """
 
 @needs_chromium
 def test_no_script_of_a_name_runs_in_a_browser(content, tmp_path):
-    page = written(hostile(content("ndc")), tmp_path / "viewer.html")
+    page = written_small(hostile(content("ndc")), tmp_path / "viewer.html")
     with opened(page.as_uri()) as shown:
         answer = shown.run(USED)
         assert shown.errors == []
@@ -130,7 +130,7 @@ SHOWN = """
 @needs_chromium
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8"])
 def test_a_page_that_a_program_saved_again_is_shown(content, tmp_path, encoding):
-    page = written(content("ndc"), tmp_path / "viewer.html")
+    page = written_small(content("ndc"), tmp_path / "viewer.html")
     page.write_bytes(page_text(page).encode(encoding))
     with opened(page.as_uri()) as shown:
         assert shown.run(SHOWN)
@@ -139,7 +139,7 @@ def test_a_page_that_a_program_saved_again_is_shown(content, tmp_path, encoding)
 
 @needs_chromium
 def test_a_page_is_shown_though_its_server_says_that_all_pages_are_in_utf_8(content, tmp_path):
-    written(content("ndc"), tmp_path / "viewer.html")
+    written_small(content("ndc"), tmp_path / "viewer.html")
     with served_folder(tmp_path) as address, opened(f"{address}/viewer.html") as shown:
         assert shown.run(SHOWN)
         assert shown.errors == []
@@ -158,9 +158,9 @@ def test_a_page_is_shown_though_its_server_says_that_all_pages_are_in_utf_8(cont
     ids=["truncated", "without WebGL2", "small textures", "no memory", "damaged"],
 )
 def test_a_page_that_cannot_be_shown_says_why(content, tmp_path, change, message):
-    page = written(content("ndc"), tmp_path / "viewer.html")
+    page = written_small(content("ndc"), tmp_path / "viewer.html")
     page.write_text(change(page_text(page)), encoding="utf-16")
-    answer = answer_of(page, NOTICE, 800)
+    answer = answer_of(page, NOTICE, 1000)
     assert message in answer["notice"]
     assert answer["errors"] == []
 
@@ -176,6 +176,6 @@ LOST = """
 
 @needs_chromium
 def test_a_page_whose_graphics_card_gives_up_says_so(content, tmp_path):
-    page = written(content("ndc"), tmp_path / "viewer.html")
+    page = written_small(content("ndc"), tmp_path / "viewer.html")
     with opened(page.as_uri()) as shown:
         assert "Load the page again" in shown.run(LOST)

@@ -28,7 +28,7 @@ def test_canvas_and_cpu_agree_for_every_look(tiny, content, tmp_path: Path, spac
     baked = content(space)
     page = written(baked, tmp_path / "viewer.html")
     asked = json.dumps([case(*each) for each in cases])
-    answer = answer_of(page, PICTURES.replace("CASES", asked), 800)
+    answer = answer_of(page, PICTURES.replace("CASES", asked), 1000)
     assert answer["errors"] == []
     for each, shot in zip(cases, answer["shots"], strict=True):
         expected = rendered(scene, baked, *each)
@@ -40,7 +40,7 @@ def test_both_ways_of_interpolation_agree_with_the_cpu(tiny, content, tmp_path: 
     scene = tiny("ndc")
     page = written(content("ndc"), tmp_path / "viewer.html", fetched=fetched)
     asked = json.dumps([case(scene.cameras[0], *LOOKS[1])])
-    answer = answer_of(page, PICTURES.replace("CASES", asked), 800)
+    answer = answer_of(page, PICTURES.replace("CASES", asked), 1000)
     expected = rendered(scene, content("ndc"), scene.cameras[0], *LOOKS[1])
     assert psnr(np.array(answer["shots"][0]).reshape(expected.shape), expected) >= 45
 
@@ -65,7 +65,7 @@ def test_the_first_picture_waits_for_its_own_painting_alone(content, tmp_path: P
     """It waited for all paintings, and the shader was compiled after they were unpacked."""
     page = written(content("ndc"), tmp_path / "viewer.html")
     with_text(page, page, "<head>", "<head>" + HELD_BACK)
-    answer = answer_of(page, BEFORE_AND_AFTER, 800)
+    answer = answer_of(page, BEFORE_AND_AFTER, 1000)
     assert answer["errors"] == []
     assert (answer["before"], answer["after"]) == (2, 0)
 
@@ -114,8 +114,8 @@ ADDRESSES = """
 
 def test_an_address_names_its_paintings(content, tmp_path: Path):
     """Numbers led to another painting in a viewer of other styles, and reports to the first."""
-    page = written(content("ndc"), tmp_path / "viewer.html")
-    answer = answer_of(page, ADDRESSES, 800)
+    page = written_small(content("ndc"), tmp_path / "viewer.html")
+    answer = answer_of(page, ADDRESSES, 1000)
     first, plain, unknown, both = (names[0] for names in answer["found"])
     assert (first, plain, unknown, both) == ("style 2", "Photographs", "Photographs", "style 1")
     assert answer["found"][-1][1] == "style 2"
@@ -138,7 +138,7 @@ STEERED = """
 def test_arrow_keys_turn_to_where_they_point_in_every_scene(content, tmp_path: Path, looking: str):
     """In scenes photographed outward the right one turned to the left."""
     baked = replace(content("unbounded"), looking=looking)
-    answer = answer_of(written(baked, tmp_path / "viewer.html"), STEERED, 800)
+    answer = answer_of(written_small(baked, tmp_path / "viewer.html"), STEERED, 1000)
     assert answer["errors"] == []
     assert answer["right"] > 1e-3
     assert answer["down"] > 1e-3
@@ -159,8 +159,8 @@ BOUNDED = """
 
 
 def test_the_camera_stays_near_the_photographs(content, tmp_path: Path):
-    page = written(content("unbounded"), tmp_path / "viewer.html")
-    assert answer_of(page, BOUNDED, 800)["most"] < 1.001
+    page = written_small(content("unbounded"), tmp_path / "viewer.html")
+    assert answer_of(page, BOUNDED, 1000)["most"] < 1.001
 
 
 WALKED = """
@@ -191,7 +191,7 @@ WALKED = """
 
 
 def test_on_a_touch_screen_buttons_walk_where_they_point_until_released(content, tmp_path: Path):
-    answer = answer_of(written(content("box"), tmp_path / "viewer.html"), WALKED, 390)
+    answer = answer_of(written_small(content("box"), tmp_path / "viewer.html"), WALKED, 390)
     assert answer["errors"] == []
     assert (answer["display"], answer["isStill"], answer["over"]) == ("flex", True, 0)
     axes = {"a": (0, -1), "d": (0, 1), "e": (1, -1), "q": (1, 1), "s": (2, -1), "w": (2, 1)}
@@ -226,7 +226,7 @@ STAYS = """
 
 
 def test_a_finger_that_holds_a_button_walks_as_far_as_photographs_support(content, tmp_path: Path):
-    page = written(content("box"), tmp_path / "viewer.html")
+    page = written_small(content("box"), tmp_path / "viewer.html")
     with opened(page.as_uri(), 390) as phone:
         finger = phone.run(WHERE_AHEAD_IS)
         phone.command("Input.dispatchTouchEvent", type="touchStart", touchPoints=[finger])
@@ -237,6 +237,6 @@ def test_a_finger_that_holds_a_button_walks_as_far_as_photographs_support(conten
 
 
 def test_where_a_pointer_hovers_the_buttons_to_walk_are_hidden(content, tmp_path: Path):
-    page = written(content("box"), tmp_path / "viewer.html")
+    page = written_small(content("box"), tmp_path / "viewer.html")
     shown = "return { display: getComputedStyle(document.querySelector('#walk')).display };"
     assert answer_of(page, shown, 1000)["display"] == "none"

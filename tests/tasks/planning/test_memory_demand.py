@@ -15,18 +15,17 @@ from pipeline.execution.cpu_memory import available_memory_bytes
 from pipeline.maintenance.task_graph import upstream_first
 from styletrf.errors import InputError
 from styletrf.files.video import write_video
-from tasks.planning import memory_demand
+from tasks.planning import stage_demands
 from tasks.planning.memory_demand import (
     GROWTH,
     MARGIN,
     Demand,
     Photographs,
-    demand_of,
-    demands_of,
     predicted_bytes,
     require_memory,
 )
 from tasks.planning.scene_photographs import photographs_of
+from tasks.planning.stage_demands import demand_of, demands_of
 from tasks.stages.path_parameters import frame_count
 
 SCENE = Photographs(count=50, width=4000, height=3000)
@@ -187,7 +186,7 @@ def test_frames_by_settings_that_are_no_numbers_are_left_to_the_validation(setti
 def test_the_demands_of_a_command_ask_for_the_gpus_once(out, monkeypatch, gpus):
     """`nvidia-smi` ran for each stage that computes on a GPU."""
     calls = []
-    monkeypatch.setattr(memory_demand, "visible_gpus", lambda: calls.append(1) or gpus)
+    monkeypatch.setattr(stage_demands, "visible_gpus", lambda: calls.append(1) or gpus)
     styles = (tasks.StylizedTrajectory(**WORDS | {"style": style}) for style in "pq")
     demands = demands_of(upstream_first(*styles))
     assert len(calls) == 1

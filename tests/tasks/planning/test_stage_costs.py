@@ -15,7 +15,13 @@ from pipeline.settings import current_store
 from styletrf.sfm.camera_poses import CameraPosesConfig
 from tasks.planning.memory_demand import Photographs
 from tasks.planning.stage_costs import REFERENCE, CostModel, reference_costs
-from tasks.planning.stage_work import LONGEST_DESCRIBED, START_S, drivers_of, seconds_scaled
+from tasks.planning.stage_work import (
+    LONGEST_DESCRIBED,
+    MOST_FEATURES,
+    START_S,
+    drivers_of,
+    seconds_scaled,
+)
 
 SIZE = {"mini": Photographs(40, 504, 378)}
 
@@ -119,6 +125,19 @@ def test_features_of_larger_photographs_take_longer_up_to_the_size_they_are_desc
     )
     assert fraction == pytest.approx((pixels / (504 * 378)) ** 0.7, rel=0.01)
     assert CameraPosesConfig().max_image_long_side == LONGEST_DESCRIBED
+
+
+def test_frames_of_a_video_take_less_by_the_features_that_they_have_fewer():
+    config = CameraPosesConfig()
+    of_photographs, of_frames = (
+        CostModel(reference_costs().calibration, {"mini": sizes}, reference_costs())
+        .expected(stage("CameraPoses"))
+        .seconds
+        for sizes in (SIZE["mini"], replace(SIZE["mini"], filmed_pixels=1e9))
+    )
+    fraction = (of_frames - START_S) / (of_photographs - START_S)
+    assert fraction == pytest.approx((config.video_features / config.max_features) ** 0.6)
+    assert all(getattr(config, name) == most for name, most in MOST_FEATURES.items())
 
 
 def test_settings_of_the_command_are_those_of_the_stage_and_not_of_the_reference():

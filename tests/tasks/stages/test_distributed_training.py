@@ -77,6 +77,8 @@ def test_the_pairs_that_are_left_out_are_those_that_this_command_measures():
         ('{"pairs": 5}', 0.0, {}, False),
         ('{"pairs": 5}', 0.5, {"ConsistencyMetrics": {"pairs": 6}}, False),
         ('{"flow": "dis"}', 0.5, {}, False),
+        ('{"pairs": 12, "deltas": [1, 5], "depth_deltas": [7]}', 0.5, {}, False),
+        ('{"pairs": 5, "deltas": [1, 5]}', 0.5, {}, True),
     ],
 )
 def test_measured_pairs_that_a_training_on_renders_would_not_see_are_refused(

@@ -1,12 +1,10 @@
 """Commands of this package, run for their exit status and their output."""
 
 import os
-import runpy
-import signal
 import subprocess
-import sys
 from pathlib import Path
-from tempfile import TemporaryFile
+
+from forked_modules import ForkedModule
 
 from pipeline.execution.fork_server import current_fork_server
 
@@ -23,25 +21,17 @@ def said(photographs: Path, *words: str) -> tuple[int, str]:
 
 
 def command(*words: str, **environment: str) -> "subprocess.CompletedProcess[str]":
-    """Runs `python -m luigi` with these words and further variables.
-
-    Its interpreter is forked from one that has imported the libraries, and imports the project.
-    """
-    with TemporaryFile("w+") as out, TemporaryFile("w+") as err, Path(os.devnull).open() as nothing:
-        streams = nothing.fileno(), out.fileno(), err.fileno()
-        process = current_fork_server().start(
-            "command_output:luigi", words, os.environ | environment, streams
-        )
-        status = process.wait()
-        out.seek(0)
-        err.seek(0)
-        return subprocess.CompletedProcess(words, status, out.read(), err.read())
+    """Runs `python -m luigi` with these words and further variables, forked."""
+    process = forked("luigi", *words, **environment)
+    try:
+        screen = process.communicate(timeout=_LONGEST_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        raise
+    return subprocess.CompletedProcess(words, process.returncode, *screen)
 
 
-def luigi(*words: str) -> None:
-    """In the process that was forked: becomes the command."""
-    os.chdir(ROOT)
-    sys.path.insert(0, str(ROOT))
-    sys.argv[1:] = words
-    signal.alarm(_LONGEST_S)
-    runpy.run_module("luigi", run_name="__main__", alter_sys=True)
+def forked(*words: str, stderr: int | None = subprocess.PIPE, **environment: str) -> ForkedModule:
+    """`python -m` with these words and further variables, in the root of the repository."""
+    variables = os.environ | environment
+    return ForkedModule(current_fork_server(), words, cwd=ROOT, env=variables, stderr=stderr)

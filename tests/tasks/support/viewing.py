@@ -1,18 +1,15 @@
 """`styletrf view` as a process of its own."""
 
 import json
-import os
 import signal
 import subprocess
-import sys
 import time
 import urllib.request
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
+from command_output import forked
 
 
 @dataclass(frozen=True)
@@ -46,13 +43,7 @@ class Viewing:
 
 @contextmanager
 def viewing(words: Sequence[str], environment: Mapping[str, str]) -> Iterator[Viewing]:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tasks", "view", *words],
-        cwd=ROOT,
-        env={**os.environ, **environment},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    process = forked("tasks", "view", *words, stderr=None, **environment)
     try:
         lines = iter(process.stdout.readline, "")
         yield Viewing(

@@ -1,0 +1,94 @@
+"""What is odd about a scene's photographs, as the warnings of their capture."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from styletrf.capture.mask_files import FoundMasks
+from styletrf.capture.panorama.panorama_views import DIRECTIONS
+from styletrf.capture.photographs import (
+    FOREIGN_SUFFIXES,
+    PHOTOGRAPH_SUFFIXES,
+    VIDEO_SUFFIXES,
+    files_below,
+    natural_order,
+    photographs_below,
+)
+from styletrf.capture.poses.given_poses import GivenPoses
+
+_MOST_NAMES = 10
+
+
+def capture_warnings(
+    folder: Path,
+    problems: Sequence[str],
+    repeated: Sequence[Path],
+    masks: FoundMasks,
+    panoramas: tuple[int, int],
+    given: GivenPoses | None,
+) -> list[str]:
+    """Returns the warnings, a line each.
+
+    Args:
+        folder: Contains the photographs.
+        problems: The photographs that cannot be used, each with the reason.
+        repeated: Files that show what another one shows.
+        masks: Those found for the photographs.
+        panoramas: How many of how many photographs are panoramas.
+        given: The poses that came with the photographs.
+    """
+    return [
+        *(f"left out: {problem}" for problem in problems),
+        *_of_other_files(folder),
+        *_of_repeated(repeated),
+        *_of_masks(folder, masks),
+        *_of_panoramas(*panoramas),
+        *_of_poses(folder, given),
+    ]
+
+
+def _of_other_files(folder: Path) -> Iterator[str]:
+    if foreign := [path.name for path in files_below(folder, FOREIGN_SUFFIXES)]:
+        yield f"passed over, to be converted first: {_listed(foreign)}"
+    shots = {(file.parent, file.stem.casefold()) for file in photographs_below(folder)}
+    clips = [
+        path.name
+        for path in files_below(folder, VIDEO_SUFFIXES)
+        if (path.parent, path.stem.casefold()) not in shots
+    ]
+    if clips:  # but not those that telephones store with each photograph
+        yield f"passed over, since there are photographs: {_listed(clips)}"
+
+
+def _of_repeated(files: Sequence[Path]) -> Iterator[str]:
+    if files:
+        names = _listed([file.name for file in files])
+        yield f"left out, since another file shows the same: {names}"
+
+
+def _of_masks(folder: Path, masks: FoundMasks) -> Iterator[str]:
+    if names := [str(mask.relative_to(folder.parent)) for mask in masks.unused]:
+        yield f"masks that fit no photograph (docs/captures.md): {_listed(names)}"
+
+
+def _of_panoramas(count: int, of_all: int) -> Iterator[str]:
+    if count:
+        of_them = f"{count} of {of_all} photographs"
+        yield f"{of_them} are panoramas: {len(DIRECTIONS)} views are cut from each"
+
+
+def _of_poses(folder: Path, given: GivenPoses | None) -> Iterator[str]:
+    if given is None:
+        return
+    used = {view.file for view in given.views}
+    beside = folder.iterdir() if folder.is_dir() else ()
+    others = [p.name for p in beside if p.suffix.lower() in PHOTOGRAPH_SUFFIXES and p not in used]
+    if given.missing:
+        yield f"{given.source.name} names photographs that are missing: {_listed(given.missing)}"
+    if others:
+        yield f"{given.source.name} has no poses of: {_listed(others)}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    ordered = sorted(names, key=natural_order)
+    more = len(ordered) - _MOST_NAMES
+    return ", ".join(ordered[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
