@@ -69,7 +69,7 @@ def _parents(package: Path) -> Iterator[Path]:
 
 
 def _digest(package: Path) -> str:
-    """Returns a digest of all that compiled code depends on; numba checks the processor itself."""
+    """Returns a digest of all that compiled code depends on; numba checks processor features."""
     made_by = f"{numba.__version__} {llvmlite.binding.get_host_cpu_name()}\n"
     hasher = hashlib.sha256(made_by.encode())
     for path in sorted(package.glob("*.py")):

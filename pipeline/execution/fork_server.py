@@ -111,9 +111,9 @@ class ForkedProcess:
 def fork_server(libraries: Sequence[str]) -> Iterator[None]:
     """Provides a process that has imported the libraries and forks the builds of this context.
 
-    Without libraries each build starts an interpreter. So it does on systems other than Linux,
-    where forks of large libraries are not safe. Within the context of another server, that server
-    forks the builds.
+    Within the context of another server, that server forks the builds. Otherwise each build starts
+    an interpreter where there are no libraries, and on systems other than Linux, where forks of
+    large libraries are not safe.
     """
     if not libraries or sys.platform != "linux" or current_fork_server():
         yield

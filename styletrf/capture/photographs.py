@@ -67,6 +67,7 @@ _OF_DECODERS = re.compile(
 )
 _JPEG_START = b"\xff\xd8"
 _JPEG_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]", re.DOTALL)  # not one within a scan
+_ROWS = 256  # of a photograph at a time, since float64 takes ten times its memory
 _UPRIGHT = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH  # BGR: RGB garbles 16-bit TIFF in OpenCV 5.0
 _STANDARD_ERROR = threading.Lock()
 
@@ -215,6 +216,11 @@ def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 
     white = np.iinfo(pixels.dtype).max
     if pixels.shape[2] == 3 and white == 255:
         return np.ascontiguousarray(pixels[..., ::-1])
+    blocks = (pixels[row : row + _ROWS] for row in range(0, len(pixels), _ROWS))
+    return np.concatenate([_rounded_on_white(block, white) for block in blocks])
+
+
+def _rounded_on_white(pixels: np.ndarray, white: int) -> UInt8[np.ndarray, "block_height width 3"]:
     color = pixels[..., 2::-1].astype(np.float64) / white
     if pixels.shape[2] == 4:
         alpha = pixels[..., 3:].astype(np.float64) / white

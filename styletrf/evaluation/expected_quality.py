@@ -8,8 +8,8 @@ by a constant ratio r:
 Learning curves are commonly taken to be power laws (Hestness et al. 2017), whose gains by doublings
 fall so. On horns, fern and lego at `draft`, whole fits of twice the iterations gained 0.40 to 0.84
 of what the doubling before had (`benchmarks/history.md`, "Time against accuracy", before fields had
-averaged parameters); r lies between.
-`benchmarks/expected_quality.py` measures how far off predictions are, which is still to be done.
+averaged parameters); r lies between. The error of predictions is still to be measured, by
+`benchmarks/expected_quality.py`.
 """
 
 import math

@@ -22,7 +22,7 @@ class PerceptualFeatures:
     """Computes features of pictures by VGG16, at the size at which they are compared."""
 
     def __init__(self, vgg: VGG16, long_side_px: int) -> None:
-        """Takes pictures by `vgg`, their longer side reduced to at most `long_side_px`."""
+        """Uses `vgg` on pictures whose longer side is reduced to at most `long_side_px`."""
         self._vgg, self._long_side_px = vgg, long_side_px
 
     @property

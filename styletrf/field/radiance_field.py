@@ -86,7 +86,7 @@ def refine_appearance(
 
     Args:
         field: The field; its density stays as it is.
-        scale: The factor of the lattice's resolution.
+        scale: The resolution of the new lattice over that of the present one.
         shading: The kind of shading; where it is not the field's, its weights are new.
         generator: Draws these weights.
     """

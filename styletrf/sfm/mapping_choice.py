@@ -135,7 +135,8 @@ def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
 def _points_of_two(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """Counts points of two photographs, where those of three or more explain too little.
 
-    Both mappers are tried, since the global one, fooled by a wallpaper, explains more so, too.
+    Both mappers are tried, since the global one, fooled by a wallpaper, explains more in this way,
+    too.
     """
     if best is None or is_explained(best) or not best.verified_pairs:
         return None

@@ -118,9 +118,9 @@ def _covering(
     share: float,
     most: int,
 ) -> list[int]:
-    """Returns the chosen views and others, until the fraction `share` is shown `times` times.
+    """Returns the chosen views and others, at most `most` in all.
 
-    They are at most `most`.
+    They suffice when the fraction `share` of the places is shown `times` times.
     """
     views = list(chosen)
     wanted = np.minimum(seen.sum(axis=0), times)

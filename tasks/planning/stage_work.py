@@ -119,7 +119,7 @@ def drivers_of(
 
 
 def _deciding(stage: PresetStage, upstream: Mapping[str, Any]) -> Iterator[ConfigurableStage]:
-    """Returns the stages whose settings decide the work of this one, itself last."""
+    """Yields the stages whose settings decide the work of this one, itself last."""
     renders = PriorRenders if stage.task_family in _OF_PRIORS else TrajectoryFrames
     if "scene" in stage.param_kwargs:
         for kind in (SceneModel, RadianceField, renders):

@@ -28,7 +28,7 @@ def _forked_commands() -> Iterator[None]:
 
 @pytest.fixture
 def forked_builds() -> Iterator[None]:
-    """Builds of this process are forked as those of its commands: not by interpreters of theirs."""
+    """Builds of this process are forked from the server of its commands."""
     with forks_of(command_server()):
         yield
 

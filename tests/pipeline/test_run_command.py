@@ -35,6 +35,19 @@ def test_begin_comes_first_and_end_last():
     assert built() == ["Word hello"]
 
 
+def test_a_command_has_a_fork_server_of_its_own():
+    code = (
+        "import sys, store_toys; from pipeline.command import run_command\n"
+        "from pipeline.execution.fork_server import current_fork_server as server\n"
+        "begin = lambda task: print(server() is not None)\n"
+        "sys.exit(run_command(sys.argv[1:], begin, lambda task: None, ['wave']))"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(SUPPORT)])}
+    command = [sys.executable, "-c", code, "Word", "--word", "hello"]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, check=True)
+    assert done.stdout == b"True\n"
+
+
 def test_end_is_called_after_a_failure_and_luigi_has_the_status():
     status, output, _ = run("Word", "--word", "bad")
     assert (status, output.split()[-2:]) == (30, ["end", "incomplete"])

@@ -73,7 +73,7 @@ def server() -> Iterator[ForkServer]:
 
 @pytest.fixture(autouse=True, scope="module")
 def _forked(server: ForkServer) -> Iterator[None]:
-    """Commands are forked from that process, and builds, as in a command of a user."""
+    """Commands and their builds are forked from that process; for users, only builds are."""
     with forks_of(server):
         yield
 

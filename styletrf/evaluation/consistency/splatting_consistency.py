@@ -9,14 +9,16 @@ more disocclusion lowers the figure; and so do pixels that something black is sp
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float
+from torch.nn.functional import grid_sample
 
-from styletrf.evaluation.flow import Flow, Image, warp_to_a
+from styletrf.evaluation.flow import Flow, Image
 from styletrf.finiteness import require_finite
 
 GAPS = 1, 7
@@ -93,8 +95,13 @@ def importance(a: Image, b: Image, flow: Flow) -> Float[np.ndarray, "height widt
     Of two pixels that are splatted to one place, the one that looks like it prevails: one level of
     difference is as bad as more. Outside frame b all is black.
     """
-    black = ((1, 1), (1, 1), (0, 0))
-    warped = warp_to_a(np.pad(b, black), np.pad(flow, black))[0][1:-1, 1:-1]
+    height, width = flow.shape[:2]
+    centers = np.moveaxis(np.indices((height, width))[::-1], 0, -1) + 0.5
+    ends = torch.from_numpy(2 * (centers + flow) / (width, height) - 1)
+    picture = torch.from_numpy(np.moveaxis(b, -1, 0).astype(np.float64))
+    # OpenCV rounds places to 1/32 of a pixel, and a tenth of a level counts.
+    sampled = grid_sample(picture[None], ends[None], align_corners=False)[0]
+    warped = np.moveaxis(sampled.numpy(), 0, -1)
     levels = _LEVELS * np.abs(a - warped).mean(axis=-1, dtype=np.float64)
     return np.asarray(np.maximum(-_SHARPNESS * levels, -_MOST))
 
@@ -151,7 +158,8 @@ def splatting_consistency(
     """Returns the mean errors and distances by gap, over the first 16 frames and over all of them.
 
     `gap_1` and `gap_7` of the first 16 frames are the published protocol's; `gap_1_whole` and
-    `gap_7_whole` are over the whole path. Gaps that no two frames have are left out.
+    `gap_7_whole` are over the whole path. Gaps that no two frames have are left out, and so are
+    pairs without a covered pixel from the mean of `covered_rmse`.
     """
     images = list(frames)
     found: dict[str, dict[str, float]] = {}
@@ -162,6 +170,12 @@ def splatting_consistency(
             errors.append(figures | figures.pop("distances"))
         for name, some in (("", errors[: max(0, FIRST_FRAMES - gap)]), ("_whole", errors)):
             if some:
-                means = {key: float(np.mean([e[key] for e in some])) for key in some[0]}
+                means = {key: _mean([e[key] for e in some]) for key in some[0]}
                 found[f"gap_{gap}{name}"] = means
     return found
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Returns the mean of the values that are known; NaN if none is."""
+    known = [value for value in values if not math.isnan(value)]
+    return float(np.mean(known)) if known else math.nan

@@ -1,7 +1,6 @@
 """The layout of a graph of artifacts: a row a step, a group of columns a painting.
 
-Rows: each artifact stands directly above the first one that needs it (the longest path downwards
-    counts).
+Rows: each artifact stands directly above the first row that needs it, by the longest path down.
 Groups: what paintings share stands in the first one.
 Lines: an input that an input of the same artifact was made from is left out (transitive
 reduction). A line over several rows passes through points of its own in the rows between, so that

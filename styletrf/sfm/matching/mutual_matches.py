@@ -21,7 +21,7 @@ MAX_RATIO = 0.8
 MAX_ANGLE_RAD = 0.7
 _NO_NANS = {"nnan", "nsz"}  # so that comparisons become vector instructions
 _ROWS = 1024  # of similarities with one photograph: 16 MiB of them, with 4,096 features each
-_MOST_TOGETHER = 8  # photographs whose descriptors make one matrix, one for each thread
+_MOST_TOGETHER = 8  # photographs whose descriptors make one matrix: as many as threads, from 2
 
 
 def mutual_matches(first: Descriptors, others: Sequence[Descriptors]) -> list[Matches]:

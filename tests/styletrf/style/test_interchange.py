@@ -152,4 +152,5 @@ def test_the_command_converts_and_says_what_is_wrong(tmp_path, network):
     done = subprocess.run([*command, tmp_path / "x", "n.pth"], capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr.startswith(f"{tmp_path / 'x'}")
+    assert "style network" in done.stderr
     assert "Traceback" not in done.stderr

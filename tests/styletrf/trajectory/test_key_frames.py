@@ -120,6 +120,7 @@ def test_easing_may_be_left_out():
 
 
 def test_an_animation_that_is_too_long_is_refused(tmp_path, monkeypatch):
+    assert path_files.LONGEST_S == 600
     monkeypatch.setattr(path_files, "LONGEST_S", 3.0)  # ten minutes of frames take seconds to read
     frame = {"file_path": "0", "transform_matrix": np.eye(4).tolist()}
     longest, too_long = (tmp_path / f"{name}.json" for name in ("longest", "too_long"))
