@@ -1,4 +1,4 @@
-"""What is odd about a scene's photographs, as the warnings of their capture."""
+"""Lists the warnings of a capture: photographs, masks and poses that are not used."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -55,7 +55,7 @@ def _of_other_files(folder: Path) -> Iterator[str]:
         for path in files_below(folder, VIDEO_SUFFIXES)
         if (path.parent, path.stem.casefold()) not in shots
     ]
-    if clips:  # but not those that telephones store with each photograph
+    if clips:  # but not those that phones store with each photograph
         yield f"passed over, since there are photographs: {_listed(clips)}"
 
 

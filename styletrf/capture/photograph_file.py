@@ -1,4 +1,4 @@
-"""Files of photographs that a capture makes: frames of videos and views of panoramas."""
+"""Writes the photographs that a capture makes: frames of videos and views of panoramas."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -72,6 +72,7 @@ def prepare_images(
     files = tuple(f"{index:06d}.png" for index in range(total))
 
     def prepare(index: int) -> "_Prepared":
+        """Writes a photograph, and its mask if it has one."""
         photograph = capture.photographs[index]
         mask, file = capture_dir / MASKS / f"{photograph.name}.png", files[index]
         if mask.exists():
@@ -101,7 +102,7 @@ class _Prepared:
 
 
 def _prepared(photograph: Photograph, source: Path, target: Path, max_long_side: int) -> _Prepared:
-    """Writes a photograph as a PNG of at most this size."""
+    """Writes a photograph as a PNG of at most this size; returns its side and focal length."""
     image = _at_most(read_photograph(source), max_long_side)
     height, width = image.shape[:2]
     is_written = photograph.clip is not None or photograph.panorama is not None

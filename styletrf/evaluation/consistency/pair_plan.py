@@ -1,4 +1,4 @@
-"""Which pairs of frames are compared: settings alone, nothing of the numerics imported."""
+"""Settles which pairs of frames are compared; this file imports none of the numerics."""
 
 from dataclasses import dataclass
 

@@ -40,7 +40,7 @@ class SplattingErrors:
     Attributes:
         rmse: As published: over all pixels, those that nothing or only black reaches counted as
             equal.
-        covered_rmse: Over the pixels that something reaches; NaN where there are none.
+        covered_rmse: The same over the pixels that something reaches; NaN if nothing reaches any.
         covered_fraction: The fraction of the pixels that something reaches.
         motion_px: The mean length of the flow. A denser path lowers every error, so it belongs
             beside them.

@@ -67,9 +67,8 @@ def train_style_network(
         initial: A network that paints already, of which a copy is trained; without it, Johnson's
             network begins from random weights.
         predictor: Compares styles beside the perceptual network; see `predictor_features`.
-        pairs: Returns pairs of renders of the scene for the number of an iteration. The fraction
-            `temporal_loss.renders` of the iterations with a temporal loss takes them and not
-            photographs.
+        pairs: Returns pairs of renders for the number of an iteration. The fraction
+            `temporal_loss.renders` of the iterations with a temporal loss takes these.
         progress: Called with the iteration and the loss.
         checkpoint_s: Seconds between checkpoints.
         ranks: The processes that share each batch; the first reports, and writes checkpoints.

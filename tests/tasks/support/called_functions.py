@@ -14,18 +14,18 @@ ROOT = Path(__file__).parents[3]
 
 
 def functions_called_for(artifact: Path) -> list[str]:
-    """Those of a build on the mini scene, as `module:name`."""
+    """Returns the functions that a build on the mini scene called, as `module:name`."""
     return json.loads(_file(artifact).read_text())
 
 
 def keep_functions(artifact: Path, names: set[str]) -> None:
-    """Writes them beside the artifact."""
+    """Writes the names beside the artifact."""
     _file(artifact).write_text(json.dumps(sorted(names)))
 
 
 @contextmanager
 def functions_called() -> Iterator[set[str]]:
-    """The functions that the body calls, in any thread."""
+    """Yields a set that receives the functions which the body calls, in any thread."""
     root, found = f"{ROOT}/", set()
     ours = (f"{root}styletrf/", f"{root}tasks/")
     seen: dict[int, CodeType] = {}  # most calls are of what was called before
