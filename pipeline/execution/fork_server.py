@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import IO, final
@@ -31,13 +32,15 @@ class ForkServer:
 
     def __init__(self, libraries: Sequence[str]) -> None:
         self._libraries = libraries
+        self._process: subprocess.Popen[bytes] | None = None
 
     @cached_property
-    def _process(self) -> "tuple[socket.socket, subprocess.Popen[bytes]]":
+    def requests(self) -> socket.socket:
+        """The socket that takes requests; another server's may be assigned before the first one."""
         command = [sys.executable, "-P", "-m", "pipeline.execution.forking_process"]
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
-            process = subprocess.Popen(
+            self._process = subprocess.Popen(
                 [*command, *self._libraries],
                 stdin=theirs.fileno(),
                 stdout=subprocess.DEVNULL,
@@ -45,7 +48,7 @@ class ForkServer:
                 env=build_environment(),
                 start_new_session=True,
             )
-        return ours, process
+        return ours
 
     def start(
         self,
@@ -73,7 +76,7 @@ class ForkServer:
             raise OSError(errno.EMSGSIZE, os.strerror(errno.EMSGSIZE))
         reading, writing = os.pipe()
         try:
-            socket.send_fds(self._process[0], [message], [writing, *streams, *kept])
+            socket.send_fds(self.requests, [message], [writing, *streams, *kept])
         except OSError:
             os.close(reading)
             raise
@@ -87,23 +90,26 @@ class ForkServer:
 
     def close(self) -> None:
         """Ends the server, if it was started."""
-        if "_process" in self.__dict__:
-            requests, process = self._process
-            requests.close()
-            process.terminate()
-            process.wait()
+        if self._process:
+            self.requests.close()
+            self._process.terminate()
+            self._process.wait()
 
 
 @final
+@dataclass(frozen=True, slots=True)
 class ForkedProcess:
-    """A process that the server forked, with the method of `subprocess.Popen` that is needed."""
+    """A process that the server forked, with the method of `subprocess.Popen` that is needed.
 
-    def __init__(self, statuses: IO[str]) -> None:
-        self._statuses = statuses
+    Attributes:
+        statuses: The server writes the exit status here when the process has ended.
+    """
+
+    statuses: IO[str]
 
     def wait(self) -> int:
         """Waits for the end; returns the exit status, or minus the signal that ended it."""
-        with self._statuses as file:
+        with self.statuses as file:
             return int(file.read() or -signal.SIGKILL)  # nothing, if the server was killed
 
 
@@ -119,12 +125,21 @@ def fork_server(libraries: Sequence[str]) -> Iterator[None]:
         yield
         return
     server = ForkServer(libraries)
+    try:
+        with forked_by(server):
+            yield
+    finally:
+        server.close()
+
+
+@contextlib.contextmanager
+def forked_by(server: ForkServer) -> Iterator[None]:
+    """Lets a server fork the builds of this context; it does not end with the context."""
     before = _of_command.set(server)
     try:
         yield
     finally:
         _of_command.reset(before)
-        server.close()
 
 
 def current_fork_server() -> ForkServer | None:

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import luigi
@@ -14,8 +13,9 @@ from styletrf.evaluation.trade_off import Combination
 from tasks.command.found_records import is_made
 from tasks.command.sources import builds_alone
 from tasks.machine.calibration import calibration_of_machine
+from tasks.planning.memory_demand import Photographs
 from tasks.planning.scene_sizes import sizes_of
-from tasks.planning.stage_costs import CostModel, reference_costs
+from tasks.planning.stage_costs import CostModel, MeasuredSeconds, reference_costs
 from tasks.presets.quality_choice import Front, Timing
 
 _NAMES = ("scene", "style", "content", "perceptual", "transfer", "network", "path", "shard")
@@ -64,13 +64,11 @@ def cost_model(task: Any, front: Front | None = None) -> CostModel:
 
     Args:
         task: A `StylizedTrajectory`.
-        front: The front with the measured seconds of stages; without it, those of the reference
-            count.
+        front: The front whose machine is that of the reference, where all have to choose alike.
     """
     reference, is_alone = reference_costs(), builds_alone()
-    if front and front.calibration:
-        reference = replace(reference, calibration=front.calibration)
-    here = calibration_of_machine(task.device) if is_alone else reference.calibration
+    alike = front.calibration if front and front.calibration else reference.calibration
+    here = calibration_of_machine(task.device) if is_alone else alike
     return CostModel(here, sizes_of((task.scene,)), reference, uses_own_builds=is_alone)
 
 
@@ -92,11 +90,19 @@ def timing_of(task: Any) -> Timing:
         models[front.description] = model
         is_found = found.has if builds_alone() else _never
         stages = stages_to_make(task.at_point(front.quality, point), is_found)
-        measured = point.stage_seconds if front.calibration else {}
-        known[name] = sum(model.expected(s, measured.get(s.task_family)).seconds for s in stages)
+        costs = (model.expected(s, _measured(front, point, s.task_family)) for s in stages)
+        known[name] = sum(cost.seconds for cost in costs)
         return known[name]
 
     return seconds
+
+
+def _measured(front: Front, point: Combination, family: str) -> MeasuredSeconds | None:
+    """Returns the seconds of a stage of a point; None if they or the machine are unknown."""
+    if not front.calibration or family not in point.stage_seconds:
+        return None
+    photographs = Photographs(**front.photographs) if front.photographs else None
+    return MeasuredSeconds(point.stage_seconds[family], front.calibration, photographs)
 
 
 def _never(_stage: StoredTask) -> bool:

@@ -93,6 +93,21 @@ def reference_costs() -> ReferenceCosts:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class MeasuredSeconds:
+    """The seconds of a stage of a front, and where they were measured.
+
+    Attributes:
+        seconds: The seconds with the settings of a point.
+        calibration: The calibration of that machine.
+        photographs: The photographs of the front's scene; None if it is the scene of the stage.
+    """
+
+    seconds: float
+    calibration: Calibration
+    photographs: Photographs | None
+
+
 class CostModel:
     """Predicts the costs of stages on one machine.
 
@@ -112,15 +127,19 @@ class CostModel:
         self._known_drivers: dict[tuple[luigi.Task, bool], Mapping[str, float]] = {}
         self._samples = functools.cache(_samples_here if uses_own_builds else _no_samples)
 
-    def expected(self, stage: luigi.Task, measured_s: float | None = None) -> ExpectedCost:
+    def expected(self, stage: luigi.Task, measured: MeasuredSeconds | None = None) -> ExpectedCost:
         """Returns the expected cost of a stage.
 
         Args:
             stage: The stage to be built.
-            measured_s: Its seconds with these settings, on the machine of the reference; where
-                nothing was built here, they replace the reference's seconds.
+            measured: Its seconds with these settings on a front; where nothing was built here, they
+                replace the reference's seconds.
         """
-        cost = self._by_own_builds(stage) or self._by_reference(stage, measured_s)
+        cost = self._by_own_builds(stage)
+        if cost is None:
+            cost = self._by_reference(stage)
+            if measured:
+                cost = replace(cost, seconds=self._seconds_of_front(stage, measured))
         return replace(cost, peak_memory_bytes=self._memory(stage) or cost.peak_memory_bytes)
 
     def _by_own_builds(self, stage: luigi.Task) -> ExpectedCost | None:
@@ -137,17 +156,27 @@ class CostModel:
         middle = sorted(found, key=lambda cost: cost.seconds)[len(found) // 2]
         return replace(middle, seconds=median(cost.seconds for cost in found))
 
-    def _by_reference(self, stage: luigi.Task, measured_s: float | None) -> ExpectedCost:
+    def _by_reference(self, stage: luigi.Task) -> ExpectedCost:
         cost = self.reference.stages.get(stage.task_family, Cost(START_S, 0, START_S, 0))
         slower = self.here.times_slower_than(self.reference.calibration, stage.task_family)
         work, written = self._scale(stage, self.reference.stage_like(stage), cost)
         expected = self._scaled(cost, work, written, "the reference")
-        seconds = expected.seconds if measured_s is None else measured_s
         added = added_seconds(stage.task_family, self._drivers(stage))
         cpu_seconds = expected.cpu_seconds + self.reference.calibration.machine.cores * added
         return replace(
-            expected, seconds=slower * (seconds + added), cpu_seconds=slower * cpu_seconds
+            expected, seconds=slower * (expected.seconds + added), cpu_seconds=slower * cpu_seconds
         )
+
+    def _seconds_of_front(self, stage: luigi.Task, measured: MeasuredSeconds) -> float:
+        """Returns the seconds here, scaled from the front's scene by the work that it is more."""
+        family, here = stage.task_family, self._drivers(stage)
+        sizes = self._sizes
+        if measured.photographs:
+            sizes = {str(stage.param_kwargs.get("scene", "")): measured.photographs}
+        there = drivers_of(stage, sizes)
+        added = added_seconds(family, here) - added_seconds(family, there)
+        scaled = seconds_scaled(measured.seconds, START_S, work_ratio(family, here, there))
+        return self.here.times_slower_than(measured.calibration, family) * (scaled + added)
 
     def _is_comparable(self, stage: luigi.Task, earlier: luigi.Task) -> bool:
         drivers = self._drivers(stage), self._drivers(earlier, settings={})

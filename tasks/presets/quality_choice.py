@@ -6,9 +6,9 @@ shipped of a scene whose space is of the same kind: `ndc`, `box` or `unbounded`.
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +31,15 @@ class Front:
         quality: The preset around which was swept.
         points: Its points, with the seconds of the machine that measured them.
         calibration: The calibration of that machine; None where a front does not have it.
+        photographs: The number and the size of the photographs of its scene; empty if it is the
+            scene of the command.
     """
 
     description: str
     quality: str
     points: Sequence[Combination]
     calibration: Calibration | None
+    photographs: Mapping[str, int] = field(default_factory=dict)
 
     def without_stylizers(self) -> "Front":
         """Returns the front without its points that have another stylizer than the default."""
@@ -92,10 +95,11 @@ def read_front(path: Path, name: str) -> Front:
     front: dict[str, Any] = json.loads(path.read_text())
     where = ("scene", "style", "changes", "measured", "machine")
     return Front(
-        description=f"{name} ({', '.join(str(front[field]) for field in where)})",
+        description=f"{name} ({', '.join(str(front[each]) for each in where)})",
         quality=str(front["quality"]),
         points=[Combination(**point["combination"]) for point in front["points"]],
         calibration=Calibration.from_json(front["calibration"]) if "calibration" in front else None,
+        photographs=front.get("photographs", {}),
     )
 
 

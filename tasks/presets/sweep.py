@@ -47,6 +47,9 @@ LOW_WEIGHT_SETTINGS = tuple(
     for stage in ("PriorRenders/render.", "StylizedFrames/")
     for name in ("termination", "min_weight")
 )
+ADAPTATION_ITERATIONS = tuple(
+    f"StylizedField/{part}.iterations" for part in ("adaptation", "image")
+)
 RANKS = ("RadianceField/field.density_ranks", "RadianceField/field.appearance_ranks")
 SWEEP_AXES = (
     SweepAxis("scene", "iterations", ("RadianceField/iterations",), (0.25, 0.5, 2.0)),
@@ -59,9 +62,7 @@ SWEEP_AXES = (
     SweepAxis("scene", "hidden units", ("RadianceField/field.hidden",), (2.0,)),
     SweepAxis("style", "network iterations", ("StyleNetwork/iterations",), (0.25, 0.5, 2.0)),
     SweepAxis("style", "network crops", ("StyleNetwork/crop_px",), (0.75,)),
-    SweepAxis(
-        "style", "adaptation iterations", ("StylizedField/adaptation.iterations",), (0.25, 0.5, 2.0)
-    ),
+    SweepAxis("style", "adaptation iterations", ADAPTATION_ITERATIONS, (0.25, 0.5, 2.0)),
     SweepAxis(
         "style", "left out of the cache", ("StylizedField/adaptation.min_weight",), (0.5, 15.0)
     ),

@@ -17,6 +17,7 @@ from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Measurement, Tuning, merged
 from tasks.command.main_command import main_command
 from tasks.machine.calibration import calibration_of_machine
+from tasks.planning.scene_sizes import sizes_of
 from tasks.presets.sweep import Variant, baseline_settings, sweep
 from tasks.results.trajectory import StylizedTrajectory
 from tasks.stages.field import TrajectoryFrames
@@ -140,8 +141,12 @@ class TradeOff(LinkedStage, PresetStage):
             "space": evidence["space"]["chosen"], "machine": machine(run.lineage),
             "measured": measured_on(run.lineage), "changes": self._changes(),
         }  # fmt: skip
-        calibration = asdict(calibration_of_machine(self.device))
-        measured_front = {"points": [asdict(p) for p in served], "calibration": calibration}
+        photographs = sizes_of((self.scene,)).get(self.scene)
+        measured_front = {
+            "points": [asdict(p) for p in served],
+            "calibration": asdict(calibration_of_machine(self.device)),
+            "photographs": asdict(photographs) if photographs else {},
+        }
         write_summary(out / "front.json", {**description, **measured_front})
         content = TradeOffContent(**description, points=points, front=front, measurements=measured,
                                   command=self.command)  # fmt: skip

@@ -8,13 +8,13 @@ from pathlib import Path
 import luigi
 import pytest
 from commands import close_server, command_server
-from forked_modules import forks_of
 from fsspec import get_filesystem_class
 from memory import folder_in_memory
 from shared_stores import Place, Server, proxy_of
 
 from pipeline.code import closure
 from pipeline.code.source import data_files
+from pipeline.execution.fork_server import forked_by
 from pipeline.settings import current_store
 from pipeline.shared_store.remote import open_remote
 from pipeline.store import Store
@@ -29,7 +29,7 @@ def _forked_commands() -> Iterator[None]:
 @pytest.fixture
 def forked_builds() -> Iterator[None]:
     """Builds of this process are forked from the server of its commands."""
-    with forks_of(command_server()):
+    with forked_by(command_server()):
         yield
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from commands import ROOT, SUPPORT, pids_of_slow, start
+from forked_modules import ForkedModule
 from message_words import mentions
 from store_toys import built
 
@@ -24,7 +25,7 @@ def run(
 
 def begun(
     *arguments: str, refusal: str = "", status: int | None = None, folder: Path = ROOT
-) -> "subprocess.Popen[str]":
+) -> ForkedModule:
     """A command in a folder, see `surrounded_command`."""
     return start("surrounded_command", refusal, json.dumps(status), *arguments, cwd=folder)
 

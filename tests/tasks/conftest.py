@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 from called_functions import functions_called, keep_functions
-from forked_modules import forks_of
 from memory import folder_in_memory
 from shared_results import made_once
 
-from pipeline.execution.fork_server import ForkServer
+from pipeline.execution.fork_server import ForkServer, forked_by
 from tasks.command_line import LIBRARIES
 
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -74,7 +73,7 @@ def server() -> Iterator[ForkServer]:
 @pytest.fixture(autouse=True, scope="module")
 def _forked(server: ForkServer) -> Iterator[None]:
     """Commands and their builds are forked from that process; for users, only builds are."""
-    with forks_of(server):
+    with forked_by(server):
         yield
 
 

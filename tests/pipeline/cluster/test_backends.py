@@ -15,6 +15,7 @@ import pytest
 from build_toys import Act
 from commands import are_gone, pids_of_slow, start
 from expected_failures import fails
+from forked_modules import ForkedModule
 from message_words import mentions
 from ray_process import RayCluster
 from slurm_cluster import SlurmCluster, is_installed
@@ -71,12 +72,12 @@ def backend(machines, tmp_path, monkeypatch) -> str:
     return "ray" if isinstance(machines, RayCluster) else "slurm"
 
 
-def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
+def finish(process: ForkedModule) -> tuple[int, str]:
     screen = "".join(process.communicate(timeout=120))
     return process.returncode, screen
 
 
-def submit(backend: str, *words: str) -> subprocess.Popen[str]:
+def submit(backend: str, *words: str) -> ForkedModule:
     return start("luigi", "--module", "toys", *words, f"--{words[0]}-executor", backend)
 
 

@@ -4,7 +4,6 @@ import configparser
 import json
 import signal
 import socket
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import luigi
 import pytest
 from commands import ROOT, are_gone, pids_of_slow, start
+from forked_modules import ForkedModule
 from luigid_process import Luigid
 from message_words import mentions
 from small_disk import small_disk
@@ -29,11 +29,11 @@ def luigid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Luigid]:
     scheduler.kill()
 
 
-def worker(*arguments: str) -> subprocess.Popen[str]:
+def worker(*arguments: str) -> ForkedModule:
     return start("luigi", "--module", "toys", *arguments)
 
 
-def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
+def finish(process: ForkedModule) -> tuple[int, str]:
     screen = "".join(process.communicate(timeout=60))
     return process.returncode, screen
 

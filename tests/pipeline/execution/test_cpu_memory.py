@@ -11,6 +11,7 @@ import luigi
 import pytest
 from build_toys import OnCores
 from commands import start
+from forked_modules import ForkedModule
 from message_words import mentions
 
 from pipeline.errors import StoreError
@@ -45,7 +46,7 @@ def built_on_cores(workers: int, names: list[str]) -> list[dict]:
     return [cores_of(name) for name in names]
 
 
-def begin_on_cores(workers: int, names: list[str]) -> "subprocess.Popen[str]":
+def begin_on_cores(workers: int, names: list[str]) -> ForkedModule:
     words = ["ManyOnCores", "--names", json.dumps(names), "--workers", str(workers)]
     return start("luigi", "--module", "toys", *words)
 

@@ -16,14 +16,13 @@ import psutil
 import pytest
 from build_toys import MEBIBYTE, UNREACHABLE
 from commands import are_gone, command_server, pids_of_slow
-from forked_modules import forks_of
 from message_words import mentions
 from store_toys import NO_WORD, Word
 
 from pipeline.code.interpreters import interpreter_environment
 from pipeline.console.progress import ProgressBar
 from pipeline.execution.executors import EXECUTORS, Job, Report
-from pipeline.execution.fork_server import current_fork_server, fork_server
+from pipeline.execution.fork_server import current_fork_server, fork_server, forked_by
 from pipeline.locks import try_lock
 from pipeline.task import artifact
 
@@ -53,7 +52,7 @@ every_executor = pytest.mark.parametrize("executor", sorted(EXECUTORS))
 @pytest.fixture(params=["fresh", "forked"])
 def _fresh_or_forked(request: pytest.FixtureRequest) -> Iterator[None]:
     """Processes of builds are interpreters of their own, or forks of one that has libraries."""
-    with forks_of(command_server()) if request.param == "forked" else contextlib.nullcontext():
+    with forked_by(command_server()) if request.param == "forked" else contextlib.nullcontext():
         yield
 
 

@@ -82,6 +82,6 @@ def test_a_server_outlives_a_worker_that_waited_for_one_of_its_processes():
     with fork_server(["imported_toy"]), Path(os.devnull).open("r+") as nothing:
         server = current_fork_server()
         streams = (nothing.fileno(),) * 3
-        server.start("imported_toy:end", (), os.environ, streams)._statuses.close()
+        server.start("imported_toy:end", (), os.environ, streams).statuses.close()
         assert server.start("imported_toy:end", (), os.environ, streams).wait() == 3
         assert output_of("imported_toy:repeat", "what?") == "server what?"

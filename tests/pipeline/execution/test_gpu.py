@@ -3,7 +3,6 @@
 import os
 import signal
 import stat
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +12,7 @@ import luigi
 import pytest
 from commands import are_gone, start
 from expected_failures import refuses
+from forked_modules import ForkedModule
 
 from pipeline.execution import gpu
 from pipeline.settings import current_store
@@ -37,7 +37,7 @@ def gpus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Gpus]:
     here.remove_section("gpu")
 
 
-def on_gpu(name: str, *words: str) -> subprocess.Popen[str]:
+def on_gpu(name: str, *words: str) -> ForkedModule:
     return start("luigi", "--module", "toys", "OnGpu", "--name", name, *words)
 
 
@@ -58,7 +58,7 @@ def finish(*commands) -> list[str]:
     return screens
 
 
-def await_begin(toys: Path, name: str, command: "subprocess.Popen[str]") -> None:
+def await_begin(toys: Path, name: str, command: ForkedModule) -> None:
     while not (toys / f"began-{name}").exists():
         assert command.poll() is None
         time.sleep(0.02)

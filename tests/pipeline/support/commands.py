@@ -29,9 +29,7 @@ def close_server() -> None:
     command_server.cache_clear()
 
 
-def start(
-    *arguments: str, cwd: Path = ROOT, stderr: int = subprocess.PIPE
-) -> subprocess.Popen[str]:
+def start(*arguments: str, cwd: Path = ROOT, stderr: int = subprocess.PIPE) -> ForkedModule:
     """`python -m` with these words, forked by `command_server`."""
     environment = {
         **os.environ,
@@ -45,7 +43,7 @@ def luigi(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
     return finish(start("luigi", "--module", "toys", *arguments, cwd=cwd))
 
 
-def finish(process: subprocess.Popen[str]) -> tuple[int, str]:
+def finish(process: ForkedModule) -> tuple[int, str]:
     """Exit status and screen of a process, when it has ended."""
     screen = "".join(process.communicate(timeout=60))
     return process.returncode, screen

@@ -20,7 +20,8 @@ from tasks.machine.local_facts import add_fact
 from tasks.planning.kept_choice import choice_for, keep_choice
 from tasks.planning.remaining_time import cost_model, timing_of
 from tasks.planning.request_validation import configurations
-from tasks.planning.stage_costs import reference_costs
+from tasks.planning.stage_costs import MeasuredSeconds, reference_costs
+from tasks.planning.stage_work import START_S
 from tasks.presets.presets import settings_for
 from tasks.presets.quality_choice import SHIPPED, Front, choose, fronts_for, require_reachable
 from tasks.presets.quality_request import quality_request
@@ -189,9 +190,27 @@ def test_the_seconds_measured_for_a_front_are_scaled_from_its_own_machine():
     front = replace(FRONT, calibration=there, points=(replace(GOOD, stage_seconds=stages),))
     task = mini(budget="5min")
     stage = task.with_settings("draft", {}).requires()["field"]
-    assert cost_model(task, front).expected(stage, 10.0).seconds == pytest.approx(30.0)
+    measured = MeasuredSeconds(10.0, there, None)
+    assert cost_model(task, front).expected(stage, measured).seconds == pytest.approx(30.0)
     families = {s.task_family for s in graph_of(task)}
     assert timing_of(task)(front, front.points[0]) >= 30.0 * len(families & stages.keys())
+
+
+def test_the_seconds_of_another_scene_are_scaled_by_its_photographs():
+    """A front of 62 small photographs promised its own seconds to any capture."""
+    calibrated(1.0)
+    stages = {"TrajectoryFrames": 10.0 + START_S, "SceneModel": 10.0 + START_S}
+    front = replace(FRONT, calibration=reference_costs().calibration)
+
+    def seconds(**photographs: int) -> float:
+        point = replace(GOOD, stage_seconds=stages)
+        known = replace(front, photographs=photographs, points=(point,))
+        return timing_of(mini(budget="5min"))(known, point)
+
+    alike = seconds()  # the scene has eight photographs of 96 x 96 pixels
+    assert seconds(count=8, width=96, height=96) == pytest.approx(alike)
+    assert seconds(count=16, width=96, height=96) == pytest.approx(alike - 5.0)
+    assert seconds(count=8, width=96, height=48) == pytest.approx(alike + 10.0)
 
 
 def graph_of(task):

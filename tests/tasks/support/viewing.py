@@ -2,7 +2,6 @@
 
 import json
 import signal
-import subprocess
 import time
 import urllib.request
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,13 +9,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from command_output import forked
+from forked_modules import ForkedModule
 
 
 @dataclass(frozen=True)
 class Viewing:
     """A server, and the page that it printed."""
 
-    process: subprocess.Popen[str]
+    process: ForkedModule
     address: str
 
     def looks(self, least: int, seconds: float = 120) -> list[str]:
