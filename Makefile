@@ -4,7 +4,8 @@ VENV := .venv
 RUN := $(VENV)/bin
 SCENE ?= courtyard
 STYLE ?= stained_glass
-# Tests wait for servers and processes, so one more at a time than there are cores keeps these busy.
+# Tests wait for servers and processes, so one more at a time than there are cores keeps these busy;
+# at most four, however many cores there are.
 # Files begin in the order of tests/durations.py: the longest first.
 CORES := $(shell getconf _NPROCESSORS_ONLN || echo 1)
 TEST_ARGS ?= -n $$(( $(CORES) + 1 )) --maxprocesses 4 --dist loadfile --no-loadscope-reorder

@@ -161,7 +161,7 @@ def _require_readable_options(parser: CmdlineParser) -> None:
 
 
 def _require_valid_settings() -> None:
-    """Refuses a setting of the pipeline that is of another kind than its default, or unknown.
+    """Refuses a setting of the pipeline of another kind than its default, and unknown executors.
 
     Raises:
         SystemExit: It names the setting and the value.

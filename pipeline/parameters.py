@@ -5,6 +5,7 @@ Luigi itself ends the command with a trace that names neither the flag nor the t
 
 import contextlib
 import json
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -48,9 +49,20 @@ class ChoiceParameter(_Flag, luigi.ChoiceParameter):
 
 
 class FloatParameter(_Flag, luigi.FloatParameter):
-    """A number."""
+    """A finite number of 0 or more."""
 
-    allowed = "a number, such as 0.5"
+    allowed = "a number of 0 or more, such as 0.5"
+
+    def parse(self, x: str) -> float:
+        """Returns the number.
+
+        Raises:
+            ParameterException: The text is not a finite number of 0 or more.
+        """
+        value = float(super().parse(x))
+        if not 0 <= value < math.inf:
+            raise ParameterException(f"{self.flag} {x}: this is not {self.allowed}")
+        return value
 
 
 class IntParameter(_Flag, luigi.IntParameter):

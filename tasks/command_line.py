@@ -44,6 +44,8 @@ def begin(root: luigi.Task) -> None:
         SystemExit: With the error of the command; or, after a plan, with status 0.
     """
     try:
+        if isinstance(root, Grid):
+            root.validate()
         if isinstance(root, StylizedTrajectory | Grid) and (root.plan or root.json):
             _plan(root)
             raise SystemExit(0)

@@ -159,8 +159,7 @@ def _failure(
     kind, reason = result.kind, f"{result.message.rstrip('.')}{where}."
     if kind == "built" or kind == "lost":
         kind, reason = "user", _without_shared_store(result)
-    if kind != "late":
-        write_outcome(store.new_log(task.task_family, action.key), kind, reason)
+    write_outcome(store.new_log(task.task_family, action.key), kind, reason)
     return TaskFailure(kind, str(task), reason)
 
 

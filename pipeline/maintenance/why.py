@@ -72,7 +72,7 @@ def _state(
     family = [record for record in past if record.action.family == task.task_family]
     if missing and not family:
         return waits, {}
-    repairable: Errors = (StoreError, *task.user_errors)
+    repairable: Errors = (StoreError, OSError, *task.user_errors)
     try:
         record = None if missing else task.record()
         action = _expected_action(task, missing)

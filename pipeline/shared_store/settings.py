@@ -1,9 +1,18 @@
 """The settings of the shared store: where it is, how long to wait for it, and its signing key."""
 
+import contextlib
+import json
 import os
+from pathlib import Path
 
 from pipeline.errors import StoreError
-from pipeline.settings import configured_path, nonnegative_number, number_setting, setting
+from pipeline.settings import (
+    configured_path,
+    invalid_setting,
+    nonnegative_number,
+    number_setting,
+    setting,
+)
 from pipeline.shared_store.remote import Remote, open_remote
 from pipeline.shared_store.signatures import SHORTEST_KEY
 
@@ -13,9 +22,27 @@ PATIENCE = "STYLETRF_PATIENCE"
 
 def current_remote() -> Remote:
     """Returns the shared store in STYLETRF_REMOTE or [store] remote, if there is one."""
-    url = os.environ.get("STYLETRF_REMOTE", setting("store", "remote"))
+    url = os.environ.get("STYLETRF_REMOTE", _configured_url())
     options = setting("store", "remote_options")
+    if not _is_object(options):
+        raise invalid_setting("store", "remote_options", 'a JSON object, such as {"anon": true}')
     return open_remote(url, options, _patience_seconds(), signing_key() if url else b"")
+
+
+def _configured_url() -> str:
+    """Returns [store] remote; a relative path starts at the folder of the file that has it."""
+    url = setting("store", "remote")
+    if not url or "://" in url:
+        return url
+    path = Path(url).expanduser()
+    return str(path if path.is_absolute() else configured_path("store", "remote"))
+
+
+def _is_object(text: str) -> bool:
+    """Returns whether a text is a JSON object."""
+    with contextlib.suppress(ValueError):
+        return isinstance(json.loads(text), dict)
+    return False
 
 
 def _patience_seconds() -> float:

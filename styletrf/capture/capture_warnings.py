@@ -7,8 +7,8 @@ from styletrf.capture.mask_files import FoundMasks
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
 from styletrf.capture.photographs import (
     FOREIGN_SUFFIXES,
-    PHOTOGRAPH_SUFFIXES,
     VIDEO_SUFFIXES,
+    dangling_links,
     files_below,
     natural_order,
     photographs_below,
@@ -47,6 +47,8 @@ def capture_warnings(
 
 
 def _of_other_files(folder: Path) -> Iterator[str]:
+    if dangling := [path.name for path in dangling_links(folder)]:
+        yield f"links that lead nowhere: {_listed(dangling)}"
     if foreign := [path.name for path in files_below(folder, FOREIGN_SUFFIXES)]:
         yield f"passed over, to be converted first: {_listed(foreign)}"
     shots = {(file.parent, file.stem.casefold()) for file in photographs_below(folder)}
@@ -79,9 +81,11 @@ def _of_panoramas(count: int, of_all: int) -> Iterator[str]:
 def _of_poses(folder: Path, given: GivenPoses | None) -> Iterator[str]:
     if given is None:
         return
-    used = {view.file for view in given.views}
-    beside = folder.iterdir() if folder.is_dir() else ()
-    others = [p.name for p in beside if p.suffix.lower() in PHOTOGRAPH_SUFFIXES and p not in used]
+    used = {view.file.resolve() for view in given.views}
+    below = photographs_below(folder)
+    if any(view.held_out is not None for view in given.views):
+        below = [path for path in below if path.parent == folder]  # a split leaves out what it will
+    others = [str(path.relative_to(folder)) for path in below if path.resolve() not in used]
     if given.missing:
         yield f"{given.source.name} names photographs that are missing: {_listed(given.missing)}"
     if others:

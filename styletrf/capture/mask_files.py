@@ -19,6 +19,7 @@ from styletrf.capture.photographs import (
     path_below,
     require_readable_name,
 )
+from styletrf.files.linked_folders import walk
 
 _PNG = ".png"
 
@@ -39,7 +40,7 @@ def find_masks(photographs: Path, files: Sequence[Path]) -> FoundMasks:
         files: All photographs of the scene, also those that are not used.
 
     Raises:
-        InputError: The name of a mask is not in UTF-8.
+        InputError: The name or the folder of a mask is not in UTF-8.
     """
     masks = mask_files(photographs)
     masked = {mask: name for mask, place in masks.items() if (name := _masked(place))}
@@ -58,15 +59,16 @@ def mask_files(photographs: Path) -> dict[Path, Path]:
         photographs: The folder of the photographs.
 
     Raises:
-        InputError: The name of a mask is not in UTF-8.
+        InputError: The name or the folder of a mask is not in UTF-8.
     """
     found = {}
     for folder, base in _mask_folders(photographs):
-        for mask in sorted(folder.rglob("*"), key=lambda path: (path.suffix != _PNG, path)):
+        files = (inside / name for inside, _, names in walk(folder) for name in names)
+        for mask in sorted(files, key=lambda path: (path.suffix != _PNG, path)):
             place = mask.relative_to(folder)
             is_hidden = any(part.startswith(".") for part in place.parts)
             if not is_hidden and mask.suffix.lower() in PHOTOGRAPH_SUFFIXES and mask.is_file():
-                require_readable_name(mask.name)
+                require_readable_name(str(place))
                 found[mask] = base / place
     return found
 
@@ -74,7 +76,8 @@ def mask_files(photographs: Path) -> dict[Path, Path]:
 def _mask_folders(photographs: Path) -> Iterator[tuple[Path, Path]]:
     """Yields each folder of masks, and where below `photographs` those lie that it masks."""
     beside = sorted(photographs.parent.iterdir()) if photographs.name == "images" else []
-    for folder in [*beside, *sorted(photographs.rglob("*"))]:
+    inside = sorted(place / name for place, folders, _ in walk(photographs) for name in folders)
+    for folder in [*beside, *inside]:
         if folder.name.casefold() != MASKS or not folder.is_dir():
             continue
         if folder.parent == photographs.parent:

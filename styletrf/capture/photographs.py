@@ -15,6 +15,8 @@ from jaxtyping import UInt8
 
 from styletrf.errors import InputError
 from styletrf.files.heif_images import HEIF_SUFFIXES, heif_pixels
+from styletrf.files.linked_folders import walk
+from styletrf.files.unusual_images import gray_with_alpha, is_gray_with_alpha, white_level
 
 PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
     [
@@ -79,8 +81,8 @@ def list_photographs(folder: Path) -> list[Path]:
     published scenes have (`images_4`) are passed over.
 
     Raises:
-        InputError: The folder is missing, or holds fewer than three photographs, or one whose
-            name is not in UTF-8.
+        InputError: The folder is missing, or holds fewer than three photographs; or as
+            `files_below`.
     """
     if not folder.is_dir():
         raise InputError(str(folder), "there is no such folder", "Put the photographs there")
@@ -88,8 +90,6 @@ def list_photographs(folder: Path) -> list[Path]:
     if len(photographs) < FEWEST_PHOTOGRAPHS:
         problem = too_few(folder, len(photographs))
         raise InputError(str(folder), problem, MORE_PHOTOGRAPHS)
-    for path in photographs:
-        require_readable_name(path.name)
     return photographs
 
 
@@ -99,12 +99,35 @@ def photographs_below(folder: Path) -> list[Path]:
 
 
 def files_below(folder: Path, suffixes: Set[str]) -> list[Path]:
-    """Returns the files of a scene below a folder that have such suffixes, in natural order."""
-    found = [
-        path
-        for path in folder.rglob("*")
-        if path.suffix.lower() in suffixes and is_of_scene(path, folder) and path.is_file()
+    """Returns the files of a scene below a folder that have such suffixes, in natural order.
+
+    Folders behind links are entered, see `walk`.
+
+    Raises:
+        InputError: The name or the folder of a photograph, a video or another picture is not in
+            UTF-8.
+    """
+    return [
+        path for path in _pictures(folder) if path.suffix.lower() in suffixes and path.is_file()
     ]
+
+
+def dangling_links(folder: Path) -> list[Path]:
+    """Returns the links that have a photograph's name and lead nowhere, as `files_below`."""
+    return [
+        path
+        for path in _pictures(folder)
+        if path.suffix.lower() in PHOTOGRAPH_SUFFIXES and not path.exists()
+    ]
+
+
+def _pictures(folder: Path) -> list[Path]:
+    """Returns the files and links of a scene that are pictures by their suffixes."""
+    known = PHOTOGRAPH_SUFFIXES | VIDEO_SUFFIXES | FOREIGN_SUFFIXES
+    entries = (place / name for place, _, names in walk(folder) for name in names)
+    found = [path for path in entries if path.suffix.lower() in known and is_of_scene(path, folder)]
+    for path in found:
+        require_readable_name(str(path.relative_to(folder)))
     return sorted(found, key=lambda path: natural_order(str(path.relative_to(folder))))
 
 
@@ -122,7 +145,7 @@ def is_of_scene(path: Path, folder: Path) -> bool:
 
 
 def require_readable_name(name: str) -> None:
-    """Refuses the name of a file that is not in UTF-8: no text can hold it.
+    """Refuses the name or the path of a file that is not in UTF-8: no text can hold it.
 
     Raises:
         InputError: The name is not in UTF-8.
@@ -157,7 +180,7 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
 def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
     """Returns a photograph's upright RGB pixels: EXIF orientation applied, gray made RGB.
 
-    16 bits are rounded to 8. Transparent pixels are composited on white, as the published
+    More than 8 bits are rounded to 8. Transparent pixels are composited on white, as the published
     synthetic scenes want it; the orientation tag of an image with transparency is ignored.
 
     Raises:
@@ -168,21 +191,25 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
     except OSError as error:
         problem = f"cannot be read ({error.strerror})"
         raise InputError(str(path), problem, "Check the file and its permissions") from error
-    if path.suffix.lower() in HEIF_SUFFIXES:
-        rgb = heif_pixels(encoded)
-        pixels = None if rgb is None else rgb[..., [2, 1, 0, 3][: rgb.shape[2]]]
-    else:
-        pixels = _decoded(encoded)
+    is_heif = path.suffix.lower() in HEIF_SUFFIXES
+    pixels = _as_bgr(heif_pixels(encoded)) if is_heif else _decoded(encoded)
     if pixels is None:
         problem = "is empty" if not encoded else "is cut short, damaged, or no image"
         raise InputError(str(path), problem, "Copy it again from where it came, or remove it")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
-    return _eight_bits_on_white(pixels)
+    return _eight_bits_on_white(pixels, white_level(encoded, np.iinfo(pixels.dtype).max))
+
+
+def _as_bgr(rgb: np.ndarray | None) -> np.ndarray | None:
+    """Returns BGR or BGRA from RGB or RGBA."""
+    return None if rgb is None else rgb[..., [2, 1, 0, 3][: rgb.shape[2]]]
 
 
 def _decoded(file: bytes) -> np.ndarray | None:
     """Returns pixels BGR or BGRA of any depth, or None where there is any sign of damage."""
+    if is_gray_with_alpha(file) and (rgba := gray_with_alpha(file)) is not None:
+        return _as_bgr(rgba)
     if file.startswith(_JPEG_START) and not _jpeg_ends(file):
         return None
     encoded = np.frombuffer(file, np.uint8)
@@ -211,9 +238,8 @@ def _jpeg_ends(file: bytes) -> bool:
     return False
 
 
-def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:
-    """Returns RGB from BGR or BGRA of 8 or 16 bits, rounded once."""
-    white = np.iinfo(pixels.dtype).max
+def _eight_bits_on_white(pixels: np.ndarray, white: int) -> UInt8[np.ndarray, "height width 3"]:
+    """Returns RGB from BGR or BGRA of 8 or 16 bits whose white is this level, rounded once."""
     if pixels.shape[2] == 3 and white == 255:
         return np.ascontiguousarray(pixels[..., ::-1])
     blocks = (pixels[row : row + _ROWS] for row in range(0, len(pixels), _ROWS))
@@ -221,11 +247,11 @@ def _eight_bits_on_white(pixels: np.ndarray) -> UInt8[np.ndarray, "height width 
 
 
 def _rounded_on_white(pixels: np.ndarray, white: int) -> UInt8[np.ndarray, "block_height width 3"]:
-    color = pixels[..., 2::-1].astype(np.float64) / white
+    color = np.minimum(pixels[..., 2::-1].astype(np.float64) / white, 1.0)
     if pixels.shape[2] == 4:
         alpha = pixels[..., 3:].astype(np.float64) / white
         color = color * alpha + (1 - alpha)
-    return np.rint(color * 255).astype(np.uint8)
+    return np.asarray(np.rint(color * 255), dtype=np.uint8)
 
 
 @contextmanager

@@ -33,6 +33,7 @@ from styletrf.capture.poses.given_poses import (
     read_given_poses,
     write_given_poses,
 )
+from styletrf.configuration import require_at_least
 from styletrf.errors import InputError
 from styletrf.files.digests import sha256_of
 from styletrf.progress import Progress, silent
@@ -56,6 +57,9 @@ class CaptureConfig:
     video_frames: int = 60
     leave_out: tuple[str, ...] = ()
     panoramas: Choice = "auto"
+
+    def __post_init__(self) -> None:
+        require_at_least(FEWEST_PHOTOGRAPHS, self, "video_frames")
 
 
 def capture_photographs(

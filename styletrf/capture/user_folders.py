@@ -21,9 +21,11 @@ from styletrf.capture.photographs import (
     require_readable_name,
     too_few,
 )
+from styletrf.capture.poses.colmap_folders import colmap_files
 from styletrf.capture.poses.transforms_json import transforms_photographs
 from styletrf.content.content_sources import CONTENT_SUFFIXES
 from styletrf.errors import InputError
+from styletrf.files.linked_folders import walk
 
 _POSES = ("poses_bounds.npy", "transforms*.json", "sparse/**/*.*", "colmap/sparse/**/*.*")
 """Files of the formats that `pose_formats` reads."""
@@ -133,16 +135,25 @@ def scene_files(found: Path) -> list[Path]:
     """Returns all files of a scene that `find_scene` found: photographs, masks and poses.
 
     Raises:
-        InputError: There are too few photographs, or poses name one outside the scene's folder.
+        InputError: There are too few photographs, poses name one outside the scene's folder, or a
+            name is not in UTF-8.
     """
-    if videos := scene_videos(found):
-        return videos
+    folder, files = scene_folder(found), scene_videos(found) or _photographs_and_poses(found)
+    for path in files:
+        require_readable_name(str(path.relative_to(folder)))
+    return files
+
+
+def _photographs_and_poses(found: Path) -> list[Path]:
+    """Returns the files of a scene of photographs, each once."""
     folder = scene_folder(found)
-    poses = [path for pattern in _POSES for path in sorted(folder.glob(pattern))]
+    poses = [path for pattern in _POSES for path in sorted(folder.glob(pattern)) if path.is_file()]
+    poses += colmap_files(folder)
     if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
-        images = sorted(_of_suffix(folder.rglob("*"), PHOTOGRAPH_SUFFIXES))
+        below = (place / name for place, _, names in walk(folder) for name in names)
+        images = sorted(_of_suffix(below, PHOTOGRAPH_SUFFIXES))
         return list(dict.fromkeys([*images, *transforms_photographs(folder), *poses]))
-    return [*list_photographs(found), *mask_files(found), *poses]
+    return list(dict.fromkeys([*list_photographs(found), *mask_files(found), *poses]))
 
 
 def find_style(data_root: Path, name: str) -> Path:

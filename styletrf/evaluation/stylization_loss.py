@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from styletrf.configuration import require_at_least
 from styletrf.evaluation.metrics import Image
 from styletrf.even_spread import evenly_spread
 from styletrf.finiteness import require_finite
@@ -21,7 +22,7 @@ from styletrf.style.perceptual.perceptual_loss import (
     shrunk,
     style_grams,
 )
-from styletrf.style.perceptual.vgg import VGG16
+from styletrf.style.perceptual.vgg import REDUCTION, VGG16
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +40,8 @@ class StylizationLossConfig:
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
 
     def __post_init__(self) -> None:
-        if min(self.frames, self.style_px) < 1:
-            raise ValueError("frames and style_px are at least 1")
+        require_at_least(1, self, "frames")
+        require_at_least(REDUCTION, self, "style_px")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 import numpy as np
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Bool, Float, Int64, Integer
 
 from styletrf.errors import InputError
 from styletrf.field.rendering import Rendering
@@ -66,21 +66,17 @@ def surface_mesh(
         resolution: The resolution of the lattice.
 
     Raises:
-        InputError: No two lattice points lie on different sides of a surface.
+        InputError: No two neighbors of the lattice lie on different sides of a surface.
     """
     lattice = np.stack(np.meshgrid(*map(_centers, resolution), indexing="ij"), axis=-1)
     points_world = to_world(lattice.reshape(-1, 3)).reshape(lattice.shape)
     distances, known = _fused(cameras, renders, points_world)
-    if not (known & (distances < 0)).any() or not (known & (distances > 0)).any():
-        problem = "has no surface: no ray is stopped within its grid"
-        raise InputError("the field", problem, "Export points or ply instead of mesh")
-    measure = import_module("skimage.measure")
-    corners, triangles, _, _ = measure.marching_cubes(
-        distances, 0.0, mask=_inner(known), gradient_direction="descent"
-    )
+    corners, triangles = _marched(distances, _inner(known))
     grid = (corners + 0.5) * (2 / np.array(resolution)) - 1
     vertices = to_world(grid.astype(np.float64))
     finite = np.isfinite(vertices[triangles]).all(axis=(1, 2))
+    if not finite.any():
+        raise _no_surface()
     used, triangles = np.unique(triangles[finite], return_inverse=True)
     triangles = triangles.reshape(-1, 3).astype(np.int64)
     outward = triangles[:, ::-1].copy() if _is_mirrored(points_world) else triangles
@@ -139,6 +135,25 @@ def _fused(
     distances.ravel()[there] = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
     known.ravel()[there] = counts > 0
     return distances, known
+
+
+def _marched(
+    distances: Float[np.ndarray, "x y z"], inner: Bool[np.ndarray, "x y z"]
+) -> tuple[Float[np.ndarray, "vertices 3"], Integer[np.ndarray, "triangles 3"]]:
+    """Returns the zero of the distances within a part of the lattice, in units of its cells."""
+    measure = import_module("skimage.measure")
+    try:
+        corners, triangles, _, _ = measure.marching_cubes(
+            distances, 0.0, mask=inner, gradient_direction="descent"
+        )
+    except (RuntimeError, ValueError) as error:  # none inside, or no distance below 0
+        raise _no_surface() from error
+    return corners, triangles
+
+
+def _no_surface() -> InputError:
+    problem = "has no surface: no ray is stopped within its grid"
+    return InputError("the field", problem, "Export points or ply instead of mesh")
 
 
 def _inner(known: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:

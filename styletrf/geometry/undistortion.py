@@ -1,14 +1,18 @@
 """Replaces a lens that bends lines by a pinhole camera of the same size, without blank pixels."""
 
+import math
+
 import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from styletrf.colmap import pycolmap
+from styletrf.errors import InputError
 from styletrf.geometry.cameras import Camera, directions_of_all_pixels
 
 _INSIDE_PX = 0.01
 _WIDEST_SLOPE = 2.0  # half an image's width over its focal length: 127 degrees
+_LARGEST_ZOOM = 1e6
 
 
 def pinhole_for(lens: pycolmap.Camera, name: str, world_from_camera: np.ndarray) -> Camera:
@@ -19,12 +23,25 @@ def pinhole_for(lens: pycolmap.Camera, name: str, world_from_camera: np.ndarray)
     model of a wide lens may fold back within the photograph, or show directions behind the camera:
     then the zoom is the smallest at which the image's edges lie before the fold, 127 degrees apart
     at most.
+
+    Raises:
+        InputError: The lens fills no image, as one that bends lines and whose principal point is
+            outside the photograph, or one of a panorama.
     """
-    zoom = _edge_zoom(lens)
-    if not _is_filled(lens, zoom):
-        zoom = _filling_zoom(lens)
+    zoom = _zoom(lens)
+    if zoom > _LARGEST_ZOOM:
+        problem = f"no pinhole camera replaces its lens {lens.model_name} {tuple(lens.params)}"
+        raise InputError(f"photograph {name}", problem, "Check the lens of its poses")
     fx, fy, cx, cy = _intrinsics(lens)
     return Camera(name, lens.width, lens.height, fx * zoom, fy * zoom, cx, cy, world_from_camera)
+
+
+def _zoom(lens: pycolmap.Camera) -> float:
+    """Returns the zoom of `pinhole_for`; infinity where there is none."""
+    if not lens.focal_length_idxs():  # of a panorama
+        return math.inf
+    zoom = _edge_zoom(lens)
+    return zoom if _is_filled(lens, zoom) else _filling_zoom(lens)
 
 
 def _edge_zoom(lens: pycolmap.Camera) -> float:
@@ -62,12 +79,17 @@ def _is_filled(lens: pycolmap.Camera, zoom: float) -> bool:
 
 
 def _filling_zoom(lens: pycolmap.Camera) -> float:
-    """Returns the smallest zoom, to a thousandth, at which the lens fills an image not too wide."""
+    """Returns the smallest zoom, to a thousandth, at which the lens fills an image not too wide.
+
+    It is infinite where there is none up to a million.
+    """
     fx, fy, *_ = _intrinsics(lens)
     low = max(lens.width / fx, lens.height / fy) / (2 * _WIDEST_SLOPE)
     high = low
     while not _is_filled(lens, high):
         low, high = high, 2 * high
+        if high > _LARGEST_ZOOM:
+            return math.inf
     while high - low > 1e-3 * high:
         middle = (low + high) / 2
         low, high = (low, middle) if _is_filled(lens, middle) else (middle, high)

@@ -35,9 +35,9 @@ def support_summary(support: Mapping[str, Any]) -> str:
     )
     if stills := support["stills"]:
         text = (
-            f"The path {support['path']} are stills of {len(stills)} photographs, since"
-            f" {support['reason']}. What is compared from frame to frame is so within a still;"
-            f" fewer than {support['enough_photographs']} photographs see"
+            f"The path {support['path']} consists of stills of {len(stills)} photographs, since"
+            f" {support['reason']}. Frames of different stills are not compared."
+            f" Fewer than {support['enough_photographs']} photographs see"
             f" {support['unsupported']:.1%} of their pixels"
         )
     elif support["unsupported"] >= support["most_unsupported"]:

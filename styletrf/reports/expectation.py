@@ -31,7 +31,9 @@ class Expectation:
 
 def expectation_table(expected: Mapping[str, Expectation], machine: str) -> str:
     """Returns the table as HTML, a row for each quality, of a machine; names are escaped."""
-    columns = ("whole job", "of it the field", "memory", "disk", "voxels", "PSNR of unseen views")
+    columns = (
+        "whole job", "of which the field", "memory", "disk", "voxels", "PSNR of unseen views",
+    )  # fmt: skip
     head = "".join(f'<th class="number">{column}</th>' for column in columns)
     rows = "".join(_row(quality, each) for quality, each in expected.items())
     note = (

@@ -51,7 +51,7 @@ def write_trade_off_page(path: Path, content: TradeOffContent) -> None:
     chart = (
         f'<div class="card">{front_svg(content.points, content.front)}</div>'
         '<pre class="card description small" aria-live="polite">'
-        "Point at a circle, or reach one with the tabulator: here stands what it is.</pre>"
+        "Point at a circle, or move to one with the Tab key, to read here what it is.</pre>"
         '<p class="quiet small">Filled: on the front. Hollow: on it, but not distinguishable from '
         f"its neighbor. Gray: another is faster and nearer to the best. {_noise(content)}</p>"
     )

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from styletrf.geometry.point_table import SparsePoints
+from styletrf.scene.shared_products import shared_products
 
 MIDDLE = 0.4  # of encoded colors from 0 to 1: between their median and mid-gray
 LEAST_OBSERVATIONS = 16  # of points that others see as well, for a view to have an exposure
@@ -24,7 +25,6 @@ _SMALL = 0.02  # residuals below it count by their squares
 _POWERS = 0.2, 5.0  # of a view that has nothing to do with the others
 _ITERATIONS = 12  # of reweighting
 _RIDGE = 1e-6, 1e-3  # of gains and powers, times the mean weight of a view: 0 without evidence
-_AT_ONCE = 4096  # points
 
 
 Channels = tuple[float, float, float]
@@ -89,9 +89,11 @@ def _fitted(
     gain, power = np.zeros(views), np.ones(views)
     if not used.any():
         return gain, power
-    _, point = np.unique(points.observed_point[used], return_inverse=True)
-    _, view = np.unique(points.observed_image[used], return_inverse=True)
-    observed = log_color[used] - np.log(MIDDLE)
+    by_point = np.flatnonzero(used)
+    by_point = by_point[np.argsort(points.observed_point[by_point], kind="stable")]
+    _, point = np.unique(points.observed_point[by_point], return_inverse=True)
+    _, view = np.unique(points.observed_image[by_point], return_inverse=True)
+    observed = log_color[by_point] - np.log(MIDDLE)
     gain[counts], power[counts] = _lines(point, view, observed, powers=powers)
     return gain, power
 
@@ -114,6 +116,8 @@ def _lines(
     powers: bool,
 ) -> tuple[Float[np.ndarray, " views"], Float[np.ndarray, " views"]]:
     """Returns value and slope of the views' lines, by iteratively reweighted least squares.
+
+    Observations are in the order of their points.
 
     observed = color[point] + value[view] + (slope[view] - 1) color[point]; the last color is that
     of the iteration before, so each iteration is linear, and the others are eliminated from it.
@@ -152,17 +156,10 @@ def _solved(
 ) -> Float[np.ndarray, "terms views"]:
     """Returns the coefficients of the views' terms that fit best, each point's color eliminated."""
     n = int(view.max()) + 1
-    blocks = [[np.diag(np.bincount(view, weight * a * b, n)) for b in terms] for a in terms]
-    matrix = np.block(blocks)
-    right = np.concatenate([np.bincount(view, weight * term * observed, n) for term in terms])
-    for first in range(0, int(point.max()) + 1, _AT_ONCE):
-        here = (point >= first) & (point < first + _AT_ONCE)
-        row, w = point[here] - first, weight[here]
-        total = np.bincount(row, w)
-        cell, cells = row * n + view[here], len(total) * n
-        sums = [np.bincount(cell, w * term[here], cells).reshape(-1, n) for term in terms]
-        design = np.concatenate(sums, axis=1)
-        matrix -= design.T @ (design / total[:, None])
-        right -= design.T @ (np.bincount(row, w * observed[here]) / total)
+    own = [[np.diag(np.bincount(view, weight * a * b, n)) for b in terms] for a in terms]
+    scaled = np.stack(terms) * weight / np.sqrt(np.bincount(point, weight))[point]
+    matrix = np.block(own) - shared_products(point, view, scaled, n)
+    rest = weight * (observed - _means(point, weight, observed)[point])
+    right = np.concatenate([np.bincount(view, term * rest, n) for term in terms])
     ridge = np.repeat(_RIDGE[: len(terms)], n) * weight.sum() / n
     return np.linalg.solve(matrix + np.diag(ridge), right).reshape(len(terms), n)

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
+from styletrf.configuration import require_at_least
 from styletrf.errors import InputError
 from styletrf.finiteness import Named, require_finite, require_finite_file
 from styletrf.geometry.cameras import Camera, camera_numbers, fitted_to, moved
@@ -48,6 +49,12 @@ class SceneModelConfig:
     max_voxels: int = 256**3
     max_box_voxels: int = 0
     oversampling: float = 0.75
+
+    def __post_init__(self) -> None:
+        require_at_least(1, self, "image_long_side", "max_voxels")
+        require_at_least(0, self, "max_box_voxels")
+        if self.oversampling <= 0:
+            raise ValueError(f"oversampling is {self.oversampling:g}, not above 0")
 
     def bound(self, space_kind: str) -> int:
         """Returns the most voxels of the finest grid in a space of this kind."""

@@ -23,6 +23,7 @@ from styletrf.capture.poses.given_poses import GivenView
 from styletrf.capture.scene_capture import given_views
 from styletrf.capture.views import held_out_names
 from styletrf.colmap import pycolmap
+from styletrf.configuration import require_at_least
 from styletrf.files.images import write_png
 from styletrf.geometry.camera_table import write_cameras
 from styletrf.geometry.cameras import Camera
@@ -33,7 +34,7 @@ from styletrf.progress import Progress, silent
 from styletrf.sfm.colmap_features import extract_features, extract_stronger_features
 from styletrf.sfm.colmap_images import ColmapImages, prepare_images
 from styletrf.sfm.colmap_mapping import log_to
-from styletrf.sfm.known_poses import map_known_poses
+from styletrf.sfm.known_poses import map_known_poses, with_given_lenses
 from styletrf.sfm.lens_settings import Lenses
 from styletrf.sfm.mapping import SfmResult, flat_fraction, require_enough, require_explained
 from styletrf.sfm.mapping_choice import MappingTask, reconstruct
@@ -42,6 +43,7 @@ from styletrf.sfm.poses_report import FLAT, PosesReport, poses_report
 from styletrf.sfm.reconstruction import PlacedPhotograph, placed_photographs, sparse_points
 
 _LOGGER = logging.getLogger(__name__)
+_CAMERA_MODELS = pycolmap.CameraModelId.__members__.keys() - {"INVALID", "EQUIRECTANGULAR"}
 GivenViews = tuple[str, dict[str, GivenView]]
 """Where the poses that came with a capture are from, and its views by name."""
 
@@ -52,7 +54,7 @@ class CameraPosesConfig:
 
     Args:
         poses: Poses that came with the photographs are adjusted where these say so (`auto`), stay
-            as they are (`given`), or are ignored (`solved`).
+            as they are (`given`), or are ignored but for the split that came with them (`solved`).
         max_image_long_side: Larger photographs are worked on, and undistorted, at this size.
         max_features: The most SIFT features of one photograph, of which the largest are kept.
         video_features: The same of one frame of a video.
@@ -92,6 +94,12 @@ class CameraPosesConfig:
             raise ValueError(
                 f"least_explained is a fraction from 0 to 1, not {self.least_explained:g}"
             )
+        require_at_least(1, self, "max_image_long_side", "max_features", "video_features")
+        require_at_least(1, self, "tracks", "neighbors", "video_neighbors")
+        require_at_least(0, self, "exhaustive_up_to", "preemptive_up_to")
+        if self.camera_model not in _CAMERA_MODELS:
+            known = ", ".join(sorted(_CAMERA_MODELS))
+            raise ValueError(f"camera_model is {self.camera_model!r}, and COLMAP has {known}")
 
 
 def solve_camera_poses(
@@ -127,7 +135,8 @@ def solve_camera_poses(
         log_to(log_dir)
     pycolmap.set_random_seed(config.seed)
     capture = read_capture(capture_dir)
-    given = given_views(capture_dir) if config.poses != "solved" else None
+    published = given_views(capture_dir)
+    given = published if config.poses != "solved" else None
     with TemporaryDirectory(
         prefix="colmap-", dir=scratch_dir, ignore_cleanup_errors=True
     ) as scratch:
@@ -141,7 +150,7 @@ def solve_camera_poses(
         has_parallax=found.flat < FLAT or parallax_fraction(points, cameras) >= LEAST_PARALLAX,
         is_given=given is not None,
     )  # fmt: skip
-    held_out = _held_out(capture, cameras, given)
+    held_out = _held_out(capture, cameras, published)
     write_cameras(out_dir / "cameras.parquet", cameras, report.unregistered, held_out)
     write_points(out_dir / "points.parquet", points)
     _write_report(out_dir / "poses.json", report)
@@ -172,6 +181,7 @@ def _solve(
     images = prepare_images(capture_dir, capture, folder, long_side, lenses, progress)
     names = [photograph.name for photograph in capture.photographs]
     if given:
+        images = with_given_lenses(images, [given[1][name] for name in names])
         mapping, flat = _from_given(database, images, names, given, config, progress), 0.0
     else:
         mapping = _from_matches(database, images, capture, config, progress)

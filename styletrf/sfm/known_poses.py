@@ -45,7 +45,7 @@ def map_known_poses(
 
     Args:
         database: The COLMAP database to fill.
-        images: The images, in the order of `views`.
+        images: The images, in the order of `views`, see `with_given_lenses`.
         views: The pose and the lens of each.
         source: The source of the poses, for messages.
         max_features: SIFT features kept of one image.
@@ -57,7 +57,6 @@ def map_known_poses(
         InputError: The photographs do not fit the poses, or have lenses of several models.
     """
     lens = _lens_model(views, source)
-    images = replace(images, lenses=_given_lenses(images, views))
     extract_features(database, images, lens, max_features, progress)
     posed = _posed(database, images, views)  # before matches are verified with these lenses
     pairs = neighboring_pairs(views)
@@ -118,13 +117,14 @@ def neighboring_pairs(views: Sequence[GivenView]) -> Pairs:
     return sorted(pairs)
 
 
-def _given_lenses(images: ColmapImages, views: Sequence[GivenView]) -> tuple[LensSetting, ...]:
-    """Returns which files, of one size, were taken with the same lens."""
+def with_given_lenses(images: ColmapImages, views: Sequence[GivenView]) -> ColmapImages:
+    """Returns the images with a lens setting for each given lens and size of an image."""
     of_lenses: dict[tuple[Lens, tuple[int, int]], list[str]] = {}
     for file, view in zip(images.files, views, strict=True):
         size = photograph_size(images.folder / file)
         of_lenses.setdefault((view.lens, size), []).append(file)
-    return tuple(LensSetting(tuple(same), None) for same in of_lenses.values())
+    lenses = tuple(LensSetting(tuple(same), None) for same in of_lenses.values())
+    return replace(images, lenses=lenses)
 
 
 def _matched_features(database: Path) -> int:

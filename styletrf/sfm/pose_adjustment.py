@@ -49,7 +49,7 @@ def triangulated(
         largest_error_px: By which a point may miss where it is seen.
     """
     rough = largest_error_px / _LARGEST_ERROR_PX
-    options = pycolmap.IncrementalPipelineOptions(random_seed=seed)
+    options = pycolmap.IncrementalPipelineOptions(random_seed=seed, num_threads=1)
     options.mapper.filter_max_reproj_error = largest_error_px
     points = options.triangulation
     points.complete_max_reproj_error = points.merge_max_reproj_error = largest_error_px
@@ -133,6 +133,7 @@ def _adjust(
     options.refine_rig_from_world = with_poses
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = _USUAL_ERROR_PX
+    options.ceres.solver_options.num_threads = 1  # else sums differ from run to run
     pycolmap.bundle_adjustment(model, options)
 
 

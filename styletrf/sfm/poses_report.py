@@ -30,7 +30,9 @@ class FoundLens:
 class PosesReport:
     """The content of `poses.json`; the lens is the first before undistortion, in pixels of `width`.
 
-    `lenses` are those of all placed photographs, the one that took most of them first.
+    `focal_prior_px` is the known focal length that the search for this lens began with, None where
+    there was none. `lens_settings` counts those of all photographs. `lenses` are those of all
+    placed photographs, the one that took most of them first.
 
     `flat_pairs` is the fraction of the pairs most of whose matches fit one homography. If nearly
     all do, and nearly all points, too, the photographs have no parallax. `doubts` are warnings that
@@ -116,7 +118,7 @@ def poses_report(
         camera_model=str(lens.model_name),
         camera_params=tuple(float(value) for value in lens.params),
         focal_px=float(lens.mean_focal_length()),
-        focal_prior_px=images.lenses[0].focal_prior_px,
+        focal_prior_px=_focal_prior_px(images, placed[0].file),
         lens_settings=len(images.lenses),
         width=int(lens.width),
         height=int(lens.height),
@@ -126,6 +128,11 @@ def poses_report(
             *(() if is_given else _doubts_of_matches(mapping, has_parallax=has_parallax)),
         ),
     )
+
+
+def _focal_prior_px(images: ColmapImages, file: str) -> float | None:
+    """Returns the focal length that the lens setting of a file began with; None where with none."""
+    return next(one.focal_prior_px for one in images.lenses if file in one.files)
 
 
 def _lenses(placed: Sequence[PlacedPhotograph]) -> tuple[FoundLens, ...]:

@@ -18,6 +18,7 @@ from safetensors import SafetensorError
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
+from styletrf.configuration import require_at_least
 from styletrf.devices import is_faster_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.finiteness import load_finite, parameter_stages, require_finite
@@ -37,8 +38,8 @@ class StyleNetworkConfig:
     n_residual: int = 5  # blocks of two 3x3 convolutions
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.n_residual < 0:
-            raise ValueError(f"no such network: {self}")
+        require_at_least(1, self, "width")
+        require_at_least(0, self, "n_residual")
 
 
 class StyleNetwork(nn.Module):

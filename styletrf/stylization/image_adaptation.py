@@ -22,6 +22,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from styletrf.capture.view_images import view_images
+from styletrf.configuration import require_at_least
 from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.ray_cache import RayCache
@@ -70,8 +71,8 @@ class ImageAdaptationConfig:
     termination: float = 5e-2  # see `RenderConfig`
 
     def __post_init__(self) -> None:
-        if self.window_px < LEAST_PX:
-            raise ValueError(f"window_px is at least {LEAST_PX}")
+        require_at_least(0, self, "iterations")
+        require_at_least(LEAST_PX, self, "window_px")
 
 
 def adapt_to_image_loss(

@@ -1,5 +1,6 @@
 """Chooses the priors: a few viewpoints that together show all that the trajectory sees."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -30,6 +31,7 @@ from styletrf.trajectory.frames import rendered
 from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 _PLACES = 20_000  # of those that the trajectory sees
+_SMALLEST_PX = 32  # of the longer side: networks take 16 pixels of the shorter
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,10 @@ class PriorsConfig:
     frames_per_second: int = 24
 
     def __post_init__(self) -> None:
+        if self.long_side_px and self.long_side_px < _SMALLEST_PX:
+            raise ValueError(
+                f"long_side_px is {self.long_side_px}, not 0 or at least {_SMALLEST_PX}"
+            )
         if self.coverage.count > self.trajectory.frames:
             asked = f"{self.coverage.count} of {self.trajectory.frames}"
             raise ValueError(f"{asked} viewpoints cannot be chosen; raise trajectory.frames")
@@ -136,12 +142,10 @@ def _hidden(seen: Bool[np.ndarray, "views places"]) -> int:
 
 def _places_along(cameras: Sequence[Camera], trajectory: Path) -> Float[np.ndarray, "places 3"]:
     """Returns places that the frames show, reading one frame at a time: they may be large."""
-    every = max(1, sum(camera.width * camera.height for camera in cameras) // _PLACES)
+    pixels = sum(camera.width * camera.height for camera in cameras)
     files = (trajectory / "frames" / f"{camera.name}.exr" for camera in cameras)
-    return np.concatenate([
-        places_seen([camera], [read_float_image(file).depth], every)
-        for camera, file in zip(cameras, files, strict=True)
-    ])  # fmt: skip
+    depths = (read_float_image(file).depth for file in files)
+    return places_seen(cameras, depths, max(1.0, math.sqrt(pixels / _PLACES)))
 
 
 def views_along(path: Sequence[Camera], size: Camera, count: int) -> list[Camera]:

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from styletrf.capture.views import load_views
+from styletrf.configuration import require_at_least
 from styletrf.devices import is_faster_in_bfloat16
 from styletrf.field.kernels import Kernels, kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, refine_appearance
@@ -26,6 +27,7 @@ from styletrf.scene.free_space import free_space
 from styletrf.scene.scene_model import SceneModel, read_scene_model
 from styletrf.scene.training_photographs import read_training_photographs
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, shrunk
+from styletrf.style.perceptual.predictor_features import LEAST_PX
 from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.style.transfer.weights import load_style_transfer
@@ -65,6 +67,7 @@ class StylizationConfig:
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
 
     def __post_init__(self) -> None:
+        require_at_least(LEAST_PX, self, "style_px")
         if not 0 < self.fit_fraction <= 1:
             raise ValueError(f"fit_fraction is {self.fit_fraction}, not above 0 and at most 1")
         if not 0 <= self.appearance_scale < math.inf:
@@ -78,7 +81,7 @@ class StylizationConfig:
             self.image_loss, content_weight=content_weight * self.image_loss.content_weight
         )
         content = replace(self.content, level=self.content.level / content_weight)
-        style_px = max(1, round(stroke_scale * self.style_px))
+        style_px = max(LEAST_PX, round(stroke_scale * self.style_px))
         return replace(self, style_px=style_px, image_loss=loss, content=content)
 
 

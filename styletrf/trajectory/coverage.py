@@ -4,22 +4,24 @@ Places that no prior shows keep the photographs' colors, or arbitrary ones of th
 and a third prior of the same place average out the painter's differences from view to view.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int64
 
+from styletrf.configuration import require_at_least
 from styletrf.geometry.cameras import (
     Camera,
     depth_behind,
     fitted_to,
-    pixel_centers,
     points_at_depth,
 )
 
 Depth = Float[np.ndarray, "height width"]
+_STEPS = 0.7548776662466927, 0.5698402909980532
+"""Their multiples, modulo 1, fill a square evenly (R2, Roberts 2018)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +37,12 @@ class CoverageConfig:
     most_hidden: float = 0.02  # of the places, that no candidate shows
 
     def __post_init__(self) -> None:
-        fractions = 0 < self.share <= 1 and 0 <= self.once <= 1
-        if self.count < 0 or self.times < 1 or not fractions:
-            raise ValueError(f"no such cover: {self}")
+        require_at_least(0, self, "count")
+        require_at_least(1, self, "times")
+        if not 0 < self.share <= 1:
+            raise ValueError(f"share is {self.share}, not above 0 and at most 1")
+        if not 0 <= self.once <= 1:
+            raise ValueError(f"once is {self.once}, not from 0 to 1")
 
 
 def small_camera(camera: Camera, config: CoverageConfig) -> Camera:
@@ -46,16 +51,34 @@ def small_camera(camera: Camera, config: CoverageConfig) -> Camera:
 
 
 def places_seen(
-    cameras: Sequence[Camera], depths: Sequence[Depth], every: int = 1
+    cameras: Sequence[Camera], depths: Iterable[Depth], apart_px: float = 1.0
 ) -> Float[np.ndarray, "places 3"]:
-    """Returns the world points behind every n-th pixel, where it hits something."""
+    """Returns the world points behind pixels of a square grid, where they hit something.
+
+    The grid begins elsewhere in each view: views of the same surface together show all of it.
+
+    Args:
+        cameras: The cameras of the views.
+        depths: Their depths, which are used one at a time; infinite where a view hits nothing.
+        apart_px: The distance between neighbors on the grid, at least 1.
+    """
     places = []
-    for camera, depth in zip(cameras, depths, strict=True):
-        pixels = pixel_centers(camera.width, camera.height)[::every]
-        flat = depth.reshape(-1)[::every].astype(np.float64)
-        hit = np.isfinite(flat)
-        places.append(points_at_depth(camera, pixels[hit], flat[hit]))
+    for k, (camera, depth) in enumerate(zip(cameras, depths, strict=True)):
+        columns, rows = (
+            _apart(side, apart_px, 0.5 + k * step)
+            for side, step in zip((camera.width, camera.height), _STEPS, strict=True)
+        )
+        x, y = (part.ravel() for part in np.meshgrid(columns, rows))
+        seen = depth[y, x].astype(np.float64)
+        hit = np.isfinite(seen)
+        places.append(points_at_depth(camera, np.column_stack([x, y])[hit] + 0.5, seen[hit]))
     return np.concatenate(places)
+
+
+def _apart(side: int, apart_px: float, phase: float) -> Int64[np.ndarray, " pixels"]:
+    """Returns pixels of a side that are so far apart, moved by a fraction (`phase`) of that."""
+    passed = np.floor(np.arange(side + 1) / apart_px + phase)
+    return np.flatnonzero(np.diff(passed))
 
 
 def shown(

@@ -23,7 +23,8 @@ from pipeline.code.interpreters import json_from
 from pipeline.digest import typed_digest
 from pipeline.execution.cpu_memory import usable_cores
 from pipeline.execution.environment import build_environment
-from pipeline.execution.gpu import VISIBLE, visible_gpus
+from pipeline.execution.gpu import visible_gpus
+from styletrf.errors import InputError
 from tasks.machine.local_facts import add_fact, read_facts
 
 _MAIN = "tasks.machine.calibration:main"
@@ -113,7 +114,7 @@ def calibration_of_machine(device: str = "auto") -> Calibration:
     were never compiled, half a minute more.
 
     Raises:
-        subprocess.CalledProcessError: The workloads fail.
+        InputError: The workloads fail, such as on a GPU that is not there.
     """
     machine = this_machine(device)
     with suppress(KeyError, TypeError, ValueError):
@@ -145,9 +146,15 @@ def processor() -> str:
 
 def _measured(device: str) -> dict[str, float]:
     environment = build_environment()
-    if device != "cpu" and not environment.get(VISIBLE):
-        environment.pop(VISIBLE, None)  # of a build that computes on no GPU itself
-    return dict(json_from(_MAIN, device, environment=environment, stderr=subprocess.PIPE))
+    try:
+        return dict(json_from(_MAIN, device, environment=environment, stderr=subprocess.PIPE))
+    except subprocess.CalledProcessError as error:
+        last = "".join(error.__notes__).strip().rpartition("\n")[2]
+        raise InputError(
+            f"--device {device}",
+            f"could not be measured: {last or error}",
+            "Correct it, or choose another device",
+        ) from error
 
 
 def main(device: str) -> None:

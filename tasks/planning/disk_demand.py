@@ -36,11 +36,11 @@ def require_disk(
         InputError: The frames of all stages together take more.
     """
     known = [demand for demand in demands if demand.scene in scenes]
-    sizes = {demand: written_bytes(demand, scenes[demand.scene]) for demand in known}
-    needed = sum(sizes.values())
+    sizes = [written_bytes(demand, scenes[demand.scene]) for demand in known]
+    needed = sum(sizes)
     if needed <= free_bytes:
         return
-    worst = max(known, key=sizes.__getitem__)
+    worst = known[sizes.index(max(sizes))]
     pixels = frame_pixels(worst, scenes[worst.scene])
     raise InputError(
         f"{worst.frames} frames of {pixels / 1e6:.1f} megapixels in scene {worst.scene}",

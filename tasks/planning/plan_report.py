@@ -60,7 +60,7 @@ def totals(plan: BuildPlan) -> dict[str, Any]:
 def plan_as_text(plan: BuildPlan) -> str:
     """Returns a line a stage, in columns, and the totals."""
     rows = [_row(stage) for stage in plan.stages]
-    widths = [max(len(row[k]) for row in rows) for k in range(5)]
+    widths = [max((len(row[k]) for row in rows), default=0) for k in range(5)]
     lines = ["  ".join((*map(str.ljust, row[:5], widths), row[5])).rstrip() for row in rows]
     return "\n".join([*plan.settings, *lines, _total_line(plan)])
 

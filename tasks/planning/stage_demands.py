@@ -53,11 +53,17 @@ def demand_of(stage: ConfigurableStage) -> Demand:
         grid_points=_grid_points(model),
         video_frames=stage.upstream(SceneCapture).values().get("video_frames", _VIDEO_FRAMES),
         limit_bytes=int(limit_gib * 2**30),
-        frames=frame_count(path) or 0,
+        frames=math.ceil((frame_count(path) or 0) / _shards_of(stage)),
         priors=_prior_views(priors) if rays else 0,
         rays=rays,
         ray_bytes=ray_bytes,
     )
+
+
+def _shards_of(stage: ConfigurableStage) -> int:
+    """Returns the number of shards of which the stage builds one; 1 for a whole."""
+    shard = str(stage.param_kwargs.get("shard", ""))
+    return int(shard.partition("/")[2]) if shard else 1
 
 
 def _kept_rays(settings: Mapping[str, Any]) -> tuple[int, float]:

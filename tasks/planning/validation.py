@@ -7,7 +7,7 @@ process does not load. So another process checks them (`request_validation`).
 import dataclasses
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from tasks.command.sources import may_stop, sources_of
 from tasks.planning.stage_demands import demands_of
 from tasks.stages.field import TrajectoryFrames
 from tasks.stages.scene import SceneCapture
-from tasks.stages.stage import ConfigurableStage, Stage
+from tasks.stages.stage import ConfigurableStage, PresetStage, Stage
 
 LEAST_ROOM_BYTES = 64 << 20  # free disk space that a command needs to begin
 
@@ -38,20 +38,21 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
     """
     stages = list(upstream_first(root))
     sources_of(root)  # once, before workers are forked
-    for stage in stages:
+    expected = [s.expected_result() for s in stages if hasattr(s, "expected_result")]
+    checked = list(upstream_first(root, *expected))
+    for stage in checked:
         if hasattr(stage, "validate"):  # Luigi's own tasks do not
             stage.validate()
-        if hasattr(stage, "require_reachable"):
+    for stage in stages:
+        if hasattr(stage, "require_reachable"):  # it may measure how fast this machine is
             stage.require_reachable()
     require_room(current_store().root)
-    demands = demands_of(stages) if may_stop(root) else []
-    tuned = [s for s in stages if isinstance(s, ConfigurableStage) and (s.settings or s.tuning)]
-    settings = {(stage.task_family, json.dumps(stage.values())) for stage in tuned}
+    demands = demands_of(checked) if may_stop(root) else []
     request = {
-        "tuned": sorted({name for stage in tuned for name in stage.tuning}),
-        "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in stages),
-        "settings": sorted(settings),
-        "paths": sorted({path for stage in stages if (path := _path_of(stage))}),
+        "tuned": sorted({n for s in checked if isinstance(s, PresetStage) for n in s.tuning}),
+        "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in checked),
+        "settings": sorted({each for stage in checked for each in _settings_of(stage)}),
+        "paths": sorted({path for stage in checked if (path := _path_of(stage))}),
         "memory": [dataclasses.asdict(demand) for demand in demands],
         "free_bytes": shutil.disk_usage(current_store().root).free if demands else 0,
     }
@@ -73,6 +74,15 @@ def require_room(root: Path) -> None:
             f"has {free >> 20} MiB free; a scene in one style takes about 300",
             "Free some space (python -m pipeline gc), or set STYLETRF_STORE to another disk",
         )
+
+
+def _settings_of(stage: luigi.Task) -> Iterator[tuple[str, str]]:
+    """Yields the stages whose settings a stage has from the user, with all values, as JSON."""
+    if isinstance(stage, ConfigurableStage) and stage.settings:
+        yield stage.task_family, json.dumps(stage.values())
+    if isinstance(stage, PresetStage):
+        for family in stage.tuning:  # also those of which the command has no stage
+            yield family, json.dumps(stage.tuned(family, stage.quality))
 
 
 def _path_of(stage: luigi.Task) -> tuple[str, str, str] | None:

@@ -9,6 +9,7 @@ from pipeline.errors import TaskFailure
 from pipeline.parameters import ListParameter
 from styletrf.errors import InputError
 from styletrf.steps.sharding import shard_of
+from tasks.results.listed_names import require_names
 from tasks.results.trajectory import StylizedTrajectory
 from tasks.stages.linked_results import link_results
 
@@ -35,11 +36,15 @@ class Grid(luigi.WrapperTask):
     network: str
 
     def validate(self) -> None:
-        """Rejects an invalid part, and one network for several paintings.
+        """Rejects invalid lists, an invalid part, and one network for several paintings.
 
         Raises:
             InputError: A parameter is invalid; the error names a valid one.
         """
+        for option, names in {"--scenes": self.scenes, "--styles": self.styles}.items():
+            require_names(option, names)
+            if not names:
+                raise InputError(f"{option} []", "is empty", "Name one at least")
         self.cells()
         if self.network and len(self.styles) > 1:
             problem = "is the network of one painting, but there are several styles"

@@ -6,6 +6,7 @@ import luigi
 
 from pipeline.parameters import ListParameter
 from styletrf.errors import InputError
+from tasks.results.listed_names import require_names
 from tasks.stages.linked_results import LinkedStage
 from tasks.stages.path_parameters import PathParameters
 from tasks.stages.style_parameters import NetworkParameters, StyleParameters
@@ -34,15 +35,10 @@ class SceneInStyles(LinkedStage, PathParameters):
             InputError: A parameter is invalid; the error names a valid one.
         """
         super().validate()
-        subject = f"--styles {list(self.styles)}"
-        if not all(isinstance(style, str) and style for style in self.styles):
-            problem = "contains an entry that is not the name of an image in data/styles"
-            raise InputError(subject, problem, 'Give a list such as ["mosaic"]')
+        require_names("--styles", self.styles)
         if any(style.casefold() == "photographs" for style in self.styles):
             problem = "has the name of what is not stylized"
-            raise InputError(subject, problem, "Rename the painting")
-        if len(set(self.styles)) < len(self.styles):
-            raise InputError(subject, "names one twice", "Name each once")
+            raise InputError(f"--styles {list(self.styles)}", problem, "Rename the painting")
         if self.strategy != "s3":
             problem = "gives each style a geometry of its own, but all styles have to share one"
             raise InputError(f"--strategy {self.strategy}", problem, "Leave it out: s3 shares one")

@@ -8,13 +8,16 @@ import luigi
 
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
+from styletrf.errors import InputError
 from tasks.machine.calibration import this_machine
 from tasks.presets.presets import PRESETS
 from tasks.results.job_costs import job_costs
 from tasks.stages.linked_results import LinkedStage
 from tasks.stages.scene import CameraPoses, SceneCapture, SceneModel
-from tasks.stages.stage import PresetStage, Stage
+from tasks.stages.stage import ConfigurableStage, PresetStage, Stage
 
+FITTED = ("SceneModel", "RadianceField")
+"""The stages that the report runs itself, with the settings of each quality."""
 TRIED = ("draft", "standard")  # brief fits of `paper` take a quarter of an hour or more on cores
 
 
@@ -27,6 +30,18 @@ class SceneReport(LinkedStage, PresetStage):
     scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
     tools = ("numba", "opencv-contrib-python-headless", "torch")
     uses_device = True
+
+    def validate(self) -> None:
+        """Rejects settings of stages that the report would not obey.
+
+        Raises:
+            InputError: The settings are given by `--STAGE-settings`.
+        """
+        super().validate()
+        for family in FITTED:
+            if ConfigurableStage.settings.task_value(family, "settings"):
+                problem = "does not reach the brief fits of the report"
+                raise InputError(f"--{family}-settings", problem, "Give them by --tuning")
 
     def requires(self) -> Mapping[str, Stage]:
         """Returns the photographs, their cameras, and the model of the requested quality."""

@@ -61,6 +61,7 @@ class TradeOff(LinkedStage, PresetStage):
         default=(), description='only these changes, such as ["iterations x 0.5"]'
     )
     tools = ()
+    uses_device = True  # for the calibration
 
     def validate(self) -> None:
         """Rejects a sweep without a baseline, or with unknown changes.

@@ -9,10 +9,10 @@ from typing import cast
 
 import luigi
 
-from pipeline.errors import StoreError, TaskFailure
+from pipeline.errors import StoreError
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.parameters import BoolParameter
-from pipeline.settings import out_root
+from pipeline.settings import current_store, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination, Tuning
@@ -42,7 +42,7 @@ from tasks.summary.gallery import refresh_gallery
 
 _log = logging.getLogger("pipeline")
 
-PAGES = ("trade-off", "scene-report")
+PAGES = ("trade-off", "scene-report", "export")
 """Folders in `out/SCENE/` that are not results of a style."""
 
 
@@ -114,7 +114,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """Returns all inputs of the report; with a bound, the kind of space and the sources."""
         if self.request:
             sources = [task for task in upstream_first(self._plain()) if is_source(task)]
-            named = {task.task_family: cast("Stage", task) for task in sources}
+            named = {task.task_id: cast("Stage", task) for task in sources}
             return {"model": self.upstream(SceneModel, quality=PRESETS[0]), **named}
         shown: dict[str, Stage] = {
             "frames": self.upstream(StylizedFrames),
@@ -157,6 +157,10 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """Returns the requested result, with its settings if they are chosen."""
         return [self.resolved() or self]
 
+    def expected_result(self) -> "StylizedTrajectory":
+        """Returns the result whose stages are validated: a draft until the settings are chosen."""
+        return (self.resolved() or self._plain()) if self.request else self
+
     def _plain(self) -> "StylizedTrajectory":
         """Returns the same result at the first preset, for its sources, which all presets share."""
         return self.with_settings(PRESETS[0], {})
@@ -184,7 +188,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         try:
             choice = self._keep_choice()
         except (InputError, StoreError) as error:
-            raise TaskFailure("user", str(self), str(error)) from error
+            raise self._failure(error, current_store()) from error
         yield self.at_point(choice.quality, choice.point)
 
     def resolved(self) -> "StylizedTrajectory | None":

@@ -1,12 +1,16 @@
 """Validation of `--strength`, `--blend` and `--region`, which blend styles in the frames."""
 
 import functools
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from styletrf.errors import InputError
 from tasks.stages.style_parameters import FrameParameters
+
+_LEAST_REST = 1e-6
+"""The least weight of the main style: rounding of the others' sum cannot make it negative."""
 
 
 def validate_blend(stage: FrameParameters) -> None:
@@ -19,7 +23,8 @@ def validate_blend(stage: FrameParameters) -> None:
     if not 0 <= stage.strength <= 1:
         subject = f"--strength {stage.strength}"
         raise InputError(subject, "is not between 0 and 1", "Give a number from 0 to 1")
-    if not all(isinstance(w, float | int) and w > 0 for w in weights) or sum(weights) >= 1:
+    most = 1 - _LEAST_REST
+    if not all(isinstance(w, float | int) and w > 0 for w in weights) or sum(weights) > most:
         subject = f"--blend {dict(stage.blend)}"
         problem = "has invalid weights: each has to be above 0, and their sum below 1"
         raise InputError(subject, problem, 'Give such as {"udnie": 0.3}')
@@ -74,7 +79,11 @@ def _is_box(region: Mapping[str, Any]) -> bool:
     if set(region) != {"box"} or not isinstance(corners, list | tuple) or len(corners) != 2:
         return False
     are_points = all(
-        isinstance(c, list | tuple) and len(c) == 3 and all(isinstance(v, int | float) for v in c)
+        isinstance(c, list | tuple) and len(c) == 3 and all(_is_finite(v) for v in c)
         for c in corners
     )
     return are_points and all(a < b for a, b in zip(*corners, strict=True))
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)

@@ -42,7 +42,7 @@ class PathParameters(PresetStage):
         default=0, description="frames a second, 24 to 60; 0 for the quality's"
     )
     frame_size = IntParameter(
-        default=0, description="longer side of the frames in pixels, up to 3840; 0: the scene's"
+        default=0, description="longer side of the frames in pixels, 64 to 3840; 0: the scene's"
     )
 
     def validate(self) -> None:

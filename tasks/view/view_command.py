@@ -9,8 +9,10 @@ from pathlib import Path
 from threading import Event, Thread
 
 from luigi.cmdline_parser import CmdlineParser
+from luigi.parameter import ParameterException
 
 from pipeline.errors import StoreError
+from pipeline.parameters import parameter_errors
 from pipeline.settings import current_store, data_root, out_root
 from pipeline.task import artifact
 from styletrf.capture.user_folders import find_scene
@@ -43,8 +45,9 @@ def run(arguments: Sequence[str]) -> int:
     """
     given, others = _parser().parse_known_args(arguments)
     try:
-        return _serve(given, others)
-    except (InputError, StoreError) as error:
+        with parameter_errors():
+            return _serve(given, others)
+    except (InputError, StoreError, ParameterException) as error:
         raise SystemExit(str(error)) from error
     except KeyboardInterrupt:
         return 0

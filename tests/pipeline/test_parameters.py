@@ -32,6 +32,9 @@ class Declared(luigi.Task):
     [
         ("word", "blue", "red, green"),
         ("share", "half", "number"),
+        ("share", "-1", "number of 0 or more"),
+        ("share", "inf", "number of 0 or more"),
+        ("share", "nan", "number of 0 or more"),
         ("how_often", "1.5", "whole number"),
         ("shares", "{", "JSON object"),
         ("shares", '["a"]', "JSON object"),

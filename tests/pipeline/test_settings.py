@@ -39,6 +39,26 @@ def test_a_relative_path_starts_where_the_file_lies_that_names_it(elsewhere, tmp
     assert data_root() == tmp_path / "work" / "data", "a default starts at the working directory"
 
 
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [("shared", "cluster/shared"), ("", ""), ("s3://bucket/a", "s3://bucket/a"), ("/mnt", "/mnt")],
+)
+def test_a_shared_store_in_a_folder_starts_there_too(write, tmp_path, monkeypatch, given, found):
+    """It started at the working directory, and builds went on without it."""
+    monkeypatch.delenv("STYLETRF_REMOTE", raising=False)
+    write(f"[store]\nremote = {given}\n")
+    expected = str(tmp_path / found) if found == "cluster/shared" else found
+    assert current_remote().url == expected
+
+
+def test_options_that_are_no_object_are_an_error_with_their_file(write, elsewhere):
+    """The error blamed the address of the shared store."""
+    write("[store]\nremote_options = {bad\n")
+    with pytest.raises(StoreError) as error:
+        current_remote()
+    assert mentions(str(error.value), "[store] remote_options = {bad", elsewhere / "cluster.cfg")
+
+
 def test_the_snapshot_lies_by_the_code_wherever_a_command_runs(elsewhere):
     """Else the same code had other keys in another folder."""
     assert identity_file() == Path(pipeline.__file__).parents[1] / "tasks/identity.json"

@@ -106,12 +106,12 @@ def test_a_path_that_no_photographs_support_is_made_of_stills(mini: Mini):
 
 
 def test_another_path_has_its_own_frames(mini: Mini):
-    folder = mini("TrajectoryFrames", path="dolly", seconds=0.5, frame_rate=30, frame_size=32)
+    folder = mini("TrajectoryFrames", path="dolly", seconds=0.5, frame_rate=30, frame_size=64)
     cameras = read_cameras(folder / "cameras.parquet")
-    assert [(camera.width, camera.height) for camera in cameras] == [(32, 32)] * 15
+    assert [(camera.width, camera.height) for camera in cameras] == [(64, 64)] * 15
     assert video_info(folder / "video.mp4").frames_per_second == 30
     assert read_summary(folder / "support.json")["path"] == "dolly"
-    assert read_float_image(folder / "frames" / "0000.exr").color.shape == (32, 32, 3)
+    assert read_float_image(folder / "frames" / "0000.exr").color.shape == (64, 64, 3)
 
 
 def test_priors_of_a_path_that_goes_elsewhere_show_what_it_sees(mini: Mini, tmp_path: Path):

@@ -78,7 +78,7 @@ def frame_motion(frames: Iterable[TimedFrame]) -> FrameMotion:
     """Returns the measures of a video's frames; holds eight of them at a time.
 
     One thread decodes the frames, and another one examines each: neither needs the motion before
-    it.
+    it. All frames have one `examined_size`.
     """
     rows: list[tuple[float, ...]] = []
     reference = before = None
@@ -150,11 +150,15 @@ def _moved(reference: _Look, before: _Look, gray: Gray) -> tuple[Float[np.ndarra
     return before.so_far + np.array([_LOST_DISPLACEMENT, 0.0]), True
 
 
+def examined_size(height: int, width: int) -> tuple[int, int]:
+    """Returns the width and height at which frames of a size are examined."""
+    scale = min(1.0, _LONG_SIDE / max(height, width))
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
 def _looked_at(frame: UInt8[np.ndarray, "_ _ 3"]) -> UInt8[np.ndarray, "_ _"]:
     gray = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
-    scale = min(1.0, _LONG_SIDE / max(gray.shape))
-    size = (max(1, round(gray.shape[1] * scale)), max(1, round(gray.shape[0] * scale)))
-    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(gray, examined_size(*gray.shape), interpolation=cv2.INTER_AREA))
 
 
 def _color_fractions(frame: UInt8[np.ndarray, "height width 3"]) -> Colors:

@@ -13,7 +13,12 @@ import numpy as np
 from styletrf.capture.capture_file import Capture, Photograph, write_capture
 from styletrf.capture.clips.clip_survey import clip_warnings
 from styletrf.capture.clips.frame_choice import chosen_frames
-from styletrf.capture.clips.frame_motion import FrameMotion, frame_motion, joined_motion
+from styletrf.capture.clips.frame_motion import (
+    FrameMotion,
+    examined_size,
+    frame_motion,
+    joined_motion,
+)
 from styletrf.capture.left_out import left_out, names_of_frame
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
@@ -61,13 +66,13 @@ def capture_videos(
     warning names the photographs beside the videos that are `skipped`.
 
     Raises:
-        InputError: A file is no video, the pictures keep still, there are fewer than three frames
-            to choose from or left, or nothing to leave out by such a name.
+        InputError: A file is no video, its pictures change their shape or keep still, there are
+            fewer than three frames to choose from or left, or nothing to leave out by such a name.
     """
     cut = {video for video in videos if _is_panorama(video, panoramas)}
     motions = [frame_motion(_followed(video, progress)) for video in videos]
-    count = count // len(DIRECTIONS) if cut else count
-    chosen = _chosen_of_each(motions, count)
+    views = [len(DIRECTIONS) if video in cut else 1 for video in videos]
+    most, chosen = _most_frames(motions, views, count)
     total = sum(len(frames) for frames in chosen)
     _require_enough(videos, total, "Film longer, or ask for more frames")
     taken = _not_left_out(_named(videos, chosen), leave_out)
@@ -84,7 +89,7 @@ def capture_videos(
     ]
     warnings = [
         *_input_warnings(videos, cut, skipped),
-        *_warnings(videos, motions, chosen, count),
+        *_warnings(videos, motions, chosen, most),
     ]
     capture = Capture(tuple(photographs), tuple(warnings))
     write_capture(out_dir, capture)
@@ -99,11 +104,40 @@ def _require_enough(videos: Sequence[Path], total: int, remedy: str) -> None:
 
 
 def _followed(video: Path, progress: Progress) -> Iterator[TimedFrame]:
+    """Yields the frames of a clip.
+
+    Raises:
+        InputError: They change their shape, so that no motion is seen from one to the next.
+    """
     total = video_info(video).frames
+    shapes = set[tuple[int, int]]()
     for done, frame in enumerate(timed_frames(video)):
         progress(min(done, total), total)
+        height, width = frame.pixels.shape[:2]
+        shapes.add(examined_size(height, width))
+        if len(shapes) > 1:
+            problem = f"changes its picture to {width}x{height} pixels after {frame.time_s:.1f} s"
+            raise InputError(str(video), problem, "Split it there into two clips")
         yield frame
     progress(total, total)
+
+
+def _most_frames(
+    motions: Sequence[FrameMotion], views: Sequence[int], count: int
+) -> tuple[int, list[list[int]]]:
+    """Returns the most frames of all clips that give at most `count` views, and their indices.
+
+    Args:
+        motions: The motion in each clip.
+        views: How many views each frame of a clip gives.
+        count: Of the views.
+    """
+    fewest = count // max(views)
+    for frames in range(count // min(views), fewest, -1):
+        chosen = _chosen_of_each(motions, frames)
+        if sum(n * len(of_clip) for n, of_clip in zip(views, chosen, strict=True)) <= count:
+            return frames, chosen
+    return fewest, _chosen_of_each(motions, fewest)
 
 
 def _chosen_of_each(motions: Sequence[FrameMotion], count: int) -> list[list[int]]:

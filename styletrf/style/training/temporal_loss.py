@@ -19,6 +19,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
+from styletrf.configuration import require_at_least
+
 _LEAST_VARIANCE = 1e-3  # on [0, 1]: hardly any contrast
 
 
@@ -33,8 +35,9 @@ class TemporalLossConfig:
     renders: float = 0.0  # of these, the fraction that looks at renders of the scene
 
     def __post_init__(self) -> None:
-        if self.every < 1 or not 0 <= self.renders <= 1:
-            raise ValueError(f"no such terms: {self}")
+        require_at_least(1, self, "every")
+        if not 0 <= self.renders <= 1:
+            raise ValueError(f"renders is {self.renders}, not from 0 to 1")
 
 
 @dataclass(frozen=True, slots=True)

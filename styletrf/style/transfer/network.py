@@ -20,6 +20,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from styletrf.configuration import require_at_least
 from styletrf.style.residual_network import ResidualBlock, draw_convolutions, padded_to_quarters
 
 EMBEDDING_SIZE = 100
@@ -33,8 +34,9 @@ class TransferNetworkConfig:
     n_residual: int = 5  # blocks of two 3x3 convolutions
 
     def __post_init__(self) -> None:
-        if min(self.widths) < 1 or self.n_residual < 0:
-            raise ValueError(f"no such network: {self}")
+        require_at_least(0, self, "n_residual")
+        if min(self.widths) < 1:
+            raise ValueError(f"widths are {self.widths}, not at least 1")
 
 
 class TransferNetwork(nn.Module):

@@ -109,5 +109,5 @@ def test_frames_of_a_clip_are_expected_up_to_their_number(tmp_path, panoramas):
 
 
 def test_frames_of_several_clips_are_expected_with_the_names_of_their_clips(tmp_path):
-    names = expected_of_frames(tmp_path, ["a.mp4", "b.mp4"], video_frames=2, panoramas="no")
-    assert names == {"a_0001", "a_0002", "b_0001", "b_0002"}
+    names = expected_of_frames(tmp_path, ["a.mp4", "b.mp4"], video_frames=3, panoramas="no")
+    assert names == {f"{clip}_000{number}" for clip in "ab" for number in (1, 2, 3)}

@@ -80,6 +80,25 @@ def nerfstudio_fisheye(folder, poses):
     (folder / "transforms.json").write_text(json.dumps(content))
 
 
+FULL = pycolmap.Camera(
+    model="FULL_OPENCV",
+    width=WIDTH,
+    height=HEIGHT,
+    params=[FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2, 0.05, -0.02, 0.001, -0.001, 0.15, 0, 0, 0],
+)
+
+
+def third_coefficient(folder, poses):
+    photographed(folder, FULL, poses)
+    names = ["fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2", "k3"]
+    content = dict(zip(names, FULL.params.tolist(), strict=False)) | {"w": WIDTH, "h": HEIGHT}
+    content["frames"] = [
+        {"file_path": f"images/{index}.png", "transform_matrix": as_opengl(pose)}
+        for index, pose in enumerate(poses)
+    ]
+    (folder / "transforms.json").write_text(json.dumps(content))
+
+
 def llff(folder, poses):
     photographed(folder, PINHOLE, poses)
     rows = []
@@ -95,7 +114,8 @@ def colmap_text(folder, poses):
 
 
 @pytest.fixture(
-    scope="module", params=[blender, instant_ngp, nerfstudio_fisheye, llff, colmap, colmap_text]
+    scope="module",
+    params=[blender, instant_ngp, third_coefficient, nerfstudio_fisheye, llff, colmap, colmap_text],
 )
 def given(request, tmp_path_factory):
     """A scene with poses, after SceneCapture and CameraPoses."""
@@ -118,6 +138,7 @@ def test_solved_cameras_have_the_poses_that_were_given(given):
     cameras = read_cameras(folder / "out" / "cameras.parquet")
     assert (report.registered, report.total) == (VIEWS, VIEWS)
     assert report.mapper.startswith("given by")
+    assert (report.lens_settings, report.focal_prior_px) == (1, None)
     for camera, pose in zip(cameras, poses, strict=True):
         np.testing.assert_allclose(camera.world_from_camera, pose, atol=1e-6)
 
@@ -161,14 +182,17 @@ def test_photographs_without_a_pose_and_poses_without_a_photograph_are_named(giv
         assert warnings == ()
 
 
-def test_poses_can_be_solved_all_the_same(tmp_path):
-    llff(tmp_path, room_poses(VIEWS))
+def test_poses_can_be_solved_all_the_same_and_the_published_split_is_kept(tmp_path):
+    """Another one was made, whose measures are not those that others publish."""
+    blender(tmp_path, room_poses(VIEWS))
     found = find_given_poses(tmp_path)
     capture_photographs(tmp_path / "images", tmp_path / "capture", given=found)
     (tmp_path / "out").mkdir()
     config = CameraPosesConfig(poses="solved", max_features=512)
     report = solve_camera_poses(tmp_path / "capture", tmp_path / "out", config, log_dir=tmp_path)
     assert report.mapper in ("global", "incremental")
+    _, held_out = read_split(tmp_path / "out" / "cameras.parquet")
+    assert {camera.name for camera in held_out} == {f"test_r_{i}" for i in range(VIEWS // 2)}
 
 
 def solved_with_rows(folder, change):

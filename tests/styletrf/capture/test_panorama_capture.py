@@ -163,6 +163,20 @@ def test_a_frame_that_is_a_panorama_is_left_out_whole(tmp_path):
     assert {one.panorama for one in capture.photographs} == {"0001", "0003", "0004"}
 
 
+def test_a_clip_beside_one_of_panoramas_gives_its_frames(tmp_path):
+    """It gave a fifth of them, as if each were cut, too."""
+    wall = texture(256, WIDTH + 200, 1)
+    write_video(tmp_path / "flat.mp4", [wall[:120, 4 * k : 4 * k + 160] for k in range(40)], 12)
+    write_video(tmp_path / "round.mp4", filmed(12), 12)
+    clips = [tmp_path / "flat.mp4", tmp_path / "round.mp4"]
+    capture = capture_videos(clips, tmp_path / "out", 30)
+    photographs = sum(one.panorama is None for one in capture.photographs)
+    panoramas = len({one.panorama for one in capture.photographs} - {None})
+    assert len(capture.photographs) == photographs + 5 * panoramas
+    assert photographs + panoramas > 30 // 5
+    assert 30 - 5 < len(capture.photographs) <= 30
+
+
 def test_a_clip_is_filmed_as_the_setting_says(tmp_path):
     write_video(tmp_path / "walk.mp4", filmed(24), 12)
     capture = capture_videos([tmp_path / "walk.mp4"], tmp_path / "a", 6, panoramas="no")

@@ -8,6 +8,7 @@ from made_photographs import encoded, texture, with_exif
 
 from styletrf.capture.capture_file import read_capture
 from styletrf.capture.masks import read_mask
+from styletrf.capture.poses.given_poses import GivenPoses, GivenView, Lens
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.errors import InputError
 
@@ -159,6 +160,17 @@ def test_files_that_are_passed_over_are_named_wherever_they_lie(folder, tmp_path
     assert all(name in converted for name in ("raw.NEF", "raw.dng", "still.gif"))
     assert "walk.mp4" in clips
     assert "view 9.mov" not in clips, "a telephone stores it with each photograph"
+
+
+def test_photographs_in_folders_that_have_no_poses_are_named(folder, tmp_path):
+    """They were left out, and nothing said so."""
+    (folder / "walk").mkdir()
+    (folder / "walk/view 2.jpg").write_bytes(photograph(2))
+    lens = Lens("SIMPLE_PINHOLE", (20.0, 12.0, 8.0), 24, 16)
+    views = tuple(GivenView(file, lens, np.eye(3, 4)) for file in sorted(folder.glob("*.jpg")))
+    given = GivenPoses(tmp_path, views)
+    (warning,) = capture_photographs(folder, tmp_path / "out", given=given).warnings
+    assert warning.endswith("has no poses of: walk/view 2.jpg")
 
 
 def test_progress_counts_the_photographs(folder, tmp_path):

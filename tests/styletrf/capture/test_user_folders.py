@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,19 @@ def test_a_missing_scene_is_answered_with_those_that_exist(data, name):
     with rejects(name, "garden9, garden10") as refusal:
         find_scene(data, name)
     assert f"scenes/{name}" in refusal.value.remedy
+
+
+@pytest.mark.parametrize(
+    "place", [b"caf\xe9.mp4", b"caf\xe9.nef", b"caf\xe9/1.jpg", b"images/masks/caf\xe9/1.png"]
+)
+def test_a_file_of_a_scene_whose_path_is_not_utf8_is_refused(data, place):
+    """Its name could not be written into the warnings or the key."""
+    for name in (*(b"images/%d.jpg" % index for index in range(3)), b"images/" + place):
+        file = data / "scenes/empty" / os.fsdecode(name)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    with rejects(Path(place.replace(b"images/masks/", b"").decode(errors="replace")), "UTF-8"):
+        scene_files(find_scene(data, "empty"))
 
 
 def test_photographs_may_lie_in_the_scenes_own_folder(data):

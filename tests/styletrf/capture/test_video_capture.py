@@ -174,6 +174,22 @@ def test_a_video_of_one_or_two_frames_is_refused(walk, tmp_path, count, subject,
         capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 8)
 
 
+def test_a_clip_whose_picture_changes_its_shape_is_refused(walk, tmp_path):
+    """It ended in a traceback of OpenCV."""
+    for name, frames in {"a.ts": walk[:6], "b.ts": [frame[:, :120] for frame in walk[6:]]}.items():
+        with av.open(str(tmp_path / name), "w", format="mpegts") as container:
+            stream = container.add_stream("mpeg2video", 25)
+            stream.height, stream.width = frames[0].shape[:2]
+            for frame in frames:
+                picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame))
+                container.mux(stream.encode(picture.reformat(format="yuv420p")))
+            container.mux(stream.encode(None))
+    clip = tmp_path / "walk.mpg"
+    clip.write_bytes((tmp_path / "a.ts").read_bytes() + (tmp_path / "b.ts").read_bytes())
+    with rejects(clip, "120x120"):
+        capture_videos([clip], tmp_path / "out", 8)
+
+
 def test_times_are_those_of_the_file_where_frames_come_unevenly(walk, tmp_path):
     ticks = np.cumsum([0, 1, 1, 1, 7, 1, 3, 20, 1, 1])
     with av.open(str(tmp_path / "a.mp4"), "w") as container:

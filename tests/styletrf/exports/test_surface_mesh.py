@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from ball_views import RADIUS, ball_seen, camera
+from expected_errors import rejects
 
 from styletrf.errors import InputError
 from styletrf.exports.surface_files import write_glb, write_points
@@ -59,12 +60,32 @@ def test_vertices_have_the_colors_that_views_see():
 
 
 def test_where_nothing_is_hit_there_is_no_mesh():
+    pytest.importorskip("skimage", reason="scikit-image is not installed (extra export)")
     empty = ball_seen(camera(0.0))
     nothing = torch.full_like(empty.depth, torch.inf)
     empty = Rendering(empty.color, empty.opacity * 0, nothing, nothing)
     with pytest.raises(InputError):
         surface_mesh([camera(0.0)], [empty], lambda grid: grid, (8, 8, 8))
     assert surface_fraction([empty]) == 0
+
+
+def in_a_thin_layer(grid):
+    """The layers beside the middle one have a cell length beyond the map, so they are not known."""
+    return np.where(np.abs(grid[:, :1]) < 0.3, grid, np.nan)
+
+
+def at_lattice_points_alone(grid):
+    index = (grid + 1) * 4.5 - 0.5
+    return np.where(np.isclose(index, index.round()).all(axis=1, keepdims=True), grid, np.nan)
+
+
+@pytest.mark.parametrize("to_world", [in_a_thin_layer, at_lattice_points_alone])
+def test_a_surface_beside_what_is_not_mapped_is_no_mesh(to_world):
+    pytest.importorskip("skimage", reason="scikit-image is not installed (extra export)")
+    views = [camera(angle) for angle in np.linspace(0, 2 * np.pi, 9)[:-1]]
+    renders = [ball_seen(view) for view in views]
+    with rejects("the field"):
+        surface_mesh(views, renders, to_world, (9, 9, 9))
 
 
 def test_a_lattice_keeps_its_proportions_within_the_bound():

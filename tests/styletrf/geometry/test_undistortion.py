@@ -1,6 +1,7 @@
 import numpy as np
 import pycolmap
 import pytest
+from expected_errors import rejects
 
 from styletrf.geometry.cameras import project
 from styletrf.geometry.undistortion import pinhole_for, undistorted_image, undistorted_pixels
@@ -62,6 +63,26 @@ def test_pixels_go_where_the_pinhole_camera_projects():
     distorted = lens(0.08).img_from_cam(points)
     expected, _ = project(camera, points)
     assert np.allclose(undistorted_pixels(distorted, lens(0.08), camera), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("x", [-5.0, 69.0])
+def test_a_lens_that_bends_lines_and_whose_axis_misses_the_photograph_is_refused(x):
+    """The search for a zoom did not end."""
+    bent = pycolmap.Camera(model="SIMPLE_RADIAL", width=64, height=48, params=[50, x, 24, -0.1])
+    with rejects("photograph a", x):
+        pinhole_for(bent, "a", POSE)
+
+
+def test_a_lens_of_a_panorama_is_refused():
+    panorama = pycolmap.Camera(model="EQUIRECTANGULAR", width=64, height=32, params=[])
+    with rejects("photograph a", "EQUIRECTANGULAR"):
+        pinhole_for(panorama, "a", POSE)
+
+
+def test_a_pinhole_camera_stays_as_it_is_also_where_its_axis_misses_the_photograph():
+    cropped = pycolmap.Camera(model="PINHOLE", width=64, height=48, params=[50, 50, -5, 24])
+    camera = pinhole_for(cropped, "a", POSE)
+    assert (camera.fx, camera.cx) == pytest.approx((50, -5))
 
 
 def wide_lens(model, focal, k):

@@ -1,5 +1,7 @@
 """Poses that came with photographs of the room, exact or not, after CameraPoses."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pycolmap
@@ -9,6 +11,7 @@ from made_photographs import encoded, room_poses, room_view
 from styletrf.capture.poses.given_poses import GivenPoses, GivenView, Lens
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.geometry.camera_table import read_cameras
+from styletrf.sfm import pose_adjustment
 from styletrf.sfm.camera_poses import CameraPosesConfig, solve_camera_poses
 
 VIEWS, WIDTH, HEIGHT, FOCAL = 8, 320, 240, 260.0
@@ -76,6 +79,25 @@ def test_disturbed_poses_are_recovered_in_the_frame_they_came_in(tmp_path, angle
     centers = np.stack([camera.center_world for camera in cameras])
     extent = np.linalg.norm(np.ptp(true[:, :, 3], axis=0))
     assert np.linalg.norm(centers - true[:, :, 3], axis=1).max() < 2 * fraction * extent
+
+
+def test_the_sums_of_an_adjustment_have_one_order(monkeypatch):
+    """Of large captures several threads made them, and each run had other poses."""
+    threads = []
+
+    def adjust(_, options):
+        threads.append(options.ceres.solver_options.num_threads)
+
+    def triangulate(model, *_, options):
+        threads.append(options.num_threads)
+        return model
+
+    monkeypatch.setattr(pycolmap, "bundle_adjustment", adjust)
+    monkeypatch.setattr(pycolmap, "triangulate_points", triangulate)
+    monkeypatch.setattr(pose_adjustment, "explained_fraction", lambda *_: 0.0)
+    model, folder = pycolmap.Reconstruction(), Path("images")
+    pose_adjustment.adjusted_poses(model, Path("colmap.db"), folder, long_side=1600, seed=0)
+    assert threads == [1, 1, 1]
 
 
 def test_a_distortion_that_the_format_leaves_out_is_found(tmp_path):

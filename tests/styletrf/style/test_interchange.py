@@ -9,9 +9,10 @@ from expected_errors import rejects
 from torch import Tensor, nn
 from torch.nn import functional
 
-from styletrf.style.export_style import main, to_onnx
+from styletrf.style.export_style import export_style_network, main, to_onnx
 from styletrf.style.interchange import from_fast_neural_style, to_fast_neural_style
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig, save_style_network
+from styletrf.style.transfer.network import TransferNetwork, TransferNetworkConfig
 
 SIZE = StyleNetworkConfig(width=4, n_residual=2)
 
@@ -142,6 +143,25 @@ def test_onnx_paints_the_same_at_any_size(tmp_path, network):
         (painted,) = session.run(None, {"image": image.numpy()})
         with torch.no_grad():
             torch.testing.assert_close(torch.from_numpy(painted), network(image), atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize(
+    ("name", "subject"),
+    [("n.txt", "n.txt"), ("n", "n"), ("absent/n.pth", "absent"), ("absent/n.onnx", "absent")],
+)
+def test_a_file_of_no_known_format_or_folder_is_refused_before_it_is_written(
+    tmp_path, network, name, subject
+):
+    save_style_network(network, tmp_path)
+    with rejects(tmp_path / subject):
+        export_style_network(tmp_path, tmp_path / name)
+    assert not (tmp_path / name).exists()
+
+
+def test_a_network_of_style_transfer_is_refused_as_the_examples(tmp_path):
+    save_style_network(TransferNetwork(TransferNetworkConfig((2, 2, 2), 1)), tmp_path)
+    with rejects(tmp_path, remedy=[".onnx", '"warm_start"']):
+        export_style_network(tmp_path, tmp_path / "n.pth")
 
 
 def test_the_command_converts_and_says_what_is_wrong(tmp_path, network):

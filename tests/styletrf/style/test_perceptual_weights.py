@@ -1,5 +1,6 @@
 import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import h5py
@@ -112,13 +113,33 @@ def test_what_is_no_weights_file_is_an_input_error(tmp_path: Path, name: str):
     assert not (tmp_path / "vgg16.safetensors").exists()
 
 
-@pytest.mark.parametrize("fault", ["missing", "shape", "nan"])
+@pytest.mark.parametrize("content", [[1, 2], {"features.0.weight": "no tensor"}, None])
+def test_a_file_without_a_dictionary_of_tensors_is_an_input_error(tmp_path: Path, content):
+    if content is None:
+        (tmp_path / "vgg16.pth").touch()
+    else:
+        torch.save(content, tmp_path / "vgg16.pth")
+    with rejects(tmp_path / "vgg16.pth", "VGG16"):
+        build_perceptual_weights(str(tmp_path / "vgg16.pth"), tmp_path)
+
+
+def test_the_suffix_of_a_weights_file_counts_in_any_case_and_names_the_known_ones(tmp_path: Path):
+    torch.save(torchvision_state(), tmp_path / "VGG16.PTH")
+    shutil.copyfile(tmp_path / "VGG16.PTH", tmp_path / "vgg16.bin")
+    assert (built(tmp_path, tmp_path / "VGG16.PTH") / "vgg16.safetensors").is_file()
+    with rejects(tmp_path / "vgg16.bin", ".pth", ".safetensors", ".h5"):
+        build_perceptual_weights(str(tmp_path / "vgg16.bin"), tmp_path)
+
+
+@pytest.mark.parametrize("fault", ["missing", "shape", "nan", "kind"])
 def test_wrong_tensors_are_an_input_error(tmp_path: Path, fault: str):
     state = torchvision_state()
     if fault == "missing":
         del state["features.7.bias"]
     elif fault == "shape":
         state["features.7.bias"] = torch.zeros(3)
+    elif fault == "kind":
+        state["features.7.bias"] = "no tensor"
     else:
         state["features.7.bias"][0] = torch.nan
     torch.save(state, tmp_path / "vgg16.pth")

@@ -154,7 +154,7 @@ def test_length_rate_and_speed_decide_the_number_of_frames(words, count):
         {"trajectory.seconds": -1.0}, {"trajectory.seconds": float("nan")},
         {"trajectory.speed": 0.0}, {"trajectory.easing": 1.5}, {"trajectory.fov_deg": 180.0},
         {"trajectory.stabilization": -1.0}, {"frames_per_second": 23}, {"frames_per_second": 61},
-        {"long_side_px": 8}, {"long_side_px": 4096}, {"support.depth_px": 0},
+        {"long_side_px": 63}, {"long_side_px": 4096}, {"support.depth_px": 0},
     ],
 )  # fmt: skip
 def test_values_out_of_range_are_refused(words):

@@ -1,12 +1,15 @@
 """Few views that show everything; what is hidden does not count as shown."""
 
+import math
+from itertools import repeat
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from styletrf.geometry.cameras import Camera
+from styletrf.geometry.cameras import Camera, project
 from styletrf.trajectory.coverage import CoverageConfig, covering, covering_once, places_seen, shown
 
 
@@ -83,6 +86,24 @@ def test_a_view_shows_what_it_saw_and_not_what_is_behind():
     assert not shown(camera(), nearer, places, 0.01).any(), "a nearer wall hides them"
     assert not shown(camera(9.0), np.full((24, 32), 4.0), places, 0.01).any(), "beside the view"
     assert not shown(camera(), np.full((24, 32), np.inf), places, 0.01).any()
+
+
+@pytest.mark.parametrize("count", [1, 30, 100, 120, 480])
+@pytest.mark.parametrize("size", [(1000, 750), (1000, 667), (400, 400), (750, 1000), (1920, 1080)])
+def test_places_along_a_path_are_spread_evenly_over_its_frames(size, count):
+    """Every n-th pixel, row by row, lies in few columns where n and the width have factors."""
+    width, height = size
+    pose = camera().world_from_camera
+    view = Camera("c", width, height, 1000.0, 1000.0, width / 2, height / 2, pose)
+    wall = np.broadcast_to(np.float32(4.0), (height, width))
+    apart_px = math.sqrt(width * height * count / 20_000)
+    places = places_seen([view] * count, repeat(wall, count), apart_px)
+    assert len(places) == pytest.approx(20_000, rel=0.03)
+    pixels = project(view, places)[0]
+    shares = np.histogram2d(*pixels.T, bins=8, range=[(0, width), (0, height)])[0] / len(places)
+    np.testing.assert_allclose(shares, 1 / 64, rtol=0.3)
+    assert (pixels.min(axis=0) < 0.02 * np.array(size)).all(), "from edge"
+    assert (pixels.max(axis=0) > 0.98 * np.array(size)).all(), "to edge"
 
 
 def test_the_edge_of_what_hides_a_place_hides_nothing_within_reach():

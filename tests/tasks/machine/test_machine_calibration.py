@@ -1,12 +1,14 @@
 """How fast a machine is, measured now and then, and kept for it alone."""
 
 import json
+import subprocess
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from expected_errors import rejects
 
 import tasks
 from pipeline.execution.environment import build_environment, build_settings
@@ -72,6 +74,19 @@ def test_workloads_are_measured_in_the_environment_of_builds(monkeypatch):
     calibration_of_machine("cpu")
     assert asked[0]["environment"] == build_environment()
     assert this_machine("cpu").environment.items() >= build_settings({}).items()
+
+
+def test_a_machine_that_cannot_be_measured_is_one_line(monkeypatch):
+    """It was a traceback, such as for `--device cuda` without a GPU."""
+
+    def failed(*_arguments, **_options):
+        error = subprocess.CalledProcessError(1, "python")
+        error.add_note("Traceback\nRuntimeError: no GPU")
+        raise error
+
+    monkeypatch.setattr(calibrations, "json_from", failed)
+    with rejects("--device cpu", "no GPU"):
+        calibration_of_machine("cpu")
 
 
 def test_a_damaged_file_counts_as_empty_and_is_replaced_whole():

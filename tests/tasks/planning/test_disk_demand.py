@@ -37,6 +37,14 @@ def test_the_frames_of_all_stages_have_to_fit_together():
         require_disk(demands, int(needed) - 1, SCENES)
 
 
+def test_the_frames_of_every_style_take_space():
+    """The styles of a grid have equal demands, which counted once."""
+    of_one = written_bytes(MINUTE_OF_4K, SCENES["yard"])
+    require_disk([MINUTE_OF_4K], int(1.5 * of_one), SCENES)
+    with rejects("yard", f"{2 * of_one / 1e9:.1f} GB"):
+        require_disk([MINUTE_OF_4K, MINUTE_OF_4K], int(1.5 * of_one), SCENES)
+
+
 def test_stages_without_frames_and_scenes_that_cannot_be_read_need_no_disk():
     require_disk([replace(MINUTE_OF_4K, stage="RadianceField")], 0, SCENES)
     require_disk([MINUTE_OF_4K], 0, {})

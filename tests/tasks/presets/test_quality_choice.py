@@ -301,6 +301,9 @@ def test_a_budget_needs_the_kind_of_scene_and_the_sources(tmp_path, monkeypatch)
     monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
     task = StylizedTrajectory(scene="s", style="p", budget="5min")
     sources = {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
-    assert set(task.requires()) == {"model"} | sources
+    assert {stage.task_family for stage in task.requires().values()} == {"SceneModel"} | sources
+    blended = StylizedTrajectory(scene="s", style="p", budget="5min", blend={"q": 0.3})
+    paintings = [s for s in blended.requires().values() if s.task_family == "StyleImage"]
+    assert {painting.style for painting in paintings} == {"p", "q"}
     assert task.resolved() is None, "while that is unknown"
     assert task.cells() == [task]

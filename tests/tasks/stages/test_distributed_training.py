@@ -87,7 +87,7 @@ def test_measured_pairs_that_a_training_on_renders_would_not_see_are_refused(
     """Where they matter: without renders or with pairs by `--tuning`, both stages agree."""
     line = ["StyleNetwork", "--ConsistencyMetrics-settings", measured]
     with CmdlineParser.global_instance([*line, "--scene", "s", "--style", "t"]):
-        settings = {"temporal_loss.renders": renders}
+        settings = {"temporal_loss.renders": renders, "temporal_loss.weight": 0.5}
         stage = StyleNetwork(scene="s", style="t", settings=settings, tuning=tuning)
         if not is_refused:
             stage.validate()

@@ -1,5 +1,7 @@
 """What steers a style changes the stages it is about, and what cannot be is refused in words."""
 
+import math
+
 import pytest
 from expected_errors import rejects
 from stage_keys import WORDS, key_words
@@ -143,9 +145,11 @@ def test_a_setting_of_the_wrong_kind_does_not_break_the_graph(settings):
         ("StylizedFrames", {"blend": {"udnie": 1.0}}, "--blend"),
         ("StylizedFrames", {"blend": {"udnie": "much"}}, "--blend"),
         ("StylizedFrames", {"blend": {"a": 0.6, "b": 0.5}}, "--blend"),
+        ("StylizedFrames", {"blend": {"a": 0.7, "b": 0.2, "c": 0.1}}, "--blend"),
         ("StylizedFrames", {"region": {"ball": 3}}, "--region"),
         ("StylizedFrames", {"region": {"box": [[0, 0, 0], [1, 1, 0]]}}, "--region"),
         ("StylizedFrames", {"region": {"box": 5}}, "--region"),
+        ("StylizedFrames", {"region": {"box": [[-math.inf, 0, 0], [math.inf, 1, 1]]}}, "--region"),
         ("StylizedFrames", {"region": {"box": [["a", "b", "c"], ["d", "e", "f"]]}}, "--region"),
         ("StylizedFrames", {"region": {"view": "0001", "mask": "no.png"}}, "--region, mask no.png"),
         ("StylizedFrames", {"region": {"view": "0001", "mask": 5}}, "--region, mask 5"),
@@ -160,12 +164,18 @@ def test_a_setting_of_the_wrong_kind_does_not_break_the_graph(settings):
         ("StyleNetwork", {"network": "no.pth"}, "--network no.pth"),
         ("StyleNetwork", {"network": __file__, "stroke_scale": 2.0}, "--network"),
         ("StyleNetwork", {"stylizer": "arbitrary", "content_weight": 2.0}, "--stylizer arbitrary"),
+        (
+            "StyleNetwork",
+            {"settings": {"temporal_loss.renders": 0.5}},
+            "setting 'temporal_loss.renders'",
+        ),
         ("StylizedFrames", {"path": "orbits"}, "--path orbits"),
         ("TrajectoryFrames", {"path": ""}, "--path"),
         ("TrajectoryFrames", {"seconds": -1.0}, "--seconds -1.0"),
         ("PriorRenders", {"seconds": float("nan")}, "--seconds nan"),
         ("StyleMetrics", {"frame_rate": 20}, "--frame-rate 20"),
         ("StylizedField", {"frame_size": 4096}, "--frame-size 4096"),
+        ("ConsistencyMetrics", {"frame_size": 16}, "--frame-size 16"),
     ],
 )
 def test_an_invalid_parameter_is_refused_by_its_name(family, words, subject):

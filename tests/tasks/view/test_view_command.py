@@ -33,6 +33,8 @@ def test_a_scene_without_results_is_refused_with_the_command_that_makes_them():
         (["mini", "--path", "nowhere.json"], "nowhere.json"),
         (["mini", "--host", "203.0.113.7"], "203.0.113.7"),
         (["mini", "--port", "99999"], "99999"),
+        (["mini", "--stylizer", "foo"], "--stylizer foo"),
+        (["mini", "--RadianceField-settings", "{bad"], "{bad"),
     ],
 )
 def test_an_error_names_what_is_wrong(words: list[str], named: str):

@@ -1,0 +1,74 @@
+"""Images that OpenCV does not decode faithfully: of unusual depths, and gray with transparency."""
+
+import io
+import re
+from typing import Literal
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+_TIFF = (b"II*\x00", b"MM\x00*")
+_JPEG_2000 = (b"\x00\x00\x00\x0cjP  ", b"\xff\x4f\xff\x51")
+_SIZE_MARKER = b"\xff\x4f\xff\x51"  # the start of a codestream, and of the segment SIZ
+_CHANNELS, _FIRST_DEPTH, _STEP = 36, 38, 3  # bytes of SIZ behind its marker
+_SAMPLES_PER_PIXEL = 277  # a tag of TIFF
+_GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
+_PNM = re.compile(rb"P([2356])" + _GAP + rb"\d+" + _GAP + rb"\d+" + _GAP + rb"(\d+)")
+_ASCII = (b"2", b"3")
+
+
+def white_level(file: bytes, largest: int) -> int:
+    """Returns the level of white in the pixels that OpenCV decodes from a file.
+
+    It is below the largest of their type where a PNM names another one, or a JPEG 2000 has 9 to 15
+    bits. OpenCV itself stretches PNM in ASCII to 8 bits, but not to 16.
+
+    Args:
+        file: The content of the file.
+        largest: The largest level of the type of the pixels, 255 or 65535.
+    """
+    if named := _PNM.match(file):
+        is_stretched = named[1] in _ASCII and largest == 255
+        return largest if is_stretched else int(named[2]) or largest
+    if file.startswith(_JPEG_2000) and (depths := _depths(file)):
+        return min((1 << max(depths)) - 1, largest)
+    return largest
+
+
+def _depths(file: bytes) -> list[int]:
+    """Returns the bits of each channel of a JPEG 2000; none where the file has no header."""
+    _, _, segment = file.partition(_SIZE_MARKER)
+    channels = int.from_bytes(segment[_CHANNELS:_FIRST_DEPTH])
+    depths = segment[_FIRST_DEPTH::_STEP][:channels]
+    return [(depth & 0x7F) + 1 for depth in depths]
+
+
+def is_gray_with_alpha(file: bytes) -> bool:
+    """Returns whether a file is a TIFF or JPEG 2000 of two channels, by its header."""
+    if file.startswith(_JPEG_2000):
+        return len(_depths(file)) == 2
+    return file.startswith(_TIFF) and _samples_of_tiff(file) == 2
+
+
+def _samples_of_tiff(file: bytes) -> int:
+    """Returns how many channels the first picture of a TIFF has; 0 where it does not say."""
+    order: Literal["little", "big"] = "little" if file.startswith(b"II") else "big"
+    start = int.from_bytes(file[4:8], order)
+    entries = file[start + 2 : start + 2 + 12 * int.from_bytes(file[start : start + 2], order)]
+    for entry in (entries[k : k + 12] for k in range(0, len(entries), 12)):
+        if int.from_bytes(entry[:2], order) == _SAMPLES_PER_PIXEL:
+            return int.from_bytes(entry[8:10], order)
+    return 0
+
+
+def gray_with_alpha(file: bytes) -> UInt8[np.ndarray, "height width 4"] | None:
+    """Returns a file that `is_gray_with_alpha` as RGBA of 8 bits.
+
+    It is None where the file is damaged, or a TIFF of 16 bits or of separate planes.
+    """
+    try:
+        with Image.open(io.BytesIO(file)) as opened:
+            return np.array(opened.convert("RGBA"))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return None

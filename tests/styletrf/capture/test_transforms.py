@@ -1,0 +1,80 @@
+"""What `transforms.json` says of lenses and photographs, and what is refused there."""
+
+import json
+
+import numpy as np
+import pytest
+from expected_errors import rejects
+from made_photographs import encoded, texture
+
+from styletrf.capture.poses.pose_formats import find_given_poses
+from styletrf.capture.poses.transforms_json import read_transforms, transforms_cameras
+
+LENS = {"w": 60, "h": 40, "fl_x": 50.0, "cx": 30.0, "cy": 20.0}
+
+
+def scene(folder, files=("1.png", "2.png", "3.png"), **of_all):
+    """Photographs, and poses that name these files."""
+    for name in ("1.png", "2.png", "3.png", "4.png"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(encoded(texture(40, 60), ".png"))
+    frames = [{"file_path": str(file), "transform_matrix": np.eye(4).tolist()} for file in files]
+    (folder / "transforms.json").write_text(json.dumps({**LENS, **of_all, "frames": frames}))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("bends", "model", "params"),
+    [
+        ({"k1": 0.1, "k3": 0.0, "k4": None}, "OPENCV", [0.1, 0, 0, 0]),
+        ({"k1": 0.1, "p2": 0.01, "k3": -0.02}, "FULL_OPENCV", [0.1, 0, 0, 0.01, -0.02, 0, 0, 0]),
+        ({"k3": 0.3, "k4": 0.0}, "FULL_OPENCV", [0, 0, 0, 0, 0.3, 0, 0, 0]),
+        ({"k3": 0.3, "k4": 0.1, "is_fisheye": True}, "OPENCV_FISHEYE", [0, 0, 0.3, 0.1]),
+        ({"k3": 0.0, "camera_model": "PINHOLE"}, "PINHOLE", []),
+    ],
+)
+def test_the_third_coefficient_of_a_distortion_is_read(tmp_path, bends, model, params):
+    """It was ignored, so that straight lines stayed bent."""
+    lens = read_transforms(scene(tmp_path, **bends)).views[0].lens
+    assert (lens.model, list(lens.params)) == (model, [50.0, 50.0, 30.0, 20.0, *params])
+
+
+def test_a_fourth_coefficient_of_a_lens_that_is_no_fisheye_is_refused(tmp_path):
+    with rejects(tmp_path / "transforms.json", "k4"):
+        read_transforms(scene(tmp_path, k4=0.01))
+
+
+def test_a_path_has_the_poses_of_any_lens(tmp_path):
+    path = scene(tmp_path, k4=0.01) / "transforms.json"
+    assert [view.file.name for view in transforms_cameras(path)] == ["1.png", "2.png", "3.png"]
+
+
+def test_a_photograph_with_two_poses_is_refused(tmp_path):
+    """It got the last one, and photographs other names."""
+    with rejects(tmp_path / "transforms.json", "2.png"):
+        read_transforms(scene(tmp_path, ["1.png", "2.png", "3.png", "./2"]))
+
+
+def test_a_photograph_that_is_missing_may_be_named_twice(tmp_path):
+    found = read_transforms(scene(tmp_path, ["1.png", "2.png", "3.png", "5.png", "5.png"]))
+    assert found.missing == ("5.png", "5.png")
+
+
+def test_a_lens_that_bends_lines_and_whose_axis_misses_the_picture_is_refused(tmp_path):
+    """The search for a pinhole camera without blank pixels did not end."""
+    with rejects("photograph 3.png", "-5.0"):
+        find_given_poses(scene(tmp_path, cx=-5.0, k1=-0.1))
+
+
+def test_a_part_of_a_picture_without_its_center_has_its_poses(tmp_path):
+    assert len(find_given_poses(scene(tmp_path, cx=-5.0)).views) == 3
+
+
+def test_an_absolute_path_through_a_link_is_that_below_the_scene(tmp_path):
+    """The scene's key ended in a traceback where the user's data lie behind a link."""
+    folder = tmp_path / "disk/walk"
+    scene(folder, [folder / "1.png", folder / "2", "3.png"])
+    (tmp_path / "data").symlink_to(tmp_path / "disk")
+    linked = tmp_path / "data/walk"
+    files = [view.file for view in read_transforms(linked).views]
+    assert files == [linked / "1.png", linked / "2.png", linked / "3.png"]

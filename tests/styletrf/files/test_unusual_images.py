@@ -1,0 +1,68 @@
+"""Images of unusual depths, and gray ones with transparency, as photographs."""
+
+import io
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from styletrf.capture.photographs import read_photograph
+
+RAMP = np.linspace(0, 1, 32).repeat(32).reshape(32, 32)
+
+
+def read(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    return read_photograph(tmp_path / name)
+
+
+@pytest.mark.parametrize("white", [1, 15, 255, 1000, 4095, 65535])
+@pytest.mark.parametrize("is_ascii", [False, True])
+def test_white_of_a_pnm_is_the_level_that_its_header_names(tmp_path, white, is_ascii):
+    """A photograph of 12 bits was nearly black."""
+    levels = np.rint(RAMP * white).astype(int)
+    packed = levels.astype(np.uint8 if white < 256 else ">u2").tobytes()
+    body = b"".join(b"%d\n" % level for level in levels.flat) if is_ascii else packed
+    header = f"P{2 if is_ascii else 5}\n# of a microscope\n32 32\n{white}\n".encode()
+    gray = read(tmp_path, "a.pgm", header + body)[..., 1]
+    assert np.abs(gray - 255 * levels / white).max() <= 1
+
+
+def test_levels_above_the_white_of_a_pnm_are_white(tmp_path):
+    color = read(tmp_path, "a.ppm", b"P6 1 1 100 " + bytes([50, 100, 200]))
+    assert color.tolist() == [[[128, 255, 255]]]
+
+
+def jpeg_2000(levels, bits):
+    """An image of so many bits: one of 16 whose header is changed, about its middle level."""
+    shifted = (levels + (1 << 15) - (1 << (bits - 1))).astype(np.uint16)
+    lossless = [cv2.IMWRITE_JPEG2000_COMPRESSION_X1000, 1000]
+    content = bytearray(cv2.imencode(".jp2", shifted, lossless)[1])
+    segment = content.index(b"\xff\x4f\xff\x51") + 4
+    for channel in range(int.from_bytes(content[segment + 36 : segment + 38])):
+        content[segment + 38 + 3 * channel] = bits - 1
+    content[content.index(b"ihdr") + 14] = bits - 1
+    return bytes(content)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 16])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_white_of_a_jpeg_2000_is_that_of_its_bits(tmp_path, bits, channels):
+    levels = np.rint(RAMP * (2**bits - 1)).astype(int)
+    image = np.dstack([levels] * channels).squeeze()
+    pixels = read(tmp_path, "a.jp2", jpeg_2000(image, bits))
+    assert np.abs(pixels - 255 * RAMP[..., None]).max() <= 1
+
+
+@pytest.mark.parametrize("kind", ["TIFF", "JPEG2000", "PNG"])
+def test_gray_with_transparency_is_composited_on_white(tmp_path, kind):
+    gray = np.full((32, 32), 100, np.uint8)
+    alpha = np.where(RAMP > 0.5, 0, np.where(RAMP > 0.25, 51, 255)).astype(np.uint8)
+    file = io.BytesIO()
+    Image.fromarray(np.dstack([gray, alpha]), "LA").save(file, kind)
+    pixels = read(
+        tmp_path, {"TIFF": "a.tif", "JPEG2000": "a.jp2", "PNG": "a.png"}[kind], file.getvalue()
+    )
+    expected = np.where(RAMP > 0.5, 255, np.where(RAMP > 0.25, 100 * 0.2 + 255 * 0.8, 100))
+    assert np.abs(pixels - expected[..., None]).max() <= 1

@@ -1,0 +1,51 @@
+"""Settings with which a stylization cannot work are refused before anything is made."""
+
+import pytest
+from expected_errors import rejects
+
+from styletrf.configuration import configured
+from styletrf.evaluation.stylization_loss import StylizationLossConfig
+from styletrf.style.training.config import StyleTrainingConfig
+from styletrf.style.transfer.network import TransferNetworkConfig
+from styletrf.stylization.priors import PriorsConfig
+from styletrf.stylization.strategies import StylizationConfig
+
+
+@pytest.mark.parametrize(
+    ("config", "name", "value"),
+    [
+        (StylizationConfig, "style_px", 15),
+        (StylizationConfig, "image.iterations", -1),
+        (StylizationConfig, "image.window_px", 15),
+        (StylizationLossConfig, "style_px", 7),
+        (StylizationLossConfig, "frames", 0),
+        (PriorsConfig, "long_side_px", 31),
+        (PriorsConfig, "long_side_px", -1),
+        (PriorsConfig, "coverage.count", -1),
+        (PriorsConfig, "coverage.times", 0),
+        (PriorsConfig, "coverage.share", 0.0),
+        (PriorsConfig, "coverage.once", 1.5),
+        (StyleTrainingConfig, "network.width", 0),
+        (StyleTrainingConfig, "network.n_residual", -1),
+        (StyleTrainingConfig, "temporal_loss.every", 0),
+        (StyleTrainingConfig, "temporal_loss.renders", 1.5),
+        (TransferNetworkConfig, "widths", (8, 0, 32)),
+        (TransferNetworkConfig, "n_residual", -1),
+    ],
+)
+def test_a_setting_out_of_range_is_refused_by_its_name_and_value(config, name, value):
+    with rejects(f"setting {name!r}", name.rpartition(".")[2], str(value)) as caught:
+        configured(config, {name: value})
+    assert "Config(" not in caught.value.problem
+
+
+def test_the_smallest_values_that_work_are_accepted():
+    values = {"style_px": 16, "image.iterations": 0}
+    configured(StylizationConfig, values)
+    configured(PriorsConfig, {"long_side_px": 32})
+    assert configured(PriorsConfig, {"long_side_px": 0}).long_side_px == 0
+    configured(StylizationLossConfig, {"style_px": 8})
+
+
+def test_a_painting_is_never_reduced_below_what_networks_take():
+    assert StylizationConfig().with_style_parameters(0.001, 1.0).style_px == 16
