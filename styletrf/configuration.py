@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import operator
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from types import UnionType
@@ -17,15 +18,18 @@ def configured(config: type[Config], values: Mapping[str, Any]) -> Config:
     """Returns the configuration with its defaults replaced by `values`.
 
     A name with dots reaches into a nested configuration: `network.width`. Lists become tuples, and
-    whole numbers floats where these are declared.
+    whole numbers floats where these are declared. The order of the values does not matter.
 
     Raises:
         InputError: A name is unknown, or a value is not of the declared type, not finite, or
             refused by the configuration.
     """
-    result = config()
-    for name, value in values.items():
-        result = _replaced(result, name.split("."), value, name)
+    try:
+        result: Config = _replaced(config(), values)
+    except ValueError as error:
+        names = ", ".join(repr(name) for name in values if _is_refused_for(name, config(), values))
+        subject = f"setting {names}" if names else f"settings of {config.__name__}"
+        raise InputError(subject, str(error), "Give another value") from error
     return result
 
 
@@ -40,24 +44,68 @@ def require_at_least(least: int, config: Any, *names: str) -> None:
             raise ValueError(f"{name} is {getattr(config, name)}, not at least {least}")
 
 
-def _replaced(config: Any, path: list[str], value: Any, name: str) -> Any:
+def require_within(interval: str, config: Any, *names: str) -> None:
+    """Refuses a configuration whose numbers by these names are not in an interval.
+
+    Args:
+        interval: Such as `[0, 1)`, from 0 to less than 1, or `(0, inf)`.
+        config: The configuration.
+        names: Those of its numbers.
+
+    Raises:
+        ValueError: A number is outside.
+    """
+    low, high = (float(bound) for bound in interval[1:-1].split(","))
+    is_above = operator.ge if interval[0] == "[" else operator.gt
+    is_below = operator.le if interval[-1] == "]" else operator.lt
+    for name in names:
+        value = getattr(config, name)
+        if not (is_above(value, low) and is_below(value, high)):
+            raise ValueError(f"{name} is {value}, not in {interval}")
+
+
+def _replaced(config: Any, values: Mapping[str, Any], inside: str = "") -> Any:
+    """Returns a configuration with values replaced at once, those of nested ones before it.
+
+    So no configuration is checked while some of its values are still the former ones.
+
+    Raises:
+        ValueError: A configuration refuses its values.
+    """
+    hints = get_type_hints(type(config))
+    new: dict[str, Any] = {}
+    parts: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        first, dot, rest = name.partition(".")
+        _require_field(config, first, inside + name, has_parts=bool(dot))
+        if dot:
+            parts.setdefault(first, {})[rest] = value
+        else:
+            new[first] = _declared(hints[first], value, inside + name)
+    for first, part in parts.items():
+        whole = new.get(first, getattr(config, first))
+        new[first] = _replaced(whole, part, f"{inside}{first}.")
+    return dataclasses.replace(config, **new)
+
+
+def _require_field(config: Any, field: str, name: str, *, has_parts: bool) -> None:
+    """Raises an InputError where a setting's field is unknown, or has no parts but should."""
     fields = get_type_hints(type(config))
-    if path[0] not in fields:
+    if field not in fields:
         known = ", ".join(sorted(fields))
         raise InputError(
             f"setting {name!r}", f"{type(config).__name__} has no such field", f"It has {known}"
         )
-    present = getattr(config, path[0])
-    if len(path) > 1:
-        if not dataclasses.is_dataclass(present):
-            raise InputError(f"setting {name!r}", f"{path[0]} has no parts", f"Set {path[0]!r}")
-        new = _replaced(present, path[1:], value, name)
-    else:
-        new = _declared(fields[path[0]], value, name)
-    try:
-        return dataclasses.replace(config, **{path[0]: new})
-    except ValueError as error:
-        raise InputError(f"setting {name!r}", str(error), "Give another value") from error
+    if has_parts and not dataclasses.is_dataclass(getattr(config, field)):
+        raise InputError(f"setting {name!r}", f"{field} has no parts", f"Set {field!r}")
+
+
+def _is_refused_for(name: str, config: Any, values: Mapping[str, Any]) -> bool:
+    """Returns whether a configuration accepts all the refused values but that of one name."""
+    with suppress(ValueError):
+        _replaced(config, {other: value for other, value in values.items() if other != name})
+        return True
+    return False
 
 
 def _declared(hint: Any, value: Any, name: str) -> Any:

@@ -8,13 +8,18 @@ from torch.nn.functional import conv2d
 
 from styletrf.errors import InputError
 
+_NAMES = ("auto", "cpu", "cuda")
+
 
 def device_named(name: str) -> torch.device:
     """Returns the device for `auto`, `cpu` or `cuda`; `auto` is a GPU where one can be used.
 
     Raises:
-        InputError: The name is `cuda` and there is no such device.
+        InputError: The name is another, or it is `cuda` and there is no such device.
     """
+    if name not in _NAMES:
+        remedy = f"Choose one of {', '.join(_NAMES)}"
+        raise InputError(f"--device {name}", "is not a device", remedy)
     has_gpu = torch.cuda.is_available()
     if name == "cuda" and not has_gpu:
         raise InputError(

@@ -17,7 +17,7 @@ PACKAGES = ("styletrf", "tasks", "pipeline")
 FILE = re.compile(r"`((?:styletrf|tasks|pipeline)/[\w/]*(?:\.py)?)`")
 
 
-def test_every_file_it_names_exists():
+def test_every_file_that_the_page_of_the_architecture_names_exists():
     named = FILE.findall(TEXT)
     assert len(named) > 30
     assert [path for path in named if not (ROOT / path).exists()] == []

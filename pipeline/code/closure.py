@@ -60,13 +60,14 @@ def code_closure(task_class: type) -> dict[str, str]:
         StoreError: The code uses something that cannot be followed, such as `eval`.
     """
     module, name = task_class.__module__, task_class.__qualname__
-    follow = functools.partial(_followed, module, name)
+    follow = functools.partial(follow_closure, module, name)
     if module.split(".")[0] not in PROJECT:
         return follow()
     return cached_closure(f"{module}:{name}", PROJECT, follow)
 
 
-def _followed(module: str, class_name: str) -> dict[str, str]:
+def follow_closure(module: str, class_name: str) -> dict[str, str]:
+    """Returns the result of `code_closure` for a class by its name, without the cache."""
     walk = _Walk(module, class_name)
     while walk.pending:
         walk.visit(walk.pending.pop())

@@ -92,12 +92,12 @@ def _digest(name: str, closure: Closure) -> str:
     return typed_digest("closure", name.encode(), canonical_json(closure))
 
 
-def _pipeline_digest() -> str:
+def pipeline_digest() -> str:
     """Returns a digest of the pipeline's files; empty if a file is deleted at this moment."""
     with contextlib.suppress(OSError):
         return typed_digest("follower", _listing(["pipeline"]))
     return ""
 
 
-_PIPELINE_DIGEST = _pipeline_digest()
+_PIPELINE_DIGEST = pipeline_digest()
 """The digest when this process imported the pipeline, whose files may change later."""

@@ -31,7 +31,7 @@ class _FormerGrid(argparse.Action):
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs one command; returns its exit status: 0, 1 if it found a problem, 2 if it is invalid."""
-    options = _parser().parse_args(arguments)
+    options = parser().parse_args(arguments)
     try:
         store = _store(options.command)
         status, rows = options.run(store, options)
@@ -51,7 +51,8 @@ def _store(command: str) -> Store | None:
     return None if command in _CODE_COMMANDS else current_store(create=command == "pull")
 
 
-def _parser() -> argparse.ArgumentParser:
+def parser() -> argparse.ArgumentParser:
+    """Returns the parser of all commands and their options."""
     parser = argparse.ArgumentParser(prog="python -m pipeline", description=__doc__)
     subparsers = parser.add_subparsers(dest="command", required=True)
 

@@ -101,7 +101,7 @@ def _decisions(store: Store, keep_last: int, grace_hours: float) -> Iterator[GcD
             if not is_needed and not _is_younger(path, hours or grace_hours):
                 maker, folder = known.get(path.name), pattern.partition("/")[0]
                 what = str(maker.provenance.get("label")) if maker else folder
-                yield GcDecision(path, what, _size(path), why, delete=True)
+                yield GcDecision(path, what, size_bytes(path), why, delete=True)
 
 
 def _by_address(store: Store) -> dict[str, ActionRecord]:
@@ -148,7 +148,7 @@ def _references(
     }
 
 
-def _size(path: Path) -> int:
+def size_bytes(path: Path) -> int:
     """Returns the bytes of a file, or of the files in a directory, without deleted ones."""
     inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
     size = 0

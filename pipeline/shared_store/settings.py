@@ -21,7 +21,11 @@ PATIENCE = "STYLETRF_PATIENCE"
 
 
 def current_remote() -> Remote:
-    """Returns the shared store in STYLETRF_REMOTE or [store] remote, if there is one."""
+    """Returns the shared store in STYLETRF_REMOTE or [store] remote, if there is one.
+
+    Raises:
+        StoreError: A setting of the shared store is invalid.
+    """
     url = os.environ.get("STYLETRF_REMOTE", _configured_url())
     options = setting("store", "remote_options")
     if not _is_object(options):

@@ -84,7 +84,7 @@ def _of_poses(folder: Path, given: GivenPoses | None) -> Iterator[str]:
     used = {view.file.resolve() for view in given.views}
     below = photographs_below(folder)
     if any(view.held_out is not None for view in given.views):
-        below = [path for path in below if path.parent == folder]  # a split leaves out what it will
+        below = [path for path in below if path.parent == folder]  # published splits leave some out
     others = [str(path.relative_to(folder)) for path in below if path.resolve() not in used]
     if given.missing:
         yield f"{given.source.name} names photographs that are missing: {_listed(given.missing)}"

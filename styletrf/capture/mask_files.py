@@ -40,7 +40,7 @@ def find_masks(photographs: Path, files: Sequence[Path]) -> FoundMasks:
         files: All photographs of the scene, also those that are not used.
 
     Raises:
-        InputError: The name or the folder of a mask is not in UTF-8.
+        InputError: The path of a mask below its folder is not in UTF-8.
     """
     masks = mask_files(photographs)
     masked = {mask: name for mask, place in masks.items() if (name := _masked(place))}
@@ -59,7 +59,7 @@ def mask_files(photographs: Path) -> dict[Path, Path]:
         photographs: The folder of the photographs.
 
     Raises:
-        InputError: The name or the folder of a mask is not in UTF-8.
+        InputError: The path of a mask below its folder is not in UTF-8.
     """
     found = {}
     for folder, base in _mask_folders(photographs):

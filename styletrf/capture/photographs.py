@@ -2,21 +2,17 @@
 
 import os
 import re
-import sys
-import tempfile
-import threading
-from collections.abc import Iterator, Set
-from contextlib import contextmanager
+from collections.abc import Set
 from pathlib import Path
 
-import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from styletrf.capture.decoding import decoded
 from styletrf.errors import InputError
-from styletrf.files.heif_images import HEIF_SUFFIXES, heif_pixels
+from styletrf.files.heif_images import HEIF_SUFFIXES
 from styletrf.files.linked_folders import walk
-from styletrf.files.unusual_images import gray_with_alpha, is_gray_with_alpha, white_level
+from styletrf.files.unusual_images import white_level
 
 PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
     [
@@ -58,20 +54,7 @@ VIDEO_SUFFIXES = frozenset(
 
 FEWEST_PHOTOGRAPHS = 3
 
-# What libjpeg says of damaged data. It also warns of harmless things: padding before the last
-# marker, the scan parameters that some phones write.
-_JPEG_DAMAGE = re.compile(r"premature end|bad Huffman|extraneous bytes before marker 0xd[0-7]")
-# What decoders say of any photograph, harmless or not; other lines are those of other threads.
-_OF_DECODERS = re.compile(
-    rb"Corrupt JPEG|Premature end of JPEG|Invalid SOS|Inconsistent progression|Unknown Adobe color"
-    rb"|Warning: unknown JFIF|Application transferred|libpng |TIFF\w+:"
-    rb"|\[ ?(?:WARN|ERROR|INFO|DEBUG):|\r?\n"
-)
-_JPEG_START = b"\xff\xd8"
-_JPEG_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]", re.DOTALL)  # not one within a scan
 _ROWS = 256  # of a photograph at a time, since float64 takes ten times its memory
-_UPRIGHT = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH  # BGR: RGB garbles 16-bit TIFF in OpenCV 5.0
-_STANDARD_ERROR = threading.Lock()
 
 
 def list_photographs(folder: Path) -> list[Path]:
@@ -94,7 +77,11 @@ def list_photographs(folder: Path) -> list[Path]:
 
 
 def photographs_below(folder: Path) -> list[Path]:
-    """Returns what `list_photographs` does, of however few photographs."""
+    """Returns what `list_photographs` does, of however few photographs.
+
+    Raises:
+        InputError: As `files_below`.
+    """
     return files_below(folder, PHOTOGRAPH_SUFFIXES)
 
 
@@ -113,7 +100,11 @@ def files_below(folder: Path, suffixes: Set[str]) -> list[Path]:
 
 
 def dangling_links(folder: Path) -> list[Path]:
-    """Returns the links that have a photograph's name and lead nowhere, as `files_below`."""
+    """Returns the links that have a photograph's name and lead nowhere, in natural order.
+
+    Raises:
+        InputError: As `files_below`.
+    """
     return [
         path
         for path in _pictures(folder)
@@ -165,7 +156,11 @@ MORE_PHOTOGRAPHS = (
 
 
 def too_few(folder: Path, count: int) -> str:
-    """Returns how few photographs there are below a folder, and which have to be converted."""
+    """Returns how few photographs there are below a folder, and which have to be converted.
+
+    Raises:
+        InputError: As `files_below`.
+    """
     found = f"{count or 'no'} photograph{'' if count == 1 else 's'} found"
     foreign = sorted({path.suffix.lower() for path in files_below(folder, FOREIGN_SUFFIXES)})
     return found + (f" ({', '.join(foreign)} files must be converted first)" if foreign else "")
@@ -191,51 +186,13 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
     except OSError as error:
         problem = f"cannot be read ({error.strerror})"
         raise InputError(str(path), problem, "Check the file and its permissions") from error
-    is_heif = path.suffix.lower() in HEIF_SUFFIXES
-    pixels = _as_bgr(heif_pixels(encoded)) if is_heif else _decoded(encoded)
+    pixels = decoded(encoded, is_heif=path.suffix.lower() in HEIF_SUFFIXES)
     if pixels is None:
         problem = "is empty" if not encoded else "is cut short, damaged, or no image"
         raise InputError(str(path), problem, "Copy it again from where it came, or remove it")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
     return _eight_bits_on_white(pixels, white_level(encoded, np.iinfo(pixels.dtype).max))
-
-
-def _as_bgr(rgb: np.ndarray | None) -> np.ndarray | None:
-    """Returns BGR or BGRA from RGB or RGBA."""
-    return None if rgb is None else rgb[..., [2, 1, 0, 3][: rgb.shape[2]]]
-
-
-def _decoded(file: bytes) -> np.ndarray | None:
-    """Returns pixels BGR or BGRA of any depth, or None where there is any sign of damage."""
-    if is_gray_with_alpha(file) and (rgba := gray_with_alpha(file)) is not None:
-        return _as_bgr(rgba)
-    if file.startswith(_JPEG_START) and not _jpeg_ends(file):
-        return None
-    encoded = np.frombuffer(file, np.uint8)
-    with _captured_stderr() as complaints:
-        try:
-            may_be_transparent = not file.startswith(_JPEG_START)  # no JPEG is
-            pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED if may_be_transparent else _UPRIGHT)
-            if may_be_transparent and pixels is not None and pixels.shape[2:] != (4,):
-                # IMREAD_UNCHANGED leaves a photograph lying on its side
-                pixels = cv2.imdecode(encoded, _UPRIGHT)
-        except cv2.error:
-            return None
-    return None if _JPEG_DAMAGE.search("".join(complaints)) else pixels
-
-
-def _jpeg_ends(file: bytes) -> bool:
-    """Returns whether the segments of a JPEG lead to its end-of-image marker.
-
-    Thumbnails, which have one of their own, lie within segments; phones append data after it.
-    """
-    position = len(_JPEG_START)
-    while marker := _JPEG_MARKER.search(file, position):
-        if marker.group() == b"\xff\xd9":
-            return True
-        position = marker.end() + int.from_bytes(file[marker.end() : marker.end() + 2])
-    return False
 
 
 def _eight_bits_on_white(pixels: np.ndarray, white: int) -> UInt8[np.ndarray, "height width 3"]:
@@ -252,27 +209,3 @@ def _rounded_on_white(pixels: np.ndarray, white: int) -> UInt8[np.ndarray, "bloc
         alpha = pixels[..., 3:].astype(np.float64) / white
         color = color * alpha + (1 - alpha)
     return np.asarray(np.rint(color * 255), dtype=np.uint8)
-
-
-@contextmanager
-def _captured_stderr() -> Iterator[list[str]]:
-    """Collects the lines that C libraries write to standard error, once the block is left.
-
-    libjpeg replaces missing data by gray and reports it only on standard error. What other threads
-    write there meanwhile follows later.
-    """
-    complaints: list[str] = []
-    with _STANDARD_ERROR, tempfile.TemporaryFile() as log:
-        sys.stderr.flush()
-        standard_error = os.dup(2)
-        os.dup2(log.fileno(), 2)
-        try:
-            yield complaints
-        finally:
-            os.dup2(standard_error, 2)
-            os.close(standard_error)
-            log.seek(0)
-            lines = log.read().splitlines(keepends=True)
-            complaints.extend(line.decode(errors="replace") for line in lines)
-            if others := [line for line in lines if not _OF_DECODERS.match(line)]:
-                os.write(2, b"".join(others))

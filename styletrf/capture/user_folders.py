@@ -44,8 +44,8 @@ def find_scene(data_root: Path, name: str) -> Path:
     Raises:
         InputError: The name is not one of a plain folder, several videos beside each other or
             beside a folder of them share it, a video has masks, which would not count, the folder
-            holds no photograph, or there is no such scene; it lists the scenes that exist and, for
-            a well-known public one, says where to get it.
+            holds no photograph, the name of a picture is not in UTF-8, or there is no such scene;
+            it lists the scenes that exist and, for a well-known public one, says where to get it.
     """
     _check_name("scene", name)
     scenes = data_root / "scenes"
@@ -114,7 +114,11 @@ def scene_folder(photographs: Path) -> Path:
 
 
 def scene_videos(found: Path) -> list[Path]:
-    """Returns the videos of what `find_scene` found, in natural order; none of photographs."""
+    """Returns the videos of what `find_scene` found, in natural order; none of photographs.
+
+    Raises:
+        InputError: As `files_below`.
+    """
     if not found.is_dir():
         return _of_suffix([found], VIDEO_SUFFIXES)
     return [] if _is_of_photographs(found) else files_below(found, VIDEO_SUFFIXES)

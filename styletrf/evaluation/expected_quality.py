@@ -160,13 +160,19 @@ def _psnr(
     images: ViewImages,
     kernels: Kernels,
 ) -> float:
-    """Returns the mean over views of their PSNR, each at pixels drawn from it."""
+    """Returns the mean over views of their PSNR, each at pixels drawn from it.
+
+    Rays are rendered a tile at a time: those of many views would fill the memory.
+    """
     generator = torch.Generator().manual_seed(0)
     pixels = images.drawn(_RAYS_A_VIEW * len(cameras), generator)
     rays = ViewRays(cameras, model.space.within(field.bounds), field.step_length, images.device)
-    segments, target = pixel_rays(rays, images, pixels)
-    color = render_rays(field, kernels, segments, RenderConfig()).color
-    errors = _means_by_view((color - target).square().mean(dim=1), images.places(pixels)[0])
+    config, parts = RenderConfig(), []
+    for tile in pixels.split(config.tile):
+        segments, target = pixel_rays(rays, images, tile)
+        color = render_rays(field, kernels, segments, config).color
+        parts.append((color - target).square().mean(dim=1))
+    errors = _means_by_view(torch.cat(parts), images.places(pixels)[0])
     return sum(map(psnr_of_error, errors)) / len(errors)
 
 

@@ -1,10 +1,11 @@
 """Makes a finished field smaller: crops empty margins, and cuts ranks of the density.
 
-Both go on while the loss on a fixed sample of the photographs' pixels rises by no more than a given
-fraction. For an axis pair the density's components are the sum of plane_c (u, v) line_c (w), a
-matrix of uv x w in two factors. Its singular value decomposition turns them into as many components
-of which each holds the most that is left (Eckart and Young 1936): the last hardly count. They go in
-fours, which the kernels read at a time. The appearance's are distinguished by the basis, and stay.
+Margins always go. Ranks go while the loss on a fixed sample of the photographs' pixels rises by no
+more than a given fraction. For an axis pair the density's components are the sum of plane_c (u, v)
+line_c (w), a matrix of uv x w in two factors. Its singular value decomposition turns them into as
+many components of which each holds the most that is left (Eckart and Young 1936): the last hardly
+count. They go in fours, which the kernels read at a time. The appearance's are distinguished by the
+basis, and stay.
 """
 
 import math
@@ -22,7 +23,7 @@ from styletrf.geometry.space import Bounds
 LossOf = Callable[[RadianceField], float]
 
 _BLOCK = 4
-_MARGIN = 2  # lattice points about what is occupied
+_MARGIN = 2  # lattice points, after the ends of what is occupied were rounded down
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +109,10 @@ def _cut(ordered: TensorVM, cuts: Sequence[int]) -> TensorVM:
 
 
 def crop_to_occupied(field: RadianceField) -> None:
-    """Crops the lattice to the occupied voxels, and sets the field's new bounds."""
+    """Crops the lattice to the occupied voxels, and sets the field's new bounds.
+
+    About them stay 2 to 3 lattice points at the lower ends, and 1 to 2 at the upper ones.
+    """
     occupied = field.density.occupancy
     resolution, lower, upper = field.resolution, [], []
     for axis, n in enumerate(resolution):
@@ -117,7 +121,7 @@ def crop_to_occupied(field: RadianceField) -> None:
         first, last = int(along.min()), int(along.max()) + 1
         voxels = occupied.shape[axis]
         lower.append(max(0, int(first / voxels * (n - 1)) - _MARGIN))
-        upper.append(min(n - 1, -int(-last / voxels * (n - 1)) + _MARGIN))
+        upper.append(min(n - 1, int(last / voxels * (n - 1)) + _MARGIN))
     for half in (field.density, field.appearance):
         half.factors = _cropped(half.factors, lower, upper)
     field.bounds = Bounds(*(_within(field.bounds, ends, resolution) for ends in (lower, upper)))

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+from styletrf.configuration import require_at_least
 from styletrf.field.shading import ShadingKind
 
 
@@ -26,6 +27,8 @@ class FieldConfig:
         for ranks in (self.density_ranks, self.appearance_ranks):
             if len(ranks) not in (1, 3) or not all(rank > 0 for rank in ranks):
                 raise ValueError(f"ranks are {ranks}, not one or three positive numbers")
+        require_at_least(1, self, "features", "hidden")
+        require_at_least(0, self, "initial_raw_density")
 
     def in_space(self, kind: str) -> "FieldConfig":
         """Returns the configuration with a rank for every axis pair.

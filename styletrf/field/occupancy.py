@@ -56,7 +56,8 @@ def without(
     """Returns the occupancy but for the voxels whose middle lies in a free cell."""
     if free is None:
         return occupied
-    cells = functional.interpolate(free[None, None].float(), tuple(occupied.shape))
+    shape = tuple(occupied.shape)
+    cells = functional.interpolate(free[None, None].float(), shape, mode="nearest-exact")
     return occupied & (cells[0, 0] == 0)
 
 

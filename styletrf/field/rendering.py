@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
+from styletrf.configuration import require_at_least, require_within
 from styletrf.field.appearance import ColorModel
 from styletrf.field.kernels import Kernels, RaySegments, Samples, Sparsification, sparsify_gradient
 from styletrf.field.radiance_field import RadianceField
@@ -36,6 +37,11 @@ class RenderConfig:
     min_weight: float = 5e-3
     tile: int = 16384
     deferred: bool = False
+
+    def __post_init__(self) -> None:
+        require_at_least(1, self, "tile")
+        require_within("[0, 1)", self, "termination")
+        require_within("[0, 1]", self, "min_weight")
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,6 +52,7 @@ class ColorNetwork(Shading):
         self.basis = nn.Linear(components, features, bias=False)
         self.hidden = nn.Linear(features + 3, hidden)
         self.output = nn.Linear(hidden, 3)
+        self.sees_view = True
         for layer in (self.basis, self.hidden, self.output):
             _spread(layer, generator)
         for layer in (self.hidden, self.output):
@@ -67,18 +68,18 @@ class ColorNetwork(Shading):
         """
         n_features = self.basis.out_features
         of_components = self.hidden.weight[:, :n_features] @ self.basis.weight
-        of_view = view_directions @ self.hidden.weight[:, n_features:].T + self.hidden.bias
+        of_directions = self.hidden.weight[:, n_features:]
+        if not self.sees_view:
+            of_directions = of_directions.detach()  # they stay 0
+        of_view = view_directions @ of_directions.T + self.hidden.bias
         layer = self.output
         return kernels.decode(components, of_view, ray, of_components, layer.weight, layer.bias)
 
     def freeze_view_dependence(self) -> None:
-        """Sets the weights of the view to 0, and their gradients; see the base class."""
-        n_features = self.basis.out_features
+        """Sets the weights of the view to 0, where they stay; see the base class."""
+        self.sees_view = False
         with torch.no_grad():
-            self.hidden.weight[:, n_features:] = 0
-        of_features = torch.ones_like(self.hidden.weight)
-        of_features[:, n_features:] = 0
-        self.hidden.weight.register_hook(lambda gradient: gradient * of_features)
+            self.hidden.weight[:, self.basis.out_features :] = 0
 
 
 class DiffuseColor(Shading):

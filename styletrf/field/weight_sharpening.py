@@ -17,6 +17,8 @@ from torch import Tensor
 
 from styletrf.field.kernels import Kernels, Samples
 
+LARGEST_POWER = 8.0  # of 30,000 equal weights the eighth powers are still numbers in float32
+
 
 def sharpened(
     samples: Samples, power: float | Float[Tensor, " samples"], kernels: Kernels
@@ -25,7 +27,8 @@ def sharpened(
 
     Args:
         samples: The samples, with weights of at least 0.
-        power: The power of all samples or of each, at least 1.
+        power: The power of all samples or of each, from 1 to `LARGEST_POWER`: beyond, a ray could
+            lose its weights to rounding.
         kernels: The backend to compute with.
     """
     if isinstance(power, float) and power == 1:

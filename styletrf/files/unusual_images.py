@@ -69,6 +69,6 @@ def gray_with_alpha(file: bytes) -> UInt8[np.ndarray, "height width 4"] | None:
     """
     try:
         with Image.open(io.BytesIO(file)) as opened:
-            return np.array(opened.convert("RGBA"))
+            return np.array(opened.convert("LA").convert("RGBA"))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         return None

@@ -23,7 +23,7 @@ def shard_of(items: Sequence[Item], shard: str, argument: str = "--shard") -> Se
     if not shard:
         return items
     number, slash, count = shard.partition("/")
-    if slash and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count):
+    if slash and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
         k, n = int(number), int(count)
         return items[(k - 1) * len(items) // n : k * len(items) // n]
     raise InputError(f"{argument} {shard}", "is not K/N with K from 1 to N", "Give one such as 2/5")

@@ -8,6 +8,7 @@ import torch
 
 from styletrf.configuration import configured
 from styletrf.devices import device_named
+from styletrf.errors import InputError
 from styletrf.files.images import read_rgb
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera
@@ -49,9 +50,10 @@ def stylize_priors(
     One color map serves all priors, so a shard keeps its views as they are before.
 
     Args:
-        inputs: `priors` and `style`; `network`, or with factors `perceptual`; from the second
-            round on also `before`, the field of the previous round, with `field` and `model`; or
-            `priors`, `style` and the shards to join.
+        inputs: `priors` and `style`; `network`; with factors `perceptual`, and `network` only if
+            `settings` has the start `network`, which is the default; from the second round on also
+            `before`, the field of the previous round, with `field` and `model`; or `priors`,
+            `style` and the shards to join.
         out: The folder to fill.
         settings: Those of `GatysConfig`, where pixels are optimized.
         run: Its progress is the number of views.
@@ -62,6 +64,7 @@ def stylize_priors(
 
     Raises:
         ValueError: The input `network` is missing without factors, or `perceptual` with factors.
+        InputError: The optimization starts from the network's pictures, and `network` is missing.
     """
     cameras = read_cameras(inputs["priors"] / "cameras.parquet")
     plain = list(float_images(inputs["priors"]))
@@ -113,5 +116,8 @@ def _painter(
     if network and not factors:
         return network
     config = with_style_parameters(configured(GatysConfig, settings), *factors)
+    if config.start == "network" and network is None:
+        remedy = "Give the input 'network', or the start 'content' or 'noise'"
+        raise InputError("setting 'start'", "is 'network', and no network is given", remedy)
     weights, painting = inputs["perceptual"] / "vgg16.safetensors", inputs["style"] / "style.png"
     return optimizing_painter(weights, painting, config, device, network)

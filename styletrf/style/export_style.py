@@ -16,7 +16,7 @@ from styletrf.errors import InputError
 from styletrf.style.interchange import to_fast_neural_style
 from styletrf.style.style_network import PaintingNetwork, StyleNetwork, load_style_network
 
-_OF_THE_EXAMPLE = ".pth", ".model"
+_OF_THE_EXAMPLE = ".pth", ".pt", ".model"
 _SUFFIXES = *_OF_THE_EXAMPLE, ".onnx"
 
 
@@ -27,13 +27,14 @@ def export_style_network(folder: Path, out: Path) -> None:
         InputError: The suffix is unknown, the folder of `out` does not exist, the network cannot
             be read, or the format cannot hold it.
     """
-    if out.suffix not in _SUFFIXES:
+    suffix = out.suffix.lower()
+    if suffix not in _SUFFIXES:
         problem = f"ends with none of {', '.join(_SUFFIXES)}"
         raise InputError(str(out), problem, "Give a name that does")
     if not out.parent.is_dir():
         raise InputError(str(out.parent), "is not a folder", "Create it first")
     network = load_style_network(folder)
-    if out.suffix not in _OF_THE_EXAMPLE:
+    if suffix not in _OF_THE_EXAMPLE:
         to_onnx(network, out)
     elif isinstance(network, StyleNetwork):
         torch.save(to_fast_neural_style(network), out)

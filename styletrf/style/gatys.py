@@ -13,6 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from styletrf.configuration import require_within
 from styletrf.finiteness import require_finite
 from styletrf.progress import Progress, silent
 from styletrf.style.perceptual.perceptual_loss import (
@@ -34,6 +35,11 @@ class GatysConfig:
     iterations: tuple[int, ...] = (60, 20)  # at half and at full size
     rate: float = 0.04  # Adam's, of colors in [0, 1]
     seed: int = 0  # of the noise
+
+    def __post_init__(self) -> None:
+        require_within("(0, inf)", self, "rate")
+        if not self.iterations or min(self.iterations) < 0:
+            raise ValueError(f"iterations are {self.iterations}, not one or more from 0")
 
 
 def paint_by_optimization(

@@ -26,7 +26,7 @@ from jaxtyping import Int64, UInt8
 from torch import Tensor, nn
 
 from styletrf.capture.view_images import view_images
-from styletrf.configuration import require_at_least
+from styletrf.configuration import require_at_least, require_within
 from styletrf.field.appearance import Appearance
 from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
@@ -69,6 +69,8 @@ class AdaptationConfig:
         if not self.parts or not set(self.parts) <= set(PARTS):
             raise ValueError(f"parts are {self.parts}, not some of {PARTS}")
         require_at_least(1, self, "iterations", "batch", "tv_every", "cache_bytes")
+        require_within("(0, 1]", self, "rate_decay")
+        require_within("[0, 1)", self, "min_weight", "termination")
 
 
 @dataclass(frozen=True, slots=True)

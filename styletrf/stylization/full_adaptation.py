@@ -26,7 +26,8 @@ def fit_new_field(
 ) -> tuple[RadianceField, list[AdaptationCurvePoint]]:
     """Returns a field fitted to the stylized views alone (S1), and its curve.
 
-    The fit has all of its iterations: painted views disagree, so that one set aside says little.
+    The fit has all of its iterations, whatever `config.early_gain_db`: painted views disagree, so
+    that one set aside says little.
     """
     whole = replace(config, early_gain_db=0.0)
     field, curve = train_field(stylized, volume, whole, kernels, progress)
@@ -43,7 +44,9 @@ def finetune_all(
 ) -> tuple[RadianceField, list[AdaptationCurvePoint]]:
     """Returns the field with all of it fitted on, to the stylized views (S2), and its curve.
 
-    The given field stays as it is. `config` is that of a fit; its lattice does not grow.
+    The given field stays as it is. `config` is that of a fit, but the result has the size of the
+    given field, and its lattice does not grow or shrink; the fit has all of its iterations. So
+    `field`, `upsample_at`, `shrink_rise` and `early_gain_db` do not count.
     """
     config = replace(config, field=field.config, upsample_at=(), shrink_rise=0.0, early_gain_db=0.0)
     volume = FieldVolume(space.within(field.bounds), field.resolution)

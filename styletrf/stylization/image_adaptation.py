@@ -22,7 +22,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from styletrf.capture.view_images import view_images
-from styletrf.configuration import require_at_least
+from styletrf.configuration import require_at_least, require_within
 from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.ray_cache import RayCache
@@ -73,6 +73,8 @@ class ImageAdaptationConfig:
     def __post_init__(self) -> None:
         require_at_least(0, self, "iterations")
         require_at_least(LEAST_PX, self, "window_px")
+        require_within("(0, 1]", self, "rate_decay")
+        require_within("[0, 1)", self, "min_weight", "termination")
 
 
 def adapt_to_image_loss(
@@ -124,7 +126,9 @@ def adapt_to_image_loss(
         held = marched, window, generator, block_px, config.color_weight
         of_picture = partial(_loss_with_colors_held, image_loss, *held)
         cache, shape = marched.rays, window.painted.shape
-        loss, image = _accumulate(field, cache, shape, of_picture, kernels, config.variance_weight)
+        loss, image = accumulate_gradient(
+            field, cache, shape, of_picture, kernels, config.variance_weight
+        )
         if not math.isfinite(loss):
             where = f"at iteration {k}, view {cameras[view].name}"
             tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))
@@ -170,7 +174,7 @@ def _loss_with_colors_held(
     )
 
 
-def _accumulate(
+def accumulate_gradient(
     field: RadianceField, cache: RayCache, shape: Sequence[int],
     image_loss: Callable[[Tensor], Tensor], kernels: Kernels, variance_weight: float,
 ) -> tuple[float, Tensor]:  # fmt: skip

@@ -59,9 +59,11 @@ class MixedAppearance(ColorModel):
         self.register_buffer("fractions", torch.tensor(list(fractions)), persistent=False)
         self._region, self._space = region, space
 
-    def weight_powers(self, positions: Tensor) -> Tensor:
-        """Returns the mean of the powers by the fractions."""
+    def weight_powers(self, positions: Tensor) -> float | Tensor:
+        """Returns the mean of the powers by the fractions; the one power if all have the same."""
         powers = [appearance.weight_power for appearance in self._all()]
+        if len(set(powers)) == 1:
+            return powers[0]
         return self.fractions_at(positions) @ torch.tensor(powers).to(positions)
 
     def components(self, positions: Tensor, kernels: Kernels) -> Tensor:

@@ -17,6 +17,7 @@ from styletrf.evaluation.sharpness import sharpness
 from styletrf.even_spread import evenly_spread
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
+from styletrf.field.weight_sharpening import LARGEST_POWER
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.trajectory.frames import rendered
@@ -27,7 +28,7 @@ class PowerChoiceConfig:
     """Settings of the choice of a power.
 
     Attributes:
-        powers: In ascending order, each at least 1.
+        powers: In ascending order, each from 1 to 8 (`styletrf.field.weight_sharpening`).
         sharpness: The fraction of the priors' sharpness that is enough.
         views: The number of the priors' cameras that renders are compared at.
         render: The settings of these renders.
@@ -41,8 +42,9 @@ class PowerChoiceConfig:
     )
 
     def __post_init__(self) -> None:
-        if not self.powers or self.powers[0] < 1 or list(self.powers) != sorted(self.powers):
-            raise ValueError(f"powers are {self.powers}, not ascending from 1")
+        bounded = [1.0, *self.powers, LARGEST_POWER]
+        if not self.powers or bounded != sorted(bounded):
+            raise ValueError(f"powers are {self.powers}, not ascending from 1 to {LARGEST_POWER:g}")
         if self.views < 1:
             raise ValueError("views is at least 1")
 

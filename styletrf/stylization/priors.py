@@ -15,6 +15,7 @@ from styletrf.even_spread import evenly_spread
 from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig
 from styletrf.files.float_images import read_float_image
+from styletrf.files.frame_limits import DEFAULT_RATE, require_frame_limits
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera, resized
 from styletrf.geometry.space import Space
@@ -31,7 +32,6 @@ from styletrf.trajectory.frames import rendered
 from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 _PLACES = 20_000  # of those that the trajectory sees
-_SMALLEST_PX = 32  # of the longer side: networks take 16 pixels of the shorter
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +47,10 @@ class PriorsConfig:
     trajectory: TrajectoryConfig = field(default_factory=lambda: TrajectoryConfig(frames=40))
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
-    frames_per_second: int = 24
+    frames_per_second: int = DEFAULT_RATE
 
     def __post_init__(self) -> None:
-        if self.long_side_px and self.long_side_px < _SMALLEST_PX:
-            raise ValueError(
-                f"long_side_px is {self.long_side_px}, not 0 or at least {_SMALLEST_PX}"
-            )
+        require_frame_limits(self.long_side_px, self.frames_per_second)
         if self.coverage.count > self.trajectory.frames:
             asked = f"{self.coverage.count} of {self.trajectory.frames}"
             raise ValueError(f"{asked} viewpoints cannot be chosen; raise trajectory.frames")

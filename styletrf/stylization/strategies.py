@@ -1,6 +1,7 @@
 """Stylizes a field by painted views, with each strategy of the paper and each loss of ours."""
 
 import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from styletrf.capture.views import load_views
-from styletrf.configuration import require_at_least
+from styletrf.configuration import require_at_least, require_within
 from styletrf.devices import is_faster_in_bfloat16
 from styletrf.field.kernels import Kernels, kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, refine_appearance
@@ -68,10 +69,12 @@ class StylizationConfig:
 
     def __post_init__(self) -> None:
         require_at_least(LEAST_PX, self, "style_px")
-        if not 0 < self.fit_fraction <= 1:
-            raise ValueError(f"fit_fraction is {self.fit_fraction}, not above 0 and at most 1")
-        if not 0 <= self.appearance_scale < math.inf:
-            raise ValueError(f"appearance_scale is {self.appearance_scale}, not 0 or above")
+        require_within("(0, 1]", self, "fit_fraction")
+        require_within("[0, inf)", self, "appearance_scale")
+        if self.shading == "plain" and self.adaptation.sees_view:
+            raise ValueError("adaptation.sees_view needs the shading 'network', not 'plain'")
+        if self.shading == "plain" and set(self.adaptation.parts) == {"network"}:
+            raise ValueError("adaptation.parts is 'network', which the shading 'plain' lacks")
 
     def with_style_parameters(
         self, stroke_scale: float, content_weight: float
@@ -142,20 +145,21 @@ def stylized(
     first = config.adaptation
     if job.match != "pixels":
         first = replace(first, iterations=math.ceil(config.fit_fraction * first.iterations))
+    started = time.monotonic()
     curve, dropped = adapt_appearance(
         job.field, job.cameras, job.painted, job.model.space, first, job.kernels,
         progress, _learnt_pixels(job, config),
     )  # fmt: skip
     choose_weight_power(job.field, job.cameras, job.painted, job.model.space, config.weight_power)
     if job.match != "pixels":
+        seconds = time.monotonic() - started
         after = adapt_to_image_loss(
             job.field, job.cameras, (job.unstylized, job.painted), job.model.space,
             _image_loss(job, config),
             config.image, config.adaptation, job.kernels, progress, job.background,
         )  # fmt: skip
-        last = curve[-1] if curve else AdaptationCurvePoint(0, 0.0, 0.0)
         curve += [
-            AdaptationCurvePoint(last.iteration + p.iteration, last.seconds + p.seconds, p.psnr)
+            AdaptationCurvePoint(first.iterations + p.iteration, seconds + p.seconds, p.psnr)
             for p in after
         ]
     return job.field, curve, dropped
@@ -170,7 +174,10 @@ def stylized_with_own_density(
 ) -> tuple[RadianceField, list[AdaptationCurvePoint]]:
     """Returns a field fitted to the painted views alone (S1), or the field fitted on (S2).
 
-    S2 sees as many rays as the adaptation of the appearance to the painted views alone does.
+    `config.fit` has the settings of both, but for those that the strategies decide: the shading is
+    the scene's, see also `fit_new_field` and `finetune_all`. S2 sees as many rays as the adaptation
+    of the appearance to the painted views alone does, which decides `iterations` and
+    `batch_samples`.
     """
     shading = replace(config.fit.field, shading=job.model.shading)
     training, space = replace(config.fit, field=shading), job.model.space

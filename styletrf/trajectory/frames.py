@@ -17,13 +17,7 @@ from styletrf.field.radiance_field import RadianceField
 from styletrf.field.rendering import RenderConfig, Rendering, render_view
 from styletrf.field.view_rays import ViewRays
 from styletrf.files.float_images import FloatImage, read_float_image, write_float_image
-from styletrf.files.frame_limits import (
-    DEFAULT_RATE,
-    FASTEST_RATE,
-    LARGEST_PX,
-    SLOWEST_RATE,
-    SMALLEST_PX,
-)
+from styletrf.files.frame_limits import DEFAULT_RATE, require_frame_limits
 from styletrf.files.images import to_integers, write_rgb
 from styletrf.files.video import write_video
 from styletrf.finiteness import first_not_finite, parameter_stages, require_finite
@@ -46,12 +40,7 @@ class FramesConfig:
     frames_per_second: int = DEFAULT_RATE
 
     def __post_init__(self) -> None:
-        if self.long_side_px and not SMALLEST_PX <= self.long_side_px <= LARGEST_PX:
-            bounds = f"{SMALLEST_PX} to {LARGEST_PX} pixels long, not {self.long_side_px}"
-            raise ValueError(f"frames are {bounds}")
-        if not SLOWEST_RATE <= self.frames_per_second <= FASTEST_RATE:
-            bounds = f"{SLOWEST_RATE} to {FASTEST_RATE} frames a second"
-            raise ValueError(f"a video has {bounds}, not {self.frames_per_second}")
+        require_frame_limits(self.long_side_px, self.frames_per_second)
 
 
 def rendered(

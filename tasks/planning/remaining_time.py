@@ -6,19 +6,17 @@ from typing import Any
 
 import luigi
 
-from pipeline.canonical import canonical, canonical_json
 from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.task import StoredTask
 from styletrf.evaluation.trade_off import Combination
 from tasks.command.found_records import is_made
 from tasks.command.sources import builds_alone
 from tasks.machine.calibration import calibration_of_machine
+from tasks.planning.artifact_names import ArtifactNames
 from tasks.planning.memory_demand import Photographs
 from tasks.planning.scene_sizes import sizes_of
 from tasks.planning.stage_costs import CostModel, MeasuredSeconds, reference_costs
 from tasks.presets.quality_choice import Front, Timing
-
-_NAMES = ("scene", "style", "content", "perceptual", "transfer", "network", "path", "shard")
 
 
 class FoundStages:
@@ -29,26 +27,14 @@ class FoundStages:
 
     def __init__(self) -> None:
         self._found: dict[str, bool] = {}
-        self._names: dict[str, str] = {}
+        self._names = ArtifactNames()
 
     def has(self, stage: StoredTask) -> bool:
         """Returns whether the stage's artifact exists."""
-        name = self._name(stage)
+        name = self._names.of(stage)
         if name not in self._found:
             self._found[name] = is_made(stage)
         return self._found[name]
-
-    def _name(self, stage: StoredTask) -> str:
-        """Returns the same name for stages that have the same artifact."""
-        if stage.task_id not in self._names:
-            parts = {
-                "family": stage.task_family,
-                "identity": stage.identity_parameters(),
-                "names": {n: stage.param_kwargs[n] for n in _NAMES if n in stage.param_kwargs},
-                "inputs": {n: self._name(t) for n, t in stage.requires().items()},
-            }
-            self._names[stage.task_id] = canonical_json(canonical(parts)).decode()
-        return self._names[stage.task_id]
 
 
 def stages_to_make(root: luigi.Task, is_found: Callable[[StoredTask], bool]) -> list[StoredTask]:
@@ -64,7 +50,8 @@ def cost_model(task: Any, front: Front | None = None) -> CostModel:
 
     Args:
         task: A `StylizedTrajectory`.
-        front: The front whose machine is that of the reference, where all have to choose alike.
+        front: The front whose machine counts where all have to choose alike; without it, or where
+            it does not know its machine, that of the reference counts.
     """
     reference, is_alone = reference_costs(), builds_alone()
     alike = front.calibration if front and front.calibration else reference.calibration

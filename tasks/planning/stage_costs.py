@@ -100,7 +100,8 @@ class MeasuredSeconds:
     Attributes:
         seconds: The seconds with the settings of a point.
         calibration: The calibration of that machine.
-        photographs: The photographs of the front's scene; None if it is the scene of the stage.
+        photographs: The photographs of the front's scene; None if unknown: then those of the
+            stage's scene count.
     """
 
     seconds: float

@@ -16,6 +16,7 @@ from pipeline.execution.gpu import visible_gpus
 from pipeline.settings import number_setting
 from pipeline.task import artifact
 from tasks.command.found_records import is_made
+from tasks.planning.artifact_names import ArtifactNames
 from tasks.planning.memory_demand import GROWTH, Demand
 from tasks.stages.field import PriorRenders, TrajectoryFrames
 from tasks.stages.path_parameters import frame_count
@@ -30,9 +31,14 @@ _KEPT_SAMPLES = 0.1  # of the most that a ray could keep: 1 / min_weight, as its
 
 
 def demands_of(stages: Iterable[luigi.Task]) -> list[Demand]:
-    """Returns the demands of the stages whose memory grows with the user's input."""
+    """Returns the demands of the stages whose memory grows with the user's input.
+
+    Stages that will have the same artifact, such as variants of a sweep, count once.
+    """
     grown = (s for s in stages if isinstance(s, ConfigurableStage) and demand_name(s) in GROWTH)
-    to_make = [s for s in grown if not is_made(s)]
+    names = ArtifactNames()
+    each_once = {names.of(s): s for s in grown}.values()
+    to_make = [s for s in each_once if not is_made(s)]
     has_gpu = any(s.needs_gpu for s in to_make) and bool(visible_gpus())
     large = (s for s in to_make if GROWTH[demand_name(s)].frame or not (has_gpu and s.needs_gpu))
     return [demand_of(s) for s in large]

@@ -77,12 +77,13 @@ def require_room(root: Path) -> None:
 
 
 def _settings_of(stage: luigi.Task) -> Iterator[tuple[str, str]]:
-    """Yields the stages whose settings a stage has from the user, with all values, as JSON."""
+    """Yields each stage that the user gave settings, by name, with all its settings as JSON."""
     if isinstance(stage, ConfigurableStage) and stage.settings:
         yield stage.task_family, json.dumps(stage.values())
     if isinstance(stage, PresetStage):
         for family in stage.tuning:  # also those of which the command has no stage
-            yield family, json.dumps(stage.tuned(family, stage.quality))
+            own = ConfigurableStage.settings.task_value(family, "settings")
+            yield family, json.dumps(stage.tuned(family, stage.quality, own))
 
 
 def _path_of(stage: luigi.Task) -> tuple[str, str, str] | None:

@@ -31,8 +31,8 @@ class Front:
         quality: The preset around which was swept.
         points: Its points, with the seconds of the machine that measured them.
         calibration: The calibration of that machine; None where a front does not have it.
-        photographs: The number and the size of the photographs of its scene; empty if it is the
-            scene of the command.
+        photographs: The number and the size of the photographs of its scene; empty where the front
+            does not have them.
     """
 
     description: str

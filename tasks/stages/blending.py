@@ -86,4 +86,4 @@ def _is_box(region: Mapping[str, Any]) -> bool:
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)
+    return isinstance(value, int | float) and abs(value) < math.inf

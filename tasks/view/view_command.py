@@ -43,7 +43,7 @@ def run(arguments: Sequence[str]) -> int:
     Raises:
         SystemExit: The command is refused, or prints a help.
     """
-    given, others = _parser().parse_known_args(arguments)
+    given, others = parser().parse_known_args(arguments)
     try:
         with parameter_errors():
             return _serve(given, others)
@@ -53,7 +53,8 @@ def run(arguments: Sequence[str]) -> int:
         return 0
 
 
-def _parser() -> ArgumentParser:
+def parser() -> ArgumentParser:
+    """Returns the parser of the command's own options; the others are those of its task."""
     parser = ArgumentParser("styletrf view", description=_DESCRIPTION, allow_abbrev=False)
     parser.add_argument("scene", help="a folder in data/scenes")
     parser.add_argument(

@@ -128,7 +128,7 @@ def test_one_key_for_dictionaries_that_are_one():
     assert built() == ["Settled"]
 
 
-def test_early_cut_off_within_one_command():
+def test_a_task_whose_inputs_come_out_the_same_is_not_built_again():
     """Luigi runs what was incomplete at the start; `run` finds that it is not needed."""
     assert luigi("Echo", "--edition", "1")[0] == 0
     status, screen = luigi("Echo", "--edition", "2")

@@ -19,6 +19,15 @@ if not HAS_GPU:
     os.environ.setdefault("TRITON_INTERPRET", "1")
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _daylight(_shared: None) -> Iterator[None]:
+    """Workers share the light of the courtyard."""
+    from shared_daylight import shared_daylight  # not before its shapes are checked
+
+    with shared_daylight():
+        yield
+
+
 @pytest.fixture(params=["reference", "fused", "triton"])
 def backend(request: pytest.FixtureRequest) -> Iterator[Any]:
     """Each backend in turn; within the test new tensors are made on the device it runs on."""

@@ -49,6 +49,12 @@ def test_a_process_answers_alike_and_measures_once():
     assert is_faster_in_bfloat16.cache_info().misses <= 1
 
 
+@pytest.mark.parametrize("name", ["gpu", "CUDA", ""])
+def test_an_unknown_device_is_refused(name):
+    with rejects(f"--device {name}".strip(), remedy=["auto", "cpu", "cuda"]):
+        device_named(name)
+
+
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a GPU")
 def test_a_gpu_that_is_not_there_is_refused_and_auto_takes_the_cpu():
     with rejects("--device cuda"):

@@ -9,7 +9,7 @@ from styletrf.even_spread import evenly_spread
 
 
 @given(st.integers(1, 300), st.integers(2, 60))
-def test_they_go_from_the_first_to_the_last_in_steps_that_differ_by_one(total, count):
+def test_spread_indices_go_from_the_first_to_the_last_in_steps_that_differ_by_one(total, count):
     chosen = evenly_spread(range(total), count)
     assert len(chosen) == min(total, count)
     assert (chosen[0], chosen[-1]) == (0, total - 1)

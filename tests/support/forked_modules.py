@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 class ForkedModule:
     """`python -m` with some words, whose builds the same server forks.
 
-    Its attributes and methods are those of `subprocess.Popen` with `text=True`.
+    It has the attributes and methods of `subprocess.Popen` that tests need, with `text=True`.
     """
 
     def __init__(

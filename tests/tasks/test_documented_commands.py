@@ -70,7 +70,7 @@ def test_a_task_or_parameter_that_does_not_exist_is_noticed(wrong: list[str]) ->
 @pytest.mark.parametrize("command", of("python -m pipeline"), ids=str)
 def test_a_command_of_the_store_and_its_options_exist(command: Command) -> None:
     words = [word.strip("[]") for word in command.arguments]
-    given = command_line._parser().parse_args(words)
+    given = command_line.parser().parse_args(words)
     if given.command == "why" and given.task[0] in tasks.__all__:
         parse_task(["--module", "tasks", *given.task])
 
@@ -78,13 +78,13 @@ def test_a_command_of_the_store_and_its_options_exist(command: Command) -> None:
 def test_commands_of_the_store_are_known() -> None:
     for name in OF_THE_STORE:
         with pytest.raises(SystemExit) as ended:
-            command_line._parser().parse_args([name, "--help"])
+            command_line.parser().parse_args([name, "--help"])
         assert ended.value.code == 0
 
 
 @pytest.mark.parametrize("command", of("styletrf view"), ids=str)
 def test_the_options_of_a_served_viewer_exist(command: Command) -> None:
-    given, others = view_command._parser().parse_known_args(command.arguments)
+    given, others = view_command.parser().parse_known_args(command.arguments)
     parse_task(["Viewer", "--scene", given.scene, "--styles", "[]", *others])
 
 

@@ -9,6 +9,8 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,10 @@ from typing import Any
 import numpy as np
 import pytest
 from command_output import command
+from expected_errors import rejects
+from luigi.cmdline_parser import CmdlineParser
 from message_words import mentions
+from shared_daylight import shared_daylight
 from viewing import viewing
 
 import tasks
@@ -66,6 +71,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "adaptation.batch": 64,
         "image.iterations": 2,
         "weight_power.powers": [1.0],
+        "style_px": 64,
     },
     "QualityMetrics": {"perceptual_px": 96},
     "StyleMetrics": {"frames": 2},
@@ -125,6 +131,17 @@ class Workplace:
     def command(self, *task: str) -> Run:
         return self.luigi("--module", "tasks", *self.words(*task))
 
+    @contextmanager
+    def task(self, *task: str) -> Iterator[Any]:
+        """The task of a command, in this process."""
+        with (
+            pytest.MonkeyPatch.context() as patch,
+            CmdlineParser.global_instance(self.words(*task)) as parser,
+        ):
+            for name, value in self.environment().items():
+                patch.setenv(name, value)
+            yield parser.get_task_obj()
+
     def luigi(self, *words: str) -> Run:
         begun = time.monotonic()
         return run_of(command(*words, **self.environment()), begun)
@@ -157,7 +174,9 @@ def run_of(process: "subprocess.CompletedProcess[str]", begun: float) -> Run:
 def workplace(tmp_path_factory: pytest.TempPathFactory, perceptual_file: Path) -> Workplace:
     """Twelve photographs of the courtyard, two of nothing, one of a phone, and two paintings."""
     root = tmp_path_factory.mktemp("workplace")
-    write_courtyard(root / "data/scenes/yard", CourtyardConfig(n_views=12, width=200, height=150))
+    with shared_daylight():
+        scene = CourtyardConfig(n_views=12, width=200, height=150)
+        write_courtyard(root / "data/scenes/yard", scene)
     images = root / "data/scenes/yard/images"
     for k, noise in enumerate(np.random.default_rng(0).random((STRAYS, 150, 200, 3))):
         write_rgb(images / f"stray{k}.png", noise.astype(np.float32))
@@ -247,12 +266,6 @@ def test_the_cameras_are_those_of_the_courtyard(workplace: Workplace, monkeypatc
     assert np.abs(scale * centers - expected).max() < 0.02 * np.ptp(expected, axis=0).max()
 
 
-def test_the_same_again_builds_nothing(workplace: Workplace, first: Run):
-    again = workplace.command(*workplace.result("brush"))
-    assert (again.status, again.report, again.started) == (0, first.report, [])
-    assert again.seconds < 15
-
-
 @pytest.mark.usefixtures("first")
 def test_another_style_builds_only_what_depends_on_it_and_comes_into_an_open_viewer(
     workplace: Workplace,
@@ -317,11 +330,14 @@ def test_a_viewer_is_made_of_the_same_field_and_the_index_opens_it(workplace: Wo
         assert f"<span>{family}</span>" in lineage
 
 
-def test_links_that_were_deleted_come_back_without_building(workplace: Workplace, first: Run):
+def test_the_same_again_builds_nothing_and_deleted_links_come_back(
+    workplace: Workplace, first: Run
+):
     links = {path.name: path.resolve() for path in first.report.parent.iterdir()}
     shutil.rmtree(workplace.root / "out")
     again = workplace.command(*workplace.result("brush"))
     assert (again.status, again.report, again.started) == (0, first.report, [])
+    assert again.seconds < 15
     assert {path.name: path.resolve() for path in first.report.parent.iterdir()} == links
 
 
@@ -331,10 +347,11 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_serves_requests(workp
     changes = ["faint samples of the fit x 3", "adaptation iterations x 0.5"]
     words = ["TradeOff", "--scene", "yard", "--style", "brush", "--repeats", "1"]
     words += ["--only", json.dumps(changes)]
-    refused = workplace.command(*words)
-    assert refused.status == 1
-    assert mentions(refused.screen, *SETTINGS, "--tuning")
-    sweep = workplace.command(*words, "--tuning", json.dumps(SETTINGS))
+    with workplace.task(*words) as task, rejects("settings", remedy=["--tuning"]) as refused:
+        task.validate()
+    assert mentions(refused.value.subject, *SETTINGS)
+    tuning = {**SETTINGS, "StylizationMetrics": {"style_px": 64}}
+    sweep = workplace.command(*words, "--tuning", json.dumps(tuning))
     assert sweep.status == 0, sweep.screen
     assert Counter(sweep.started) == {
         "RadianceField": 1, "QualityMetrics": 1, "TrajectoryFrames": 1,  # of the fit
@@ -346,14 +363,16 @@ def test_a_sweep_measures_its_variants_alone_and_its_front_serves_requests(workp
     front = json.loads(sweep.report.with_name("front.json").read_text())
     assert 1 <= len(front["points"]) <= 4
     assert all("RadianceField" in point["combination"]["tuning"] for point in front["points"])
-    request = ["StylizedTrajectory", "--scene", "yard", "--style", "brush", "--quality"]
-    refused = workplace.command(*request, "within 99 dB")
-    assert (refused.status, mentions(refused.screen, *SETTINGS)) == (1, True)
-    request = [*request[:-1], "--tuning", "{}", "--quality"]
-    resolved = workplace.command(*request, "within 99 dB")
+    request = [*workplace.result("brush"), "--quality", "within 99 dB"]
+    with workplace.task(*request) as task, rejects("settings") as refused:
+        task.validate()
+    assert mentions(refused.value.subject, *SETTINGS)
+    request += ["--tuning", "{}"]
+    resolved = workplace.command(*request)
     assert resolved.status == 0, resolved.screen
+    assert "RadianceField" not in resolved.started, "the sweep fitted those of all points"
     of_the_front = (front[name] for name in ("scene", "style", "measured", "machine"))
     assert mentions(resolved.screen, *of_the_front)
     assert resolved.report == workplace.root / "out/yard/brush/report.html"
-    again = workplace.command(*request, "within 99 dB")
-    assert (again.status, again.started) == (0, [])
+    with workplace.task(*request) as task:
+        assert task.complete(), "the same again builds nothing"

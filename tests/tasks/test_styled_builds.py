@@ -82,6 +82,7 @@ def test_free_strategies_leave_a_density_of_their_own(mini: Mini, strategy: str)
     frames = mini("StylizedFrames", strategy=strategy)
     assert len(pictures(frames)) == len(list((frames / "own_depths").iterdir())) == 7
     pairs = read_rows(mini("ConsistencyMetrics", strategy=strategy) / "pairs.parquet")
+    assert pairs
     assert all(0 <= pair["own_fraction"] <= 1 for pair in pairs)
     assert not (mini("StylizedFrames") / "own_depths").exists(), "the field's is theirs"
 

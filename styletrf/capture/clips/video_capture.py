@@ -130,23 +130,28 @@ def _most_frames(
     Args:
         motions: The motion in each clip.
         views: How many views each frame of a clip gives.
-        count: Of the views.
+        count: The most views.
     """
+    joined, lengths = joined_motion(motions), [len(motion.time_s) for motion in motions]
     fewest = count // max(views)
     for frames in range(count // min(views), fewest, -1):
-        chosen = _chosen_of_each(motions, frames)
+        chosen = _chosen_of_each(joined, lengths, frames)
         if sum(n * len(of_clip) for n, of_clip in zip(views, chosen, strict=True)) <= count:
             return frames, chosen
-    return fewest, _chosen_of_each(motions, fewest)
+    return fewest, _chosen_of_each(joined, lengths, fewest)
 
 
-def _chosen_of_each(motions: Sequence[FrameMotion], count: int) -> list[list[int]]:
-    """Returns the indices of the frames to take of each clip, which may be none."""
-    chosen = chosen_frames(joined_motion(motions), count)
-    ends = np.cumsum([len(motion.time_s) for motion in motions])
-    clip = np.searchsorted(ends, chosen, side="right")
-    starts = ends - [len(motion.time_s) for motion in motions]
-    return [(chosen[clip == k] - starts[k]).tolist() for k in range(len(motions))]
+def _chosen_of_each(joined: FrameMotion, lengths: Sequence[int], count: int) -> list[list[int]]:
+    """Returns the indices of the frames to take of each clip, which may be none.
+
+    Args:
+        joined: The motion in all clips, one after another.
+        lengths: The number of frames of each clip.
+        count: How many frames to take of all clips together.
+    """
+    chosen, ends = chosen_frames(joined, count), np.cumsum(lengths)
+    clip, starts = np.searchsorted(ends, chosen, side="right"), ends - lengths
+    return [(chosen[clip == k] - starts[k]).tolist() for k in range(len(lengths))]
 
 
 def _is_panorama(video: Path, choice: Choice) -> bool:

@@ -113,7 +113,7 @@ def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
 
 
 def _require_one_pose(source: Path, views: Sequence[GivenView]) -> None:
-    times = Counter(view.file for view in views)
+    times = Counter(view.file.resolve() for view in views)
     if again := [file.name for file, count in times.items() if count > 1]:
         problem = f"has several poses of one photograph: {', '.join(again[:10])}"
         raise InputError(str(source), problem, "Give each photograph one pose")

@@ -9,7 +9,9 @@ A fisheye (`"camera_model": "OPENCV_FISHEYE"`, or `"is_fisheye": true`) has `k1`
 
 import json
 import math
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +37,8 @@ _BENDS = {
     "FULL_OPENCV": ("k1", "k2", "p1", "p2", "k3"),
     "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"),
 }  # names of the distortion parameters, by COLMAP's name of the lens model
-_RATIONAL = (0.0, 0.0, 0.0)  # k4, k5 and k6 of FULL_OPENCV, which the files do not have
+_UNREAD = ("k4", "k5", "k6")
+"""Parameters of FULL_OPENCV; programs that write `k4` for other lenses define it differently."""
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 
 
@@ -51,7 +54,21 @@ def read_transforms(folder: Path) -> GivenPoses | None:
     """
     parts = _parts(folder)
     views = [view for path, held_out in parts.items() for view in _views_with(path, held_out)]
-    return given_poses(next(iter(parts)), views) if parts else None
+    return given_poses(next(iter(parts)), _of_one_model(views)) if parts else None
+
+
+def _of_one_model(views: Sequence[GivenView]) -> list[GivenView]:
+    """Returns the views with lenses of COLMAP's largest model of OpenCV if one of them needs it."""
+    if all(view.lens.model != "FULL_OPENCV" for view in views):
+        return list(views)
+    return [replace(view, lens=_widened(view.lens)) for view in views]
+
+
+def _widened(lens: Lens) -> Lens:
+    """Returns the same pinhole or OpenCV lens as one of `FULL_OPENCV`."""
+    if lens.model not in ("PINHOLE", "OPENCV"):
+        return lens
+    return replace(lens, model="FULL_OPENCV", params=(*lens.params, *[0.0] * 8)[:12])
 
 
 def transforms_photographs(folder: Path) -> list[Path]:
@@ -160,13 +177,13 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
         fy = float(values.get("fl_y", fx))
         cx, cy = float(values.get("cx", width / 2)), float(values.get("cy", height / 2))
         model = _model(path, values)
-        has_k4 = model != "OPENCV_FISHEYE" and float(values.get("k4") or 0) != 0
+        unread = [] if model == "OPENCV_FISHEYE" else [n for n in _UNREAD if values.get(n)]
         bend = tuple(float(values.get(name, 0)) for name in _BENDS[model])
-        bend += _RATIONAL if model == "FULL_OPENCV" else ()
+        bend += (0.0,) * len(_UNREAD) if model == "FULL_OPENCV" else ()
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise InputError(str(path), f"has no lens ({error!r})", _REMEDY) from error
-    if has_k4 and size is not None:  # else only the angle of view counts
-        problem = "has a k4 of a lens that is no fisheye, which has several definitions"
+    if unread and size is not None:  # else only the angle of view counts
+        problem = f"has {', '.join(unread)} of a lens that is no fisheye, which are not read"
         raise InputError(str(path), problem, "Export it with k1, k2, k3, p1 and p2 alone")
     numbers = (fx, fy, cx, cy, *bend)
     if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):

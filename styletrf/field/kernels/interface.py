@@ -30,7 +30,10 @@ class Kernels(ABC):
     def density(
         self, factors: TensorVM, positions: Float[Tensor, "samples 3"]
     ) -> Float[Tensor, " samples"]:
-        """Returns the raw density; see `reference.density`."""
+        """Returns the raw density; see `reference.density`.
+
+        It is not differentiable in every backend: densities are fitted by the weights of `trace`.
+        """
 
     @abstractmethod
     def trace(

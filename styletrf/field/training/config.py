@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from styletrf.configuration import require_at_least
+from styletrf.configuration import require_at_least, require_within
 from styletrf.field.field_config import FieldConfig
 
 
@@ -48,11 +48,10 @@ class FieldTrainingConfig:
     def __post_init__(self) -> None:
         if not all(0 < fraction < 1 for fraction in self.upsample_at):
             raise ValueError(f"upsample_at is {self.upsample_at}, not fractions of the iterations")
-        if not 0 <= self.average_share <= 1:
-            raise ValueError(f"average_share is {self.average_share}, not between 0 and 1")
-        if not (self.steps_per_voxel > 0 and self.ndc_step > 0):
-            lengths = f"steps_per_voxel is {self.steps_per_voxel} and ndc_step {self.ndc_step}"
-            raise ValueError(f"{lengths}, not both above 0")
+        require_within("[0, 1]", self, "average_share")
+        require_within("(0, 1]", self, "rate_decay")
+        require_within("[0, 1)", self, "min_weight", "termination")
+        require_within("(0, inf)", self, "steps_per_voxel", "ndc_step")
         counts = "iterations", "batch", "initial_voxels", "tv_views", "tv_every"
         require_at_least(1, self, *counts, "depth_rays", "depth_every", "occupancy_every")
 
@@ -85,4 +84,6 @@ class FieldTrainingConfig:
     @property
     def upsample_steps(self) -> tuple[int, ...]:
         """The iterations at which the grid grows."""
-        return tuple(max(1, round(fraction * self.iterations)) for fraction in self.upsample_at)
+        last = max(1, self.iterations - 1)
+        steps = (round(fraction * self.iterations) for fraction in self.upsample_at)
+        return tuple(min(max(1, step), last) for step in steps)

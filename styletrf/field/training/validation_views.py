@@ -45,8 +45,9 @@ class ValidationViews:
     late: int
 
     def without(self, images: ViewImages, pixels: Int64[Tensor, " rays"]) -> Int64[Tensor, " kept"]:
-        """Returns the pixels that are of other views."""
-        return pixels[~self.views[images.places(pixels)[0]]]
+        """Returns the pixels that are of other views; all, if none is: a batch is never empty."""
+        others = pixels[~self.views[images.places(pixels)[0]]]
+        return others if len(others) else pixels
 
     def end_after(self, gain_db: float, config: FieldTrainingConfig) -> int:
         """Returns the iteration at which a fit ends, from the gain between the measurements."""

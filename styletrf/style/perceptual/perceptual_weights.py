@@ -44,6 +44,9 @@ _CAFFE_MEAN = (123.68 / 255, 116.779 / 255, 103.939 / 255)
 _CAFFE_STD = 0.226  # the mean of ImageNet's three: see `_from_caffe`
 
 Weights = dict[str, Tensor]
+_READING_ERRORS = (
+    EOFError, LookupError, OSError, RuntimeError, TypeError, ValueError, SafetensorError,
+)  # fmt: skip
 
 
 def build_perceptual_weights(source: str, folder: Path) -> None:
@@ -140,7 +143,6 @@ _READERS: dict[str, Callable[[Path], Weights]] = {
     ".pth": _read_torchvision,
     ".safetensors": load_file,
 }
-_DAMAGE = EOFError, LookupError, OSError, RuntimeError, TypeError, ValueError, SafetensorError
 
 
 def _read_local(path: Path) -> Weights:
@@ -152,7 +154,7 @@ def _read_local(path: Path) -> Weights:
         raise _unusable(str(path), f"its name ends with none of {', '.join(_READERS)}")
     try:
         return read(path)
-    except _DAMAGE as error:
+    except _READING_ERRORS as error:
         raise _unusable(str(path), f"{type(error).__name__}: {error}".splitlines()[0]) from error
     except Exception as error:  # torch.load raises pickle's own errors, of no common kind
         if type(error).__module__ not in {"pickle", "_pickle"}:

@@ -8,7 +8,7 @@ import pytest
 
 import tasks
 from pipeline.code import closure_cache, source
-from pipeline.code.closure import _followed, code_closure
+from pipeline.code.closure import code_closure, follow_closure
 from pipeline.code.closure_cache import cached_closure, sources_digest
 
 counter = itertools.count()
@@ -132,7 +132,7 @@ def test_closures_of_earlier_files_are_removed(closure, package, tmp_path):
 
 def test_the_closure_of_a_task_is_the_one_that_is_followed(monkeypatch):
     task = tasks.StyleImage
-    assert code_closure(task) == _followed(task.__module__, task.__qualname__)
+    assert code_closure(task) == follow_closure(task.__module__, task.__qualname__)
     monkeypatch.setattr(ast, "parse", lambda *_: pytest.fail("it was followed again"))
     source._parse.cache_clear()
     assert code_closure(task)
@@ -153,6 +153,6 @@ def test_a_file_that_vanishes_while_the_module_is_imported_only_costs_time(closu
 
     with monkeypatch.context() as patch:
         patch.setattr(closure_cache, "file_digest", fail)
-        follower = closure_cache._pipeline_digest()
+        follower = closure_cache.pipeline_digest()
     monkeypatch.setattr(closure_cache, "_PIPELINE_DIGEST", follower)
     assert [closure(), closure()] == [{"code": "1"}, {"code": "2"}]

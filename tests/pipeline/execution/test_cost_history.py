@@ -21,7 +21,7 @@ def test_nothing_is_expected_of_a_family_never_built(store):
     assert cost_of_similar(cost_history(store, "Word"), {"word": "a"}) is None
 
 
-def test_notes_come_back(store):
+def test_recorded_costs_are_read_back_in_order(store):
     noted = [spent(1.5, scene="horns"), spent(3.0, scene="fern")]
     for each in noted:
         record_cost(store, "Word", each)

@@ -149,7 +149,7 @@ def test_what_needs_all_the_memory_waits_for_what_has_some(leases, capsys, monke
     assert not capsys.readouterr().out
 
 
-def test_it_says_what_it_waits_for(leases):
+def test_a_build_that_waits_says_for_what(leases):
     said = []
 
     class GivenUpError(Exception):

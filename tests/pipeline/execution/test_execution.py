@@ -61,14 +61,14 @@ def test_a_killed_build_goes_on_from_its_checkpoint(toys):
     assert not list((current_store().root / "resume").iterdir())
 
 
-def test_out_of_time():
+def test_a_build_beyond_its_time_fails_and_names_the_limit_and_the_log():
     failure = failure_of(Act("sleep", timeout_seconds=1))
     assert failure.kind == "timeout"
     assert re.search(r"\b[1-9]\d* s, 0\.", failure.reason)
     assert mentions(failure.reason, "--Act-timeout-seconds", log_named_in(failure.reason))
 
 
-def test_over_its_memory():
+def test_a_build_beyond_its_memory_fails_and_names_the_limit_and_the_log():
     failure = failure_of(Act("let_a_child_eat", memory_gib=0.15))
     assert failure.kind == "memory"
     assert re.search(r"\b\d+ s, 0\.2 GiB\b", failure.reason)
@@ -158,7 +158,7 @@ def test_a_failure_without_a_checkpoint_leaves_no_folder_for_one(act):
     assert not list((current_store().root / "resume").iterdir())
 
 
-def test_nothing_stays_behind():
+def test_a_finished_build_leaves_no_process_and_no_open_file():
     assert not Word("a").complete()  # which opens what stays open: the lease of this process
     before, descriptors = (
         len(psutil.Process().children()),

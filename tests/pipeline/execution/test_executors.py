@@ -57,11 +57,12 @@ def _fresh_or_forked(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 either_process = pytest.mark.usefixtures("_fresh_or_forked")
+WAYS = [("inline", "fresh"), ("subprocess", "fresh"), ("subprocess", "forked")]
 
 
 @either_process
-@every_executor
-def test_success(executor, job):
+@pytest.mark.parametrize(("executor", "_fresh_or_forked"), WAYS, indirect=["_fresh_or_forked"])
+def test_an_act_that_succeeds_is_built_and_its_time_and_memory_are_measured(executor, job):
     report = acted(executor, job, "succeed")
     assert (report.kind, report.status, report.message) == ("built", 0, "")
     assert (Path(job.out) / "whole.txt").exists()
@@ -96,7 +97,7 @@ def test_the_end_of_a_build_is_noticed_at_once(job):
     assert (Path(job.out) / "whole.txt").exists()
 
 
-@either_process
+@pytest.mark.usefixtures("forked_builds")
 def test_time_before_a_kill_counts_where_a_checkpoint_is_gone_on_from(job):
     resume = Path(job.resume)
     assert acted("subprocess", job, "sleep_a_little").earlier_seconds == 0
@@ -110,7 +111,7 @@ def test_time_before_a_kill_counts_where_a_checkpoint_is_gone_on_from(job):
     assert acted("subprocess", job, "succeed").earlier_seconds == 0
 
 
-@either_process
+@pytest.mark.usefixtures("forked_builds")
 def test_cores_of_a_build_and_of_others_are_counted_apart(job):
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as other:
         report = acted("subprocess", job, "sleep_a_little")
@@ -130,21 +131,27 @@ def test_a_warning_is_a_line_on_the_terminal_and_in_the_log(executor, job, inter
     assert not any("this is not" in line for line in said)
 
 
+EXCEPTIONS = {
+    "refuse": ("user", NO_WORD, True),
+    "crash": ("crash", "RuntimeError: a defect", False),
+    "lose": ("transient", "ConnectionResetError: the other side went away", False),
+    "lose_once": ("transient", UNREACHABLE, True),
+}
+
+
 @either_process
-@every_executor
 @pytest.mark.parametrize(
-    ("act", "kind", "words", "is_for_the_user"),
+    ("executor", "_fresh_or_forked", "act"),
     [
-        ("refuse", "user", NO_WORD, True),
-        ("crash", "crash", "RuntimeError: a defect", False),
-        ("lose", "transient", "ConnectionResetError: the other side went away", False),
-        ("lose_once", "transient", UNREACHABLE, True),
+        (*way, act)
+        for way in WAYS
+        for act in EXCEPTIONS
+        if way != ("subprocess", "fresh") or act == "crash"
     ],
-    ids=["refuse", "crash", "lose", "lose_once"],
+    indirect=["_fresh_or_forked"],
 )
-def test_an_exception_is_reported_in_its_words_and_traced_in_the_log(
-    executor, job, act, kind, words, is_for_the_user
-):
+def test_an_exception_is_reported_in_its_words_and_traced_in_the_log(executor, job, act):
+    kind, words, is_for_the_user = EXCEPTIONS[act]
     report = acted(executor, job, act)
     assert report.kind == kind
     if is_for_the_user:
@@ -180,7 +187,7 @@ def test_an_end_without_a_word_is_no_success(job, act, kind, status):
 
 
 @either_process
-def test_what_it_prints_is_in_the_log(job):
+def test_what_a_build_prints_is_in_its_log(job):
     acted("subprocess", job, "be_killed")
     assert "printed by python\nprinted by a library\n" in Path(job.log).read_text()
 
@@ -194,7 +201,11 @@ def test_out_of_time_it_ends_with_all_it_started(job, toys):
 
 
 @either_process
-@pytest.mark.parametrize("act", ["let_a_child_eat", "let_an_outsider_eat"])
+@pytest.mark.parametrize(
+    ("act", "_fresh_or_forked"),
+    [("let_a_child_eat", "fresh"), ("let_an_outsider_eat", "forked")],
+    indirect=["_fresh_or_forked"],
+)
 def test_the_memory_of_what_it_starts_counts(job, act):
     """Also of what begins a session of its own, as torchrun's processes do."""
     assert acted("subprocess", job, act).peak_memory_bytes > 200 * MEBIBYTE
@@ -252,7 +263,7 @@ def test_within_its_limits_it_is_left_alone(job):
 
 
 @either_process
-def test_it_sees_the_environment_it_is_given(job, monkeypatch):
+def test_a_build_sees_the_environment_it_is_given(job, monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "the user's choice")
     for given, seen in ({"CUDA_VISIBLE_DEVICES": "GPU-7"}, "GPU-7"), ({}, "the user's choice"):
         assert acted("subprocess", job, "succeed", environment=given).kind == "built"
@@ -260,7 +271,7 @@ def test_it_sees_the_environment_it_is_given(job, monkeypatch):
 
 
 @either_process
-def test_it_holds_the_lease_itself(job, tmp_path, toys):
+def test_a_build_holds_the_lease_itself(job, tmp_path, toys):
     """Ours is closed while it runs; the GPU is free only when it has ended."""
     import threading
 

@@ -173,7 +173,7 @@ GPU 1: NVIDIA A100-SXM4-40GB (UUID: GPU-bb)
         ("GPU-c", []),
     ],
 )
-def test_visible_gpus(wanted, left):
+def test_the_variable_of_cuda_chooses_and_orders_the_gpus(wanted, left):
     assert gpu.visible(["GPU-a1", "GPU-b1", "GPU-b2"], wanted) == left
 
 

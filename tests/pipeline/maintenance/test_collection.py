@@ -17,7 +17,7 @@ import pipeline.maintenance.garbage_collection
 from pipeline.digest import Tree, typed_digest
 from pipeline.locks import locked
 from pipeline.maintenance.ancestors import ancestors
-from pipeline.maintenance.garbage_collection import collect
+from pipeline.maintenance.garbage_collection import collect, size_bytes
 from pipeline.maintenance.roots import add_folder_root, pin, pins, unpin
 from pipeline.publication import commit
 from pipeline.record import ActionRecord
@@ -161,10 +161,8 @@ def test_what_lies_beside_a_log_stays_with_it(store, monkeypatch):
 
 def test_what_vanishes_meanwhile_counts_nothing(store, tmp_path):
     (tmp_path / "link").symlink_to(store.root)
-    assert pipeline.maintenance.garbage_collection._size(tmp_path / "gone") == 0
-    assert pipeline.maintenance.garbage_collection._size(tmp_path / "link") == len(
-        str(store.root)
-    ), "not what is there"
+    assert size_bytes(tmp_path / "gone") == 0
+    assert size_bytes(tmp_path / "link") == len(str(store.root)), "not what is there"
 
 
 def test_a_collection_that_has_to_wait_says_so(store):
@@ -339,7 +337,7 @@ def test_a_run_lists_the_keys_it_resolved_complete_or_not():
 def test_thousands_of_records_are_collected_in_seconds(store):
     """Half of them pinned through one chain; written without a flush, which is not the point."""
     previous, keys = "", []
-    for number in range(4_000):
+    for number in range(2_000):
         digest = typed_digest("toy", str(number).encode())
         action = action_of(str(number), *([previous] if number % 2 and previous else []))
         provenance = {"label": str(number), "task": "", "started": f"{number:06}"}
@@ -354,8 +352,8 @@ def test_thousands_of_records_are_collected_in_seconds(store):
     pin(store, keys[-1], "last")
     started = time.process_time()
     collect_all(store)
-    assert time.process_time() - started < 16  # 2 on one idle core
-    assert len(list(store.records())) == 2_000
+    assert time.process_time() - started < 4  # 1 on one idle core
+    assert len(list(store.records())) == 1_000
 
 
 def test_a_closure_is_found_in_linear_time():

@@ -17,7 +17,6 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
@@ -72,21 +71,27 @@ def kill_everywhere(scenario: Scenario, folder: Path) -> int:
 def everywhere(scenario: Scenario, folder: Path, interrupt: Callable[[Act, int], bool]) -> int:
     """Interrupt the act at each point it passes; returns the number of interruptions."""
     for number in range(1000):
-        store = Store.open(folder / f"{scenario.name}-{number}".replace(" ", "_"))
-        run(lambda store=store: scenario.prepare(Store(store.root)))
-        before, where = wrong(store), f"{scenario.name}, interrupted at point {number}"
-        with scenario.meanwhile(store):
-            act = partial(lambda s, hook: scenario.act(Store(s.root, hook)), store)
-            was_interrupted = interrupt(act, number)
-            assert wrong(store) <= before, where
-            scenario.always(store)
-            run(lambda store=store: scenario.act(Store(store.root)))
-            assert not list(problems(store, deep=True)), where
-            scenario.always(store)
-        scenario.expect(store)
-        if not was_interrupted:
+        if not interrupted_at(number, scenario, folder, interrupt):
             return number
     raise AssertionError(f"{scenario.name} never ends")
+
+
+def interrupted_at(
+    number: int, scenario: Scenario, folder: Path, interrupt: Callable[[Act, int], bool]
+) -> bool:
+    """Interrupt the act at a point, by number; False if it ended before."""
+    store = Store.open(folder / f"{scenario.name}-{number}".replace(" ", "_"))
+    run(lambda: scenario.prepare(Store(store.root)))
+    before, where = wrong(store), f"{scenario.name}, interrupted at point {number}"
+    with scenario.meanwhile(store):
+        was_interrupted = interrupt(lambda hook: scenario.act(Store(store.root, hook)), number)
+        assert wrong(store) <= before, where
+        scenario.always(store)
+        run(lambda: scenario.act(Store(store.root)))
+        assert not list(problems(store, deep=True)), where
+        scenario.always(store)
+    scenario.expect(store)
+    return was_interrupted
 
 
 def make(

@@ -1,6 +1,7 @@
 """Scenes that already have poses, in every format, held to their photographs by reprojection."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from expected_errors import rejects
 from given_cameras import BENT, FOCAL, HEIGHT, VIEWS, WIDTH, colmap, photographed
 from made_photographs import room_poses
+from message_words import mentions
 
 from styletrf.capture.capture_file import read_capture
 from styletrf.capture.poses.pose_formats import find_given_poses
@@ -176,8 +178,8 @@ def test_photographs_without_a_pose_and_poses_without_a_photograph_are_named(giv
     kind, folder, _, _ = given
     warnings = read_capture(folder / "capture").warnings
     if kind is instant_ngp:
-        assert any(f"missing: {VIEWS}.png" in warning for warning in warnings)
-        assert any("has no poses of: extra.png" in warning for warning in warnings)
+        for name in (f"{VIEWS}.png", "extra.png"):
+            assert any(mentions(warning, name) for warning in warnings)
     else:
         assert warnings == ()
 
@@ -221,7 +223,7 @@ def test_poses_of_another_convention_are_refused(tmp_path):
 def test_poses_in_the_wrong_order_have_a_warning(tmp_path):
     """Along an even arc the photograph's neighbor stood about as the photograph itself."""
     report = solved_with_rows(tmp_path, lambda rows: np.roll(rows, 3, axis=0))
-    assert any("off on average" in warning for warning in report.warnings)
+    assert any(re.search(r"\d%", warning) for warning in report.warnings)
 
 
 def ngp_with(folder, **changes):

@@ -39,9 +39,25 @@ def test_the_third_coefficient_of_a_distortion_is_read(tmp_path, bends, model, p
     assert (lens.model, list(lens.params)) == (model, [50.0, 50.0, 30.0, 20.0, *params])
 
 
-def test_a_fourth_coefficient_of_a_lens_that_is_no_fisheye_is_refused(tmp_path):
-    with rejects(tmp_path / "transforms.json", "k4"):
-        read_transforms(scene(tmp_path, k4=0.01))
+def test_lenses_of_one_file_have_one_model(tmp_path):
+    """One frame without a third coefficient made the lenses two models, which are refused."""
+    path = scene(tmp_path, k1=0.1, k3=0.05) / "transforms.json"
+    fields = json.loads(path.read_text())
+    fields["frames"][0] |= {"k3": 0.0}
+    fields["frames"][1] |= {"k1": 0.0, "k3": 0.0}
+    path.write_text(json.dumps(fields))
+    lenses = [view.lens for view in read_transforms(tmp_path).views]
+    assert [lens.model for lens in lenses] == ["FULL_OPENCV"] * 3
+    bends = [[0.1, *[0] * 7], [0] * 8, [0.1, 0, 0, 0, 0.05, 0, 0, 0]]
+    assert [list(lens.params[4:]) for lens in lenses] == bends
+
+
+@pytest.mark.parametrize("name", ["k4", "k5", "k6"])
+def test_a_coefficient_that_is_not_read_is_refused(tmp_path, name):
+    with rejects(tmp_path / "transforms.json", name):
+        read_transforms(scene(tmp_path, camera_model="FULL_OPENCV", k3=0.1, **{name: 0.3}))
+    with rejects(tmp_path / "transforms.json", name):
+        read_transforms(scene(tmp_path, **{name: 0.01}))
 
 
 def test_a_path_has_the_poses_of_any_lens(tmp_path):
@@ -49,10 +65,12 @@ def test_a_path_has_the_poses_of_any_lens(tmp_path):
     assert [view.file.name for view in transforms_cameras(path)] == ["1.png", "2.png", "3.png"]
 
 
-def test_a_photograph_with_two_poses_is_refused(tmp_path):
+@pytest.mark.parametrize("other", ["./2", "below/../2.png"])
+def test_a_photograph_with_two_poses_is_refused(tmp_path, other):
     """It got the last one, and photographs other names."""
+    (tmp_path / "below").mkdir()
     with rejects(tmp_path / "transforms.json", "2.png"):
-        read_transforms(scene(tmp_path, ["1.png", "2.png", "3.png", "./2"]))
+        read_transforms(scene(tmp_path, ["1.png", "2.png", "3.png", other]))
 
 
 def test_a_photograph_that_is_missing_may_be_named_twice(tmp_path):

@@ -233,9 +233,8 @@ def test_images_that_lie_in_the_folder_itself_are_the_content(content):
 def test_several_contents_are_not_guessed_between(content):
     (content / "train.zip").touch()
     (content / "val.zip").touch()
-    with rejects("--content auto", "train.zip, val.zip") as refusal:
+    with rejects("--content auto", "train.zip", "val.zip", remedy=["--content", "train.zip"]):
         find_content(content.parent, "auto")
-    assert "--content train.zip" in refusal.value.remedy
 
 
 def test_content_elsewhere_is_a_path(content, tmp_path):

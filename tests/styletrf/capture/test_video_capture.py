@@ -5,6 +5,7 @@ import cv2
 import numpy as np
 import pytest
 from expected_errors import rejects
+from message_words import mentions
 
 from styletrf.capture.capture_file import read_capture
 from styletrf.capture.clips.video_capture import capture_videos
@@ -142,7 +143,7 @@ def test_a_file_cut_short_is_used_as_far_as_it_goes(walk, tmp_path):
     capture = capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 5)
     assert len(capture.photographs) == 5
     assert capture.photographs[-1].time_s < 1.7
-    assert any("breaks off" in warning for warning in capture.warnings)
+    assert any(mentions(warning, "a.mp4", "2.0") for warning in capture.warnings)
 
 
 def test_a_file_cut_short_before_three_frames_is_refused(walk, tmp_path):
@@ -208,7 +209,7 @@ def test_more_frames_than_there_are_have_a_warning(walk, tmp_path):
     write_video(tmp_path / "walk.webm", walk[:6], 12)
     capture = capture_videos([tmp_path / "walk.webm"], tmp_path / "out", 50)
     assert len(capture.photographs) == 6
-    assert "gives 6 frames that differ, not 50" in capture.warnings[0]
+    assert mentions(capture.warnings[0], "walk.webm", 6, 50)
 
 
 def test_a_turn_on_the_spot_has_a_warning(tmp_path):
@@ -217,14 +218,14 @@ def test_a_turn_on_the_spot_has_a_warning(tmp_path):
     ahead = np.stack([4 * np.sin(angle), 4 * np.cos(angle), 0 * angle - 0.5], axis=-1)
     write_video(tmp_path / "turn.mp4", filmed(np.repeat(center[None], 12, 0), center + ahead), 12)
     (warning,) = capture_videos([tmp_path / "turn.mp4"], tmp_path / "out", 8).warnings
-    assert "turn.mp4 hardly has parallax" in warning
+    assert mentions(warning, "turn.mp4")
 
 
 def test_a_blurred_video_has_a_warning(walk, tmp_path):
     blurred = [cv2.GaussianBlur(frame, (0, 0), 5.0) for frame in walk]
     write_video(tmp_path / "a.mp4", blurred, 12)
     warnings = capture_videos([tmp_path / "a.mp4"], tmp_path / "out", 8).warnings
-    assert any("blurred throughout" in warning for warning in warnings)
+    assert any(mentions(warning, "a.mp4") for warning in warnings)
 
 
 def test_what_is_no_video_is_refused(tmp_path):
@@ -247,6 +248,8 @@ def test_frames_are_upright_as_the_phone_was_held(tmp_path, degrees):
         for _ in range(3):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(lying, format="rgb24")))
         container.mux(stream.encode(None))
-    for frame in video_frames(tmp_path / "a.mp4"):
+    frames = list(video_frames(tmp_path / "a.mp4"))
+    assert len(frames) == 3
+    for frame in frames:
         assert frame.shape == upright.shape
         assert np.abs(frame.astype(int) - upright).mean() < 8

@@ -15,7 +15,7 @@ def network():
     return load_efficientnet()
 
 
-def test_its_features_are_those_of_the_package_that_published_the_weights(network):
+def test_features_are_those_of_the_package_that_published_the_weights(network):
     package = pytest.importorskip(
         "efficientnet_lite_pytorch", reason="its package is not installed (extra dev)"
     )

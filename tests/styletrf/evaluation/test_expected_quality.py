@@ -18,6 +18,7 @@ from styletrf.evaluation.expected_quality import (
     extrapolated_psnr,
     shortened,
 )
+from styletrf.field.rendering import RenderConfig
 from styletrf.field.training.field_training import train_field
 from styletrf.files.images import read_rgb, write_rgb
 
@@ -58,6 +59,16 @@ def test_a_fit_of_a_plane_is_expected_to_get_better_with_its_iterations(tmp_path
     assert brief.iterations == 2 * half.iterations
     assert 10 < half.psnr_db < brief.psnr_db
     assert expected_psnr(photographs, model, FIT, KERNELS, CPU) > brief.psnr_db
+
+
+def test_the_expectation_does_not_depend_on_how_many_rays_are_rendered_at_once(tmp_path):
+    photographs, model = photographs_of(painted_plane(9), tmp_path)
+    brief = replace(FIT, iterations=160)
+    whole = brief_fits(photographs, model, brief, KERNELS, CPU)
+    few = RenderConfig(tile=300)
+    with patch.object(expected_quality, "RenderConfig", lambda: few):
+        tiled = brief_fits(photographs, model, brief, KERNELS, CPU)
+    assert [fit.psnr_db for fit in tiled] == pytest.approx([fit.psnr_db for fit in whole], abs=1e-3)
 
 
 def test_of_one_photograph_nothing_is_expected(tmp_path):

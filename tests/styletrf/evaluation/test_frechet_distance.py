@@ -30,7 +30,7 @@ def test_the_root_squared_is_the_covariance():
     np.testing.assert_allclose(found.root @ found.root, covariance, atol=1e-12)
 
 
-def test_it_is_zero_for_itself_whatever_the_order_of_places():
+def test_the_frechet_distance_to_itself_is_zero_in_any_order_of_places():
     shuffled = features(0)[:, torch.randperm(500, generator=torch.Generator().manual_seed(1))]
     a, b = feature_statistics(features(0)), feature_statistics(shuffled)
     assert frechet_distance(a, b) == pytest.approx(0, abs=1e-9)

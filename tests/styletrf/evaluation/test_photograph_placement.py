@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from message_words import mentions
 from mini_scene import painted_plane
 
 from styletrf.capture.poses.given_poses import Lens
@@ -71,7 +72,7 @@ def test_photographs_of_a_shape_that_no_lens_has_are_named(scene, caplog):
     square = LENS | {"camera_params": [70.0, 32.0, 32.0, 0.0], "width": 64, "height": 64}
     write_summary(poses / "poses.json", square)
     assert list(unplaced_photographs(*scene)) == []
-    assert all(name in caplog.text for name in ("lost", "tall"))
+    assert mentions(caplog.text, "lost", "tall")
 
 
 def test_photographs_are_looked_for_at_the_size_of_the_lens(scene):
@@ -115,7 +116,7 @@ def test_of_many_photographs_without_a_camera_some_are_tried_and_a_warning_says_
     tried = [camera.name for camera, _ in unplaced_photographs(*scene)]
     assert len(set(tried)) == 20
     assert {"00", "29"} <= set(tried) <= set(names)
-    assert "30 photographs have no camera: 20 are tried" in caplog.text
+    assert mentions(caplog.text, 30, 20)
 
 
 def test_photographs_that_no_lens_can_show_do_not_count_among_the_twenty_tried(tmp_path):

@@ -30,7 +30,7 @@ def of(image: np.ndarray):
 
 
 @pytest.mark.parametrize("distance", DISTANCES)
-def test_it_is_zero_for_the_picture_itself_and_symmetric(distance):
+def test_a_sliced_distance_is_zero_to_itself_and_symmetric(distance):
     a, b = of(noise(0)), of(0.5 * noise(1, 60, 33))
     assert distance(a, a) == 0
     assert distance(a, b) == distance(b, a) > 0

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from expected_errors import rejects
 from headless import answer_of, needs_chromium
+from message_words import mentions
 
 from styletrf.evaluation.pareto_front import best_in, fastest_within, pareto_front, smallest_within
 from styletrf.evaluation.trade_off import (
@@ -15,8 +16,8 @@ from styletrf.evaluation.trade_off import (
     spread_of,
     variants,
 )
-from styletrf.reports.trade_off_chart import front_svg
-from styletrf.reports.trade_off_page import TradeOffContent, write_trade_off_page
+from styletrf.reports.trade_off_chart import busy_words, front_svg
+from styletrf.reports.trade_off_page import QUESTIONS, TradeOffContent, write_trade_off_page
 
 
 def scene(name="", psnr=25.0, field=100.0, frames=30.0, size=100, **more):
@@ -159,7 +160,9 @@ def test_what_is_not_known_of_other_work_is_not_taken_for_none():
 def test_a_chart_of_one_shortfall_stays_in_its_frame(measured):
     points = combinations(measured)
     drawn = front_svg(points, pareto_front(points, measured))
-    for y in re.findall(r' (?:cy|y1|y2|y)="([^"]+)"', drawn):
+    heights = re.findall(r' (?:cy|y1|y2|y)="([^"]+)"', drawn)
+    assert heights
+    for y in heights:
         assert 0 <= float(y) <= 420
 
 
@@ -194,9 +197,9 @@ def test_the_page_shows_every_point_and_escapes_all_text(tmp_path):
     assert page.count('class="beaten"') == len(points) - len(pareto_front(points, MEASURED))
     assert "<b>place" not in page
     assert "<i>" not in page
-    assert "beside other work: 40%" in page
+    assert busy_words(0.4) in page
     assert not re.search(r'(?:src|href)="(?!#|data:)', page)
-    assert "The fastest within 0.5 dB" in page
+    assert all(question in page for question in QUESTIONS)
     assert written(tmp_path).read_text() == page
 
 
@@ -216,4 +219,4 @@ def test_a_browser_tells_what_a_point_is(tmp_path, width):
     answer = answer_of(written(tmp_path), PROBE, width)
     assert (answer["errors"], answer["overflow"]) == ([], 0)
     assert len({answer["before"], answer["focused"], answer["pointed"]}) == 3
-    assert "dB short of the best" in answer["focused"]
+    assert mentions(answer["focused"], "dB")

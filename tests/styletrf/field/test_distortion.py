@@ -24,7 +24,7 @@ def packed(weights: list[list[float]], s: list[list[float]], n_steps: int = 10):
     return samples, with_steps(segments_between(vectors, 2 * vectors, 1), n_steps)
 
 
-def test_it_is_the_double_sum_over_pairs():
+def test_distortion_is_the_double_sum_over_pairs():
     generator = torch.Generator().manual_seed(0)
     s = [sorted(torch.rand(n, generator=generator).tolist()) for n in (7, 0, 4)]
     w = [torch.rand(len(row), generator=generator).tolist() for row in s]
@@ -47,7 +47,7 @@ def test_rays_without_samples_have_no_distortion():
     assert distortion(*packed([[], []], [[], []])) == 0
 
 
-def test_its_gradient_is_that_of_the_double_sum():
+def test_the_gradient_of_distortion_is_that_of_the_double_sum():
     samples, segments = packed([[0.2, 0.3, 0.4]], [[0.1, 0.4, 0.8]])
     samples.weights.requires_grad_()
     distortion(samples, segments).backward()

@@ -5,7 +5,7 @@ import torch
 
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
-from styletrf.field.occupancy import occupied_voxels
+from styletrf.field.occupancy import occupied_voxels, without
 from styletrf.field.radiance_field import Density
 
 KERNELS = kernels_for(torch.device("cpu"))
@@ -22,7 +22,7 @@ def slab(opaque: float = 40.0) -> Density:
     return density
 
 
-def test_it_is_where_the_density_is_and_one_voxel_around():
+def test_voxels_are_occupied_where_there_is_density_and_one_around():
     occupied = occupied_voxels(slab(), KERNELS, 0.05, 0.01)
     assert occupied.shape == (8, 8, 8)
     assert occupied.unique_consecutive(dim=0)[:, 0, 0].tolist() == [0, 1]
@@ -50,6 +50,16 @@ def test_where_nothing_is_everything_counts_as_occupied():
 def test_a_lattice_of_one_point_has_an_occupancy():
     density = Density(FieldConfig((1, 1, 1), (1, 1, 1)), (1, 1, 1))
     assert occupied_voxels(density, KERNELS, 0.1, 0.01).shape == (2, 2, 2)
+
+
+@pytest.mark.parametrize("voxels", [40, 64, 112])
+@pytest.mark.parametrize("free_cells", [1, 20, 63])
+def test_a_voxel_is_free_by_the_cell_that_its_middle_lies_in(voxels, free_cells):
+    free = torch.zeros(64, 64, 64, dtype=torch.bool)
+    free[:free_cells] = True
+    occupied = without(torch.ones(voxels, 2, 2, dtype=torch.bool), free)
+    expected = [(2 * k + 1) * 64 // (2 * voxels) >= free_cells for k in range(voxels)]
+    assert occupied[:, 0, 0].tolist() == expected
 
 
 def test_what_is_settled_has_no_neighbors():

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from styletrf.field.field_config import FieldConfig
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.schedule import decay, march_step, stage_resolution
 from styletrf.geometry.space import Space
@@ -50,6 +51,27 @@ def test_only_steps_of_ndc_are_longer():
 def test_counts_below_one_are_refused(name):
     with pytest.raises(ValueError, match=name):
         FieldTrainingConfig(**{name: 0})
+
+
+@pytest.mark.parametrize("name", ["hidden", "features", "initial_raw_density"])
+def test_sizes_of_a_field_that_cannot_work_are_refused(name):
+    with pytest.raises(ValueError, match=name):
+        FieldConfig(**{name: -1})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("min_weight", 1.0), ("termination", 1.0), ("rate_decay", 0.0), ("rate_decay", 1.5)],
+)
+def test_fractions_out_of_range_are_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        FieldTrainingConfig(**{name: value})
+
+
+def test_the_grid_grows_before_the_last_iteration_ends():
+    """Else the finished grid would be as coarse as that of the stage before."""
+    config = FieldTrainingConfig(iterations=10, upsample_at=(0.01, 0.5, 0.99))
+    assert config.upsample_steps == (1, 5, 9)
 
 
 @pytest.mark.parametrize("name", ["steps_per_voxel", "ndc_step"])

@@ -56,6 +56,15 @@ def test_validation_views_have_no_part_in_the_fit_before_they_are_measured(many)
     ), "from then on they have"
 
 
+def test_a_batch_has_no_pixels_of_validation_views_but_is_never_empty(many):
+    """A loss of no pixels is not finite."""
+    trainer = trainer_of(many, CONFIG)
+    validation, images = trainer.validation, trainer.images
+    own, other = images.of_view(5)[:3], images.of_view(4)[:2]
+    assert torch.equal(validation.without(images, torch.cat([own, other])), other)
+    assert torch.equal(validation.without(images, own), own)
+
+
 @pytest.mark.parametrize(
     ("early_db", "steep_db", "iterations"),
     [

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from kernel_cases import REFERENCE, packed
 
 from styletrf.field.kernels import kernels_for
-from styletrf.field.weight_sharpening import sharpened
+from styletrf.field.weight_sharpening import LARGEST_POWER, sharpened
 
 KERNELS = kernels_for(torch.device("cpu"))
 WEIGHTS = st.lists(st.floats(0, 1, width=32), min_size=1, max_size=20)
@@ -68,6 +68,13 @@ def test_extreme_weights_stay_finite(weights):
     after = sharpened(on_one_ray(weights), 4.0, KERNELS).weights
     assert torch.isfinite(after).all()
     assert after.sum() <= sum(weights) * 1.001
+
+
+@pytest.mark.parametrize("samples", [1, 1000, 30_000])
+def test_an_opaque_ray_stays_opaque_at_the_largest_power(samples):
+    """Beyond, the powers of many small weights would all be 0, and the background would show."""
+    after = sharpened(on_one_ray([1 / samples] * samples), LARGEST_POWER, KERNELS)
+    torch.testing.assert_close(KERNELS.opacity(after), torch.ones(1), rtol=1e-3, atol=0)
 
 
 def test_the_gradient_of_the_weights_is_that_of_differences():

@@ -1,7 +1,9 @@
 """Rows, summaries, and configurations from plain values."""
 
+import itertools
 import json
 import math
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -9,7 +11,8 @@ from typing import Literal
 import pytest
 from expected_errors import rejects
 
-from styletrf.configuration import configured
+from styletrf.configuration import configured, require_at_least, require_within
+from styletrf.errors import InputError
 from styletrf.files.tables import read_rows, read_summary, write_curve, write_rows, write_summary
 from styletrf.stylization.adaptation import AdaptationCurvePoint
 
@@ -21,6 +24,15 @@ class Inner:
 
 
 @dataclass(frozen=True)
+class Range:
+    least: int = 0
+    most: int = 2
+
+    def __post_init__(self) -> None:
+        require_at_least(self.least, self, "most")
+
+
+@dataclass(frozen=True)
 class Outer:
     inner: Inner = field(default_factory=Inner)
     rate: float = 0.1
@@ -28,6 +40,12 @@ class Outer:
     share: float | None = None
     size: tuple[float, float] = (1.0, 2.0)
     word: Literal["a", "b"] = "a"
+    range: Range = field(default_factory=Range)
+
+    def __post_init__(self) -> None:
+        require_within("(0, 1]", self, "rate")
+        if self.range.most > self.inner.width:
+            raise ValueError(f"range.most is {self.range.most}, above {self.inner.width}")
 
 
 def test_rows_that_are_written_come_back_as_they_were(tmp_path: Path):
@@ -68,7 +86,7 @@ def test_whole_numbers_become_floats_and_none_stays_none():
 @pytest.mark.parametrize(
     ("name", "value", "named", "remedy"),
     [
-        ("widht", 3, ["Outer"], "count, inner, rate, share, size, word"),
+        ("widht", 3, ["Outer"], "count, inner, range, rate, share, size, word"),
         ("inner.hight", 3, ["Inner"], "ranks, width"),
         ("rate.x", 3, ["rate"], "'rate'"),
         ("inner.width", "wide", ["'wide'", "whole"], ""),
@@ -78,6 +96,9 @@ def test_whole_numbers_become_floats_and_none_stays_none():
         ("inner.ranks", [1, "2"], ["'2'", "int"], ""),
         ("inner.ranks", [1, [2]], ["[2]", "int"], ""),
         ("inner", 3, ["3", "Inner"], ""),
+        ("rate", 0.0, ["rate", "0.0", "(0, 1]"], ""),
+        ("rate", 1.5, ["rate", "1.5", "(0, 1]"], ""),
+        ("range.most", -1, ["most", "-1", "0"], ""),
         ("rate", math.nan, ["nan", "finite"], ""),
         ("rate", math.inf, ["inf", "finite"], ""),
         pytest.param("rate", 10**400, ["finite"], "", id="rate-huge"),
@@ -95,3 +116,32 @@ def test_a_setting_that_does_not_fit_is_an_error_that_names_what_would(name, val
     with rejects(f"setting {name!r}", *named) as refusal:
         configured(Outer, {name: value})
     assert remedy in refusal.value.remedy
+
+
+VALID = {"range.least": 5, "range.most": 7, "inner.width": 9, "rate": 0.5}
+"""Values of which some do not fit the defaults of others."""
+
+
+@pytest.mark.parametrize("names", list(itertools.permutations(VALID)), ids=", ".join)
+def test_the_order_of_settings_does_not_matter(names):
+    config = configured(Outer, {name: VALID[name] for name in names})
+    assert config == Outer(Inner(9), rate=0.5, range=Range(5, 7))
+
+
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        ({"rate": 2.0}, ["rate"]),
+        ({"range.least": 8}, ["range.least"]),
+        ({"range.least": 2, "range.most": 1}, ["range.least", "range.most"]),
+    ],
+)
+def test_of_many_settings_the_error_names_those_without_which_the_others_fit(changed, named):
+    with pytest.raises(InputError) as caught:
+        configured(Outer, VALID | changed)
+    assert set(re.findall(r"'([\w.]+)'", caught.value.subject)) == set(named)
+
+
+def test_two_settings_that_are_refused_are_an_error_about_the_configuration():
+    with rejects("settings of Outer", "most"):
+        configured(Outer, {"rate": 2.0, "range.most": -1})

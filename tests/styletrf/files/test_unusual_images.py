@@ -66,3 +66,12 @@ def test_gray_with_transparency_is_composited_on_white(tmp_path, kind):
     )
     expected = np.where(RAMP > 0.5, 255, np.where(RAMP > 0.25, 100 * 0.2 + 255 * 0.8, 100))
     assert np.abs(pixels - expected[..., None]).max() <= 1
+
+
+def test_gray_that_is_multiplied_by_its_transparency_is_composited_on_white(tmp_path):
+    """Such a TIFF lost its transparency."""
+    file = io.BytesIO()
+    gray, alpha = np.full((8, 8), 20, np.uint8), np.full((8, 8), 51, np.uint8)
+    Image.fromarray(np.dstack([gray, alpha]), "LA").save(file, "TIFF", tiffinfo={338: 1})
+    pixels = read(tmp_path, "a.tif", file.getvalue())
+    assert np.abs(pixels - (20 + 0.8 * 255)).max() <= 1

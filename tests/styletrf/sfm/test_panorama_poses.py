@@ -119,7 +119,7 @@ def prepared(folder, *, masked):
 
     Where it is masked, no view to the front is left of the first panorama.
     """
-    _, images = courtyard_panoramas(4, 512)
+    _, images = courtyard_panoramas(COUNT, WIDTH)
     (folder / "masks").mkdir(parents=True)
     mask = np.full((256, 512, 3), 255, np.uint8)
     mask[:, 96:416] = 0

@@ -97,7 +97,7 @@ def test_the_sums_of_an_adjustment_have_one_order(monkeypatch):
     monkeypatch.setattr(pose_adjustment, "explained_fraction", lambda *_: 0.0)
     model, folder = pycolmap.Reconstruction(), Path("images")
     pose_adjustment.adjusted_poses(model, Path("colmap.db"), folder, long_side=1600, seed=0)
-    assert threads == [1, 1, 1]
+    assert set(threads) == {1}
 
 
 def test_a_distortion_that_the_format_leaves_out_is_found(tmp_path):

@@ -36,7 +36,7 @@ def test_what_moves_with_the_photograph_is_steady(shift_px):
     assert temporal_loss(*recolored, pair) < 2e-3
 
 
-def test_what_stays_on_the_screen_is_not():
+def test_strokes_that_stay_on_the_screen_are_not_steady():
     config = TemporalLossConfig(shift_px=4.0, noise=0.0)
     pair = jittered_pair(smooth_images(), config, torch.Generator().manual_seed(3))
     strokes = smooth_images().flip(-1)

@@ -15,7 +15,7 @@ from styletrf.field.kernels import kernels_for
 from styletrf.field.ray_cache import RayCache, march_once
 from styletrf.field.rendering import RenderConfig, render_rays
 from styletrf.field.view_rays import ViewRays
-from styletrf.stylization.adaptation import AdaptationConfig, adapt_appearance
+from styletrf.stylization.adaptation import PARTS, AdaptationConfig, adapt_appearance
 
 CPU = torch.device("cpu")
 KERNELS = kernels_for(CPU)
@@ -138,6 +138,16 @@ def test_without_the_view_colors_are_the_same_from_everywhere(scene, field, sees
             field.appearance.decode(components, d, ray, KERNELS) for d in (directions, -directions)
         )
     assert torch.equal(from_here, from_there) == (not sees_view)
+
+
+@pytest.mark.parametrize("first", [("factors",), PARTS])
+def test_an_appearance_may_be_adapted_twice(scene, field, first):
+    """Weights of the view that were not fitted before could not be held."""
+    for parts in (first, PARTS):
+        config = replace(ADAPTATION, parts=parts, iterations=2)
+        adapt_appearance(field, scene.cameras, scene.images, scene.model.space, config, KERNELS)
+    shading = field.appearance.shading
+    assert not shading.hidden.weight[:, shading.basis.out_features :].any()
 
 
 @pytest.mark.parametrize("parts", [("factors",), ("basis", "network"), ("background",)])

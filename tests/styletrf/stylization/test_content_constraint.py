@@ -46,7 +46,7 @@ def test_the_weight_falls_while_less_content_is_lost_than_may_be():
     assert factors_of(constrained(Terms(0.5)), 3) == pytest.approx([1, 1, 1])
 
 
-def test_it_rises_again_when_more_is_lost_and_no_higher_than_it_began():
+def test_the_factor_of_the_content_rises_again_when_more_is_lost_up_to_its_start():
     terms = Terms(0.3)
     loss = constrained(terms)
     fallen = factors_of(loss, 3)[-1]

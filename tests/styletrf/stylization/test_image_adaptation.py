@@ -27,7 +27,7 @@ from styletrf.stylization.background import EmptyBackground
 from styletrf.stylization.full_adaptation import finetune_all, fit_new_field
 from styletrf.stylization.image_adaptation import (
     ImageAdaptationConfig,
-    _accumulate,
+    accumulate_gradient,
     adapt_to_image_loss,
 )
 from styletrf.stylization.strategies import StylizationConfig
@@ -80,7 +80,7 @@ def test_tiles_give_the_gradient_of_the_whole(scene, field, monkeypatch):
     monkeypatch.setattr("styletrf.stylization.image_adaptation._TILE", 150)
     target = as_picture(cache.target.reshape(20, 20, 3))
     of_picture = partial(dark_gray_and_alike, plain=target)
-    _accumulate(field, cache, (20, 20, 3), of_picture, KERNELS, variance_weight=2.0)
+    accumulate_gradient(field, cache, (20, 20, 3), of_picture, KERNELS, variance_weight=2.0)
     tiled = [p.grad.clone() for p in field.appearance.parameters()]
     field.appearance.zero_grad()
     color, variance = cache.batch(0, 400).color_and_variance(field.appearance, KERNELS)

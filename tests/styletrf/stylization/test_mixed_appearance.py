@@ -90,6 +90,13 @@ def test_outside_of_a_region_the_power_is_the_photographs(scene, fields, crisp):
     torch.testing.assert_close(render, shown(scene, fields[0]), atol=2e-6, rtol=1e-5)
 
 
+def test_appearances_of_one_power_have_it_in_and_out_of_a_region(scene, fields):
+    here = Box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+    parts = [f.appearance for f in fields]
+    mixed = MixedAppearance(parts, [0.3, 0.7], here, scene.model.space)
+    assert mixed.weight_powers(torch.zeros(2, 3)) == 1.0
+
+
 def test_a_mask_styles_what_its_view_shows_white(scene, fields):
     plain, _ = fields
     camera = scene.cameras[0]

@@ -57,7 +57,7 @@ def test_a_single_power_is_taken_unseen(scene, field):
     assert chosen(scene, field, scene.images, powers=(1.25,)) == 1.25
 
 
-@pytest.mark.parametrize("powers", [(), (0.5, 1.0), (2.0, 1.0)])
-def test_powers_that_do_not_ascend_from_1_are_refused(powers):
+@pytest.mark.parametrize("powers", [(), (0.5, 1.0), (2.0, 1.0), (1.0, 8.5)])
+def test_powers_that_do_not_ascend_from_1_to_8_are_refused(powers):
     with pytest.raises(ValueError, match=rf"powers\b.*{re.escape(str(powers))}"):
         PowerChoiceConfig(powers=powers)

@@ -5,6 +5,8 @@ from expected_errors import rejects
 
 from styletrf.configuration import configured
 from styletrf.evaluation.stylization_loss import StylizationLossConfig
+from styletrf.field.rendering import RenderConfig
+from styletrf.style.gatys import GatysConfig
 from styletrf.style.training.config import StyleTrainingConfig
 from styletrf.style.transfer.network import TransferNetworkConfig
 from styletrf.stylization.priors import PriorsConfig
@@ -17,10 +19,25 @@ from styletrf.stylization.strategies import StylizationConfig
         (StylizationConfig, "style_px", 15),
         (StylizationConfig, "image.iterations", -1),
         (StylizationConfig, "image.window_px", 15),
+        (StylizationConfig, "image.rate_decay", 1.5),
+        (StylizationConfig, "image.min_weight", 1.0),
+        (StylizationConfig, "image.termination", 1.0),
+        (StylizationConfig, "adaptation.rate_decay", 0.0),
+        (StylizationConfig, "adaptation.min_weight", 1.0),
+        (StylizationConfig, "adaptation.termination", -0.1),
+        (StylizationConfig, "weight_power.powers", (1.0, 9.0)),
+        (GatysConfig, "rate", 0.0),
+        (GatysConfig, "iterations", ()),
+        (GatysConfig, "iterations", (5, -1)),
         (StylizationLossConfig, "style_px", 7),
         (StylizationLossConfig, "frames", 0),
-        (PriorsConfig, "long_side_px", 31),
+        (PriorsConfig, "long_side_px", 63),
         (PriorsConfig, "long_side_px", -1),
+        (PriorsConfig, "long_side_px", 3841),
+        (PriorsConfig, "frames_per_second", 23),
+        (PriorsConfig, "render.tile", 0),
+        (PriorsConfig, "render.termination", 1.0),
+        (PriorsConfig, "render.min_weight", 1.5),
         (PriorsConfig, "coverage.count", -1),
         (PriorsConfig, "coverage.times", 0),
         (PriorsConfig, "coverage.share", 0.0),
@@ -39,10 +56,23 @@ def test_a_setting_out_of_range_is_refused_by_its_name_and_value(config, name, v
     assert "Config(" not in caught.value.problem
 
 
+@pytest.mark.parametrize(
+    "values", [{"adaptation.sees_view": True}, {"adaptation.parts": ["network"]}]
+)
+def test_what_only_a_network_has_is_refused_with_plain_shading(values):
+    """A fit of nothing ended in a traceback, and a view that no color depends on was ignored."""
+    (name,) = values
+    with rejects(f"setting {name!r}", name, "'plain'"):
+        configured(StylizationConfig, values)
+    configured(StylizationConfig, {**values, "shading": "network"})
+
+
 def test_the_smallest_values_that_work_are_accepted():
     values = {"style_px": 16, "image.iterations": 0}
+    configured(RenderConfig, {"tile": 1, "termination": 0.0, "min_weight": 0.0})
+    configured(GatysConfig, {"iterations": [0]})
     configured(StylizationConfig, values)
-    configured(PriorsConfig, {"long_side_px": 32})
+    configured(PriorsConfig, {"long_side_px": 64})
     assert configured(PriorsConfig, {"long_side_px": 0}).long_side_px == 0
     configured(StylizationLossConfig, {"style_px": 8})
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from message_words import mentions
 from surface_points import surface_points
 
 from styletrf.errors import InputError
@@ -19,7 +20,7 @@ from styletrf.synthetic.courtyard import (
     render_view,
 )
 from styletrf.synthetic.courtyard.__main__ import main
-from styletrf.synthetic.courtyard.lit_scene import lit_courtyard
+from styletrf.synthetic.courtyard.capture import lit_scene
 from styletrf.synthetic.courtyard.mesh import Mesh, lathe, panel
 from styletrf.synthetic.courtyard.rays import build_hierarchy, first_hit, new_stack
 from styletrf.synthetic.courtyard.render import render_linear
@@ -47,7 +48,7 @@ def narrow(camera, point, focal=1e5):
 
 def seen_at(camera, points):
     """Linear light and depth at world points, and whether each point is the first thing seen."""
-    scene = lit_courtyard(SMALL.seed, glossy=True)
+    scene = lit_scene(SMALL)
     views = [render_linear(scene, narrow(camera, point)) for point in points]
     light = np.array([view[0][0, 0] for view in views])
     depth = np.array([view[1][0, 0] for view in views])
@@ -154,7 +155,7 @@ def test_only_the_vase_changes_color_with_the_view(cameras, depths):
 
 
 def test_a_pixel_is_the_light_of_its_area(cameras):
-    scene = lit_courtyard(SMALL.seed, glossy=True)
+    scene = lit_scene(SMALL)
     camera = replace(cameras[0], width=40, height=30, fx=34.0, fy=34.0, cx=20.0, cy=15.0)
     factor = 8
     fine = replace(
@@ -250,7 +251,7 @@ def test_the_command_refuses_a_folder_with_other_images(tmp_path, capsys):
     assert command(tmp_path) == 0
     before = snapshot(tmp_path)
     assert command(tmp_path, "--seed", "9") == 2
-    assert "another folder" in capsys.readouterr().err
+    assert mentions(capsys.readouterr().err, tmp_path / "images")
     assert snapshot(tmp_path) == before
 
 

@@ -144,7 +144,7 @@ SAVED_MEANWHILE = (
   const png = saved();
   while (!isAsked) {  // a card that was slow for a moment draws a single picture
     loop.change();
-    await new Promise((r) => setTimeout(r, 5000));
+    await until(() => isAsked || loop.isFinished());
   }
   await png;
   Object.assign(renderer, { draw, present });
@@ -181,7 +181,7 @@ SAVED_AND_MOVED = (
   const done = saved();
   while (!clicked) {  // a card that was slow for a moment draws a single picture
     loop.change();
-    await new Promise((r) => setTimeout(r, 5000));
+    await until(() => clicked || loop.isFinished());
   }
   await done;
   renderer.draw = draw;
@@ -206,7 +206,7 @@ SLOWER = """
   let isSlow = false, last = null;
   renderer.fence = async () => {
     await fence();
-    await new Promise((r) => setTimeout(r, isSlow ? 1500 : 60));
+    await new Promise((r) => setTimeout(r, isSlow ? 1000 : 60));
   };
   renderer.draw = (picture) => {
     draw(picture);
@@ -215,7 +215,7 @@ SLOWER = """
   };
   while (!isSlow) {  // a card that was slow for a moment draws a single picture
     loop.change();
-    await new Promise((r) => setTimeout(r, 5000));
+    await until(() => isSlow || loop.isFinished());
   }
   await until(() => loop.isFinished());
   return last.end === last.height;

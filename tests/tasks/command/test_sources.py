@@ -118,8 +118,8 @@ def test_bad_painting_ends_the_command_before_the_poses_with_the_reason_last(pho
 
 def test_single_stage_without_its_scene_ends_with_the_reason_last(photographs):
     words = ["--scene", "nowhere", "--quality", "draft"]
-    ended = command("--module", "tasks", "QualityMetrics", *words, STYLETRF_DATA=str(photographs))
+    ended = command("--module", "tasks", "RadianceField", *words, STYLETRF_DATA=str(photographs))
     assert ended.returncode == 30
     last = (ended.stdout + ended.stderr).strip().rpartition("\n")[2]
-    assert last.startswith("QualityMetrics draft nowhere ")
+    assert last.startswith("RadianceField draft nowhere ")
     assert mentions(last, "SceneCapture", "'nowhere'")

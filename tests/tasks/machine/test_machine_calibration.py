@@ -85,8 +85,9 @@ def test_a_machine_that_cannot_be_measured_is_one_line(monkeypatch):
         raise error
 
     monkeypatch.setattr(calibrations, "json_from", failed)
-    with rejects("--device cpu", "no GPU"):
+    with rejects("--device cpu", "no GPU") as refused:
         calibration_of_machine("cpu")
+    assert "\n" not in str(refused.value)
 
 
 def test_a_damaged_file_counts_as_empty_and_is_replaced_whole():

@@ -112,6 +112,17 @@ def test_demands_are_those_of_the_command(out):
     assert "StylizedFrames per-frame" in {demand.stage for demand in painted}
 
 
+def test_stages_that_have_one_artifact_demand_it_once(out):
+    """A sweep was refused for the frames of each of its variants, which have the same."""
+    variants = [
+        tasks.StylizedTrajectory(**WORDS, tuning={"StyleNetwork": {"iterations": iterations}})
+        for iterations in (7, 8)
+    ]
+    found = [demand.stage for demand in demands_of(upstream_first(*variants))]
+    assert found.count("TrajectoryFrames") == 1
+    assert found.count("StylizedFrames") == 2
+
+
 @pytest.mark.parametrize(
     ("words", "stage"),
     [

@@ -67,7 +67,7 @@ def test_builds_of_this_machine_go_before_the_reference():
     assert model(uses_own_builds=False).expected(stage()).evidence == "the reference"
 
 
-def test_builds_of_another_machine_do_not():
+def test_builds_of_another_machine_do_not_go_before_the_reference():
     took(stage(), 77.0, "another")
     assert model().expected(stage()).evidence == "the reference"
 

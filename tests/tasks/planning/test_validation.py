@@ -214,7 +214,7 @@ def test_a_name_that_no_photograph_has_in_the_capture_is_refused(tmp_path, name)
     ],
 )
 @pytest.mark.parametrize("plan", [[], ["--plan"]])
-def test_a_grid_of_no_names_is_one_line(scenes, styles, named, plan):
+def test_a_grid_whose_lists_are_invalid_is_refused_in_one_line(scenes, styles, named, plan):
     """A folder named by a year was a traceback, and an empty list replaced `grid.json`."""
     line = refusal("Grid", "--scenes", scenes, "--styles", styles, *plan)
     assert line.startswith(named)
@@ -230,6 +230,16 @@ def test_settings_that_the_fits_of_a_report_would_not_obey_are_refused(family):
         with pytest.raises(SystemExit) as refused:
             begin(task)
     assert mentions(str(refused.value), f"--{family}-settings", "--tuning")
+
+
+@pytest.mark.usefixtures("out")
+def test_settings_and_tuning_of_one_stage_are_checked_together():
+    """Fifty views of the preset's forty were refused, although the command asks for sixty."""
+    words = ["StylizedTrajectory", *CELL, "--content", "embedded", "--quality", "draft"]
+    words += ["--PriorRenders-settings", '{"trajectory.frames": 60}']
+    words += ["--tuning", '{"PriorRenders": {"coverage.count": 50}}']
+    with CmdlineParser.global_instance(words) as parser:
+        assert validation.validate_command(parser.get_task_obj())
 
 
 @pytest.mark.parametrize("tuning", ['{"RadianceField": 5}', '{"RadianceField": ["iterations"]}'])

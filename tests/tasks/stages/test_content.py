@@ -123,7 +123,8 @@ def test_three_photographs_are_content_enough(photographs: Path, tmp_path: Path)
     for path in sorted((photographs / "scenes/mini/images").iterdir())[:3]:
         (images / path.name).write_bytes(path.read_bytes())
     (tmp_path / "out").mkdir()
-    stage = tasks.ContentImages(scene="mini", content="embedded", quality="draft")
+    words = {"scene": "mini", "content": "embedded", "quality": "draft"}
+    stage = tasks.ContentImages(**words, settings={"min_side_px": 64})
     context = RunContext(lambda *_, **__: None, tmp_path / "resume", tmp_path / "log")
     stage.build({"capture": tmp_path / "capture"}, tmp_path / "out", context)
     assert json.loads((tmp_path / "out/content.json").read_text())["count"] == 3 + 64

@@ -50,7 +50,7 @@ def test_all_that_a_sharded_result_needs_is_sharded():
         assert task.shards == 2, task
 
 
-@pytest.mark.parametrize("shard", ["0/3", "4/3", "1", "a/b", "/", "1/"])
+@pytest.mark.parametrize("shard", ["0/3", "4/3", "1", "a/b", "/", "1/", "²/3"])
 def test_what_is_no_part_is_refused(shard):
     with rejects(f"--shard {shard}", remedy=["2/5"]):
         tasks.TrajectoryFrames(**WORDS, shard=shard).validate()

@@ -11,6 +11,7 @@ from types import FunctionType
 from typing import Any
 
 import pytest
+from expected_errors import rejects
 
 import tasks
 from styletrf.steps.step_run import StepRun
@@ -82,6 +83,13 @@ def test_the_example_of_the_library_fits_a_field(mini_poses: Path, tmp_path: Pat
     assert {path.name for path in folders["field"].iterdir()} == {
         "appearance.safetensors", "curve.parquet", "density.safetensors", "field.json",
     }  # fmt: skip
+
+
+def test_an_optimization_that_starts_from_a_network_needs_one(mini, tmp_path: Path):
+    """It failed at the first view, after the weights had been read: here there are none."""
+    inputs = {"priors": mini("PriorRenders"), "style": mini("StyleImage"), "perceptual": tmp_path}
+    with rejects("setting 'start'", "'network'", remedy=["'noise'"]):
+        stylize_priors(inputs, tmp_path, {}, StepRun(tmp_path), colors="style", factors=(1.0, 1.0))
 
 
 @pytest.mark.parametrize(("factors", "missing"), [((), "network"), ((1.0, 1.0), "perceptual")])

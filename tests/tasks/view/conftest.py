@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shared_browser import close_browsers
 
 TOKEN = "a-token-that-nobody-guesses"
 
@@ -24,6 +25,13 @@ class Served:
     @property
     def port(self) -> int:
         return self.server.server_address[1]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _browsers() -> Iterator[None]:
+    """What a file's tests share of browsers ends with it."""
+    yield
+    close_browsers()
 
 
 @pytest.fixture(scope="session")

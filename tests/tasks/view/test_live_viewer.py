@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from headless import needs_chromium, opened
+from headless import needs_chromium
+from shared_browser import opened
 
 from styletrf.geometry.lenses import focal_of
 from styletrf.geometry.rotations import matrices_of

@@ -193,6 +193,7 @@ def test_along_the_depth_alone_nothing_else_is_measured(measure):
     assert far["normalized_error"] > 0
     assert not {"error", "flow", "perceptual_error", "style_distance"} & set(far)
     alone = [pair for pair in result.pairs if pair["delta"] == 7]
+    assert alone
     assert all(math.isnan(p["error"]) and math.isnan(p["perceptual_error"]) for p in alone)
 
 
@@ -340,6 +341,7 @@ def test_a_distance_without_pairs_is_null(measure):
     assert {figures.pop(name) for name in counts} == {0}
     assert figures.pop("flow") == "dis"
     assert set(figures.values()) == {None}
+    assert result.pairs
     assert all(math.isfinite(pair["error"]) for pair in result.pairs)
 
 

@@ -27,7 +27,9 @@ def test_a_field_with_a_depth_of_its_own_is_steady_along_that_depth(measure):
     """A wall twice as far moves by half as many pixels."""
     painting = texture(1)
     half_as_fast = [painting[:, STEP * k // 2 : STEP * k // 2 + WIDTH] for k in range(FRAMES)]
-    for means in measure(half_as_fast, own_depth=2 * DEPTH).summary.values():
+    summary = measure(half_as_fast, own_depth=2 * DEPTH).summary
+    assert summary
+    for means in summary.values():
         assert means["own_error"] < 1e-9 < 1e-3 < means["geometric_error"]
         assert means["own_normalized_error"] < 1e-3
         assert means["own_fraction"] > means["geometric_fraction"]
@@ -35,7 +37,9 @@ def test_a_field_with_a_depth_of_its_own_is_steady_along_that_depth(measure):
 
 def test_the_same_depth_gives_the_same_errors(measure):
     still = [pan(texture(1))[0]] * FRAMES
-    for means in measure(still, own_depth=DEPTH).summary.values():
+    summary = measure(still, own_depth=DEPTH).summary
+    assert summary
+    for means in summary.values():
         assert means["own_error"] == means["geometric_error"] > 1e-3
         assert means["own_fraction"] == means["geometric_fraction"]
         assert means["own_normalized_error"] == means["normalized_error"]
@@ -43,5 +47,6 @@ def test_the_same_depth_gives_the_same_errors(measure):
 
 def test_frames_without_a_depth_of_their_own_have_no_such_errors(measure):
     found = measure(pan(texture(1)))
+    assert found.pairs
     assert all(math.isnan(row["own_error"]) for row in found.pairs)
     assert not any(name.startswith("own_") for name in found.summary["delta_1"])

@@ -52,5 +52,7 @@ def test_masked_pixels_have_no_depths(model):
 def test_without_points_there_are_no_depths(model):
     cameras = textured_cameras()
     none = wall_points(cameras).of_images([])
-    for found in depths_of(model, map(wall_picture, cameras), points=none):
-        assert not np.isfinite(found.depth).any()
+    found = depths_of(model, map(wall_picture, cameras), points=none)
+    assert len(found) == len(cameras)
+    for of_view in found:
+        assert not np.isfinite(of_view.depth).any()

@@ -1,0 +1,28 @@
+"""Names for the artifacts that stages will have, before the stages have keys."""
+
+import json
+from typing import final
+
+from pipeline.task import StoredTask
+
+_NAMES = ("scene", "style", "content", "perceptual", "transfer", "network", "path", "shard")
+
+
+@final
+class ArtifactNames:
+    """Names stages; each is named once."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, str] = {}
+
+    def of(self, stage: StoredTask) -> str:
+        """Returns the same name for stages that will have the same artifact."""
+        if stage.task_id not in self._names:
+            parts = {
+                "family": stage.task_family,
+                "identity": stage.identity_parameters(),
+                "names": {n: stage.param_kwargs[n] for n in _NAMES if n in stage.param_kwargs},
+                "inputs": {n: self.of(task) for n, task in stage.requires().items()},
+            }
+            self._names[stage.task_id] = json.dumps(parts, sort_keys=True, default=str)
+        return self._names[stage.task_id]
