@@ -1,6 +1,7 @@
 """Predicts the remaining time of a command here: stages that the store has take no time."""
 
 import json
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -78,7 +79,7 @@ def timing_of(task: Any) -> Timing:
         is_found = found.has if builds_alone() else _never
         stages = stages_to_make(task.at_point(front.quality, point), is_found)
         costs = (model.expected(s, _measured(front, point, s.task_family)) for s in stages)
-        known[name] = sum(cost.seconds for cost in costs)
+        known[name] = math.fsum(cost.seconds for cost in costs)
         return known[name]
 
     return seconds

@@ -16,7 +16,7 @@ from tasks.presets.quality_request import quality_request
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 NAMES = {
-    "NAME": "mini", "horns": "mini", "fern": "mini", "PAINTING": "p", "mosaic": "p", "udnie": "q",
+    "NAME": "mini", "horns": "mini", "fern": "other", "PAINTING": "p", "mosaic": "p", "udnie": "q",
     "FILE": "orbit", "PATH": "embedded",
 }  # fmt: skip
 
@@ -55,8 +55,20 @@ def test_the_readme_asks_for_time_and_for_accuracy():
     )
 
 
+@pytest.fixture
+def _two_scenes(photographs, tmp_path, monkeypatch):
+    """The mini scene by two names: a grid refuses a name that it has twice."""
+    (tmp_path / "data" / "scenes").mkdir(parents=True)
+    (tmp_path / "data" / "styles").symlink_to(photographs / "styles")
+    for name in ("mini", "other"):
+        (tmp_path / "data" / "scenes" / name).symlink_to(photographs / "scenes" / "mini")
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
+
+
+@pytest.mark.usefixtures("_two_scenes")
 @pytest.mark.parametrize("words", [*commands(), *options()], ids=" ".join)
-def test_a_command_of_the_readme_can_be_planned(words, out):
+def test_a_command_of_the_readme_can_be_planned(words):
     calibration_of_machine.cache_clear()
     keep_calibration(this_machine(), reference_costs().calibration.seconds)
     with CmdlineParser.global_instance(words) as command:

@@ -53,10 +53,12 @@ def test_counts_below_one_are_refused(name):
         FieldTrainingConfig(**{name: 0})
 
 
-@pytest.mark.parametrize("name", ["hidden", "features", "initial_raw_density"])
-def test_sizes_of_a_field_that_cannot_work_are_refused(name):
+@pytest.mark.parametrize(
+    ("name", "value"), [("hidden", 0), ("features", 0), ("initial_raw_density", -0.1)]
+)
+def test_sizes_of_a_field_that_cannot_work_are_refused(name, value):
     with pytest.raises(ValueError, match=name):
-        FieldConfig(**{name: -1})
+        FieldConfig(**{name: value})
 
 
 @pytest.mark.parametrize(
