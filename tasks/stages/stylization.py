@@ -149,7 +149,7 @@ class StylizedField(ConfigurableStage, StyleParameters):
         return {} if self.resolved_match == "pixels" else {"factors": factors}
 
     def values(self) -> dict[str, Any]:
-        """Returns the settings; s1 and s2 fit as RadianceField does here (`fit.iterations`)."""
+        """Returns the settings; s1 and s2 fit as RadianceField does here (`fit.batch`)."""
         fit = settings_for("RadianceField", self.quality) if self.strategy != "s3" else {}
         values = {f"fit.{name}": value for name, value in fit.items()} | super().values()
         if self.resolved_match == "pixels":  # nothing follows that sharpens the renders
