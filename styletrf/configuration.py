@@ -77,7 +77,7 @@ def _replaced(config: Any, values: Mapping[str, Any], inside: str = "") -> Any:
     parts: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         first, dot, rest = name.partition(".")
-        _require_field(config, first, inside + name, has_parts=bool(dot))
+        _require_field(config, hints, first, inside + name, has_parts=bool(dot))
         if dot:
             parts.setdefault(first, {})[rest] = value
         else:
@@ -88,9 +88,10 @@ def _replaced(config: Any, values: Mapping[str, Any], inside: str = "") -> Any:
     return dataclasses.replace(config, **new)
 
 
-def _require_field(config: Any, field: str, name: str, *, has_parts: bool) -> None:
+def _require_field(
+    config: Any, fields: Mapping[str, Any], field: str, name: str, *, has_parts: bool
+) -> None:
     """Raises an InputError where a setting's field is unknown, or has no parts but should."""
-    fields = get_type_hints(type(config))
     if field not in fields:
         known = ", ".join(sorted(fields))
         raise InputError(

@@ -50,10 +50,10 @@ def stylize_priors(
     One color map serves all priors, so a shard keeps its views as they are before.
 
     Args:
-        inputs: `priors` and `style`; `network`; with factors `perceptual`, and `network` only if
-            `settings` has the start `network`, which is the default; from the second round on also
-            `before`, the field of the previous round, with `field` and `model`; or `priors`,
-            `style` and the shards to join.
+        inputs: `priors` and `style`; without factors `network`; with them `perceptual`, and
+            `network` if the start of `settings` is `network` (the default); from the second round
+            on also `before`, the field of the previous round, with `field` and `model`; or
+            `priors`, `style` and the shards to join.
         out: The folder to fill.
         settings: Those of `GatysConfig`, where pixels are optimized.
         run: Its progress is the number of views.

@@ -71,8 +71,6 @@ class StylizationConfig:
         require_at_least(LEAST_PX, self, "style_px")
         require_within("(0, 1]", self, "fit_fraction")
         require_within("[0, inf)", self, "appearance_scale")
-        if self.shading == "plain" and self.adaptation.sees_view:
-            raise ValueError("adaptation.sees_view needs the shading 'network', not 'plain'")
         if self.shading == "plain" and set(self.adaptation.parts) == {"network"}:
             raise ValueError("adaptation.parts is 'network', which the shading 'plain' lacks")
 

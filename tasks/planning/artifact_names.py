@@ -1,8 +1,10 @@
 """Names for the artifacts that stages will have, before the stages have keys."""
 
+import hashlib
 import json
-from typing import final
+from typing import Any, final
 
+from pipeline.canonical import canonical_json
 from pipeline.task import StoredTask
 
 _NAMES = ("scene", "style", "content", "perceptual", "transfer", "network", "path", "shard")
@@ -24,5 +26,13 @@ class ArtifactNames:
                 "names": {n: stage.param_kwargs[n] for n in _NAMES if n in stage.param_kwargs},
                 "inputs": {n: self.of(task) for n, task in stage.requires().items()},
             }
-            self._names[stage.task_id] = json.dumps(parts, sort_keys=True, default=str)
+            self._names[stage.task_id] = hashlib.sha256(_text(parts)).hexdigest()
         return self._names[stage.task_id]
+
+
+def _text(parts: dict[str, Any]) -> bytes:
+    """Returns the canonical text of the parts, or one of settings that are refused later."""
+    try:
+        return canonical_json(parts)
+    except (TypeError, ValueError):
+        return json.dumps(parts, sort_keys=True, default=str).encode()

@@ -47,12 +47,11 @@ def cost_model(task: Any, front: Front | None = None) -> CostModel:
     """Returns the model that predicts costs for the scene of a task.
 
     Where luigid hands stages to several machines, all have to choose alike: times are then those
-    of the reference's machine.
+    of the machine that measured the front, or else of the reference's.
 
     Args:
         task: A `StylizedTrajectory`.
-        front: The front whose machine counts where all have to choose alike; without it, or where
-            it does not know its machine, that of the reference counts.
+        front: The front that the settings are chosen from, if any.
     """
     reference, is_alone = reference_costs(), builds_alone()
     alike = front.calibration if front and front.calibration else reference.calibration

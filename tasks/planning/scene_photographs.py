@@ -31,7 +31,7 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
             filmed = width * height * sum(map(declared_frames, videos))
             return Photographs(video_frames, width, height, filmed)
         given = find_given_poses(scene_folder(found))
-        files = given.files if given else list_photographs(found)
+        files = [view.file for view in given.views] if given else list_photographs(found)
         width, height = first_size(files)
         if not given and find_panoramas({files[0]: (width, height)}, "auto"):
             return Photographs(len(DIRECTIONS) * len(files), LONGEST_PX, LONGEST_PX)

@@ -51,7 +51,7 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
     request = {
         "tuned": sorted({n for s in checked if isinstance(s, PresetStage) for n in s.tuning}),
         "cuda": any(isinstance(stage, Stage) and stage.device == "cuda" for stage in checked),
-        "settings": sorted({each for stage in checked for each in _settings_of(stage)}),
+        "settings": sorted(set(_given_settings(checked))),
         "paths": sorted({path for stage in checked if (path := _path_of(stage))}),
         "memory": [dataclasses.asdict(demand) for demand in demands],
         "free_bytes": shutil.disk_usage(current_store().root).free if demands else 0,
@@ -76,14 +76,16 @@ def require_room(root: Path) -> None:
         )
 
 
-def _settings_of(stage: luigi.Task) -> Iterator[tuple[str, str]]:
+def _given_settings(stages: Sequence[luigi.Task]) -> Iterator[tuple[str, str]]:
     """Yields each stage that the user gave settings, by name, with all its settings as JSON."""
-    if isinstance(stage, ConfigurableStage) and stage.settings:
-        yield stage.task_family, json.dumps(stage.values())
-    if isinstance(stage, PresetStage):
-        for family in stage.tuning:  # also those of which the command has no stage
-            own = ConfigurableStage.settings.task_value(family, "settings")
-            yield family, json.dumps(stage.tuned(family, stage.quality, own))
+    configurable = [stage for stage in stages if isinstance(stage, ConfigurableStage)]
+    own = {stage.task_family: stage.settings for stage in configurable if stage.settings}
+    for stage in configurable:
+        if stage.settings:
+            yield stage.task_family, json.dumps(stage.values())
+    for preset in (stage for stage in stages if isinstance(stage, PresetStage)):
+        for family in preset.tuning:  # also those of which the command has no stage
+            yield family, json.dumps(preset.tuned(family, preset.quality, own.get(family)))
 
 
 def _path_of(stage: luigi.Task) -> tuple[str, str, str] | None:

@@ -114,8 +114,8 @@ def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
 
 def _require_one_pose(source: Path, views: Sequence[GivenView]) -> None:
     times = Counter(view.file.resolve() for view in views)
-    if again := [file.name for file, count in times.items() if count > 1]:
-        problem = f"has several poses of one photograph: {', '.join(again[:10])}"
+    if again := dict.fromkeys(v.file.name for v in views if times[v.file.resolve()] > 1):
+        problem = f"has several poses of one photograph: {', '.join([*again][:10])}"
         raise InputError(str(source), problem, "Give each photograph one pose")
 
 

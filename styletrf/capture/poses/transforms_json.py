@@ -177,13 +177,17 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
         fy = float(values.get("fl_y", fx))
         cx, cy = float(values.get("cx", width / 2)), float(values.get("cy", height / 2))
         model = _model(path, values)
-        unread = [] if model == "OPENCV_FISHEYE" else [n for n in _UNREAD if values.get(n)]
+        unread = [name for name in _UNREAD if float(values.get(name) or 0)]
         bend = tuple(float(values.get(name, 0)) for name in _BENDS[model])
         bend += (0.0,) * len(_UNREAD) if model == "FULL_OPENCV" else ()
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise InputError(str(path), f"has no lens ({error!r})", _REMEDY) from error
-    if unread and size is not None:  # else only the angle of view counts
-        problem = f"has {', '.join(unread)} of a lens that is no fisheye, which are not read"
+    if (
+        unread and model != "OPENCV_FISHEYE" and size is not None
+    ):  # else only the angle of view counts
+        problem = (
+            f"has distortion that is not read, of a lens that is no fisheye: {', '.join(unread)}"
+        )
         raise InputError(str(path), problem, "Export it with k1, k2, k3, p1 and p2 alone")
     numbers = (fx, fy, cx, cy, *bend)
     if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):

@@ -76,14 +76,12 @@ ONE, THREE, PARTLY = (
     Scenario(prepare.__name__, give, prepare, is_believable, is_complete)
     for prepare in (one, three, partly)
 )
-WITHOUT_RECORD = ["push-checked", "push-packed", "push-object"].index("push-object")
-"""The point of a first push where the object is there, and its record is not."""
 
 
 def test_a_push_killed_anywhere_is_finished_by_the_next(shared, tmp_path):
     """SIGKILL at each point: over there an artifact is whole and recorded, or absent."""
-    if shared.url.startswith("s3:"):  # it takes its time, and is half written there alone
-        assert interrupted_at(WITHOUT_RECORD, ONE, tmp_path, killed)
+    if shared.url.startswith("s3:"):  # where it takes its time: the object is there, no record is
+        assert interrupted_at("push-object", ONE, tmp_path, killed)
     else:
         assert sum(kill_everywhere(each, tmp_path) for each in (PARTLY, THREE)) >= 40
 

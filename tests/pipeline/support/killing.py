@@ -18,7 +18,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from pipeline.digest import tree_digest
 from pipeline.maintenance.verify import problems
@@ -61,6 +61,8 @@ class Scenario:
 
 
 Act: TypeAlias = Callable[[Callable[[str], None]], object]
+Point = TypeVar("Point", int, str)
+"""A point that an act passes, by its number or its name."""
 
 
 def kill_everywhere(scenario: Scenario, folder: Path) -> int:
@@ -77,14 +79,14 @@ def everywhere(scenario: Scenario, folder: Path, interrupt: Callable[[Act, int],
 
 
 def interrupted_at(
-    number: int, scenario: Scenario, folder: Path, interrupt: Callable[[Act, int], bool]
+    point: Point, scenario: Scenario, folder: Path, interrupt: Callable[[Act, Point], bool]
 ) -> bool:
-    """Interrupt the act at a point, by number; False if it ended before."""
-    store = Store.open(folder / f"{scenario.name}-{number}".replace(" ", "_"))
+    """Interrupt the act at a point; False if it ended before."""
+    store = Store.open(folder / f"{scenario.name}-{point}".replace(" ", "_"))
     run(lambda: scenario.prepare(Store(store.root)))
-    before, where = wrong(store), f"{scenario.name}, interrupted at point {number}"
+    before, where = wrong(store), f"{scenario.name}, interrupted at point {point}"
     with scenario.meanwhile(store):
-        was_interrupted = interrupt(lambda hook: scenario.act(Store(store.root, hook)), number)
+        was_interrupted = interrupt(lambda hook: scenario.act(Store(store.root, hook)), point)
         assert wrong(store) <= before, where
         scenario.always(store)
         run(lambda: scenario.act(Store(store.root)))
@@ -139,12 +141,12 @@ def wrong(store: Store) -> set[Path]:
     return found
 
 
-def killed(act: Act, point: int) -> bool:
-    """Run the act in a process that dies at a point, by number; False if it ended before."""
+def killed(act: Act, point: int | str) -> bool:
+    """Run the act in a process that dies at a point, by number or name; False if it ended first."""
     passed = itertools.count()
 
-    def reached(_name: str) -> None:
-        if next(passed) == point:
+    def reached(name: str) -> None:
+        if point in (next(passed), name):
             os.kill(os.getpid(), signal.SIGKILL)
 
     status = ended(forked(lambda: act(reached)))

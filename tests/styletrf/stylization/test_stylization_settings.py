@@ -56,13 +56,10 @@ def test_a_setting_out_of_range_is_refused_by_its_name_and_value(config, name, v
     assert "Config(" not in caught.value.problem
 
 
-@pytest.mark.parametrize(
-    "values", [{"adaptation.sees_view": True}, {"adaptation.parts": ["network"]}]
-)
-def test_what_only_a_network_has_is_refused_with_plain_shading(values):
-    """A fit of nothing ended in a traceback, and a view that no color depends on was ignored."""
-    (name,) = values
-    with rejects(f"setting {name!r}", name, "'plain'"):
+def test_a_fit_of_the_network_that_plain_shading_lacks_is_refused():
+    """It ended in a traceback, after the field."""
+    values = {"adaptation.parts": ["network"]}
+    with rejects("setting 'adaptation.parts'", "network", "'plain'"):
         configured(StylizationConfig, values)
     configured(StylizationConfig, {**values, "shading": "network"})
 

@@ -37,7 +37,7 @@ def test_canvas_and_cpu_agree_for_every_look(tiny, content, tmp_path: Path, spac
         assert psnr(np.array(shot).reshape(expected.shape), expected) >= 45, each[1:]
 
 
-def test_the_other_way_of_interpolation_agrees_with_the_cpu_too(tiny, content, tmp_path: Path):
+def test_pictures_by_fetched_texels_agree_with_the_cpu(tiny, content, tmp_path: Path):
     scene = tiny("ndc")
     page = written(content("ndc"), tmp_path / "viewer.html", fetched=True)
     asked = json.dumps([case(scene.cameras[0], *LOOKS[1])])

@@ -233,10 +233,16 @@ def test_settings_that_the_fits_of_a_report_would_not_obey_are_refused(family):
 
 
 @pytest.mark.usefixtures("out")
-def test_settings_and_tuning_of_one_stage_are_checked_together():
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["StylizedTrajectory", *CELL, "--content", "embedded", "--PriorRenders-settings"],
+        ["PriorRenders", "--scene", "mini", "--settings"],
+    ],
+)
+def test_settings_and_tuning_of_one_stage_are_checked_together(words):
     """Fifty views of the preset's forty were refused, although the command asks for sixty."""
-    words = ["StylizedTrajectory", *CELL, "--content", "embedded", "--quality", "draft"]
-    words += ["--PriorRenders-settings", '{"trajectory.frames": 60}']
+    words = [*words, '{"trajectory.frames": 60}', "--quality", "draft"]
     words += ["--tuning", '{"PriorRenders": {"coverage.count": 50}}']
     with CmdlineParser.global_instance(words) as parser:
         assert validation.validate_command(parser.get_task_obj())
