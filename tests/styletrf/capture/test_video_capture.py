@@ -218,7 +218,8 @@ def test_a_turn_on_the_spot_has_a_warning(tmp_path):
     ahead = np.stack([4 * np.sin(angle), 4 * np.cos(angle), 0 * angle - 0.5], axis=-1)
     write_video(tmp_path / "turn.mp4", filmed(np.repeat(center[None], 12, 0), center + ahead), 12)
     (warning,) = capture_videos([tmp_path / "turn.mp4"], tmp_path / "out", 8).warnings
-    assert mentions(warning, "turn.mp4", "%")
+    assert mentions(warning, "turn.mp4")
+    assert "%" in warning
 
 
 def test_a_blurred_video_has_a_warning(walk, tmp_path):
