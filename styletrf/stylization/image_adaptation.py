@@ -125,10 +125,8 @@ def adapt_to_image_loss(
         marched = windows.of(view, window)
         held = marched, window, generator, block_px, config.color_weight
         of_picture = partial(_loss_with_colors_held, image_loss, *held)
-        cache, shape = marched.rays, window.painted.shape
-        loss, image = accumulate_gradient(
-            field, cache, shape, of_picture, kernels, config.variance_weight
-        )
+        cache, shape, weight = marched.rays, window.painted.shape, config.variance_weight
+        loss, image = accumulate_gradient(field, cache, shape, of_picture, kernels, weight)
         if not math.isfinite(loss):
             where = f"at iteration {k}, view {cameras[view].name}"
             tiles = (batch_stages(field.appearance, kernels, t) for t in cache.tiles(_TILE))

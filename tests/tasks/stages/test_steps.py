@@ -86,7 +86,7 @@ def test_the_example_of_the_library_fits_a_field(mini_poses: Path, tmp_path: Pat
 
 
 def test_an_optimization_that_starts_from_a_network_needs_one(mini, tmp_path: Path):
-    """It failed at the first view, after the weights had been read: here there are none."""
+    """It failed at the first view, after the weights had been read. Here no weights exist."""
     inputs = {"priors": mini("PriorRenders"), "style": mini("StyleImage"), "perceptual": tmp_path}
     with rejects("setting 'start'", "'network'", remedy=["'noise'"]):
         stylize_priors(inputs, tmp_path, {}, StepRun(tmp_path), colors="style", factors=(1.0, 1.0))
