@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from styletrf.configuration import require_at_least
+from styletrf.configuration import require_at_least, require_within
 from styletrf.geometry.cameras import (
     Camera,
     depth_behind,
@@ -39,10 +39,8 @@ class CoverageConfig:
     def __post_init__(self) -> None:
         require_at_least(0, self, "count")
         require_at_least(1, self, "times")
-        if not 0 < self.share <= 1:
-            raise ValueError(f"share is {self.share}, not above 0 and at most 1")
-        if not 0 <= self.once <= 1:
-            raise ValueError(f"once is {self.once}, not from 0 to 1")
+        require_within("(0, 1]", self, "share")
+        require_within("[0, 1]", self, "once")
 
 
 def small_camera(camera: Camera, config: CoverageConfig) -> Camera:
