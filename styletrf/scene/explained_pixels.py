@@ -1,4 +1,4 @@
-"""The fraction of the photographs' pixels that a box around the points can explain.
+"""The fractions of the photographs' pixels that a box around the points can explain.
 
 Each photograph is cut into tiles. A box explains a tile that shows more points within the box than
 outside it, or shows none while a tile beside it does. It also explains flat tiles of the one color
@@ -24,7 +24,33 @@ Mask = Bool[np.ndarray, "height width"]
 
 LONG_SIDE_PX = 504  # of the views that the scene is surveyed with
 TILES = 16  # along an image's longer side
+_LEAST_GROUND = 0.1  # of all pixels, that a scene on a ground leaves to it
+_NOTHING_ELSE = 0.9  # of the pixels around its points are ground
 _FLAT = 0.03  # standard deviation of a color within a tile, and from that of the ground
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedPixels:
+    """Fractions of the pixels of all photographs, from 0 to 1.
+
+    Attributes:
+        by_points: The fraction in tiles that show points of the box.
+        by_ground: The fraction in other tiles, which are flat and have the one color of the ground.
+    """
+
+    by_points: float = 1.0
+    by_ground: float = 0.0
+
+    @property
+    def by_box(self) -> float:
+        """The fraction that the box explains."""
+        return self.by_points + self.by_ground
+
+    @property
+    def is_cut_out(self) -> bool:
+        """Whether the scene stands on the ground alone: nothing else is around its points."""
+        around = 1 - self.by_points
+        return self.by_ground >= max(_LEAST_GROUND, _NOTHING_ELSE * around)
 
 
 def explained_pixels(
@@ -32,11 +58,11 @@ def explained_pixels(
     cameras: Sequence[Camera],
     points: SparsePoints,
     masks: Iterable[Mask | None],
-) -> float:
-    """Returns the fraction of the pixels of all photographs that the box explains, from 0 to 1.
+) -> ExplainedPixels:
+    """Returns the fractions of the pixels of all photographs that the box explains.
 
     The box is the one that the scene would get, `styletrf.scene.box.whole_box`. Where no pixel
-    counts, none speaks against it, and the fraction is 1.
+    counts, none speaks against it, and its points explain all.
 
     Args:
         images: The images of the cameras, RGB in [0, 1], at their size.
@@ -60,8 +86,11 @@ def explained_pixels(
     color = np.concatenate([part.color.reshape(-1, 3) for part in tiles])
     deviation = np.concatenate([part.deviation.ravel() for part in tiles])
     counted = np.concatenate([part.counted.ravel() for part in tiles])
-    explained = is_shown | _is_ground(color, (deviation < _FLAT) & ~is_shown & (counted > 0))
-    return float(np.average(explained, weights=counted)) if counted.any() else 1.0
+    if not counted.any():
+        return ExplainedPixels()
+    ground = _is_ground(color, (deviation < _FLAT) & ~is_shown & (counted > 0))
+    by_points, by_ground = (float(np.average(part, weights=counted)) for part in (is_shown, ground))
+    return ExplainedPixels(by_points, by_ground)
 
 
 def _is_ground(

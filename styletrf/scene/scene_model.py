@@ -22,6 +22,7 @@ from styletrf.geometry.space import Space
 from styletrf.geometry.typical_view import typical_view
 from styletrf.scene.box import place_in_box
 from styletrf.scene.contraction import octaves_lost, place_unbounded
+from styletrf.scene.explained_pixels import ExplainedPixels
 from styletrf.scene.exposure_choice import LEAST_SPREAD, ExposureEvidence
 from styletrf.scene.exposures import Exposure
 from styletrf.scene.ndc import forward_facing_evidence, place_in_ndc
@@ -30,6 +31,7 @@ from styletrf.scene.upright_capture import upright_capture
 from styletrf.scene.view_dependence import ENOUGH_POINTS, LEAST_FRACTION, ViewDependence
 
 Shading = Literal["network", "plain"]
+_SMALLEST_PX = 16  # of a side that a style network can paint
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,8 @@ class SceneModelConfig:
     oversampling: float = 0.75
 
     def __post_init__(self) -> None:
-        require_at_least(1, self, "image_long_side", "max_voxels")
+        require_at_least(_SMALLEST_PX, self, "image_long_side")
+        require_at_least(1, self, "max_voxels")
         require_at_least(0, self, "max_box_voxels")
         if self.oversampling <= 0:
             raise ValueError(f"oversampling is {self.oversampling:g}, not above 0")
@@ -96,7 +99,7 @@ def decide_scene_model(
     points_world: Float[np.ndarray, "points 3"],
     config: SceneModelConfig,
     dependence: ViewDependence | None = None,
-    explained: float = 1.0,
+    explained: ExplainedPixels | None = None,
     exposure: ExposureEvidence | None = None,
 ) -> SceneModel:
     """Returns the model of a scene.
@@ -104,7 +107,8 @@ def decide_scene_model(
     The space is NDC (forward-facing) when one frustum holds all views without being much wider than
     one, and the near points lie in front of every camera. Otherwise it is a box around the points;
     but unbounded space around an inner box where the box explains too little of the photographs, or
-    where the unbounded lattice is as near to their resolution. Colors do not depend on the view if
+    where the unbounded lattice is as near to their resolution and the photographs show more than an
+    object on a ground of one color. Colors do not depend on the view if
     `dependence` shows that they need not; photographs have exposures of their own if `exposure`
     shows that they differ.
 
@@ -113,8 +117,7 @@ def decide_scene_model(
         points_world: Sparse points.
         config: The settings that the photographs do not decide.
         dependence: The dependence of colors on the view, where it was measured.
-        explained: The fraction of the pixels that a box explains, see
-            `styletrf.scene.explained_pixels`.
+        explained: The fractions of the pixels that a box explains; None: its points explain all.
         exposure: The exposures of the photographs, where they were estimated.
 
     Raises:
@@ -130,7 +133,7 @@ def decide_scene_model(
             f"only {len(points_world)} points were reconstructed, too few to place the scene",
             "Take more overlapping photographs of textured surfaces",
         )
-    placement = _placed(cameras, points_world, config, explained)
+    placement = _placed(cameras, points_world, config, explained or ExplainedPixels())
     shading, of_shading = _shading(config, dependence)
     exposures, of_exposure = _exposures(config, exposure)
     view = fitted_to(typical_view(cameras), config.image_long_side)
@@ -146,7 +149,7 @@ def _placed(
     cameras: Sequence[Camera],
     points_world: Float[np.ndarray, "points 3"],
     config: SceneModelConfig,
-    explained: float,
+    explained: ExplainedPixels,
 ) -> Placement:
     """Returns the scene in the space that the evidence or the configuration names."""
     evidence = forward_facing_evidence(cameras, points_world)
@@ -156,9 +159,10 @@ def _placed(
         scene = upright_capture(cameras, points_world, config.image_long_side)
         lost = octaves_lost(scene, config.max_voxels)
         is_as_fine = lost["box"] > FINE_ENOUGH and lost["unbounded"] < lost["box"] + MOST_LOSS
-        needed = explained < BOX_EXPLAINS or is_as_fine
+        needed = explained.by_box < BOX_EXPLAINS or (is_as_fine and not explained.is_cut_out)
         evidence |= {"octaves_lost": lost, "fine_enough": FINE_ENOUGH, "most_loss": MOST_LOSS}
-        evidence |= {"explained_by_box": explained, "enough_explained": BOX_EXPLAINS}
+        evidence |= {"explained_by_box": explained.by_box, "enough_explained": BOX_EXPLAINS}
+        evidence |= {"is_cut_out": explained.is_cut_out, "ground": explained.by_ground}
         is_box = config.space == "box" or (config.space == "auto" and not needed)
         placement = (place_in_box if is_box else place_unbounded)(scene, config.oversampling)
     by = "evidence" if config.space == "auto" else "setting"

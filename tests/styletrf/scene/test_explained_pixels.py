@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from captures import arc, seen
 
-from styletrf.scene.explained_pixels import explained_pixels
+from styletrf.scene.explained_pixels import ExplainedPixels, explained_pixels
 from styletrf.scene.scene_model import BOX_EXPLAINS, SceneModelConfig, decide_scene_model
 
 RNG = np.random.default_rng(0)
@@ -25,9 +25,13 @@ def cut_out(camera, points, ground: float) -> np.ndarray:
     return image
 
 
-def explained(images, points, masks=None) -> float:
+def of_pixels(images, points, masks=None):
     masks = masks or [None] * len(CAMERAS)
     return explained_pixels(iter(images), CAMERAS, seen(CAMERAS, points), iter(masks))
+
+
+def explained(images, points, masks=None) -> float:
+    return of_pixels(images, points, masks).by_box
 
 
 def test_box_explains_photographs_that_are_full_of_its_points():
@@ -72,7 +76,7 @@ def test_a_view_that_is_masked_all_over_is_left_out():
     others = [None] * (len(CAMERAS) - 1)
     black = [np.zeros((45, 60), bool), *others]
     rest = seen(CAMERAS, OBJECT).of_images(range(1, len(CAMERAS)))
-    alone = explained_pixels(images[1:], CAMERAS[1:], rest, others)
+    alone = explained_pixels(images[1:], CAMERAS[1:], rest, others).by_box
     for first in (images[0], textured(), np.zeros((45, 60, 3), np.float32)):
         assert explained([first, *images[1:]], OBJECT, black) == pytest.approx(alone, abs=0.01)
 
@@ -93,6 +97,30 @@ def test_a_masked_part_of_a_tile_does_not_change_its_color():
 
 @pytest.mark.parametrize(("fraction", "kind"), [(BOX_EXPLAINS - 0.01, "unbounded"), (1.0, "box")])
 def test_space_reaches_beyond_a_box_that_explains_too_little(fraction, kind):
-    model = decide_scene_model(arc(20), 0.5 * SURFACE, SceneModelConfig(), explained=fraction)
+    by_points = ExplainedPixels(by_points=fraction)
+    model = decide_scene_model(arc(20), 0.5 * SURFACE, SceneModelConfig(), explained=by_points)
     assert model.space.kind == kind
     assert model.evidence["space"]["explained_by_box"] == fraction
+
+
+def test_an_object_on_a_ground_of_one_color_is_cut_out():
+    assert of_pixels([cut_out(c, OBJECT, 1.0) for c in CAMERAS], OBJECT).is_cut_out
+
+
+@pytest.mark.parametrize("points", [OBJECT, 3 * SURFACE])
+def test_an_object_before_texture_is_not_cut_out_wherever_points_are(points):
+    assert not of_pixels([textured() for _ in CAMERAS], points).is_cut_out
+
+
+def test_a_cut_out_object_gets_a_box_at_every_bound_on_voxels():
+    """Coarse voxels are no reason to look for more than the photographs show."""
+    cut = ExplainedPixels(by_points=0.6, by_ground=0.39)
+    full = ExplainedPixels(by_points=0.99)
+    dense_in_the_middle = np.concatenate([OBJECT, SURFACE[:300]])
+    chosen = {}
+    for explained_by in (cut, full):
+        for side in (16, 32, 64, 512):
+            config = SceneModelConfig(max_voxels=side**3)
+            model = decide_scene_model(arc(20), dense_in_the_middle, config, explained=explained_by)
+            chosen.setdefault(explained_by, set()).add(model.space.kind)
+    assert chosen == {cut: {"box"}, full: {"box", "unbounded"}}
