@@ -103,8 +103,7 @@ class ArtifactTask(luigi.Task):
     @property
     def label(self) -> str:
         """Returns the task's name on the console: its family and the parameters that are words."""
-        names = self.get_param_names()  # type: ignore[no-untyped-call]
-        values = (self.param_kwargs[name] for name in names)
+        values = ArtifactTask.identity_parameters(self).values()
         words = [value for value in values if isinstance(value, str) and value]
         return " ".join([self.task_family, *words])
 
@@ -133,8 +132,7 @@ class ArtifactTask(luigi.Task):
         """
         store = current_store()
         try:
-            if (missing := self._missing()) is not None:
-                return self._run_after(missing)
+            self._require_recorded_inputs()
             record = self._records[store.root] = self.make(self.action(), store)
             if not self.published():
                 self.publish(store.object(record.output.digest))
@@ -146,14 +144,13 @@ class ArtifactTask(luigi.Task):
             raise self._failure(error, store) from error
         return None
 
-    def _missing(self) -> "ArtifactTask | None":
-        """Returns an upstream task that was never built here, although luigid may call it done."""
+    def _require_recorded_inputs(self) -> None:
+        """Refuses an upstream task that was never built here, although luigid may call it done."""
         for upstream in self.requires().values():
             try:
                 upstream._recorded()
-            except NotBuiltError:
-                return upstream
-        return None
+            except NotBuiltError as error:
+                raise LostInputError(upstream) from error
 
     def _run_after(self, upstream: "ArtifactTask") -> "Generator[ArtifactTask, None, None]":
         self.forget()
@@ -193,14 +190,15 @@ class ArtifactTask(luigi.Task):
 
     def action_with(self, inputs: Mapping[str, str], *, refresh: bool = False) -> Action:
         """Returns the `action` with the given digests of inputs."""
-        if refresh or self._sources is None:
-            self._sources = dict(self.external_digests())
+        sources = self._sources  # another thread may forget it
+        if refresh or sources is None:
+            sources = self._sources = dict(self.external_digests())
         return Action(
             family=self.task_family,
             code=self.code(refresh=refresh),
             parameters=canonical(self.identity_parameters()),
             inputs=inputs,
-            sources=self._sources,
+            sources=sources,
             tools={name: public_version(name) for name in self.tools},
             salt=setting("store", "salt"),
         )
@@ -238,10 +236,16 @@ class ArtifactTask(luigi.Task):
             self._lineage = tuple(keys)
         return self._lineage
 
-    def forget(self) -> None:
-        """Forgets the records, so that the store is read again."""
+    def forget(self, *, sources: bool = False) -> None:
+        """Forgets the records, so that the store is read again.
+
+        Args:
+            sources: Whether to forget the digests of outside files as well.
+        """
         self._records.clear()
         self._lineage = None
+        if sources:
+            self._sources = None
 
 
 class StoreTarget(luigi.Target):

@@ -79,9 +79,10 @@ def run_command(
     _complete_settings()
     try:
         with CmdlineParser.global_instance(list(arguments)) as parser:  # or prints help
+            _require_valid_settings()
             _require_settings_or_data()
             _require_readable_options(parser)
-            _require_valid_settings()
+            _use_named_luigid(parser)
             InterfaceLogging.setup(luigi.interface.core())  # type: ignore[no-untyped-call]
             with parameter_errors():
                 return _run(parser, begin, end, libraries)
@@ -163,8 +164,10 @@ def _require_readable_options(parser: CmdlineParser) -> None:
 def _require_valid_settings() -> None:
     """Refuses a setting of the pipeline of another kind than its default, and unknown executors.
 
+    It reads all settings, so that none fails at the end of a long command.
+
     Raises:
-        SystemExit: It names the setting and the value.
+        SystemExit: It names the setting and, if that can be read, the value.
     """
     try:
         for (section, name), default in DEFAULTS.items():
@@ -172,10 +175,21 @@ def _require_valid_settings() -> None:
                 number_setting(section, name)
             elif default in BOOLEANS:
                 boolean_setting(section, name)
+            else:
+                setting(section, name)
         if setting("store", "executor") not in (known := [*EXECUTORS, *BACKENDS]):
             raise invalid_setting("store", "executor", f"one of {', '.join(known)}")
     except StoreError as error:
         raise SystemExit(str(error)) from error
+
+
+def _use_named_luigid(parser: CmdlineParser) -> None:
+    """Uses the luigid that an option of the command names, although `luigi.cfg` has none."""
+    given = vars(parser.known_args)
+    is_named = given["core_scheduler_url"] or given["core_scheduler_host"]
+    if is_named and not given["core_local_scheduler"]:
+        config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
+        config.set("core", "local_scheduler", "false")
 
 
 def _luigi_status(task: luigi.Task) -> int:

@@ -123,12 +123,3 @@ def write_outcome(log: Path, kind: Outcome, reason: str) -> None:
         with log.open("a") as lines:
             lines.write(f"{reason}\n" if reason else "")
         file.write_text(json.dumps({"kind": kind, "reason": reason}))
-
-
-def read_outcome(log: Path) -> tuple[str, str]:
-    """Returns the outcome that `write_outcome` wrote; without a reason, the log's last line."""
-    kind = reason = ""
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        outcome = json.loads(log.with_suffix(".json").read_text())
-        kind, reason = str(outcome["kind"]), str(outcome["reason"])
-    return kind, reason or log.read_text(errors="replace").strip().rpartition("\n")[2]

@@ -7,6 +7,7 @@ A record is written only after its object is durable, and never replaces a valid
 instant an artifact is complete and recorded, or invisible.
 """
 
+import contextlib
 import errno
 import logging
 import os
@@ -44,7 +45,8 @@ def publish(
     if tree != (expected or tree):
         raise ValueError(f"its bytes have the digest {tree.digest}")
     store.reached("hashed")
-    _sync_tree(out)
+    for path in [out, *(path for path, _ in walk(out))]:
+        sync(path)
     store.reached("synced")
     with store.run.lease(action.key):
         _place(store, out, tree)
@@ -83,19 +85,28 @@ def commit(
         temporary.chmod(0o444)
         sync(temporary)
         store.reached("record-written")
-        try:
-            target.hardlink_to(temporary)
-        except FileExistsError:
+        while True:
+            lost = store.record(key)
+            with contextlib.suppress(FileExistsError):
+                target.hardlink_to(temporary)
+                break
             if winner := good(key):
                 return winner
-            _warn_of_change(store.record(key), record)
-            store.quarantine(target)
-            temporary.replace(target)
+            _warn_of_change(lost, record)
+            _set_aside(store, target, lost)
         store.reached("linked")
         sync(target.parent)
     finally:
         temporary.unlink(missing_ok=True)
     return record
+
+
+def _set_aside(store: Store, target: Path, lost: ActionRecord | None) -> None:
+    """Quarantines a useless record; puts one back that another process linked meanwhile."""
+    moved = store.quarantine(target)
+    with contextlib.suppress(OSError, ValueError):  # it is invalid, or another was faster
+        if ActionRecord.from_json(moved.read_bytes()) != lost:
+            target.hardlink_to(moved)
 
 
 def _warn_of_change(lost: ActionRecord | None, record: ActionRecord) -> None:
@@ -104,14 +115,8 @@ def _warn_of_change(lost: ActionRecord | None, record: ActionRecord) -> None:
             "%s: the lost artifact was made again with other bytes (%s, before %s). Everything that"
             " was made from it will be made again.",
             record.provenance["label"],
-            record.output.digest[:12],
-            lost.output.digest[:12],
+            *(each.output.digest[:12] for each in (record, lost)),
         )
-
-
-def _sync_tree(root: Path) -> None:
-    for path in [root, *(path for path, _ in walk(root))]:
-        sync(path)
 
 
 def sync(path: Path) -> None:

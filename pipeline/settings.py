@@ -44,9 +44,13 @@ BOOLEANS = configparser.ConfigParser.BOOLEAN_STATES
 
 
 def setting(section: str, name: str) -> str:
-    """Returns a setting from `luigi.cfg`, or its default."""
+    """Returns a setting or its default; a StoreError does not contain it, as it may be secret."""
     config = luigi.configuration.get_config()  # type: ignore[no-untyped-call]
-    return str(config.get(section, name, DEFAULTS[section, name]))
+    try:
+        return str(config.get(section, name, DEFAULTS[section, name]))
+    except configparser.InterpolationError:
+        place = f"[{section}] {name} in {_file_of(section, name)}"
+        raise StoreError(f"{place} has a % or ${{}} without a meaning. Write %% for %.") from None
 
 
 def number_setting(section: str, name: str) -> float:
@@ -107,7 +111,7 @@ def _place(variable: str, section: str) -> Path:
 
 def configured_path(section: str, name: str) -> Path:
     """Returns a path setting; relative paths start at the folder of the file that has them."""
-    return _file_of(section, name).parent / setting(section, name)
+    return _file_of(section, name).parent / Path(setting(section, name)).expanduser()
 
 
 def _file_of(section: str, name: str) -> Path:

@@ -129,11 +129,10 @@ class Store:
 
     def intact(self, record: ActionRecord) -> bool:
         """Whether the object has as many files and bytes as when it was published."""
-        try:
-            size, files = measure(self.object(record.output.digest))
-        except (OSError, ValueError):
-            return False
-        return (size, files) == (record.output.size, record.output.files)
+        output = record.output
+        with contextlib.suppress(OSError, ValueError):
+            return measure(self.object(output.digest)) == (output.size, output.files)
+        return False
 
     def find_damage(self, record: ActionRecord, *, deep: bool) -> str | None:
         """Returns the damage of an object: "missing", "altered", "writable" or None.
@@ -150,17 +149,18 @@ class Store:
         modes = [path.stat().st_mode, *(status.st_mode for _, status in walk(path))]
         return "writable" if any(mode & 0o222 for mode in modes) else None
 
-    def quarantine(self, path: Path) -> None:
-        """Moves something damaged into `quarantine/`, where nothing uses it."""
-        self.set_aside(path, "quarantine")
+    def quarantine(self, path: Path) -> Path:
+        """Moves something damaged into `quarantine/`, where nothing uses it; returns its place."""
+        return self.set_aside(path, "quarantine")
 
-    def set_aside(self, path: Path, folder: str) -> None:
-        """Moves `path` atomically into a new directory in `folder` of the store."""
+    def set_aside(self, path: Path, folder: str) -> Path:
+        """Moves `path` atomically into a new directory in `folder`; returns its place there."""
         aside = Path(tempfile.mkdtemp(dir=self.root / folder))
         with contextlib.suppress(FileNotFoundError):  # another process was faster
             if path.is_dir() and not path.is_symlink():
                 path.chmod(0o755)  # moving a directory writes to its ".."
             path.rename(aside / path.name)
+        return aside / path.name
 
     @contextlib.contextmanager
     def lock(self, key: str, on_wait: Callable[[], None]) -> Iterator[None]:
@@ -176,7 +176,9 @@ class Store:
 
         Its flock shows that its process lives. Directories of ended processes are removed.
         """
-        self._sweep(key)
+        for path in (self.root / "tmp").glob(f"{key}-*"):
+            if is_held(path) is False:
+                shutil.rmtree(path, ignore_errors=True)
         with self.run.lease(key):
             fresh = Path(tempfile.mkdtemp(dir=self.root / "tmp"))
             descriptor = os.open(fresh, os.O_RDONLY)
@@ -187,11 +189,6 @@ class Store:
         finally:
             shutil.rmtree(path, ignore_errors=True)
             os.close(descriptor)
-
-    def _sweep(self, key: str) -> None:
-        for path in (self.root / "tmp").glob(f"{key}-*"):
-            if is_held(path) is False:
-                shutil.rmtree(path, ignore_errors=True)
 
 
 def _opened(folder: Path) -> int:
@@ -205,8 +202,7 @@ def _opened(folder: Path) -> int:
 def _make(root: Path) -> None:
     """Makes the folders of a store, with `format` before the others."""
     root.mkdir(parents=True, exist_ok=True)
-    names = [path.name for path in root.iterdir()]
-    others = [name for name in names if name != "lost+found" and not name.startswith(".")]
+    others = [p for p in root.iterdir() if p.name != "lost+found" and not p.name.startswith(".")]
     if others and not (root / "format").exists():
         raise StoreError(
             f"{root} is not a store and has other files: name an empty folder or a new one"

@@ -134,8 +134,8 @@ class StoredTask(ArtifactTask):
         """Returns the record of the artifact: a known one, or that of a build here or on a node."""
         publish_key(self, action.key)
         known, options = self.artifacts, self.options
-        record = known.lookup(action.key)
-        if record and known.is_available(record) and (self.published() or known.fetch(record)):
+        record = known.find(action.key)
+        if record and (self.published() or known.fetch(record)):
             return record
         if options.executor in BACKENDS:
             return build_on_cluster(self, action, store, options)

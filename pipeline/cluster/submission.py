@@ -21,6 +21,7 @@ from pipeline.job import write_outcome
 from pipeline.record import Action, ActionRecord
 from pipeline.settings import number_setting
 from pipeline.shared_store.settings import PATIENCE, current_remote
+from pipeline.shared_store.sync import SharedArtifacts
 from pipeline.store import Store
 
 _PATIENCE_S = 300.0  # for which a node retries if the shared store fails
@@ -61,7 +62,7 @@ def build_on_cluster(
     memory_bytes = cost.peak_memory_bytes if cost else 0
     job = remote_job_of(task, action.key, memory_bytes, options.max_gpus)
     result = _submit(BACKENDS[options.executor], job, store)
-    record = _await_record(task, action, store, result)
+    record = _await_record(action, store, result)
     if record:  # a node may be lost right after its build
         _log.info("%s: done on %s", task.label, result.host or record.provenance["host"])
         return record
@@ -120,9 +121,7 @@ def _full_nodes(store: Store) -> tuple[str, ...]:
     return tuple(p.name.removesuffix(_FULL) for p in marks if p.stat().st_mtime > since)
 
 
-def _await_record(
-    task: ArtifactTask, action: Action, store: Store, result: JobResult
-) -> ActionRecord | None:
+def _await_record(action: Action, store: Store, result: JobResult) -> ActionRecord | None:
     """Returns the record that a node wrote; None if there is none.
 
     After a successful job it waits for the record. The shared store may not answer, and NFS may
@@ -130,8 +129,7 @@ def _await_record(
     """
     started_s = time.monotonic()
     while True:
-        record = task.artifacts.lookup(action.key)
-        if record and task.artifacts.is_available(record):
+        if record := SharedArtifacts(store).find(action.key):
             return record
         is_away = current_remote().is_open("reading")
         limit_s = _SECONDS_FOR_REMOTE if is_away else _SECONDS_TO_APPEAR

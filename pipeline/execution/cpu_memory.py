@@ -45,26 +45,32 @@ class CpuAllocation:
 
 @contextlib.contextmanager
 def allocate(
-    max_cores: int, expected_bytes: int | None, on_wait: Callable[[str], object]
+    max_cores: int,
+    expected_bytes: int | None,
+    on_wait: Callable[[str], object],
+    min_cores: int = 1,
 ) -> Iterator[CpuAllocation]:
     """Holds a part of this host: cores, and the expected memory.
 
-    It waits for one core and for the memory, in the order of the requests.
+    It waits for `min_cores` and for the memory, in the order of the requests.
 
     Args:
         max_cores: How many cores to take, if enough are free.
         expected_bytes: The memory of the build. If it is unknown, the build gets the same
             fraction of the memory as of the cores.
         on_wait: Called with the resource that the build waits for, if it waits.
+        min_cores: How many cores the build needs. If the host has fewer, it gets all of them.
 
     Raises:
         StoreError: The folder of leases cannot be used.
     """
     n_parts = _memory_parts(max_cores, expected_bytes)
     with _units() as (parts, cores):
+        least = min(min_cores, len(cores))
+        needed = "for a core" if least == 1 else f"for {least} cores"
         with fifo_queue(lambda: on_wait("for its turn")):
             held = _acquire_memory(parts, n_parts, on_wait)
-            mine = acquire(cores, 1, max_cores, lambda: on_wait("for a core"))
+            mine = acquire(cores, least, max_cores, lambda: on_wait(needed))
         yield _bound_to(mine, (*(parts[name] for name in held), *(cores[name] for name in mine)))
 
 

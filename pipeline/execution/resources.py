@@ -39,14 +39,15 @@ def cpu_for(label: str, cost: Cost | None) -> Iterator[CpuAllocation]:
 
     A command that runs one build at a time has the whole host while no other build runs, and
     shares it with another command as two workers of one command do. STYLETRF_CORES sets the number
-    of cores instead.
+    of cores instead: the build waits for as many, or for all where the host has fewer.
     """
     workers, cores = workers_of_command(), _cores_of_user()
     is_lone, host = workers == 1 and not cores, len(usable_cores())
     part = cores or math.ceil(host / max(2, workers))
     expected_bytes = cost.peak_memory_bytes if cost else None
     on_wait = partial(_log.info, "%s: waiting %s", label)
-    with (allocate_alone if is_lone else allocate)(part, expected_bytes, on_wait) as allocation:
+    allocated = allocate_alone if is_lone else partial(allocate, min_cores=max(1, cores))
+    with allocated(part, expected_bytes, on_wait) as allocation:
         if is_lone and allocation.cores < host:
             _log.info(
                 "%s: uses %d of %d cores, beside another build", label, allocation.cores, host

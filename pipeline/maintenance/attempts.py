@@ -1,5 +1,7 @@
 """Attempts at builds: which of them are running, and how the others ended."""
 
+import contextlib
+import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -7,9 +9,9 @@ from pathlib import Path
 import luigi
 
 from pipeline.errors import Errors, StoreError
-from pipeline.job import read_outcome
 from pipeline.locks import is_held
 from pipeline.maintenance.task_graph import stored_tasks
+from pipeline.shared_store.sync import SharedArtifacts
 from pipeline.store import Store
 from pipeline.task import StoredTask
 
@@ -66,8 +68,8 @@ def find_blocking_failure(
 ) -> BlockingFailure | None:
     """Returns the obstacle of a task: a failure, or else a running build; or None.
 
-    It uses this store only, and the last attempt at each stage whose inputs are complete. An
-    interrupted attempt is no failure.
+    It uses the last attempt here at each stage whose inputs are complete. An interrupted attempt is
+    no failure, nor is one at an artifact that is available, here or in the shared store.
 
     Args:
         task: The task that is not made.
@@ -87,28 +89,39 @@ def find_blocking_failure(
 
 
 def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, BlockingFailure | None]:
-    """Returns whether a task with complete inputs is made, and what prevents it."""
+    """Returns whether a task with complete inputs was made, and what prevents it."""
     repairable: Errors = (StoreError, OSError, *task.user_errors)
     try:
         key = task.action().key
     except repairable as error:
         return False, BlockingFailure(task, str(error))
-    if store.record(key):
+    record = store.record(key)
+    if record and store.intact(record):
         return True, None
     for last in attempts(store, task.task_family, key, since)[-1:]:
-        if last.is_under_way or last.kind not in ("built", "interrupted"):
+        is_obstacle = last.is_under_way or last.kind not in ("built", "interrupted")
+        if is_obstacle and not (record and SharedArtifacts(store).is_available(record)):
             return False, BlockingFailure(task, last.end, last.is_under_way, last.kind)
-    return False, None
+    return record is not None, None  # a collected artifact is in nobody's way
 
 
 def _attempt(store: Store, log: Path) -> Attempt:
-    kind, end = read_outcome(log)
+    kind, end = _read_outcome(log)
     locks = (store.root / "locks").glob(f"{log.name[:2]}/{log.name.partition('.')[0]}*")
     is_under_way = any(is_held(lock) for lock in locks)
     if not end and not is_under_way:
         problem = "it was interrupted" if kind else "it wrote nothing; the disk may be full"
         end = f"{problem}. Its log: {log}"
     return Attempt(log, kind, end, is_under_way)
+
+
+def _read_outcome(log: Path) -> tuple[str, str]:
+    """Returns the outcome that `write_outcome` wrote; without a reason, the log's last line."""
+    kind = reason = ""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        outcome = json.loads(log.with_suffix(".json").read_text())
+        kind, reason = str(outcome["kind"]), str(outcome["reason"])
+    return kind, reason or log.read_text(errors="replace").strip().rpartition("\n")[2]
 
 
 def _changed(log: Path) -> tuple[int, str]:

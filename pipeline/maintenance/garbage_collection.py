@@ -139,7 +139,7 @@ def _references(
     useful = [run for run in past if not known.keys().isdisjoint(run[1])]
     made = [(store.action(key), {key}) for key in known]
     return {
-        "pinned or shown": roots(store),
+        **roots(store),
         "used by a living process": living,
         f"used by the last {keep_last} runs": useful[max(0, len(useful) - keep_last) :],
         f"made or used in the last {grace_hours:g} h": [

@@ -1,14 +1,17 @@
 """Roots: files in `roots/` that protect artifacts from collection.
 
 A pin is a symbolic link to a record of the store. For a folder outside that shows artifacts by
-links into the store, a JSON file has its path and its last links. These links count while the file
-system of the folder is not mounted.
+links into the store, a JSON file has its host, its path and its last links. These links count while
+the folder cannot be seen: on another host, while its file system is not mounted, or for a user who
+may not read it.
 """
 
 import json
 import os
+import socket
 import uuid
-from collections.abc import Callable, Iterable, Set
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TypeAlias
 
@@ -20,6 +23,23 @@ from pipeline.store import Store
 
 References: TypeAlias = list[tuple[Path, Set[str]]]
 """Files that protect artifacts from collection, each with the keys and digests it protects."""
+
+
+@dataclass(frozen=True, slots=True)
+class _FolderRoot:
+    """The root of a folder that shows artifacts.
+
+    Attributes:
+        folder: Its absolute path.
+        device: The number of its file system.
+        shows: The keys and digests that its links showed last.
+        host: The machine whose folder it is; "" in roots of earlier versions.
+    """
+
+    folder: str
+    device: int
+    shows: Sequence[str]
+    host: str = ""
 
 
 def pin(store: Store, key: str, name: str) -> None:
@@ -53,13 +73,30 @@ def require_single(found: list[ActionRecord]) -> ActionRecord:
 def unpin(store: Store, name: str) -> None:
     """Deletes a pin, or the root of a folder.
 
+    Args:
+        store: The store.
+        name: The name of a pin, a folder of this host, or HOST:FOLDER for a folder of another host
+            with all folders in it.
+
     Raises:
-        StoreError: There is no such pin or folder.
+        StoreError: There is no such pin or folder, or a root cannot be read.
     """
-    path = store.root / "roots" / (name if name in pins(store) else _name_of(Path(name)))
-    if not path.is_symlink() and not path.exists():
+    folder, held = Path(name), store.root / "roots"
+    names = [name] if name in pins(store) else [_name_of(folder), _name_of(folder, _host())]
+    found = [held / each for each in names if os.path.lexists(held / each)]
+    if not (found := found or list(_roots_elsewhere(store, name))):
         raise StoreError(f"{store.root} has no pin {name!r}. `pin` alone lists the pins.")
-    path.unlink()
+    for path in found:
+        path.unlink()
+
+
+def _roots_elsewhere(store: Store, name: str) -> Iterator[Path]:
+    """Yields the roots of HOST:FOLDER and of the folders in it."""
+    host, colon, folder = name.partition(":")
+    files = (path for path in (store.root / "roots").iterdir() if not path.is_symlink())
+    for path, root in ((path, _read(path)) for path in files if host and colon):
+        if root.host == host and Path(root.folder).is_relative_to(folder or "/"):
+            yield path
 
 
 def pins(store: Store) -> dict[str, str]:
@@ -76,37 +113,60 @@ def add_folder_root(store: Store, folder: Path, targets: Iterable[Path]) -> None
         targets: The present or later targets of its links.
     """
     shows = sorted(address for target in targets for address in shown_artifacts(store, target))
-    content = {"folder": str(folder.absolute()), "device": folder.stat().st_dev, "shows": shows}
-    _write_root(store, _name_of(folder), lambda path: path.write_text(json.dumps(content)))
+    root = _FolderRoot(str(folder.absolute()), folder.stat().st_dev, shows, _host())
+    content = json.dumps(asdict(root))
+    _write_root(store, _name_of(folder, _host()), lambda path: path.write_text(content))
 
 
-def roots(store: Store) -> References:
-    """Returns every root that keeps anything, with its keys and digests.
+def roots(store: Store) -> dict[str, References]:
+    """Returns every root that keeps anything, by the reason, with its keys and digests.
 
     Raises:
         StoreError: A root cannot be read, so nobody can tell what it keeps.
-        OSError: A folder cannot be listed.
     """
-    found = [(root, _held(store, root)) for root in (store.root / "roots").iterdir()]
-    return [(root, addresses) for root, addresses in found if addresses]
+    found: dict[str, References] = {}
+    for path in (store.root / "roots").iterdir():
+        host, addresses = _held(store, path)
+        if addresses:
+            why = "pinned or shown" if host == _host() else f"shown on {host}"
+            found.setdefault(why, []).append((path, addresses))
+    return found
 
 
-def _held(store: Store, root: Path) -> set[str]:
-    if root.is_symlink():  # to a record; in earlier versions also to a folder
-        shown = root.iterdir() if root.is_dir() else ()
-        return {address for link in (root, *shown) for address in shown_artifacts(store, link)}
+def _held(store: Store, path: Path) -> tuple[str, set[str]]:
+    """Returns the host of a root, and the keys and digests that it keeps."""
+    if path.is_symlink():  # to a record; in earlier versions also to a folder
+        links = (path, *(path.iterdir() if path.is_dir() else ()))
+        return _host(), {address for link in links for address in shown_artifacts(store, link)}
+    root = _read(path)
+    if root.host in ("", _host()):
+        return _host(), _shown_here(store, root)
+    return root.host, set(root.shows)
+
+
+def _shown_here(store: Store, root: _FolderRoot) -> set[str]:
+    """Returns what a folder of this host shows, or showed if it cannot be seen now."""
+    folder, links = Path(root.folder), list[Path]()
     try:
-        content = json.loads(root.read_bytes())
-        folder, device = Path(content["folder"]), content["device"]
-        shows = set[str](content["shows"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise StoreError(
-            f"{root} cannot be read, so nobody can tell what it keeps. Delete it to keep nothing."
-        ) from error
-    links = folder.glob("[!.]*")  # a killed command may leave hidden ones
-    now = {address for link in links for address in shown_artifacts(store, link)}
+        with os.scandir(f"{folder}/.") as entries:  # needs the right to follow its links, too
+            links = [folder / entry.name for entry in entries]
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError:  # no permission, or a server does not answer
+        return set(root.shows)
+    visible = [link for link in links if link.name[0] != "."]  # hidden: left by a killed command
+    now = {address for link in visible for address in shown_artifacts(store, link)}
     place = next(path for path in (folder, *folder.parents) if path.exists())
-    return now or (shows if place.stat().st_dev != device else set())
+    return now or set(root.shows if place.stat().st_dev != root.device else ())
+
+
+def _read(path: Path) -> _FolderRoot:
+    try:
+        return _FolderRoot(**json.loads(path.read_bytes()))
+    except (ValueError, TypeError) as error:
+        raise StoreError(
+            f"{path} cannot be read, so nobody can tell what it keeps. Delete it to keep nothing."
+        ) from error
 
 
 def shown_artifacts(store: Store, link: Path) -> set[str]:
@@ -116,8 +176,14 @@ def shown_artifacts(store: Store, link: Path) -> set[str]:
     return {Path(parts[2]).stem} if len(parts) > 2 else set()
 
 
-def _name_of(folder: Path) -> str:
-    return f".{typed_digest('pipeline-root-v1', os.fsencode(folder.absolute()))}"
+def _host() -> str:
+    return socket.gethostname()
+
+
+def _name_of(folder: Path, *host: str) -> str:
+    """Returns the name of a folder's root; in earlier versions without the host."""
+    parts = (os.fsencode(folder.absolute()), *map(os.fsencode, host))
+    return f".{typed_digest('pipeline-root-v1', *parts)}"
 
 
 def _write_root(store: Store, name: str, write: Callable[[Path], object]) -> None:

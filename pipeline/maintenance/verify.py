@@ -50,14 +50,15 @@ def unreferenced_objects(store: Store) -> Iterator[Path]:
 
 def repair(store: Store, problem: Problem) -> str:
     """Restores the damaged part, or sets it aside for the next run; returns what was done."""
-    artifacts = SharedArtifacts(store)
-    if problem.record is None:
+    artifacts, record = SharedArtifacts(store), problem.record
+    if record is None:
         store.quarantine(problem.path)
-        is_repaired = artifacts.lookup(problem.path.stem) is not None
+        record = artifacts.lookup(problem.path.stem)
+        is_repaired = record is not None and artifacts.is_available(record)
     else:
-        is_repaired = artifacts.restore(problem.record, problem.kind)
+        is_repaired = artifacts.restore(record, problem.kind)
     if is_repaired:
         return "protected" if problem.kind == "writable" else "restored from the shared store"
-    if problem.record:
-        store.quarantine(store.action(problem.record.action.key))
+    if record:
+        store.quarantine(store.action(record.action.key))
     return "set aside; the next run makes it again"

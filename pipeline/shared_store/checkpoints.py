@@ -45,8 +45,10 @@ def shared_checkpoints(key: str, resume: Path) -> Iterator[Callable[[], None]]:
         yield lambda: None
         return
     remote, seconds = current_remote(), number_setting("store", "checkpoint_seconds")
-    with contextlib.suppress(OSError):
+    try:
         remote.call_or_none("reading", partial(_download_newest, key, resume))
+    except OSError as error:  # of the local disk
+        _log.warning("no checkpoint was taken from %s: %s", remote.url, error)
     uploader = CheckpointUploader(key, resume, remote)
     is_over = threading.Event()
     thread = threading.Thread(target=uploader.run, args=(is_over, seconds), daemon=True)
@@ -113,10 +115,7 @@ class CheckpointUploader:
                 self._uploaded = found
 
     def _upload(self, remote: Remote) -> None:
-        archive, still = (
-            self._resume.with_name(f"{self._resume.name}.{e}") for e in ("tar", "still")
-        )
-        try:
+        with _temporary(self._resume, "still") as (archive, still):
             unfinished = shutil.ignore_patterns(".*.partial*")
             shutil.copytree(self._resume, still, copy_function=_hardlink_or_copy, ignore=unfinished)
             tree = tree_digest(still)
@@ -128,9 +127,25 @@ class CheckpointUploader:
             remote.create(f"{_at(self._key)}/{name}", archive)
             older = [other for other in remote.names(_at(self._key)) if other < name]
             _remove(remote, self._key, older)
-        finally:
-            archive.unlink(missing_ok=True)
-            shutil.rmtree(still, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _temporary(resume: Path, end: str) -> Iterator[tuple[Path, Path]]:
+    """Yields the paths of a new archive and a new folder beside the checkpoints.
+
+    Both are removed afterwards, and before: a killed process may have left them.
+    """
+    archive, folder = (resume.with_name(f"{resume.name}.{each}") for each in ("tar", end))
+
+    def remove() -> None:
+        archive.unlink(missing_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+
+    remove()
+    try:
+        yield archive, folder
+    finally:
+        remove()
 
 
 def _hardlink_or_copy(source: str, target: str) -> None:
@@ -147,27 +162,35 @@ def _download_newest(key: str, resume: Path, remote: Remote) -> None:
         if not _is_trusted(remote, key, name):
             remote.warn_unsigned("checkpoint", "unsigned, or signed by another key")
             continue
-        archive, unpacked = (resume.with_name(f"{resume.name}.{end}") for end in ("tar", "new"))
         try:
-            written, digest, size, files = name.removesuffix(".tar").split("-")[:4]
-            written_s = datetime.strptime(f"{written}+0000", f"{_TIME}%z").timestamp()
-            remote.download(f"{_at(key)}/{name}", archive)
-            unpack(archive, unpacked, Tree(digest, int(size), int(files)))
-            if tree_digest(unpacked).digest == digest:
+            with _temporary(resume, "new") as (archive, unpacked):
+                _unpack_checkpoint(remote, f"{_at(key)}/{name}", archive, unpacked)
                 for path in resume.iterdir():
                     shutil.rmtree(path) if path.is_dir() else path.unlink()
                 for path in unpacked.iterdir():
-                    os.utime(path, (written_s, written_s))
                     path.rename(resume / path.name)
-                _log.info("continuing from a checkpoint in %s", remote.url)
-                return
+            _log.info("continuing from a checkpoint in %s", remote.url)
+            return
         except ValueError as error:
             _log.warning(
                 "the checkpoint %s/%s in %s is damaged: %s", _at(key), name, remote.url, error
             )
-        finally:
-            archive.unlink(missing_ok=True)
-            shutil.rmtree(unpacked, ignore_errors=True)
+
+
+def _unpack_checkpoint(remote: Remote, file: str, archive: Path, unpacked: Path) -> None:
+    """Downloads the files of a checkpoint, and gives them the time at which it was written.
+
+    Raises:
+        ValueError: It has another name than a checkpoint, or another content than its name says.
+    """
+    written, digest, size, files = file.rpartition("/")[2].removesuffix(".tar").split("-")[:4]
+    written_s = datetime.strptime(f"{written}+0000", f"{_TIME}%z").timestamp()
+    remote.download(file, archive)
+    unpack(archive, unpacked, Tree(digest, int(size), int(files)))
+    if tree_digest(unpacked).digest != digest:
+        raise ValueError("it does not have the digest in its name")
+    for path in unpacked.iterdir():
+        os.utime(path, (written_s, written_s))
 
 
 def _signature(remote: Remote, key: str, description: str) -> str:

@@ -161,13 +161,15 @@ class Remote:
                 raise
         return True
 
-    def set_aside(self, name: str) -> None:
-        """Moves a file into `quarantine/`, where nothing reads it."""
+    def set_aside(self, name: str) -> str:
+        """Moves a file into `quarantine/`, where no build reads it; returns its name there."""
+        folder = f"quarantine/{uuid.uuid4().hex}"
         with self._at(name) as (files, path):
-            aside = f"{path.removesuffix(name)}quarantine/{uuid.uuid4().hex}"
+            aside = f"{path.removesuffix(name)}{folder}"
             files.makedirs(aside, exist_ok=True)
             with contextlib.suppress(FileNotFoundError):  # another machine was faster
                 files.mv(path, f"{aside}/{Path(name).name}")
+        return f"{folder}/{Path(name).name}"
 
     def _link(self, source: Path, target: Path, root: Path) -> None:
         """Copies a file to `target` by a link, which replaces nothing, even on NFS."""

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-from pathlib import Path
 
 from pipeline.errors import StoreError
 from pipeline.settings import (
@@ -23,6 +22,8 @@ PATIENCE = "STYLETRF_PATIENCE"
 def current_remote() -> Remote:
     """Returns the shared store in STYLETRF_REMOTE or [store] remote, if there is one.
 
+    If STYLETRF_REMOTE is empty, there is none, whatever [store] remote is.
+
     Raises:
         StoreError: A setting of the shared store is invalid.
     """
@@ -36,10 +37,7 @@ def current_remote() -> Remote:
 def _configured_url() -> str:
     """Returns [store] remote; a relative path starts at the folder of the file that has it."""
     url = setting("store", "remote")
-    if not url or "://" in url:
-        return url
-    path = Path(url).expanduser()
-    return str(path if path.is_absolute() else configured_path("store", "remote"))
+    return url if not url or "://" in url else str(configured_path("store", "remote"))
 
 
 def _is_object(text: str) -> bool:
@@ -68,7 +66,7 @@ def signing_key() -> bytes:
     """
     if not setting("store", "signing_key"):
         return b""
-    path = configured_path("store", "signing_key").expanduser()
+    path = configured_path("store", "signing_key")
     remedy = f"Make one key for all machines: (umask 077; openssl rand -hex 32 > {path})"
     try:
         key = path.read_bytes().strip()

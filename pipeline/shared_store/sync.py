@@ -2,7 +2,7 @@
 
     objects/ab/<digest>.tar     uploaded first
     code/ab/<digest>.json       the parts of the code with this digest, for `why`
-    actions/ab/<key>.json       uploaded last; a record without its object counts as absent
+    actions/ab/<key>.json       uploaded last; if its object is lost, it still gives the digest
     grids/<name>.keys           the keys that a grid resolved, one on each line; earlier: nights/
 
 Every object is checked: it is published like the result of a build, and only if it has the digest
@@ -13,7 +13,7 @@ in its record. Records are trusted, so whoever can write there decides the resul
 import contextlib
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -40,13 +40,34 @@ class SharedArtifacts(Artifacts):
     """The artifacts of a store, and those of the shared store behind it, if there is one."""
 
     def lookup(self, key: str) -> ActionRecord | None:
-        """Returns the record of the key, which the store copies from the shared one if needed."""
+        """Returns the record of the key, which the store copies from the shared one if needed.
+
+        The object may be lost in both: its digest suffices for what was made from it.
+        """
         if record := self.store.lease_record(key):
             return record
 
         def download(remote: Remote) -> ActionRecord | None:
-            record = shared_record(remote, key)
+            record = _read_record(remote, key)
             return record and import_record(self.store, record, remote)
+
+        return current_remote().call_or_none("reading", download)
+
+    def find(self, key: str) -> ActionRecord | None:
+        """Returns the record of the key if its object is available.
+
+        If the object is lost, the record may have been replaced in the shared store: another
+        machine made the artifact again with other bytes. Then this store takes that record.
+        """
+        record = self.lookup(key)
+        if record is None or self.is_available(record):
+            return record
+
+        def download(remote: Remote) -> ActionRecord | None:
+            newer = shared_record(remote, key)
+            if newer is None or newer.output == record.output:
+                return None
+            return import_record(self.store, newer, remote, self.store.find)
 
         return current_remote().call_or_none("reading", download)
 
@@ -86,22 +107,32 @@ class SharedArtifacts(Artifacts):
             current_remote().call_or_none("writing", partial(push, self.store, record))
 
 
-def import_record(store: Store, record: ActionRecord, remote: Remote) -> ActionRecord:
-    """Copies a shared record into the store, which keeps its own record if it has one."""
+def import_record(
+    store: Store,
+    record: ActionRecord,
+    remote: Remote,
+    own: Callable[[str], ActionRecord | None] | None = None,
+) -> ActionRecord:
+    """Copies a shared record into the store, which keeps the `own` one if it has one."""
     code = str(record.provenance.get("closure", ""))
     if code and load_closure(code, store) is None:
         members = closure_from_json(remote.read(_code(code)) or b"", code)
         if members is not None:  # otherwise `why` explains less
             save_closure(members, store)
     with store.run.lease(record.action.key):
-        return commit(store, record, store.record)
+        return commit(store, record, own or store.record)
 
 
 def shared_record(remote: Remote, key: str) -> ActionRecord | None:
     """Returns the shared store's record of the key, if its object exists there, too."""
+    record = _read_record(remote, key)
+    return record if record and remote.has(_object(record)) else None
+
+
+def _read_record(remote: Remote, key: str) -> ActionRecord | None:
+    """Returns the shared store's record of the key, whether its object exists or not."""
     record = _parsed(remote.read(_action(key)) or b"", remote)
-    is_whole = record and record.action.key == key and remote.has(_object(record))
-    return record if is_whole else None
+    return record if record and record.action.key == key else None
 
 
 def pull(store: Store, record: ActionRecord, remote: Remote) -> str:
@@ -143,13 +174,21 @@ def push(store: Store, record: ActionRecord, remote: Remote) -> str:
         if code and load_closure(code, store) is not None:
             remote.create(_code(code), store.code(code))
         (workspace / "record.json").write_bytes(signed_text(record, remote.key))
-        if not remote.create(_action(key), workspace / "record.json"):
+        while not remote.create(_action(key), workspace / "record.json"):
+            lost = remote.read(_action(key))
             if shared_record(remote, key):
                 return "is there"
-            remote.set_aside(_action(key))
-            remote.create(_action(key), workspace / "record.json")
+            _set_record_aside(remote, key, lost, workspace / "moved.json")
         store.reached("push-record")
     return "pushed"
+
+
+def _set_record_aside(remote: Remote, key: str, lost: bytes | None, moved: Path) -> None:
+    """Sets a useless record aside; puts one back that another machine uploaded meanwhile."""
+    text = remote.read(remote.set_aside(_action(key)))
+    if text is not None and text != lost:
+        moved.write_bytes(text)
+        remote.create(_action(key), moved)
 
 
 def shared_records(remote: Remote) -> list[ActionRecord]:

@@ -21,7 +21,8 @@ def solve_poses(
         settings: Those of `CameraPosesConfig`.
         run: The run, beside whose log COLMAP writes its messages.
     """
-    config, scratch = configured(CameraPosesConfig, settings), run.work / "colmap"
+    config = configured(CameraPosesConfig, settings)
+    scratch = run.work / ".colmap"  # hidden, since it is no checkpoint: nothing continues from it
     shutil.rmtree(scratch, ignore_errors=True)  # a killed run may have left files
     scratch.mkdir()
     log = run.log.with_suffix(".colmap") if run.log else None

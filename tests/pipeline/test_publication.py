@@ -131,6 +131,28 @@ def test_the_later_of_two_publications_gets_the_artifact_of_the_first(store):
     assert is_whole(store)
 
 
+@pytest.mark.parametrize("is_before", [True, False])
+def test_of_two_publications_that_replace_a_lost_record_one_gives_the_artifact(
+    store, monkeypatch, is_before
+):
+    """Where locks do not work, the other one publishes around the move of the lost record."""
+    store.quarantine(store.object(attempt(store, b"lost").output.digest))
+    real, theirs = Store.quarantine, []
+
+    def beside_another(mine: Store, path: Path) -> Path:
+        monkeypatch.setattr(Store, "quarantine", real)
+        if is_before:
+            theirs.append(attempt(Store(store.root), b"theirs"))
+        moved = real(mine, path)
+        if not is_before:
+            theirs.append(attempt(Store(store.root), b"theirs"))
+        return moved
+
+    monkeypatch.setattr(Store, "quarantine", beside_another)
+    assert [attempt(store, b"mine")] == theirs == [store.find(ACTION.key)]
+    assert is_whole(store)
+
+
 def test_equal_content_is_kept_once(store):
     other = Action("Word", "code", {"word": "b"}, {}, {}, {})
     assert attempt(store).output == attempt(store, action=other).output

@@ -157,6 +157,16 @@ def test_a_setting_of_another_kind_is_one_line_before_the_begin(
     assert built() == []
 
 
+def test_a_secret_setting_that_cannot_be_read_is_one_line_without_it(tmp_path, monkeypatch):
+    """The command failed after a whole grid, with a part of the address."""
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
+    (tmp_path / "luigi.cfg").write_text("[grid]\nwebhook = https://example.org/a%secret\n")
+    status, output, errors = run("Word", "--word", "hello", folder=tmp_path)
+    assert (status, output, errors.count("\n")) == (1, "", 1), errors
+    assert mentions(errors, "[grid] webhook", "luigi.cfg")
+    assert "secret" not in errors
+
+
 def test_help_needs_neither_settings_nor_data(tmp_path, monkeypatch):
     monkeypatch.delenv("STYLETRF_DATA", raising=False)
     status, output, _ = run("Word", "--help", folder=tmp_path)
@@ -174,3 +184,23 @@ def test_an_address_of_luigid_in_the_users_settings_is_used(tmp_path, monkeypatc
     assert status != 0
     assert "127.0.0.1:9" in errors
     assert built() == []
+
+
+@pytest.mark.parametrize(
+    ("options", "is_local"),
+    [
+        (["--scheduler-url", "http://127.0.0.1:9"], False),
+        (["--scheduler-host", "127.0.0.1", "--scheduler-port", "9"], False),
+        (["--scheduler-url", "http://127.0.0.1:9", "--local-scheduler"], True),
+    ],
+)
+def test_a_luigid_that_the_command_names_is_used_unless_it_is_to_run_alone(
+    tmp_path, monkeypatch, options, is_local
+):
+    """Machines that named one luigid built the same artifacts."""
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path))
+    settings = "local_scheduler = true\nrpc_retry_attempts = 1\nrpc_retry_wait = 0\n"
+    (tmp_path / "luigi.cfg").write_text(f"[core]\n{settings}")
+    status, _, _ = run("Word", "--word", "hello", *options, folder=tmp_path)
+    assert (status == 0) == is_local
+    assert built() == ["Word hello"] * is_local

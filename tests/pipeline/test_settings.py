@@ -1,6 +1,8 @@
 """Where settings are found, and what relative paths in them start from."""
 
 import os
+import re
+import traceback
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,7 @@ from pipeline.settings import (
     data_root,
     number_setting,
     out_root,
+    setting,
 )
 from pipeline.shared_store.settings import PATIENCE, current_remote
 
@@ -49,6 +52,51 @@ def test_a_shared_store_in_a_folder_starts_there_too(write, tmp_path, monkeypatc
     write(f"[store]\nremote = {given}\n")
     expected = str(tmp_path / found) if found == "cluster/shared" else found
     assert current_remote().url == expected
+
+
+@pytest.mark.parametrize("given", ["", "elsewhere"])
+def test_a_variable_wins_over_the_setting_even_if_it_is_empty(write, monkeypatch, given):
+    write("[store]\nremote = shared\n")
+    monkeypatch.setenv("STYLETRF_REMOTE", given)
+    assert current_remote().url == given
+
+
+def test_no_file_for_deployment_sets_an_empty_shared_store():
+    """It would switch off the one of the settings."""
+    deploy = Path(__file__).parents[2] / "deploy"
+    (worker,) = re.findall(r"^ *STYLETRF_REMOTE:(.*)$", (deploy / "compose.yaml").read_text(), re.M)
+    assert not worker, "the variable of the command, if there is one"
+    assert not re.findall(r"^STYLETRF_REMOTE=\s*$", (deploy / "styletrf.env").read_text(), re.M)
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "value"),
+    [
+        ("grid", "webhook", "https://example.org/a%2Fsecret"),
+        ("store", "remote", "s3://bucket/%(secret)s"),
+        ("store", "root", "/mnt/${NO_SUCH_secret}"),
+    ],
+)
+def test_a_setting_that_cannot_be_read_is_an_error_without_its_value(
+    write, elsewhere, section, name, value
+):
+    """An address of a webhook is a secret."""
+    write(f"[{section}]\n{name} = {value}\n")
+    with pytest.raises(StoreError) as error:
+        setting(section, name)
+    trace = "".join(traceback.format_exception(error.value))
+    assert mentions(trace, f"[{section}] {name}", elsewhere / "cluster.cfg", "%%")
+    assert "secret" not in trace
+    write(f"[{section}]\n{name} = a%%2F\n")
+    assert setting(section, name) == "a%2F"
+
+
+@pytest.mark.parametrize("place", [data_root, out_root])
+def test_a_path_may_start_at_the_home_folder(write, tmp_path, monkeypatch, place):
+    """It made a folder of the name `~`."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    write("[data]\nroot = ~/mine\n[out]\nroot = ~/mine\n")
+    assert place() == tmp_path / "home" / "mine"
 
 
 def test_options_that_are_no_object_are_an_error_with_their_file(write, elsewhere):

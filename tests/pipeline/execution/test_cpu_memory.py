@@ -5,6 +5,7 @@ import os
 import platform
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import luigi
@@ -22,7 +23,7 @@ from pipeline.execution.environment import (
     build_settings,
     openmp_wait_settings,
 )
-from pipeline.execution.host_locks import open_locks, try_acquire
+from pipeline.execution.host_locks import open_locks, release, try_acquire
 from pipeline.execution.resources import cpu_for
 from pipeline.task import artifact
 
@@ -169,6 +170,19 @@ def test_a_build_that_waits_says_for_what(leases):
             pass
     assert mentions(said[0], "core")
     assert mentions(said[1], "GiB")
+
+
+@needs_two_cores
+@pytest.mark.parametrize("surplus", [0, 1])
+def test_a_build_waits_for_the_cores_that_the_user_sets(leases, monkeypatch, surplus):
+    """A build beside another got fewer, without a line."""
+    monkeypatch.setenv("STYLETRF_CORES", str(len(CORES) + surplus))
+    waits = []
+    with open_locks("core", [str(core) for core in CORES]) as files:
+        assert len(try_acquire(files, 1, 1)) == 1
+        monkeypatch.setattr(time, "sleep", lambda _: release(files, files) or waits.append(1))
+        with cpu_for("toy", None) as allocation:
+            assert (waits, allocation.cores) == ([1], len(CORES))
 
 
 def test_all_or_nothing_is_taken(leases):

@@ -60,6 +60,7 @@ def test_the_deadline_is_not_part_of_the_key():
     assert Act("succeed", until=soon(5)).action().key == Act("succeed").action().key
 
 
+@pytest.mark.usefixtures("forked_builds")
 def test_a_build_expected_to_end_after_the_deadline_does_not_start():
     record_cost(
         current_store(), "Act", CostSample(significant(Act("sleep_a_little")), Cost(3600.0, 1))
@@ -72,11 +73,13 @@ def test_a_build_expected_to_end_after_the_deadline_does_not_start():
 
 def test_the_deadline_is_checked_after_the_build_has_its_cores(monkeypatch):
     """It may pass while the build waits for them."""
-    limit = soon(2)
+    limit = datetime.now(UTC) + timedelta(seconds=1)
 
     @contextlib.contextmanager
     def late(*_words):
-        time.sleep(2)
+        left_s = (limit - datetime.now(UTC)).total_seconds()
+        assert left_s > 0
+        time.sleep(left_s)
         yield CpuAllocation(1)
 
     monkeypatch.setattr("pipeline.execution.local_executor.cpu_for", late)

@@ -65,6 +65,15 @@ def test_a_fork_is_in_the_folder_of_the_command(tmp_path, monkeypatch):
         assert output_of("imported_toy:say_where", "") == str(tmp_path)
 
 
+def test_a_fork_imports_the_code_as_it_is_then(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    with fork_server(["wave"]):
+        for answer in ("old", "newer"):
+            code = f"def say() -> int:\n    print({answer!r}, end='')\n    return 0\n"
+            (tmp_path / "edited_toy.py").write_text(code)
+            assert output_of("edited_toy:say", "") == answer
+
+
 def test_processes_that_end_in_any_order_keep_their_own_results():
     with fork_server(["wave"]), ThreadPoolExecutor(4) as pool:
         output_of("imported_toy:say_hello", "")

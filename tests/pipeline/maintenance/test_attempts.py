@@ -15,6 +15,8 @@ from store_toys import NO_WORD, Slow, ToyError
 from pipeline.execution.executors import EXECUTORS
 from pipeline.job import write_outcome
 from pipeline.maintenance.attempts import attempts, find_blocking_failure
+from pipeline.shared_store.remote import Remote
+from pipeline.shared_store.sync import push
 from pipeline.task import RunContext, StoredTask
 
 pytestmark = pytest.mark.usefixtures("inline")
@@ -83,6 +85,25 @@ def test_what_cannot_be_asked_for_says_why(store, tmp_path):
     )
     path.touch()
     assert find_blocking_failure(Album(str(path)), store) is None
+
+
+def test_a_failed_rebuild_is_a_failure_unless_the_artifact_is_shared(
+    store, toys, tmp_path, monkeypatch
+):
+    """Its record is there, but nobody has its object."""
+    act, remote = Act("refuse_until_mended"), tmp_path / "shared"
+    (toys / "mended").touch()
+    assert build(act)
+    (record,) = store.records()
+    remote.mkdir()
+    push(store, record, Remote(str(remote)))
+    (toys / "mended").unlink()
+    store.quarantine(store.object(record.output.digest))
+    assert find_blocking_failure(act, store) is None, "it was collected, and no build failed"
+    assert not build(act)
+    assert find_blocking_failure(act, store).task == act
+    monkeypatch.setenv("STYLETRF_REMOTE", str(remote))
+    assert find_blocking_failure(act, store) is None
 
 
 def test_an_attempt_that_runs_is_no_failure_and_a_failure_counts_more(store):

@@ -1,5 +1,6 @@
 """Checkpoints travel through a shared store: a directory, and a bucket of a real S3 server."""
 
+import errno
 import os
 import threading
 import time
@@ -68,6 +69,37 @@ def test_what_is_half_written_is_not_given(shared: Place, tmp_path):
     there = folder(tmp_path / "there")
     with shared_checkpoints(KEY, there):
         assert [path.name for path in there.iterdir()] == ["checkpoint"]
+
+
+def test_what_a_killed_process_left_does_not_stop_checkpoints(shared: Place, tmp_path):
+    """A folder that it had unpacked made the next build begin at its start."""
+    here = folder(tmp_path / "here", checkpoint="step 1")
+    there = folder(tmp_path / "there")
+    for name in ("here.still", "there.new"):
+        folder(tmp_path / name, left="over")
+    for name in ("here.tar", "there.tar"):
+        (tmp_path / name).write_bytes(b"half")
+    with failing(here):
+        pass
+    with shared_checkpoints(KEY, there):
+        assert [path.name for path in there.iterdir()] == ["checkpoint"]
+
+
+def test_a_checkpoint_that_the_disk_refuses_is_a_warning(
+    shared: Place, tmp_path, monkeypatch, caplog
+):
+    with failing(folder(tmp_path / "here", checkpoint="step 1")):
+        pass
+
+    def full(*_words: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(checkpoints, "unpack", full)
+    with shared_checkpoints(KEY, folder(tmp_path / "there")):
+        pass
+    (message,) = caplog.messages
+    assert os.strerror(errno.ENOSPC) in message
+    assert mentions(message, current_remote().url)
 
 
 def test_checkpoints_are_uploaded_while_a_build_runs(shared: Place, tmp_path, monkeypatch):

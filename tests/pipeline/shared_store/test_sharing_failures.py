@@ -1,81 +1,31 @@
 """A shared store that fails, goes away, or may only be read."""
 
-import contextlib
 import os
 import re
-import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
 import luigi
+import push_scenarios
 import pytest
-from commands import start
+from commands import pipeline, start
+from crash_scenarios import interruptions
 from expected_failures import refuses
-from killing import Scenario, interrupted_at, kill_everywhere, killed, make
+from killing import interrupted_at, killed, make
 from message_words import mentions
-from shared_stores import Place, Server, read_only
+from push_scenarios import ONE, PARTLY, THREE
+from shared_stores import Place, read_only
 from sharing_cases import build, command, flipped, is_whole
 from store_toys import Sentence, Word, built
 
 from pipeline.errors import StoreError
-from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
 from pipeline.shared_store.remote import Remote
-from pipeline.shared_store.sync import pull, push, shared_record
-from pipeline.store import Store
 from pipeline.task import artifact
-
-
-def part(store: Store) -> Remote:
-    """The store's own part of the shared store."""
-    remote = Remote(f"{os.environ['STYLETRF_REMOTE']}/{store.root.name}", reached=store.reached)
-    with contextlib.suppress(OSError):
-        Path(remote.url).mkdir()
-    return remote
-
-
-def give(store: Store) -> None:
-    for record in store.records():
-        push(store, record, part(store))
-
-
-def is_believable(store: Store) -> None:
-    remote, reader = part(store), Store.open(store.root.with_name(f"{store.root.name}-reader"))
-    for record in store.records():
-        if found := shared_record(remote, record.action.key):
-            assert found == record
-            assert pull(reader, found, remote) in ("fetched", "is here")
-    assert not list(problems(reader, deep=True))
-
-
-def is_complete(store: Store) -> None:
-    assert all(shared_record(part(store), record.action.key) for record in store.records())
-
-
-def one(store: Store) -> None:
-    make(store, "a")
-
-
-def three(store: Store) -> None:
-    one(store)
-    make(store, "b", "same", files=4)
-    make(store, "c", "same", files=4)
-
-
-def partly(store: Store) -> None:
-    three(store)
-    push(store, next(store.records()), part(store))
-    there = Place(part(store).url)
-    there.remove(*there.names("objects"))
-
-
-ONE, THREE, PARTLY = (
-    Scenario(prepare.__name__, give, prepare, is_believable, is_complete)
-    for prepare in (one, three, partly)
-)
 
 
 def test_a_push_killed_anywhere_is_finished_by_the_next(shared, tmp_path):
@@ -83,7 +33,7 @@ def test_a_push_killed_anywhere_is_finished_by_the_next(shared, tmp_path):
     if shared.url.startswith("s3:"):  # where it takes its time: the object is there, no record is
         assert interrupted_at("push-object", ONE, tmp_path, killed)
     else:
-        assert sum(kill_everywhere(each, tmp_path) for each in (PARTLY, THREE)) >= 40
+        assert interruptions("killed", [PARTLY, THREE], tmp_path, push_scenarios.__file__) >= 40
 
 
 def warnings(caplog) -> list[str]:
@@ -95,31 +45,29 @@ def warnings(caplog) -> list[str]:
 @pytest.mark.usefixtures("inline", "_impatient")
 @pytest.mark.parametrize("end", ["killed", "stopped"])
 def test_a_server_that_goes_away_is_one_warning_and_the_work_goes_on(
-    monkeypatch, elsewhere, caplog, end
+    proxied, elsewhere, caplog, end
 ):
-    server = Server()
-    for name, value in server.environment().items():
-        monkeypatch.setenv(name, value)
-    monkeypatch.setenv("STYLETRF_REMOTE", server.bucket().url)
-    try:
-        assert build(Word("hello"))
-        there = elsewhere()
-        assert Word("hello").complete()
-        if end == "stopped":  # it accepts connections, and answers none
-            server.send(signal.SIGSTOP)
-        else:
-            server.kill()
-        started = time.monotonic()
-        assert build(Sentence()), "what was complete over there is built here"
-        assert time.monotonic() - started < 15
-        assert sorted(built()) == ["Sentence", "Word hello", "Word hello", "Word world"]
-        assert len(warnings(caplog)) == 1
-        assert is_whole(there)
-    finally:
-        server.kill()
+    _, proxy = proxied
+    assert build(Word("hello"))
+    there = elsewhere()
+    assert Word("hello").complete()
+    goes_on = threading.Event()
+    if end == "stopped":  # it accepts connections, and answers none
+        proxy.fault = lambda _method, _path: goes_on.wait() and None
+    else:
+        proxy.end()
+    started = time.monotonic()
+    assert build(Sentence()), "what was complete over there is built here"
+    assert time.monotonic() - started < 15
+    goes_on.set()
+    assert sorted(built()) == ["Sentence", "Word hello", "Word hello", "Word world"]
+    assert len(warnings(caplog)) == 1
+    assert is_whole(there)
 
 
-def test_a_directory_that_goes_away_while_a_command_runs(tmp_path, monkeypatch):
+def test_a_directory_that_goes_away_is_one_warning_and_can_be_pushed_to_later(
+    tmp_path, monkeypatch
+):
     folder = tmp_path / "shared"
     folder.mkdir()
     monkeypatch.setenv("STYLETRF_REMOTE", str(folder))
@@ -131,11 +79,10 @@ def test_a_directory_that_goes_away_while_a_command_runs(tmp_path, monkeypatch):
     folder.rename(tmp_path / "away")
     screen = "".join(process.communicate(timeout=60))
     assert process.returncode == 0, screen
-    assert mentions(screen, folder)
+    assert sum(mentions(line, folder) for line in screen.splitlines()) == 1
     assert "Traceback" not in screen
     (tmp_path / "away").rename(folder)
-    process = start("pipeline", "push")
-    assert "pushed" in process.communicate(timeout=60)[0]
+    assert "pushed" in pipeline("push")[1]
 
 
 @pytest.mark.usefixtures("inline")

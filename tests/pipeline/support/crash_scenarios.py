@@ -231,16 +231,19 @@ COLLECTIONS = [
 INTERRUPTS = {"killed": killed, "faulted": faulted}
 
 
-def interruptions(by: str, scenarios: Iterable[Scenario], folder: Path) -> int:
+def interruptions(
+    by: str, scenarios: Iterable[Scenario], folder: Path, file: str = __file__
+) -> int:
     """Interrupts scenarios everywhere; returns how often.
 
     Args:
         by: The name of one of `INTERRUPTS`.
-        scenarios: Some of this file.
+        scenarios: Some of the file's.
         folder: An empty folder for their stores.
+        file: The program that calls `main` with its scenarios.
     """
     done = subprocess.run(
-        [sys.executable, __file__, by, folder, *(scenario.name for scenario in scenarios)],
+        [sys.executable, file, by, folder, *(scenario.name for scenario in scenarios)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         stdout=subprocess.PIPE,
         text=True,
@@ -249,12 +252,12 @@ def interruptions(by: str, scenarios: Iterable[Scenario], folder: Path) -> int:
     return int(done.stdout)
 
 
-def main() -> None:
-    """Prints the number of interruptions."""
+def main(known: Iterable[Scenario]) -> None:
+    """Interrupts some of the known scenarios, and prints the number of interruptions."""
     by, folder, *names = sys.argv[1:]
-    scenarios = {scenario.name: scenario for scenario in [*PUBLICATIONS, *COLLECTIONS]}
+    scenarios = {scenario.name: scenario for scenario in known}
     print(sum(everywhere(scenarios[name], Path(folder), INTERRUPTS[by]) for name in names))  # noqa: T201
 
 
 if __name__ == "__main__":
-    main()
+    main([*PUBLICATIONS, *COLLECTIONS])

@@ -65,11 +65,6 @@ Point = TypeVar("Point", int, str)
 """A point that an act passes, by its number or its name."""
 
 
-def kill_everywhere(scenario: Scenario, folder: Path) -> int:
-    """Kill the act at each named point it reaches; returns the number of kills."""
-    return everywhere(scenario, folder, killed)
-
-
 def everywhere(scenario: Scenario, folder: Path, interrupt: Callable[[Act, int], bool]) -> int:
     """Interrupt the act at each point it passes; returns the number of interruptions."""
     for number in range(1000):

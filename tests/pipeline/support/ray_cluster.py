@@ -23,8 +23,8 @@ def give_own_disk(folder: str, mebibytes: str) -> None:
 
 
 def main() -> None:
-    head = {"num_cpus": 0, "include_dashboard": False}
-    cluster = Cluster(initialize_head=True, head_node_args=head)
+    idle = {"include_dashboard": False, "include_log_monitor": False, "no_monitor": True}
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **idle})
     nodes = [cluster.add_node(num_cpus=2, num_gpus=1) for _ in range(2)]
 
     def tell(*words: str) -> None:

@@ -4,7 +4,6 @@ import contextlib
 import http.client
 import http.server
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -93,10 +92,6 @@ class Server:
             "AWS_DEFAULT_REGION": "us-east-1",
         }
 
-    def send(self, number: signal.Signals) -> None:
-        """Stop it, let it go on, or kill it."""
-        self.process.send_signal(number)
-
     def kill(self) -> None:
         """As by a power failure."""
         self.process.kill()
@@ -111,10 +106,11 @@ class Proxy:
     """Passes requests on to a server, unless `fault(method, path)` says otherwise.
 
     An integer is the HTTP status to answer with; a fraction, how much of the body to pass before
-    the connection breaks.
+    the connection breaks. `end` ends it as a power failure would.
     """
 
     upstream: int
+    end: Callable[[], None]
     fault: Fault = lambda method, path: None
     seen: list[tuple[str, str]] = field(default_factory=list)
     port: int = 0
@@ -123,13 +119,23 @@ class Proxy:
 @contextlib.contextmanager
 def proxy_of(server: Server) -> Iterator[Proxy]:
     """A proxy before the server."""
-    proxy = Proxy(server.port)
+    has_ended = threading.Event()
+
+    def end() -> None:
+        has_ended.set()
+        listener.shutdown()
+        listener.server_close()
+
+    proxy = Proxy(server.port, end)
 
     class Handler(http.server.BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
 
         def pass_on(self) -> None:
             body = self._body()
+            self.close_connection = has_ended.is_set()
+            if self.close_connection:
+                return
             proxy.seen.append((self.command, self.path))
             fault = proxy.fault(self.command, self.path)
             if isinstance(fault, int):
@@ -167,8 +173,7 @@ def proxy_of(server: Server) -> Iterator[Proxy]:
     thread = threading.Thread(target=listener.serve_forever, kwargs={"poll_interval": 0.02})
     thread.start()
     yield proxy
-    listener.shutdown()
-    listener.server_close()
+    end()
     thread.join()
 
 
