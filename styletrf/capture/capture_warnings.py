@@ -25,6 +25,7 @@ def capture_warnings(
     masks: FoundMasks,
     panoramas: tuple[int, int],
     given: GivenPoses | None,
+    videos: Sequence[Path] = (),
 ) -> list[str]:
     """Returns the warnings, a line each.
 
@@ -35,10 +36,11 @@ def capture_warnings(
         masks: Those found for the photographs.
         panoramas: How many of how many photographs are panoramas.
         given: The poses that came with the photographs.
+        videos: Those of the scene that lie elsewhere than in the folder.
     """
     return [
         *(f"left out: {problem}" for problem in problems),
-        *_of_other_files(folder),
+        *_of_other_files(folder, videos),
         *_of_repeated(repeated),
         *_of_masks(folder, masks),
         *_of_panoramas(*panoramas),
@@ -46,7 +48,7 @@ def capture_warnings(
     ]
 
 
-def _of_other_files(folder: Path) -> Iterator[str]:
+def _of_other_files(folder: Path, videos: Sequence[Path]) -> Iterator[str]:
     if dangling := [path.name for path in dangling_links(folder)]:
         yield f"links that lead nowhere: {_listed(dangling)}"
     if foreign := [path.name for path in files_below(folder, FOREIGN_SUFFIXES)]:
@@ -54,7 +56,7 @@ def _of_other_files(folder: Path) -> Iterator[str]:
     shots = {(file.parent, file.stem.casefold()) for file in photographs_below(folder)}
     clips = [
         path.name
-        for path in files_below(folder, VIDEO_SUFFIXES)
+        for path in dict.fromkeys([*files_below(folder, VIDEO_SUFFIXES), *videos])
         if (path.parent, path.stem.casefold()) not in shots
     ]
     if clips:  # but not those that phones store with each photograph

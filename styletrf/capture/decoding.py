@@ -1,5 +1,6 @@
 """Decodes the file of a photograph, and notices where it is damaged."""
 
+import io
 import os
 import re
 import sys
@@ -13,6 +14,7 @@ import numpy as np
 
 from styletrf.files.heif_images import heif_pixels
 from styletrf.files.unusual_images import gray_with_alpha, is_gray_with_alpha
+from styletrf.geometry.exif_orientation import stored_size, turned_upright
 
 # What libjpeg says of damaged data. It also warns of harmless things: padding before the last
 # marker, the scan parameters that some phones write.
@@ -42,12 +44,19 @@ def decoded(file: bytes, *, is_heif: bool) -> np.ndarray | None:
         try:
             may_be_transparent = not file.startswith(_JPEG_START)  # no JPEG is
             pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED if may_be_transparent else _UPRIGHT)
-            if may_be_transparent and pixels is not None and pixels.shape[2:] != (4,):
+            if may_be_transparent and pixels is not None:
                 # IMREAD_UNCHANGED leaves a photograph lying on its side
-                pixels = cv2.imdecode(encoded, _UPRIGHT)
+                is_rgba = pixels.shape[2:] == (4,)
+                pixels = _turned(pixels, file) if is_rgba else cv2.imdecode(encoded, _UPRIGHT)
         except cv2.error:
             return None
     return None if _JPEG_DAMAGE.search("".join(complaints)) else pixels
+
+
+def _turned(pixels: np.ndarray, file: bytes) -> np.ndarray:
+    """Returns the stored pixels of a file as its EXIF data turn them upright."""
+    _, orientation = stored_size(io.BytesIO(file))
+    return turned_upright(pixels, orientation)
 
 
 def _jpeg_ends(file: bytes) -> bool:

@@ -1,6 +1,7 @@
 """Masks of photographs: which of their pixels count, for example where people walk through.
 
 A mask is a PNG as large as its upright photograph, black where the photograph does not count.
+Its transparent parts are black, too: white paint on a layer that is empty is what counts.
 """
 
 from pathlib import Path
@@ -20,7 +21,16 @@ def read_mask(path: Path) -> Bool[np.ndarray, "height width"]:
     Raises:
         InputError: The file is no image.
     """
-    return counted_pixels(read_photograph(path))
+    return counted_pixels(read_mask_image(path))
+
+
+def read_mask_image(path: Path) -> UInt8[np.ndarray, "height width 3"]:
+    """Returns the RGB pixels of a mask, transparent parts over black.
+
+    Raises:
+        InputError: The file is no image.
+    """
+    return read_photograph(path, ground=0.0)
 
 
 def counted_pixels(mask: UInt8[np.ndarray, "height width 3"]) -> Bool[np.ndarray, "height width"]:
@@ -51,8 +61,9 @@ def require_mask_of(path: Path, width: int, height: int) -> None:
         problem = f"is {mask.shape[1]}x{mask.shape[0]}, and its photograph {width}x{height}"
         raise InputError(f"mask {path.name}", problem, "Draw it at the photograph's size")
     if not mask.any():
-        brightest = int(read_photograph(path).max())
+        brightest = int(read_mask_image(path).max())
         remedy = "Leave the photograph out, or make white what counts"
         if brightest:
             remedy = f"Make what counts white (255): its brightest pixel is {brightest}"
-        raise InputError(f"mask {path.name}", "is black all over, or nearly so", remedy)
+        problem = "is black all over, or nearly so; transparent parts are black"
+        raise InputError(f"mask {path.name}", problem, remedy)

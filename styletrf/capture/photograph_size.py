@@ -8,8 +8,7 @@ from PIL import Image
 
 from styletrf.capture.photographs import read_photograph
 from styletrf.errors import InputError
-
-_ORIENTATION = 0x0112  # the tag in EXIF; from 5 on, width and height change places
+from styletrf.geometry.exif_orientation import FIRST_TRANSPOSED, orientation_of
 
 
 def first_size(files: Sequence[Path]) -> tuple[int, int]:
@@ -40,7 +39,7 @@ def photograph_size(path: Path) -> tuple[int, int]:
         Image.open(path) as opened,
     ):
         if opened.format == "JPEG" or (opened.format == "PNG" and "exif" not in opened.info):
-            is_turned = opened.format == "JPEG" and opened.getexif().get(_ORIENTATION, 1) >= 5
+            is_turned = orientation_of(opened) >= FIRST_TRANSPOSED
             return opened.size[::-1] if is_turned else opened.size
     height, width, _ = read_photograph(path).shape
     return width, height

@@ -172,11 +172,15 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
     return [int(part) if i % 2 else part.casefold() for i, part in enumerate(parts)], name
 
 
-def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
+def read_photograph(path: Path, *, ground: float = 1.0) -> UInt8[np.ndarray, "height width 3"]:
     """Returns a photograph's upright RGB pixels: EXIF orientation applied, gray made RGB.
 
     More than 8 bits are rounded to 8. Transparent pixels are composited on white, as the published
-    synthetic scenes want it; the orientation tag of an image with transparency is ignored.
+    synthetic scenes want it, or on another gray.
+
+    Args:
+        path: The file.
+        ground: The gray behind transparent pixels, from 0 (black) to 1 (white).
 
     Raises:
         InputError: The file cannot be read, is no image, or is cut short or damaged.
@@ -192,20 +196,24 @@ def read_photograph(path: Path) -> UInt8[np.ndarray, "height width 3"]:
         raise InputError(str(path), problem, "Copy it again from where it came, or remove it")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
-    return _eight_bits_on_white(pixels, white_level(encoded, np.iinfo(pixels.dtype).max))
+    return _eight_bits_on(ground, pixels, white_level(encoded, np.iinfo(pixels.dtype).max))
 
 
-def _eight_bits_on_white(pixels: np.ndarray, white: int) -> UInt8[np.ndarray, "height width 3"]:
+def _eight_bits_on(
+    ground: float, pixels: np.ndarray, white: int
+) -> UInt8[np.ndarray, "height width 3"]:
     """Returns RGB from BGR or BGRA of 8 or 16 bits whose white is this level, rounded once."""
     if pixels.shape[2] == 3 and white == 255:
         return np.ascontiguousarray(pixels[..., ::-1])
     blocks = (pixels[row : row + _ROWS] for row in range(0, len(pixels), _ROWS))
-    return np.concatenate([_rounded_on_white(block, white) for block in blocks])
+    return np.concatenate([_rounded_on(ground, block, white) for block in blocks])
 
 
-def _rounded_on_white(pixels: np.ndarray, white: int) -> UInt8[np.ndarray, "block_height width 3"]:
+def _rounded_on(
+    ground: float, pixels: np.ndarray, white: int
+) -> UInt8[np.ndarray, "block_height width 3"]:
     color = np.minimum(pixels[..., 2::-1].astype(np.float64) / white, 1.0)
     if pixels.shape[2] == 4:
         alpha = pixels[..., 3:].astype(np.float64) / white
-        color = color * alpha + (1 - alpha)
+        color = color * alpha + ground * (1 - alpha)
     return np.asarray(np.rint(color * 255), dtype=np.uint8)

@@ -12,7 +12,7 @@ from styletrf.capture.capture_file import Capture, Photograph, write_capture
 from styletrf.capture.capture_warnings import capture_warnings
 from styletrf.capture.left_out import without
 from styletrf.capture.mask_files import find_masks
-from styletrf.capture.masks import MASKS, require_mask_of
+from styletrf.capture.masks import MASKS, read_mask_image, require_mask_of
 from styletrf.capture.panorama.panorama_capture import cut_photographs
 from styletrf.capture.panorama.panoramas import Choice, find_panoramas, fraction_of_directions
 from styletrf.capture.photograph_names import (
@@ -69,6 +69,7 @@ def capture_photographs(
     given: GivenPoses | None = None,
     leave_out: Sequence[str] = (),
     panoramas: Choice = "auto",
+    skipped: Sequence[Path] = (),
 ) -> Capture:
     """Checks all photographs of `folder`; copies their bytes and writes `capture.json`.
 
@@ -77,7 +78,8 @@ def capture_photographs(
     `name` is that of `styletrf.capture.photograph_names`. Oddities are logged as warnings, too.
     With poses that are `given`, their photographs alone are taken, and `given_poses.json` is
     written; their lenses are given, too, so that none is looked at as a panorama. Other panoramas
-    are replaced by views cut from them.
+    are replaced by views cut from them. A warning names the videos in `folder`, and the `skipped`
+    ones elsewhere, that have no photograph of the same name.
 
     Raises:
         InputError: There are too few photographs, fewer than half of them can be used (one error
@@ -104,7 +106,8 @@ def capture_photographs(
     cut = find_panoramas(sizes, "no" if given else panoramas)
     require_own_names(examined, cut)
     kept = _stored(examined, masks, cut, out_dir)
-    warnings = capture_warnings(folder, problems, again, found, (len(cut), len(sizes)), given)
+    counts = len(cut), len(sizes)
+    warnings = capture_warnings(folder, problems, again, found, counts, given, skipped)
     if given:
         views = {view.file: view for view in given.views}
         named = {photograph.name: views[file] for file, photograph in examined.items()}
@@ -160,7 +163,7 @@ def _stored(
     kept: list[Photograph] = []
     for file, photograph in examined.items():
         if file in panoramas:
-            mask = read_photograph(masks[file]) if file in masks else None
+            mask = read_mask_image(masks[file]) if file in masks else None
             kept += cut_photographs(photograph, read_photograph(file), out_dir, mask)
             continue
         kept.append(photograph)

@@ -25,7 +25,7 @@ from styletrf.capture.poses.colmap_folders import colmap_files
 from styletrf.capture.poses.transforms_json import transforms_photographs
 from styletrf.content.content_sources import CONTENT_SUFFIXES
 from styletrf.errors import InputError
-from styletrf.files.linked_folders import walk
+from styletrf.files.linked_folders import walk, walk_files
 
 _POSES = ("poses_bounds.npy", "transforms*.json", "sparse/**/*.*", "colmap/sparse/**/*.*")
 """Files of the formats that `pose_formats` reads."""
@@ -77,8 +77,7 @@ def _is_of_photographs(folder: Path) -> bool:
 
 def _found_videos(scenes: Path, folder: Path, name: str) -> Path | None:
     """Returns the one video of a scene, or the folder of its several; None where it has none."""
-    named = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
-    beside, inside = _of_suffix(named, VIDEO_SUFFIXES), scene_videos(folder)
+    beside, inside = _videos_beside(scenes, name), scene_videos(folder)
     if len(beside) + bool(inside) > 1:
         names = ", ".join(sorted(video.name for video in [*beside, *inside]))
         remedy = f"Put all clips of the scene into scenes/{name}, the others elsewhere"
@@ -90,6 +89,12 @@ def _found_videos(scenes: Path, folder: Path, name: str) -> Path | None:
         remedy = "Move the masks elsewhere, or give frames of the video as photographs with masks"
         raise InputError(f"scene {name!r}", problem, remedy)
     return folder if len(inside) > 1 else (beside or inside)[0]
+
+
+def _videos_beside(scenes: Path, name: str) -> list[Path]:
+    """Returns the videos beside the folder of a scene that have its name."""
+    named = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
+    return _of_suffix(named, VIDEO_SUFFIXES)
 
 
 def _no_such_scene(data_root: Path, name: str) -> InputError:
@@ -133,6 +138,18 @@ def skipped_photographs(data_root: Path, name: str) -> list[Path]:
     if not scene_videos(find_scene(data_root, name)):
         return []
     return photographs_below(_folder_of_pictures(data_root / "scenes" / name))
+
+
+def skipped_videos(data_root: Path, name: str) -> list[Path]:
+    """Returns the videos of a scene that is read from its photographs, wherever they lie.
+
+    Raises:
+        InputError: As `find_scene` does.
+    """
+    if scene_videos(find_scene(data_root, name)):
+        return []
+    scenes = data_root / "scenes"
+    return [*files_below(scenes / name, VIDEO_SUFFIXES), *_videos_beside(scenes, name)]
 
 
 def scene_files(found: Path) -> list[Path]:
@@ -217,7 +234,7 @@ def find_content(data_root: Path, name: str) -> Path | None:
     entries = sorted(content.glob("[!.]*"), key=lambda path: natural_order(path.name))
     found = [path for path in entries if path.suffix.lower() in (".zip", ".json")]
     found += [
-        path for path in entries if path.is_dir() and _of_suffix(path.rglob("*"), CONTENT_SUFFIXES)
+        path for path in entries if path.is_dir() and _of_suffix(walk_files(path), CONTENT_SUFFIXES)
     ]
     if _of_suffix(entries, CONTENT_SUFFIXES):
         found.append(content)

@@ -22,3 +22,8 @@ def walk(top: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
             entered.add(real)
             yield place, folders, files
             starts += [place / name for name in sorted(folders) if (place / name).is_symlink()]
+
+
+def walk_files(top: Path) -> Iterator[Path]:
+    """Yields the entries of all folders of `walk` that are no folders."""
+    return (place / name for place, _, names in walk(top) for name in names)

@@ -63,7 +63,7 @@ def video_frames(path: Path) -> Iterator[Frame]:
     """Yields the decoded frames as RGB, one at a time, upright as the phone that filmed was held.
 
     Raises:
-        InputError: The file is missing or holds no video.
+        InputError: As `timed_frames`.
     """
     for frame in timed_frames(path):
         yield frame.pixels
@@ -73,7 +73,7 @@ def first_frame(path: Path) -> TimedFrame:
     """Returns the first frame of `timed_frames`.
 
     Raises:
-        InputError: The file is missing, holds no video, or no frame that can be decoded.
+        InputError: As `timed_frames`, or no frame can be decoded.
     """
     for frame in timed_frames(path):
         return frame
@@ -88,7 +88,8 @@ def timed_frames(path: Path, indices: Set[int] | None = None) -> Iterator[TimedF
     the others are decoded, but not converted.
 
     Raises:
-        InputError: The file is missing or holds no video.
+        InputError: The file is missing or holds no video, or frames in a color space that cannot be
+            converted.
     """
     with _opened(path) as container:
         interval_s = 1 / float(container.streams.video[0].average_rate or 24)
@@ -98,9 +99,23 @@ def timed_frames(path: Path, indices: Set[int] | None = None) -> Iterator[TimedF
             start_s = shown_s if start_s is None else start_s
             if indices is not None and index not in indices:
                 continue
-            pixels = frame.to_ndarray(format="rgb24", src_colorspace=_assumed_colorspace(frame))
-            upright = np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))
+            pixels = np.rot90(_rgb(frame, path), round(frame.rotation / 90))
+            upright = np.ascontiguousarray(pixels)
             yield TimedFrame(shown_s - start_s, upright, _is_equirectangular(frame))
+
+
+def _rgb(frame: av.VideoFrame, path: Path) -> Frame:
+    """Returns the pixels of a frame as they are stored.
+
+    Raises:
+        InputError: FFmpeg cannot convert them, as those in YCgCo or BT.2020 of constant luminance.
+    """
+    try:
+        pixels: Frame = frame.to_ndarray(format="rgb24", src_colorspace=_assumed_colorspace(frame))
+    except av.FFmpegError as error:
+        problem = f"has a color space that cannot be converted to RGB ({error.strerror})"
+        raise InputError(str(path), problem, "Convert the video to BT.709") from error
+    return pixels
 
 
 def _assumed_colorspace(frame: av.VideoFrame) -> Colorspace | None:

@@ -29,7 +29,7 @@ from styletrf.scene.exposures import Exposure, Exposures, estimate_exposures
 LEAST_SPREAD = 0.05  # of log colors: 2 % of the range at mid-gray, an error of 34 dB
 LEAST_RATIO = 1.25  # of the spread to the disagreement: sheen alone has up to 1.1 (decision 20)
 LEAST_RATIO_OF_SEVERAL_CAMERAS = 1.0  # likewise, of photographs by several cameras
-_SAME_SIZE = 1.05  # ratio of the longer sides of one camera's photographs, after undistortion
+_SAME_SIZE = 1.05  # ratio of the longer sides of one camera's photographs
 _NEIGHBORS = 4  # of a view, that predict its exposure
 _BLOCKS = 2  # along each axis
 _NEAR = 5.0  # median distances from the middle, of the points that decide the principal axes
@@ -61,8 +61,20 @@ class ExposureEvidence:
         return self.spread >= max(LEAST_SPREAD, self.least_ratio * self.disagreement)
 
 
+def taken_by_several(long_sides_px: Sequence[int]) -> bool:
+    """Returns whether photographs come from several cameras, by their longer sides as they came.
+
+    Photographs that are reduced to one size say nothing of their cameras.
+    """
+    return max(long_sides_px, default=0) > _SAME_SIZE * min(long_sides_px, default=0)
+
+
 def exposure_evidence(
-    points: SparsePoints, log_color: Float[np.ndarray, "observations 3"], cameras: Sequence[Camera]
+    points: SparsePoints,
+    log_color: Float[np.ndarray, "observations 3"],
+    cameras: Sequence[Camera],
+    *,
+    several_cameras: bool = False,
 ) -> ExposureEvidence:
     """Returns the evidence in the tracks of the points.
 
@@ -70,6 +82,7 @@ def exposure_evidence(
         points: The points with their tracks, of the views that a field is fitted to.
         log_color: The log color of each observation; NaN where saturated.
         cameras: The cameras, in the order in which `points` counts images.
+        several_cameras: See `taken_by_several`.
     """
     views = len(cameras)
     named = _named(cameras, estimate_exposures(points, log_color, views))
@@ -89,10 +102,7 @@ def exposure_evidence(
         shared, apart = float((a * b).mean()), float(((a - b) ** 2).mean()) / 2
         found.append((max(shared, 0.0) ** 0.5, apart**0.5))
     spread, disagreement = min(found, key=lambda one: one[0] / max(one[1], _NO_SPREAD))
-    sides = [max(camera.width, camera.height) for camera in cameras]
-    return ExposureEvidence(
-        spread, disagreement, named, several_cameras=max(sides) > _SAME_SIZE * min(sides)
-    )
+    return ExposureEvidence(spread, disagreement, named, several_cameras)
 
 
 def _named(cameras: Sequence[Camera], exposures: Exposures) -> dict[str, Exposure]:

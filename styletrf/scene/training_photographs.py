@@ -17,11 +17,12 @@ from jaxtyping import Bool, Float
 from styletrf.capture.masks import mask_of_view
 from styletrf.errors import InputError
 from styletrf.files.images import read_rgb
+from styletrf.files.tables import read_summary
 from styletrf.geometry.camera_table import read_cameras, read_fitted_rows
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.point_table import SparsePoints, read_points
 from styletrf.scene.explained_pixels import explained_pixels
-from styletrf.scene.exposure_choice import exposure_evidence
+from styletrf.scene.exposure_choice import exposure_evidence, taken_by_several
 from styletrf.scene.observed_colors import observed_colors
 from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 from styletrf.scene.view_dependence import view_dependence
@@ -36,11 +37,14 @@ class TrainingPhotographs:
         cameras: The cameras of the photographs, in the world of the structure from motion.
         points: All sparse points, with the observations by these photographs alone; observations
             count the cameras in their order.
+        long_sides_px: The longer sides of the photographs as they came, in pixels; none where these
+            are not known.
     """
 
     folder: Path
     cameras: Sequence[Camera]
     points: SparsePoints
+    long_sides_px: Sequence[int] = ()
 
     def images(self) -> Iterator[Float[np.ndarray, "height width 3"]]:
         """Yields the images in the cameras' order, RGB in [0, 1]."""
@@ -66,7 +70,10 @@ def read_training_photographs(poses: Path) -> TrainingPhotographs:
             "Add photographs, or mark fewer as the test part of the split",
         )
     points = read_points(poses / "points.parquet").of_images(rows)
-    return TrainingPhotographs(poses / "images", [cameras[row] for row in rows], points)
+    fitted = [cameras[row] for row in rows]
+    sizes = read_summary(poses / "poses.json")["photograph_sizes"]
+    long_sides_px = [max(sizes[camera.name]) for camera in fitted]
+    return TrainingPhotographs(poses / "images", fitted, points, long_sides_px)
 
 
 def model_of_photographs(photographs: TrainingPhotographs, config: SceneModelConfig) -> SceneModel:
@@ -84,5 +91,10 @@ def model_of_photographs(photographs: TrainingPhotographs, config: SceneModelCon
         config,
         view_dependence(observed, points, cameras),
         explained_pixels(photographs.images(), cameras, points, photographs.masks()),
-        exposure_evidence(points, observed.log_color, cameras),
+        exposure_evidence(
+            points,
+            observed.log_color,
+            cameras,
+            several_cameras=taken_by_several(photographs.long_sides_px),
+        ),
     )

@@ -142,11 +142,10 @@ def solve_camera_poses(
     ) as scratch:
         found = _solve(capture_dir, capture, given, config, Path(scratch), progress)
         _write_undistorted(out_dir, found.images, found.placed, progress)
-    names = [photograph.name for photograph in capture.photographs]
     cameras = [one.camera for one in found.placed]
     points = sparse_points(found.mapping.models[0], found.placed)
     report = poses_report(
-        found.images, names, found.mapping, found.placed, found.flat,
+        found.images, capture.photographs, found.mapping, found.placed, found.flat,
         has_parallax=found.flat < FLAT or parallax_fraction(points, cameras) >= LEAST_PARALLAX,
         is_given=given is not None,
     )  # fmt: skip

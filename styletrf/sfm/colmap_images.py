@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from styletrf.capture.capture_file import Capture, Photograph
-from styletrf.capture.masks import MASKS, counted_pixels
+from styletrf.capture.masks import MASKS, counted_pixels, read_mask_image
 from styletrf.capture.panorama.panorama_views import view_focal_px
 from styletrf.capture.photographs import read_photograph
 from styletrf.colmap import pycolmap
@@ -118,7 +118,7 @@ def _prepared(photograph: Photograph, source: Path, target: Path, max_long_side:
 
 def _write_mask(source: Path, target: Path, max_long_side: int) -> None:
     """Writes a mask as COLMAP reads it: black and white alone."""
-    counts = counted_pixels(_at_most(read_photograph(source), max_long_side))
+    counts = counted_pixels(_at_most(read_mask_image(source), max_long_side))
     write_png(target, np.dstack([np.uint8(255) * counts] * 3), compression=1)
 
 

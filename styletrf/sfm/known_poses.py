@@ -20,7 +20,12 @@ from styletrf.sfm.colmap_features import extract_features
 from styletrf.sfm.colmap_images import ColmapImages
 from styletrf.sfm.colmap_mapping import match_pairs
 from styletrf.sfm.lens_settings import LensSetting
-from styletrf.sfm.mapping import SfmResult, explained_fraction
+from styletrf.sfm.mapping import (
+    ENOUGH_EXPLAINED,
+    OTHER_POSES,
+    SfmResult,
+    explained_fraction,
+)
 from styletrf.sfm.matching.image_pairs import Pairs, all_pairs
 from styletrf.sfm.pose_adjustment import adjusted_poses, triangulated
 
@@ -67,8 +72,21 @@ def map_known_poses(
         found = adjusted_poses(model, database, images.folder, images.long_side, seed)
         model, reason = found.model, found.reason
     _require_fitting(model, database, source)
-    explained = explained_fraction(database, [model])
+    explained = _explained(model, database, images.folder, seed)
     return SfmResult([model], "neighbors", verified, f"{GIVEN_BY}{source}", reason, explained)
+
+
+def _explained(model: pycolmap.Reconstruction, database: Path, folder: Path, seed: int) -> float:
+    """Returns the fraction of the matches that poses explain.
+
+    Of few photographs most points are in two alone. The model leaves these out, and right poses
+    explain them.
+    """
+    explained = explained_fraction(database, [model])
+    if explained >= ENOUGH_EXPLAINED:
+        return explained
+    by_twos = triangulated(model, database, folder, seed, fewest_views=2)
+    return explained_fraction(database, [by_twos])
 
 
 def _lens_model(views: Sequence[GivenView], source: str) -> str:
@@ -89,8 +107,7 @@ def _require_fitting(model: pycolmap.Reconstruction, database: Path, source: str
             source,
             f"does not fit the photographs: at its poses they share {model.num_points3D()} points,"
             f" seen by {fraction:.0%} of the features that match",
-            "Check its axes and the photographs' names, or have the poses solved with"
-            """ --CameraPoses-settings '{"poses": "solved"}'""",
+            OTHER_POSES,
         )
 
 

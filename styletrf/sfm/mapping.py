@@ -20,6 +20,11 @@ BETTER_PHOTOGRAPHS = (
     "neighbors, of things that have texture and keep still, in focus; 20 or more are better"
 )
 """The remedy for photographs that show too little."""
+OTHER_POSES = (
+    "Check the axes of the poses and the photographs' names, or have the poses solved with"
+    """ --CameraPoses-settings '{"poses": "solved"}'"""
+)
+"""The remedy for given poses that do not fit."""
 
 
 @dataclass(frozen=True, slots=True)

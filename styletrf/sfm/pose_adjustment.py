@@ -38,6 +38,7 @@ def triangulated(
     folder: Path,
     seed: int,
     largest_error_px: float = _LARGEST_ERROR_PX,
+    fewest_views: int = 3,
 ) -> pycolmap.Reconstruction:
     """Returns a model of the database's matches at the poses of `posed`, which stay as they are.
 
@@ -47,11 +48,13 @@ def triangulated(
         folder: The folder of the images.
         seed: Decides COLMAP's sampling.
         largest_error_px: By which a point may miss where it is seen.
+        fewest_views: In which a point has to be matched, 2 or 3.
     """
     rough = largest_error_px / _LARGEST_ERROR_PX
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed, num_threads=1)
     options.mapper.filter_max_reproj_error = largest_error_px
     points = options.triangulation
+    points.ignore_two_view_tracks = fewest_views > 2
     points.complete_max_reproj_error = points.merge_max_reproj_error = largest_error_px
     points.create_max_angle_error = points.continue_max_angle_error = rough * _ANGLE_ERROR_DEG
     model = pycolmap.Reconstruction(posed)  # COLMAP changes the one that it is given

@@ -4,10 +4,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from styletrf.capture.capture_file import Photograph
 from styletrf.capture.poses.colmap_model import lens_of
 from styletrf.capture.poses.given_poses import Lens
 from styletrf.sfm.colmap_images import ColmapImages
-from styletrf.sfm.mapping import BETTER_PHOTOGRAPHS, SfmResult, is_explained
+from styletrf.sfm.mapping import BETTER_PHOTOGRAPHS, OTHER_POSES, SfmResult, is_explained
 from styletrf.sfm.reconstruction import PlacedPhotograph
 
 _LARGE_ERROR = 0.003  # of a reprojection, by an image's longer side
@@ -32,7 +33,8 @@ class PosesReport:
 
     `focal_prior_px` is the known focal length that the search for this lens began with, None where
     there was none. `lens_settings` counts those of all photographs. `lenses` are those of all
-    placed photographs, the one that took most of them first.
+    placed photographs, the one that took most of them first. `photograph_sizes` are width and
+    height of the placed photographs as they came, by name.
 
     `flat_pairs` is the fraction of the pairs most of whose matches fit one homography. If nearly
     all do, and nearly all points, too, the photographs have no parallax. `doubts` are warnings that
@@ -60,6 +62,7 @@ class PosesReport:
     width: int
     height: int
     lenses: tuple[FoundLens, ...]
+    photograph_sizes: dict[str, tuple[int, int]]
     doubts: tuple[str, ...]
 
     @property
@@ -77,7 +80,7 @@ class PosesReport:
 
 def poses_report(
     images: ColmapImages,
-    names: Sequence[str],
+    photographs: Sequence[Photograph],
     mapping: SfmResult,
     placed: Sequence[PlacedPhotograph],
     flat: float,
@@ -89,21 +92,22 @@ def poses_report(
 
     Args:
         images: The photographs as COLMAP saw them.
-        names: The names of all photographs.
+        photographs: All photographs.
         mapping: The mapping that was found.
         placed: Those that have a camera.
         flat: The fraction of flat pairs; 0 of poses that were given.
         has_parallax: Whether there is parallax between the photographs.
-        is_given: Whether the poses came with the photographs, and are not doubted.
+        is_given: Whether the poses came with the photographs.
     """
     model, lens = mapping.models[0], placed[0].lens
     registered = {one.camera.name for one in placed}
-    unregistered = tuple(name for name in names if name not in registered)
+    unregistered = tuple(one.name for one in photographs if one.name not in registered)
+    sizes = {one.name: (one.width, one.height) for one in photographs if one.name in registered}
     pieces = tuple(int(piece.num_reg_images()) for piece in mapping.models)
     error_fraction = model.compute_mean_reprojection_error() / images.long_side
     return PosesReport(
         registered=len(placed),
-        total=len(names),
+        total=len(photographs),
         unregistered=unregistered,
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
         points=int(model.num_points3D()),
@@ -123,9 +127,10 @@ def poses_report(
         width=int(lens.width),
         height=int(lens.height),
         lenses=_lenses(placed),
+        photograph_sizes=sizes,
         doubts=(
             *_doubts_of_model(pieces, error_fraction),
-            *(() if is_given else _doubts_of_matches(mapping, has_parallax=has_parallax)),
+            *_doubts_of_matches(mapping, has_parallax=has_parallax, is_given=is_given),
         ),
     )
 
@@ -157,13 +162,16 @@ def _doubts_of_model(pieces: Sequence[int], error_fraction: float) -> list[str]:
     return doubts
 
 
-def _doubts_of_matches(mapping: SfmResult, *, has_parallax: bool) -> list[str]:
+def _doubts_of_matches(mapping: SfmResult, *, has_parallax: bool, is_given: bool) -> list[str]:
     """Returns warnings where the poses contradict matches, or the matches have no parallax."""
     doubts = []
     if not is_explained(mapping):
+        agrees = f"only {mapping.explained:.0%} of what the photographs share agrees with"
         doubts.append(
-            f"only {mapping.explained:.0%} of what the photographs share agrees with their poses:"
-            " some may be in wrong places, as where things repeat. " + BETTER_PHOTOGRAPHS
+            f"{agrees} the poses that came with them: some may be wrong. {OTHER_POSES}"
+            if is_given
+            else f"{agrees} their poses: some may be in wrong places, as where things repeat. "
+            + BETTER_PHOTOGRAPHS
         )
     if not has_parallax:
         doubts.append(

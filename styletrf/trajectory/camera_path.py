@@ -50,8 +50,6 @@ def frames_along(
     curve = curve_through(path.poses, closed=path.closed, times_s=times if len(times) else None)
     if len(times) > 1:
         count = config.count(frames_per_second, times[-1] - times[0])
-        if not config.seconds:
-            count += 1  # at its time, the last key frame is a frame of its own
         poses = curve.at(np.linspace(times[0], times[-1], count))
     else:
         count = config.count(frames_per_second)

@@ -31,9 +31,14 @@ from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 @dataclass(frozen=True, slots=True)
 class FramesConfig:
-    """The path that is rendered, and how; `long_side_px` 0 is the scene's working size."""
+    """The path that is rendered, and how.
+
+    A `long_side_px` of 0 is the scene's working size. Unless `enlarged`, frames are no larger than
+    the photographs.
+    """
 
     long_side_px: int = 0
+    enlarged: bool = True
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
     support: SupportConfig = field(default_factory=SupportConfig)
     render: RenderConfig = field(default_factory=RenderConfig)

@@ -21,6 +21,9 @@ WIDEST_FOV_DEG = 170.0
 LONGEST_S = 600.0
 """The longest duration of a path, in seconds."""
 
+ANIMATION_RATE = 24.0
+"""The cameras a second of Blender's `transforms.json`."""
+
 _OF_FILE = {"key_frames", "closed", "easing"}
 _OF_ENTRY = {"photograph", "position", "orientation", "look_at", "fov_deg", "time_s"}
 _REMEDY = "See docs/paths.md"
@@ -66,6 +69,26 @@ class KeyFrames:
         """The names of the photographs whose places it takes."""
         return [frame.photograph for frame in self.frames if frame.photograph]
 
+    @property
+    def seconds(self) -> float:
+        """The time from the first key frame to the last one; 0 without times."""
+        times = [frame.time_s for frame in self.frames if frame.time_s is not None]
+        return times[-1] - times[0] if times else 0.0
+
+
+def seconds_of_file(path: Path) -> float:
+    """Returns the time from the first key frame in a file to the last one, in seconds.
+
+    It is 0 if the file has no times, and if it is no path, which `path_files.read_path` reports.
+    """
+    try:
+        values = json.loads(path.read_text())
+        if "key_frames" in values:
+            return key_frames_of(path, values).seconds
+        return max(0.0, (len(values["frames"]) - 1) / ANIMATION_RATE)
+    except (InputError, OSError, ValueError, TypeError, LookupError):
+        return 0.0
+
 
 def key_frames_of(path: Path, values: Mapping[str, Any]) -> KeyFrames:
     """Returns the key frames in the JSON object of a file.
@@ -80,7 +103,7 @@ def key_frames_of(path: Path, values: Mapping[str, Any]) -> KeyFrames:
     frames = tuple(_frame(path, f"key_frames[{k}]", entry) for k, entry in enumerate(entries))
     closed = _of_kind(path, "closed", values.get("closed", False), bool, "true or false")
     easing = _number(path, "easing", values.get("easing", 0.0), 0.0, 1.0)
-    _require_times(path, frames, closed=closed)
+    _require_times(path, frames, closed=closed, easing=easing or 0.0)
     return KeyFrames(str(path), frames, closed, easing or 0.0)
 
 
@@ -132,7 +155,7 @@ def _frame(path: Path, name: str, entry: Any) -> KeyFrame:
     return KeyFrame(photograph, position, orientation, look_at, fov_deg, time_s)
 
 
-def _require_times(path: Path, frames: Sequence[KeyFrame], *, closed: bool) -> None:
+def _require_times(path: Path, frames: Sequence[KeyFrame], *, closed: bool, easing: float) -> None:
     times = [frame.time_s for frame in frames if frame.time_s is not None]
     if not times:
         return
@@ -144,6 +167,9 @@ def _require_times(path: Path, frames: Sequence[KeyFrame], *, closed: bool) -> N
         problem = "is closed and has times, which do not say when it returns"
         remedy = "Remove closed, and repeat the first key frame at the end with its time"
         raise InputError(str(path), problem, remedy)
+    if easing:
+        problem = "has easing and times, which say already how fast the camera is"
+        raise InputError(str(path), problem, "Remove easing, or the times of all key frames")
     for k in range(1, len(times)):
         if times[k] <= times[k - 1]:
             problem = f"key_frames[{k}].time_s {times[k]:g} is not after the one before"

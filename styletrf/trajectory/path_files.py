@@ -24,11 +24,16 @@ from styletrf.geometry.rotations import matrices_of, quaternions_of
 from styletrf.geometry.typical_view import typical_view
 from styletrf.scene.scene_model import SceneModel
 from styletrf.trajectory.camera_curve import Poses
-from styletrf.trajectory.key_frames import LONGEST_S, KeyFrame, KeyFrames, key_frames_of
+from styletrf.trajectory.key_frames import (
+    ANIMATION_RATE,
+    LONGEST_S,
+    KeyFrame,
+    KeyFrames,
+    key_frames_of,
+)
 from styletrf.trajectory.named_paths import poses_of
 from styletrf.trajectory.trajectories import look_at
 
-ANIMATION_RATE = 24.0  # frames a second of Blender's cameras
 _NAMED = 10  # photographs that an error lists
 _DOWN = np.array([0.0, 1.0, 0.0])
 

@@ -5,7 +5,8 @@ than three of the photographs that the field was fitted to. Where no spread is e
 photographs surround a scene and hardly any two show the same background, the angle of view is
 narrowed, step by step. A narrower view is worth its loss where it leaves out margins that no
 photograph shows. Gaps behind leaves are everywhere in a frame: there the path keeps the
-photographs' angle of view, and the widest spread that is supported nearly as well as any. A warning
+photographs' angle of view, and the widest spread that is supported nearly as well as any. Along a
+walk the spread changes nothing, so the angle of view alone is narrowed. A warning
 gives the fraction that is still unsupported; where that is a fifth or more, stills take the path's
 place (`styletrf.trajectory.stills`). A path that the user requests is left as it is.
 """
@@ -102,7 +103,8 @@ def supported_fly_through(
                 return trial
         return None
 
-    spreads = dict.fromkeys(fraction * config.spread for fraction in _SHRINKING)
+    fractions = _SHRINKING[:1] if model.looking == "along" else _SHRINKING
+    spreads = dict.fromkeys(fraction * config.spread for fraction in fractions)
     chosen = first_supported((spread, 1.0) for spread in spreads)
     if chosen is None:
         wide = _widest_nearly_best(list(tried))

@@ -52,8 +52,9 @@ class TrajectoryConfig:
 
         Args:
             frames_per_second: The rate of the video.
-            own_seconds: The duration of a path whose key frames have times; 0 without.
+            own_seconds: The duration of a path whose key frames have times; 0 without. If it
+                decides, the last key frame is a frame of its own, at its time.
         """
         seconds = self.seconds or own_seconds
         frames = seconds * frames_per_second if seconds else self.frames
-        return max(1, round(frames / self.speed))
+        return max(1, round(frames / self.speed)) + bool(own_seconds and not self.seconds)

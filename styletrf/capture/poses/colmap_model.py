@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from styletrf.capture.photographs import natural_order
 from styletrf.capture.poses.colmap_folders import colmap_folders
 from styletrf.capture.poses.given_poses import (
     GivenPoses,
@@ -17,6 +18,7 @@ from styletrf.capture.poses.given_poses import (
     given_poses,
     require_inside,
 )
+from styletrf.capture.poses.upright_views import upright_views
 from styletrf.colmap import pycolmap
 from styletrf.errors import InputError
 
@@ -36,7 +38,7 @@ def read_colmap_model(folder: Path) -> GivenPoses | None:
     source, views = _largest(sources, folder / "images")
     for view in views:
         require_inside(source, folder / "images", view.file.parent)
-    return given_poses(source, views)
+    return given_poses(source, upright_views(views, are_stored=True))
 
 
 def _largest(sources: Sequence[Path], photographs: Path) -> tuple[Path, list[GivenView]]:
@@ -57,14 +59,17 @@ def _largest(sources: Sequence[Path], photographs: Path) -> tuple[Path, list[Giv
 
 
 def colmap_views(source: Path, photographs: Path) -> list[GivenView]:
-    """Returns the views of a model by their names, whether or not their photographs are there.
+    """Returns the views of a model, whether or not their photographs are there.
+
+    They are in the natural order of their names, and those of the pictures that COLMAP had.
 
     Raises:
         InputError: The model cannot be read.
     """
     try:
         model = pycolmap.Reconstruction(source)
-        images = sorted((model.image(i) for i in model.reg_image_ids()), key=lambda i: i.name)
+        images = [model.image(i) for i in model.reg_image_ids()]
+        images.sort(key=lambda image: natural_order(image.name))
         return [_view(photographs, one, model.camera(one.camera_id)) for one in images]
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0]

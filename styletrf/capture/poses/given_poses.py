@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
+from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS, natural_order
 from styletrf.errors import InputError
 
 GIVEN_BY = "given by "  # begins the name of the mapper where no mapping was needed
@@ -97,12 +97,13 @@ def require_inside(source: Path, folder: Path, place: Path) -> None:
 
 
 def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
-    """Returns the views whose photographs are there.
+    """Returns the views whose photographs are there, in the natural order of these.
 
     Raises:
         InputError: There are fewer than three; it names the missing ones. Or one is named twice.
     """
-    present = tuple(view for view in views if view.file.is_file())
+    ordered = sorted(views, key=lambda view: natural_order(str(view.file)))
+    present = tuple(view for view in ordered if view.file.is_file())
     missing = tuple(view.file.name for view in views if not view.file.is_file())
     if len(present) < FEWEST_PHOTOGRAPHS:
         problem = f"has poses of {len(present)} photographs that are there"

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from styletrf.capture.photographs import list_photographs
 from styletrf.capture.poses.given_poses import GivenPoses, GivenView, Lens, given_poses, rigid
+from styletrf.capture.poses.upright_views import upright_views
 from styletrf.errors import InputError
 from styletrf.geometry.cameras import Camera
 
@@ -61,7 +62,7 @@ def read_llff_folder(folder: Path) -> GivenPoses | None:
         GivenView(file, _lens(camera), rigid(file.name, path, camera.world_from_camera))
         for file, camera in zip(files, cameras, strict=True)
     ]
-    return given_poses(path, views)
+    return given_poses(path, upright_views(views, are_stored=True))  # LLFF has them from COLMAP
 
 
 def _lens(camera: Camera) -> Lens:

@@ -3,7 +3,8 @@
 Per frame a `file_path` and `transform_matrix`, world from camera with OpenGL's axes: x right, y up,
 z backwards. The lens is one field of view for all (`camera_angle_x`; Mildenhall et al. 2020), or
 `fl_x`, `fl_y`, `cx`, `cy`, `w`, `h` with OpenCV's `k1`, `k2`, `p1`, `p2`, `k3`, for all or in a
-frame.
+frame. Without `w` and `h`, a frame's own lens is for its photograph, and that of all frames for the
+first photograph that can be read.
 A fisheye (`"camera_model": "OPENCV_FISHEYE"`, or `"is_fisheye": true`) has `k1` to `k4`.
 """
 
@@ -11,14 +12,14 @@ import json
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.capture.photograph_size import photograph_size
+from styletrf.capture.photograph_size import first_size
 from styletrf.capture.poses.given_poses import (
     GivenPoses,
     GivenView,
@@ -27,6 +28,7 @@ from styletrf.capture.poses.given_poses import (
     require_inside,
     rigid,
 )
+from styletrf.capture.poses.upright_views import upright_views
 from styletrf.errors import InputError
 
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -40,6 +42,8 @@ _BENDS = {
 _UNREAD = ("k4", "k5", "k6")
 """Parameters of FULL_OPENCV; programs that write `k4` for other lenses define it differently."""
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
+_PARAMETERS = {"PINHOLE": 4, "OPENCV": 8, "FULL_OPENCV": 12}
+"""The numbers of parameters of COLMAP's models of which each begins with the one before."""
 
 
 def read_transforms(folder: Path) -> GivenPoses | None:
@@ -58,17 +62,18 @@ def read_transforms(folder: Path) -> GivenPoses | None:
 
 
 def _of_one_model(views: Sequence[GivenView]) -> list[GivenView]:
-    """Returns the views with lenses of COLMAP's largest model of OpenCV if one of them needs it."""
-    if all(view.lens.model != "FULL_OPENCV" for view in views):
-        return list(views)
-    return [replace(view, lens=_widened(view.lens)) for view in views]
+    """Returns the views with lenses of the largest model, of those without fisheyes, among them."""
+    most = max((_PARAMETERS.get(view.lens.model, 0) for view in views), default=0)
+    return [replace(view, lens=_widened(view.lens, most)) for view in views]
 
 
-def _widened(lens: Lens) -> Lens:
-    """Returns the same pinhole or OpenCV lens as one of `FULL_OPENCV`."""
-    if lens.model not in ("PINHOLE", "OPENCV"):
+def _widened(lens: Lens, parameters: int) -> Lens:
+    """Returns the same lens as one of the model with so many parameters; a fisheye as it is."""
+    if lens.model not in _PARAMETERS:
         return lens
-    return replace(lens, model="FULL_OPENCV", params=(*lens.params, *[0.0] * 8)[:12])
+    (model,) = (name for name, count in _PARAMETERS.items() if count == parameters)
+    zeros = (0.0,) * (parameters - len(lens.params))
+    return replace(lens, model=model, params=(*lens.params, *zeros))
 
 
 def transforms_photographs(folder: Path) -> list[Path]:
@@ -77,7 +82,7 @@ def transforms_photographs(folder: Path) -> list[Path]:
     Raises:
         InputError: A file is not of this format, or names a photograph outside the folder.
     """
-    files = [_file(path, name) for path in _parts(folder) for name, _, _ in _frames(path)]
+    files = [_file(path, frame.name) for path in _parts(folder) for frame in _frames(path)]
     return [file for file in files if file.is_file()]
 
 
@@ -90,8 +95,8 @@ def transforms_cameras(path: Path) -> list[GivenView]:
         InputError: The file is not of this format, or a matrix is no pose.
     """
     return [
-        GivenView(Path(name), _lens(path, values, None), _pose(name, path, pose))
-        for name, pose, values in _frames(path)
+        GivenView(Path(frame.name), _lens(path, frame.values, None), _pose(path, frame))
+        for frame in _frames(path)
     ]
 
 
@@ -105,15 +110,31 @@ def _parts(folder: Path) -> dict[Path, bool | None]:
     return {train: False, test: True} if test.exists() else {train: None}
 
 
-def _frames(path: Path) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
-    """Returns the photograph's name, the matrix and the lens parameters of each frame."""
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """The photograph's name, the matrix and the values of a frame, those of the file beneath."""
+
+    name: str
+    matrix: np.ndarray
+    values: dict[str, Any]
+    has_own_lens: bool
+
+    @property
+    def has_size(self) -> bool:
+        """Whether the file of poses gives the size of the picture that the lens is for."""
+        return {"w", "h"} <= self.values.keys()
+
+
+def _frames(path: Path) -> list[_Frame]:
+    """Returns the frames in a file."""
     try:
         values = json.loads(path.read_text())
         return [
-            (
+            _Frame(
                 str(frame["file_path"]),
                 np.array(frame["transform_matrix"], dtype=np.float64),
                 {**values, **frame},
+                has_own_lens=bool({"fl_x", "camera_angle_x"} & frame.keys()),
             )
             for frame in values["frames"]
         ]
@@ -124,24 +145,35 @@ def _frames(path: Path) -> list[tuple[str, np.ndarray, dict[str, Any]]]:
 def _views_with(path: Path, held_out: bool | None) -> list[GivenView]:  # noqa: FBT001
     """Returns the views in one file, whether or not their photographs are there."""
     frames = _frames(path)
-    files = [_file(path, name) for name, _, _ in frames]
+    files = [_file(path, frame.name) for frame in frames]
+    views = [
+        GivenView(file, _lens(path, frame.values, size), _pose(path, frame), held_out)
+        for file, frame, size in zip(files, frames, _sizes(frames, files), strict=True)
+    ]
+    return upright_views(views) if all(frame.has_size for frame in frames) else views
+
+
+def _sizes(frames: Sequence[_Frame], files: Sequence[Path]) -> list[tuple[int, int]]:
+    """Returns the sizes of the pictures that lenses are for, where the file gives none."""
+    of_all = (1, 1) if all(frame.has_size for frame in frames) else _first_size(files)
     return [
-        GivenView(file, _lens(path, values, _size(file, values)), _pose(name, path, pose), held_out)
-        for file, (name, pose, values) in zip(files, frames, strict=True)
+        _first_size([file]) if frame.has_own_lens and not frame.has_size else of_all
+        for frame, file in zip(frames, files, strict=True)
     ]
 
 
-def _size(file: Path, values: dict[str, Any]) -> tuple[int, int]:
-    """Returns a photograph's own size where the file of poses gives none and it can be read."""
-    if not {"w", "h"} <= values.keys() and file.is_file():
+def _first_size(files: Sequence[Path]) -> tuple[int, int]:
+    """Returns the size of the first photograph that is there and can be read; else 1, 1."""
+    if present := [file for file in files if file.is_file()]:
         with suppress(InputError):  # the capture says what is damaged, and leaves it out
-            return photograph_size(file)
+            return first_size(present)
     return 1, 1
 
 
-def _pose(name: str, path: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:
+def _pose(path: Path, frame: _Frame) -> Float[np.ndarray, "3 4"]:
     """Returns world_from_camera in this project's axes from 4x4 or 3x4 in OpenGL's."""
-    return rigid(name, path, pose @ _FLIP if pose.ndim == 2 and pose.shape[1] == 4 else pose)
+    is_pose = frame.matrix.ndim == 2 and frame.matrix.shape[1] == 4
+    return rigid(frame.name, path, frame.matrix @ _FLIP if is_pose else frame.matrix)
 
 
 def _file(path: Path, name: str) -> Path:

@@ -7,6 +7,7 @@ from expected_errors import rejects
 from given_cameras import BENT, VIEWS, colmap, photographed
 from made_photographs import room_poses
 
+from styletrf.capture.poses.colmap_model import colmap_views
 from styletrf.capture.poses.pose_formats import find_given_poses
 
 POSES = room_poses(VIEWS)
@@ -37,6 +38,19 @@ def test_a_model_of_photographs_that_are_gone_is_not_the_largest(tmp_path):
     found = find_given_poses(tmp_path)
     assert found is not None
     assert len(found.views) == 4
+
+
+def test_views_are_in_the_natural_order_of_their_photographs(tmp_path):
+    """10 came before 9, so that a way along the photographs went to and fro."""
+    colmap(tmp_path, POSES[:3], text=True)
+    table = tmp_path / "sparse/0/images.txt"
+    table.write_text(table.read_text().replace(" 1.png", " 10.png").replace(" 2.png", " 9.png"))
+    for before, after in (("1.png", "10.png"), ("2.png", "9.png")):
+        (tmp_path / "images" / before).rename(tmp_path / "images" / after)
+    found = find_given_poses(tmp_path)
+    assert found is not None
+    for views in (found.views, colmap_views(tmp_path / "sparse/0", tmp_path)):
+        assert [view.file.name for view in views] == ["0.png", "9.png", "10.png"]
 
 
 @pytest.mark.parametrize("name", ["0_old", "1"])

@@ -35,9 +35,12 @@ def as_opengl(pose):
 
 
 def blender(folder, poses):
-    """Train and test apart, and photographs of one name in two folders; names have no suffix."""
+    """Train and test apart, and photographs of one name in two folders; names have no suffix.
+
+    The photographs' natural order begins with the second file.
+    """
     half = len(poses) // 2
-    for part, chosen in (("train", poses[:half]), ("test", poses[half:])):
+    for part, chosen in (("test", poses[:half]), ("train", poses[half:])):
         names = [f"{part}/r_{index}" for index in range(half)]
         photographed(folder, PINHOLE, chosen, [f"{name}.png" for name in names])
         frames = [
@@ -140,6 +143,7 @@ def test_solved_cameras_have_the_poses_that_were_given(given):
     cameras = read_cameras(folder / "out" / "cameras.parquet")
     assert (report.registered, report.total) == (VIEWS, VIEWS)
     assert report.mapper.startswith("given by")
+    assert report.doubts == ()
     assert (report.lens_settings, report.focal_prior_px) == (1, None)
     for camera, pose in zip(cameras, poses, strict=True):
         np.testing.assert_allclose(camera.world_from_camera, pose, atol=1e-6)

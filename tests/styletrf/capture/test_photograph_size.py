@@ -8,12 +8,19 @@ from styletrf.capture.photographs import read_photograph
 JPEG = encoded(texture(40, 60))
 
 
+def with_xmp(jpeg, orientation):
+    """The JPEG with an orientation that OpenCV does not read."""
+    body = b'http://ns.adobe.com/xap/1.0/\0<rdf tiff:Orientation="%d"/>' % orientation
+    return jpeg[:2] + b"\xff\xe1" + (len(body) + 2).to_bytes(2) + body + jpeg[2:]
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [
         ("a.jpg", JPEG),
         ("turned.jpg", with_exif(JPEG, orientation=6)),
         ("upright.jpg", with_exif(JPEG, orientation=1)),
+        ("xmp.jpg", with_xmp(JPEG, orientation=6)),
         ("a.png", encoded(texture(40, 60), ".png")),
         ("a.tif", encoded(texture(40, 60), ".tif")),
         ("a.webp", encoded(texture(40, 60), ".webp")),

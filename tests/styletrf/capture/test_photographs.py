@@ -109,21 +109,40 @@ def test_transparent_pixels_are_blended_with_white(tmp_path, dtype, white):
     assert np.abs(image / 255 - (0.25 * alpha + 1 - alpha)).max() < 1.01 / 255
 
 
-@pytest.mark.parametrize("orientation", range(1, 9))
+TURNED = {
+    1: lambda a: a,
+    2: np.fliplr,
+    3: lambda a: np.rot90(a, 2),
+    4: np.flipud,
+    5: lambda a: a.swapaxes(0, 1),
+    6: lambda a: np.rot90(a, -1),
+    7: lambda a: np.rot90(a, 2).swapaxes(0, 1),
+    8: lambda a: np.rot90(a),
+}
+"""What EXIF 2.3 says of where the first row and column of the stored image belong."""
+
+
+@pytest.mark.parametrize("orientation", TURNED)
 def test_photographs_are_turned_upright(tmp_path, orientation):
-    # What EXIF 2.3 says of where the first row and column of the stored image belong.
-    turned = {
-        1: lambda a: a,
-        2: np.fliplr,
-        3: lambda a: np.rot90(a, 2),
-        4: np.flipud,
-        5: lambda a: a.swapaxes(0, 1),
-        6: lambda a: np.rot90(a, -1),
-        7: lambda a: np.rot90(a, 2).swapaxes(0, 1),
-        8: lambda a: np.rot90(a),
-    }[orientation]
     upright = read(tmp_path, with_exif(JPEG, orientation))
-    assert np.array_equal(upright, turned(read(tmp_path, JPEG)))
+    assert np.array_equal(upright, TURNED[orientation](read(tmp_path, JPEG)))
+
+
+def transparent(kind, orientation):
+    exif, file = Image.Exif(), io.BytesIO()
+    exif[0x0112] = orientation
+    rgba = np.dstack([IMAGE, np.full(IMAGE.shape[:2], 200, np.uint8)])
+    Image.fromarray(rgba).save(file, kind, lossless=True, exif=exif.tobytes())
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("kind", ["PNG", "WEBP"])
+@pytest.mark.parametrize("orientation", TURNED)
+def test_transparent_photographs_are_turned_upright_as_others_are(tmp_path, kind, orientation):
+    upright, stored = (
+        read(tmp_path, transparent(kind, one), f"a.{kind}") for one in (orientation, 1)
+    )
+    assert np.array_equal(upright, TURNED[orientation](stored))
 
 
 @pytest.mark.parametrize("data", [JPEG, PROGRESSIVE, RESTARTS])

@@ -12,6 +12,8 @@ from styletrf.capture.masks import read_mask
 from styletrf.capture.poses.given_poses import GivenPoses, GivenView, Lens
 from styletrf.capture.scene_capture import capture_photographs
 from styletrf.errors import InputError
+from styletrf.steps.sources.scene_capture import capture_scene
+from styletrf.steps.step_run import StepRun
 
 
 def photograph(seed, width=24, height=16):
@@ -163,6 +165,20 @@ def test_files_that_are_passed_over_are_named_wherever_they_lie(folder, tmp_path
     assert "view 9.mov" not in clips, "a telephone stores it with each photograph"
 
 
+def test_clips_beside_the_folder_of_the_photographs_are_named_as_well(folder, tmp_path):
+    """The scene's own folder was not looked at."""
+    scene = tmp_path / "data/scenes/walk"
+    scene.mkdir(parents=True)
+    folder.rename(scene / "images")
+    for name in ("walk/clip.mp4", "walk.mov", "walk/images/inner.webm", "other.mp4"):
+        (scene.parent / name).touch()
+    out = tmp_path / "out"
+    capture_scene({}, out, {}, StepRun(tmp_path), data=tmp_path / "data", scene="walk")
+    (warning,) = read_capture(out).warnings
+    assert mentions(warning, "clip.mp4", "walk.mov", "inner.webm")
+    assert "other.mp4" not in warning
+
+
 def test_photographs_in_folders_that_have_no_poses_are_named(folder, tmp_path):
     """They were left out, and nothing said so."""
     (folder / "walk").mkdir()
@@ -196,9 +212,19 @@ def test_a_mask_is_kept_with_its_photograph(folder, tmp_path, name):
     assert (read_mask(tmp_path / "out/masks/view 1.png") == (mask > 0)).all()
 
 
+@pytest.mark.parametrize("color", [0, 255])
+def test_transparent_parts_of_a_mask_do_not_count_whatever_color_they_hide(tmp_path, color):
+    layer = np.full((16, 24, 4), color, np.uint8)
+    layer[..., 3] = 0
+    layer[4:8] = 255
+    (tmp_path / "mask.png").write_bytes(encoded(layer, ".png"))
+    assert (read_mask(tmp_path / "mask.png") == (layer[..., 3] > 0)).all()
+
+
 @pytest.mark.parametrize(
     ("mask", "values", "advice"),
     [
+        (np.full((16, 24, 4), [255, 255, 255, 0], np.uint8), ["transparent"], ""),
         (np.zeros((16, 24), np.uint8), ["black"], ""),
         (np.ones((16, 24), np.uint8), ["black"], " 1"),
         (np.full((8, 8), 255, np.uint8), ["8x8", "24x16"], ""),

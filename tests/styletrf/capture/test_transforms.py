@@ -52,6 +52,47 @@ def test_lenses_of_one_file_have_one_model(tmp_path):
     assert [list(lens.params[4:]) for lens in lenses] == bends
 
 
+def test_a_lens_without_distortion_has_the_model_of_those_beside_it(tmp_path):
+    """Two cameras, of which one bends nothing, were two models, which are refused."""
+    path = scene(tmp_path) / "transforms.json"
+    fields = json.loads(path.read_text())
+    fields["frames"][1] |= {"k1": 0.1}
+    path.write_text(json.dumps(fields))
+    lenses = [view.lens for view in read_transforms(tmp_path).views]
+    assert [lens.model for lens in lenses] == ["OPENCV"] * 3
+    assert [list(lens.params[4:]) for lens in lenses] == [[0] * 4, [0.1, 0, 0, 0], [0] * 4]
+
+
+def without_sizes(folder, of_all, of_frame):
+    """Photographs of which the second stands, and lenses that do not say for which size."""
+    path = scene(folder) / "transforms.json"
+    (folder / "2.png").write_bytes(encoded(texture(60, 40), ".png"))
+    frames = [{**of_frame, **frame} for frame in json.loads(path.read_text())["frames"]]
+    path.write_text(json.dumps({**of_all, "frames": frames}))
+    return [view.lens for view in read_transforms(folder).views]
+
+
+@pytest.mark.parametrize("lens", [{"camera_angle_x": 0.8}, {"fl_x": 50.0}])
+def test_a_lens_of_a_whole_file_without_a_size_is_one_lens(tmp_path, lens):
+    """A photograph that stands had a lens as wide as the longer side of the others."""
+    lenses = without_sizes(tmp_path, lens, {})
+    assert len(set(lenses)) == 1
+    assert (lenses[0].width, lenses[0].height) == (60, 40)
+
+
+def test_a_lens_of_one_frame_without_a_size_is_that_of_its_photograph(tmp_path):
+    lenses = without_sizes(tmp_path, {}, {"camera_angle_x": 0.8})
+    assert [(lens.width, lens.height) for lens in lenses] == [(60, 40), (40, 60), (60, 40)]
+
+
+def test_photographs_are_in_natural_order_and_the_cameras_of_a_path_in_that_of_the_file(tmp_path):
+    names = ["3.png", "1.png", "2.png"]
+    folder = scene(tmp_path, names)
+    assert [view.file.name for view in read_transforms(folder).views] == sorted(names)
+    cameras = transforms_cameras(folder / "transforms.json")
+    assert [view.file.name for view in cameras] == names
+
+
 @pytest.mark.parametrize("name", ["k4", "k5", "k6"])
 def test_a_coefficient_that_is_not_read_is_refused(tmp_path, name):
     with rejects(tmp_path / "transforms.json", name):

@@ -11,6 +11,7 @@ from styletrf.capture.user_folders import (
     scene_files,
     scene_videos,
     skipped_photographs,
+    skipped_videos,
 )
 from styletrf.errors import InputError
 
@@ -141,6 +142,16 @@ def test_a_video_beside_photographs_is_passed_over(data):
         (data / "scenes/empty" / name).touch()
     assert find_scene(data, "empty") == data / "scenes/empty"
     assert scene_videos(data / "scenes/empty") == []
+
+
+def test_videos_are_skipped_wherever_they_lie_beside_photographs(data):
+    videos = ["garden9/images/a.mov", "garden9/b.mp4", "garden9/clips/c.webm", "garden9.mkv"]
+    for name in (*videos, "garden9/images/1.jpg", "garden9/images/2.jpg", "garden9/images/3.jpg"):
+        (data / "scenes" / name).parent.mkdir(exist_ok=True)
+        (data / "scenes" / name).touch()
+    assert set(skipped_videos(data, "garden9")) == {data / "scenes" / name for name in videos}
+    (data / "scenes/garden10/images/a.mov").touch()
+    assert skipped_videos(data, "garden10") == [], "it is the scene"
 
 
 def test_a_clip_in_images_is_the_scene_whatever_pictures_lie_elsewhere(data):

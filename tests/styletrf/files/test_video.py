@@ -69,15 +69,15 @@ def test_some_frames_are_those_of_all_at_the_same_places_and_times(tmp_path):
     assert all((a.pixels == every[k].pixels).all() for a, k in zip(some, (0, 5, 11), strict=True))
 
 
-def untagged(path, color, height, width, matrix):
-    """Writes a video of one color whose file does not say what its numbers mean."""
+def untagged(path, color, height, width, matrix, tag=2):
+    """Writes a video of one color whose file does not say what its numbers mean, or says this."""
     frame = np.full((height, width, 3), color, np.uint8)
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=24)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         picture = av.VideoFrame.from_ndarray(frame, "rgb24")
         picture = picture.reformat(format="yuv420p", dst_colorspace=matrix)
-        picture.colorspace = 2  # unspecified
+        stream.codec_context.colorspace = picture.colorspace = tag  # 2 is unspecified
         container.mux(stream.encode(picture))
         container.mux(stream.encode(None))
 
@@ -91,6 +91,16 @@ def test_an_untagged_video_is_read_by_the_matrix_of_its_size(tmp_path, columns, 
     untagged(tmp_path / "a.mp4", (200, 40, 40), lines, columns, Colorspace[matrix])
     pixels = first_frame(tmp_path / "a.mp4").pixels
     assert np.abs(pixels.astype(int) - [200, 40, 40]).max() <= 3
+
+
+@pytest.mark.parametrize("color_space", [8, 10], ids=["YCgCo", "BT.2020 constant luminance"])
+def test_a_video_whose_colors_cannot_be_converted_is_refused(tmp_path, color_space):
+    """The command ended in a traceback before its first stage."""
+    path = tmp_path / "a.mp4"
+    untagged(path, (200, 40, 40), 48, 64, Colorspace.ITU709, color_space)
+    with rejects(path, "color", remedy=["BT.709"]) as caught:
+        first_frame(path)
+    assert isinstance(caught.value.__cause__, av.FFmpegError)
 
 
 def test_colors_of_a_video_come_back_within_three_levels(tmp_path):

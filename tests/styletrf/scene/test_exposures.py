@@ -8,7 +8,11 @@ import pytest
 
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.point_table import SparsePoints
-from styletrf.scene.exposure_choice import ExposureEvidence, exposure_evidence
+from styletrf.scene.exposure_choice import (
+    ExposureEvidence,
+    exposure_evidence,
+    taken_by_several,
+)
 from styletrf.scene.exposures import LEAST_OBSERVATIONS, MIDDLE, Exposures, estimate_exposures
 from styletrf.scene.observed_colors import observed_colors
 
@@ -176,18 +180,21 @@ def test_exposures_beside_a_sheen_of_their_own_size_are_found():
     assert found.spread < 2 * found.disagreement, "the ratio that was asked for before"
 
 
-def test_photographs_of_several_sizes_need_less_agreement():
+def test_photographs_of_several_cameras_need_less_agreement():
     points = seen_by_half_of_the_views()
     log_color = seen(points, true_exposures(0.2, powers=True), noise=0.05)
-    sizes = [replace(c, width=16 + k % 3, height=12) for k, c in enumerate(cameras())]
-    several = exposure_evidence(points, log_color, sizes)
+    several = exposure_evidence(points, log_color, cameras(), several_cameras=True)
     assert several.least_ratio < evidence(points, log_color).least_ratio
-    turned = [
-        replace(c, width=(16, 12)[k % 2], height=(12, 16)[k % 2]) for k, c in enumerate(sizes)
-    ]
-    assert exposure_evidence(points, log_color, turned).least_ratio > several.least_ratio
     found = ExposureEvidence(0.1, 0.09, {})
     assert replace(found, several_cameras=True).needed > found.needed
+
+
+@pytest.mark.parametrize(
+    ("long_sides_px", "are_several"),
+    [([4032, 6000, 2592], True), ([4032, 4032], False), ([4032, 3900], False), ([], False)],
+)
+def test_photographs_of_clearly_different_sizes_are_of_several_cameras(long_sides_px, are_several):
+    assert taken_by_several(long_sides_px) == are_several
 
 
 @pytest.mark.parametrize("n", [0, 1, LEAST_OBSERVATIONS - 1])

@@ -10,14 +10,20 @@ from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 
 
 @pytest.mark.parametrize(
-    ("tilt", "extent"), [(0, 90), (0, 80), (45, 360), (60, 360), (25, 120), (0, 180)]
-)
-def test_a_capture_whose_views_fan_out_is_none_for_a_frustum(tilt, extent):
-    """All of them look within 60 degrees of their mean; a frustum would be several views wide."""
+    ("tilt", "extent", "has_frustum"),
+    [(0, 90, True), (0, 80, True), (45, 360, True), (60, 360, True),
+     (25, 120, False), (0, 180, False)],
+)  # fmt: skip
+def test_a_capture_whose_views_fan_out_is_none_for_a_frustum(tilt, extent, has_frustum):
+    """It would be several views wide, or there is none, as corners of views look sideways."""
     model = decide_scene_model(arc(tilt, extent), points_of("block"), SceneModelConfig())
     evidence = model.evidence["space"]
     assert evidence["chosen"] == model.space.kind == "box"
-    assert evidence["stretch"] is None or evidence["stretch"] > evidence["stretch_threshold"]
+    assert (evidence["least_corner_depth"] > evidence["corner_depth_threshold"]) == has_frustum
+    if has_frustum:
+        assert evidence["stretch"] > evidence["stretch_threshold"]
+    else:
+        assert evidence["stretch"] is None
 
 
 def test_a_short_arc_is_forward_facing():

@@ -7,6 +7,7 @@ from styletrf.capture.scene_capture import CaptureConfig
 from styletrf.configuration import configured
 from styletrf.scene.scene_model import SceneModelConfig
 from styletrf.sfm.camera_poses import CameraPosesConfig
+from styletrf.trajectory.coverage import CoverageConfig
 
 
 @pytest.mark.parametrize(
@@ -25,9 +26,13 @@ from styletrf.sfm.camera_poses import CameraPosesConfig
         (CameraPosesConfig, "exhaustive_up_to", -1),
         (CameraPosesConfig, "preemptive_up_to", -1),
         (SceneModelConfig, "image_long_side", 0),
+        (SceneModelConfig, "image_long_side", 15),
         (SceneModelConfig, "max_voxels", 0),
         (SceneModelConfig, "max_box_voxels", -1),
         (SceneModelConfig, "oversampling", 0.0),
+        (CoverageConfig, "depth_px", -1),
+        (CoverageConfig, "depth_px", 15),
+        (CoverageConfig, "tolerance", -0.5),
     ],
 )
 def test_a_setting_that_cannot_work_is_refused(config, name, value):

@@ -15,6 +15,7 @@ from styletrf.capture.views import load_views
 from styletrf.field.training.observed_depths import observed_depths
 from styletrf.field.training.view_exposures import view_exposures
 from styletrf.files.images import write_rgb
+from styletrf.files.tables import read_summary, write_summary
 from styletrf.geometry.camera_table import read_cameras, write_cameras
 from styletrf.geometry.point_table import read_points, write_points
 from styletrf.scene.free_space import free_space
@@ -38,6 +39,8 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_rgb(folder / "masks" / f"{camera.name}.png", np.ones((40, 60, 3), np.float32))
     write_cameras(folder / "cameras.parquet", cameras, held_out={"0", HELD_OUT})
     write_points(folder / "points.parquet", seen(cameras, points_of("block")))
+    sizes = {camera.name: (60, 40) for camera in cameras}
+    write_summary(folder / "poses.json", {"photograph_sizes": sizes})
     return folder
 
 
@@ -91,7 +94,14 @@ def other_tracks(poses: Path, name: str) -> None:
     )
 
 
-CHANGES = [other_pixels, other_mask, other_camera, other_tracks]
+def other_size(poses: Path, name: str) -> None:
+    """Of the photograph as it came: that of its undistorted image is as before."""
+    report = read_summary(poses / "poses.json")
+    report["photograph_sizes"][name] = [6000, 4000]
+    write_summary(poses / "poses.json", report)
+
+
+CHANGES = [other_pixels, other_mask, other_camera, other_tracks, other_size]
 
 
 def fitted_to(poses: Path) -> Iterator[np.ndarray]:
@@ -119,7 +129,7 @@ def is_equal(some: Iterable[np.ndarray], others: Iterable[np.ndarray]) -> bool:
 
 
 def test_what_is_fitted_does_not_depend_on_a_photograph_held_out(before, poses):
-    """Not on its pixels, its mask, its camera or its tracks, which are all others."""
+    """Not on its pixels, its mask, its camera, its tracks or its size, which are all others."""
     for change in CHANGES:
         change(poses, HELD_OUT)
     assert is_equal(before, fitted_to(poses))

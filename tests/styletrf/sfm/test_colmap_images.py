@@ -34,10 +34,13 @@ def test_images_are_the_photographs_by_position(tmp_path):
     assert (images.long_side, images.lenses[0].focal_prior_px) == (64, None)
 
 
-@pytest.mark.parametrize(("color", "counts"), [((0, 255, 0), False), ((255, 255, 0), True)])
+@pytest.mark.parametrize(
+    ("color", "counts"),
+    [((0, 255, 0, 255), False), ((255, 255, 0, 255), True), ((255, 255, 255, 0), False)],
+)
 def test_a_mask_of_any_color_is_black_and_white_for_colmap(tmp_path, color, counts):
     """Green counted by its luminance, and by COLMAP's reader whatever is not black."""
-    mask = np.full((48, 64, 3), 255, np.uint8)
+    mask = np.full((48, 64, 4), 255, np.uint8)
     mask[:, :32] = color
     (tmp_path / "in" / "masks").mkdir(parents=True)
     (tmp_path / "in" / "masks" / "0.png").write_bytes(encoded(mask, ".png"))

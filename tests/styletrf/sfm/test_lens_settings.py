@@ -88,7 +88,9 @@ def test_photographs_without_exif_join_the_commonest_lens_and_it_alone_is_assume
 def test_focal_lengths_far_apart_share_no_lens_whatever_lies_between():
     """Each was near enough to the next: 25 focal lengths from 1000 to 1986 px became one lens."""
     focals_px = [1000 * 1.029**k for k in range(25)]
-    for group in groups_of(settings_of(taken(25), focals_px)):
+    groups = groups_of(settings_of(taken(25), focals_px))
+    assert sorted(k for group in groups for k in group) == [*range(25)]
+    for group in groups:
         of_setting = [focals_px[k] for k in group]
         assert max(of_setting) <= 1.03 * min(of_setting)
 

@@ -19,6 +19,7 @@ from styletrf.geometry.lenses import at_size, focal_from, focal_of
 from styletrf.trajectory.camera_path import TimedPath, frames_along
 from styletrf.trajectory.chosen_path import chosen_path
 from styletrf.trajectory.frames import FramesConfig
+from styletrf.trajectory.key_frames import seconds_of_file
 from styletrf.trajectory.named_paths import named_path, poses_of
 from styletrf.trajectory.path_files import read_path
 from styletrf.trajectory.trajectories import fly_through
@@ -298,6 +299,7 @@ def test_cameras_of_other_programs_are_key_frames_in_the_given_world(scene, tmp_
 
 def test_an_animation_of_blender_keeps_its_frames(scene, tmp_path):
     file = write_blender(tmp_path, scene)
+    assert seconds_of_file(file) == read_path(file).seconds > 0
     path = chosen_path(str(file), scene.cameras, scene.model, CONFIG, are_given=True)
     for frame, view in zip(path, scene.cameras, strict=True):
         np.testing.assert_allclose(frame.world_from_camera, view.world_from_camera, atol=1e-7)

@@ -10,15 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from styletrf.errors import InputError
+from styletrf.geometry.cameras import Camera
 from styletrf.trajectory import path_files
+from styletrf.trajectory.camera_curve import Poses
+from styletrf.trajectory.camera_path import frames_along, timed
 from styletrf.trajectory.key_frames import (
     WIDEST_FOV_DEG,
     KeyFrame,
     KeyFrames,
     key_frames_of,
+    seconds_of_file,
     write_key_frames,
 )
 from styletrf.trajectory.path_files import read_path
+from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
 NUMBERS = st.floats(-1e6, 1e6)
 POINTS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
@@ -83,6 +88,10 @@ MISTAKES = {
         "key_frames[1].time_s 1 is not after the one before",
     ),
     "closed times": ({"key_frames": [PLACE | {"time_s": 1}], "closed": True}, "when it returns"),
+    "eased times": (
+        {"key_frames": [PLACE | {"time_s": 0}, PLACE | {"time_s": 1}], "easing": 0.2},
+        "has easing and times",
+    ),
     "no truth": ({"key_frames": [PLACE], "closed": "yes"}, 'closed is "yes", not true or false'),
     "much easing": ({"key_frames": [PLACE], "easing": 2}, "easing is 2, not a number from 0 to 1"),
 }
@@ -129,3 +138,25 @@ def test_an_animation_that_is_too_long_is_refused(tmp_path, monkeypatch):
     assert len(read_path(longest).frames) == 3 * 24 + 1
     with rejects(too_long, 3):
         read_path(too_long)
+
+
+@pytest.mark.parametrize("times", [(0.0, 3.0), (1.5, 2.0, 4.0), (2.0,), (None, None)], ids=str)
+@pytest.mark.parametrize("words", [{}, {"speed": 2.0}, {"seconds": 1.0}], ids=str)
+def test_the_frames_of_a_path_are_counted_by_its_file_alone(tmp_path, times, words):
+    """Plans and refusals count them before the path is known."""
+    config, file = TrajectoryConfig(**words), tmp_path / "path.json"
+    keys = KeyFrames(str(file), tuple(KeyFrame(f"{k}", time_s=t) for k, t in enumerate(times)))
+    write_key_frames(file, keys)
+    centers = np.arange(3.0 * len(times)).reshape(-1, 3)
+    poses = Poses(centers, np.eye(4)[[0] * len(times)], np.ones(len(times)))
+    photograph = Camera("c", 64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(3, 4))
+    frames = frames_along(timed(read_path(file), poses), photograph, config, 24)
+    assert len(frames) == config.count(24, seconds_of_file(file))
+    assert seconds_of_file(file) == read_path(file).seconds == keys.seconds
+
+
+@pytest.mark.parametrize("text", ["", "[1]", "3", '{"frames": 3}', '{"frames": []}', "{}"])
+def test_what_is_no_path_has_no_duration(tmp_path, text):
+    (tmp_path / "path.json").write_text(text)
+    for file in (tmp_path / "path.json", tmp_path / "missing.json", tmp_path):
+        assert seconds_of_file(file) == 0

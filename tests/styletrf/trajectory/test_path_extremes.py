@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from trajectory_captures import CAPTURES
+from trajectory_captures import CAPTURES, modeled
 
 from styletrf.files.float_images import FloatImage
 from styletrf.files.images import to_integers
-from styletrf.geometry.cameras import moved
-from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
 from styletrf.stylization.background import empty_background
 from styletrf.trajectory.trajectories import fly_through, look_at, prior_views
 from styletrf.trajectory.trajectory_config import TrajectoryConfig
@@ -36,13 +34,8 @@ def test_looking_at_a_point_at_any_distance_is_a_rotation(distance, tilt, stabil
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("path_of", [fly_through, prior_views])
 def test_paths_are_the_same_at_any_scale_of_the_world(capture, scale, path_of, stability):
-    cameras, points = CAPTURES[capture]()
-
     def path(size):
-        resized = [moved(camera, np.diag([size, size, size, 1.0])) for camera in cameras]
-        model = decide_scene_model(resized, size * points, SceneModelConfig())
-        normalized = model.normalized(resized)
-        views = path_of(normalized, model, TrajectoryConfig(frames=12))
+        views = path_of(*modeled(capture, size), TrajectoryConfig(frames=12))
         return np.stack([view.world_from_camera for view in views])
 
     found, exact = path(scale), path(1.0)

@@ -215,6 +215,15 @@ def test_the_default_path_is_narrowed_until_it_is_supported_and_no_further(tmp_p
     assert [row["spread"] for row in summary["tried"]] == [t.spread for t in narrowed.trials]
 
 
+def test_a_path_along_a_walk_which_no_spread_narrows_is_measured_once():
+    """The same path was measured seven times."""
+    views, model = modeled("walk")
+    assert model.looking == "along"
+    config = TrajectoryConfig(frames=4)
+    found = supported_fly_through(views, model, config, spread_of, limits(-1.0))
+    assert [trial.spread for trial in found.trials if trial.zoom == 1] == [config.spread]
+
+
 def width_of(path) -> Support:
     """Counts as unsupported what a path sees at its margins, wherever it is."""
     return Support({camera.name: focal_of(camera) ** -4 for camera in path})

@@ -1,0 +1,57 @@
+"""The orientation in a photograph's EXIF data: how its stored pixels are turned upright."""
+
+import io
+import struct
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+from PIL import Image
+
+UPRIGHT = 1
+FIRST_TRANSPOSED = 5  # from this orientation on, width and height change places
+_TAG = 0x0112
+_MIRRORED_X, _MIRRORED_Y = (2, 3, 6, 7), (3, 4, 7, 8)  # EXIF 2.3, once x and y changed places
+_UNREADABLE = (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError)
+
+
+def stored_size(file: Path | io.BytesIO) -> tuple[tuple[int, int], int]:
+    """Returns width and height of a photograph as it is stored, and the orientation in its EXIF.
+
+    The orientation is 1 to 8, and 1 where there is none. What Pillow cannot read has the size 0, 0.
+    """
+    with suppress(*_UNREADABLE), Image.open(file) as opened:
+        return opened.size, orientation_of(opened)
+    return (0, 0), UPRIGHT
+
+
+def orientation_of(opened: Image.Image) -> int:
+    """Returns the orientation that the EXIF block of an image names, from 1 to 8.
+
+    Pillow's `getexif` would take it from XMP as well, which OpenCV does not read.
+    """
+    exif = Image.Exif()
+    with suppress(*_UNREADABLE):
+        exif.load(opened.info.get("exif", b""))
+        named = exif.get(_TAG, UPRIGHT)
+        return named if named in range(1, 9) else UPRIGHT
+    return UPRIGHT
+
+
+def upright_axes(orientation: int) -> Int[np.ndarray, "2 2"]:
+    """Returns the matrix that takes x and y of the stored picture to those of the upright one.
+
+    Both run from the middle of the picture. The determinant is -1 where the picture is mirrored.
+    """
+    mirrored = (orientation in _MIRRORED_X, orientation in _MIRRORED_Y)
+    order = np.eye(2, dtype=np.int64)[:: -1 if orientation >= FIRST_TRANSPOSED else 1]
+    return np.where(mirrored, -1, 1)[:, None] * order
+
+
+def turned_upright(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """Returns stored pixels (height, width, ...) as they stand upright, without a copy."""
+    if orientation >= FIRST_TRANSPOSED:
+        pixels = pixels.swapaxes(0, 1)
+    step_x, step_y = upright_axes(orientation).sum(axis=1)
+    return pixels[::step_y, ::step_x]
